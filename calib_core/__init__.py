@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from calib_core.library.inputs import Captures, make_session
     from calib_core.library.machines import read_poses
     from calib_core.library.opened import OpenSession, load, simulate
+    from calib_core.poses.numbers import parse_pose, to_pose
     from calib_core.records import Board, Capture, Cell, Known, Robot, Scanner, Session, Turntable
-    from calib_core.robots import parse_pose, to_pose
 
 __version__ = "0.1.0"
 

@@ -13,6 +13,7 @@ from calib_core import __version__
 from server.auth.logins import Logins
 from server.auth.middleware import AuthMiddleware
 from server.auth.refusals import Refusals
+from server.auth.roles import role_of
 from server.captures.cluster_measuring import ClusterMeasuring
 from server.captures.intake import Intake
 from server.captures.measuring_queue import MeasuringQueue
@@ -154,7 +155,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.metrics = Metrics()
     app.state.upload_memory = UploadMemory(_UPLOADS_IN_MEMORY * settings.max_upload_bytes)
     errors.install(app)
-    openapi.install(app)
+    openapi.install(app, role_of)
     for router in (*all_routers(), scenes_router, controls_router, trials_router, cloud_router):
         app.router.routes.extend(router.routes)
     app.state.page_files = PageFiles(settings.web)

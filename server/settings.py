@@ -1,5 +1,6 @@
 """The server's settings: arguments, or environment variables that begin with ``SCANCELL_``."""
 
+from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -9,7 +10,6 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from calib_core.errors import InputError
 from calib_core.records import input_error
-from server.store.blob_places import BlobPlace
 
 MEBIBYTE = 1024 * 1024
 
@@ -28,6 +28,23 @@ def _page() -> Path:
     """Return the folder of the page: within the package where it is installed, beside it in a checkout."""
     here = Path(__file__).resolve().parent
     return here / "web" if (here / "web").is_dir() else here.parent / "web"
+
+
+@dataclass(frozen=True)
+class BlobPlace:
+    """Where blobs are; it goes to worker processes, which open it for themselves.
+
+    `folder` holds the blobs, or, where `bucket` (``s3://bucket/prefix``) does, only what is on its way.
+    """
+
+    folder: Path
+    bucket: str | None = None
+    endpoint: str | None = None
+
+    @property
+    def observations(self) -> Path:
+        """The folder of what was seen in the captures: on this machine's disk, wherever the blobs are."""
+        return self.folder.parent / "observations"
 
 
 class Settings(BaseSettings):

@@ -21,7 +21,6 @@ from calib_core.archive.folder import (
     parse_json,
     real_path,
 )
-from calib_core.archive.plain_json import require_plain
 from calib_core.archive.session_versions import to_present_format
 from calib_core.archive.stored_results import require_result
 from calib_core.disk import extended, remove_folder, rename_new, sync_folder
@@ -29,7 +28,8 @@ from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.formats.points import require_file_size
 from calib_core.formats.shared.writing import replacing
 from calib_core.records import Record, Session, Verdict, parse_session
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
+from calib_core.records.plain_json import require_plain
 
 SCENE_FILE: Final = "scene.html"
 REPORT_FILE: Final = "report.html"

@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from calib_core.errors import InputError
 from calib_core.moment import text_of, text_of_seconds
-from calib_core.review.answer import ANSWER_FILE
+
+ANSWER_FILE: Final = "answer.json"
+"""The name of a session's answer in an archive."""
 
 
 def solved_when(folder: Path, results: Mapping[str, Mapping[str, Any]], *, unpacked: bool) -> str:

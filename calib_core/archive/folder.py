@@ -12,7 +12,6 @@ from typing import Any, cast
 
 from calib_core.archive.bag_names import require_distinct_names
 from calib_core.archive.kept_observations import OWN_FOLDER, KeptObservations
-from calib_core.archive.plain_json import require_plain
 from calib_core.archive.session_versions import to_present_format
 from calib_core.captures.kept import KeepingReader
 from calib_core.disk import extended
@@ -20,7 +19,8 @@ from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
 from calib_core.formats.shared.writing import write_atomically
 from calib_core.records import Record, Session, parse_session
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
+from calib_core.records.plain_json import require_plain
 
 SESSION_FILE = "session.json"
 _URDF_ENDINGS = (".urdf", ".xacro", ".xml")

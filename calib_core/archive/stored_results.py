@@ -8,10 +8,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from calib_core.archive.folder import load_results
-from calib_core.archive.plain_json import require_plain
 from calib_core.errors import InputError
+from calib_core.graph.registry import STAGES
 from calib_core.records import Result, input_error
-from calib_core.stages.registry import STAGES
+from calib_core.records.plain_json import require_plain
 
 TRUTH_FILE = "truth.json"
 

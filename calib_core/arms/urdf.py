@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.errors import InputError, TooLargeError
+from calib_core.formats.shared.number import number
+from calib_core.formats.shared.xml_file import Element, elements
 from calib_core.frames import FloatArray, rotation_from_vector
+from calib_core.poses.rotations import rotation_from_angles
 from calib_core.records import ArmJoint, ArmTable
-from calib_core.robots.rotations import rotation_from_angles
-from calib_core.robots.text import number
-from calib_core.robots.xml_file import Element, elements
 
 MAX_BYTES = 5_000_000
 _BASES = ("base", "base_link")

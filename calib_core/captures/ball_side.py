@@ -7,8 +7,8 @@ import numpy as np
 from calib_core.captures.observe import see_sphere
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit
-from calib_core.stages.stage import ReadFile
 
 _STEPS = ("tcp", "turntable", "verify")
 _ENOUGH, _MOST_READ = 5, 12

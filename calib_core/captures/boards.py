@@ -9,7 +9,7 @@ from calib_core.formats.shared.images import decode_image
 from calib_core.optics.board import BoardView, find_board
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.records import Board, Capture, Cell
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 

@@ -2,11 +2,11 @@
 
 from calib_core.captures.solved_optics import camera_from_result, solve_once
 from calib_core.errors import InputError
+from calib_core.graph.keys import stage_captures
 from calib_core.optics.camera_model import CameraModel
 from calib_core.records import Session, StageName
-from calib_core.stages.camera.record import CameraResult
-from calib_core.stages.graph import stage_captures
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
+from calib_core.records.camera_result import CameraResult
 
 
 def camera_of(session: Session, read: ReadFile) -> tuple[CameraModel, CameraResult | None]:

@@ -10,8 +10,8 @@ import re
 from collections.abc import Sequence
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.xml_file import Element, elements
 from calib_core.records import Record
-from calib_core.robots.xml_file import Element, elements
 
 _MM = {"metre": 1000.0, "m": 1000.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3}
 _PREFIXES = {"milli": 1e-3, "micro": 1e-6, "centi": 1e-2, "deci": 1e-1, "nano": 1e-9, "kilo": 1e3}

@@ -11,11 +11,11 @@ from calib_core.errors import InputError
 from calib_core.formats.format import PointKind, Reading
 from calib_core.formats.points import known_points, read_file
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell
+from calib_core.records.callbacks import ReadFile
 from calib_core.records.session import SphereClass
-from calib_core.robots import parse_pose
-from calib_core.stages.registry import steps_that_show
-from calib_core.stages.stage import ReadFile
+from calib_core.steps import steps_that_show
 
 ASSUMED_CLASS: SphereClass = "coated"
 """Of a sphere of which nothing is told but its diameter: most are sprayed or blasted so that they do not glare."""

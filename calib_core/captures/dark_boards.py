@@ -22,10 +22,10 @@ from calib_core.optics.hand_eye_frames import CameraDoubt
 from calib_core.optics.laser_plane_solve import PlaneView, board_poses, view_of_known_board
 from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
+from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Session
-from calib_core.robots import parse_pose
-from calib_core.stages.camera.record import CameraResult
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
+from calib_core.records.camera_result import CameraResult
 
 
 class PlaneViews:

@@ -22,7 +22,7 @@ from calib_core.estimation import covariance_of
 from calib_core.optics.camera_model import COEFFICIENTS, CameraModel
 from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import Session
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 
 FloatArray = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from typing import Protocol, TypeVar
 
 from calib_core.captures.kept_form import from_bytes, to_bytes
 from calib_core.errors import MeasurementError
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 
 _MEMORY_BYTES = 64_000_000
 _PACKAGE = Path(__file__).resolve().parents[1]

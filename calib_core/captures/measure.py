@@ -15,8 +15,8 @@ from calib_core.captures.observe import doubts_of, points_of, see_sphere
 from calib_core.captures.seen import Seen
 from calib_core.errors import MeasurementError
 from calib_core.records import Capture, Cell, Measured, Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit
-from calib_core.stages.stage import ReadFile
 
 
 def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measured:

@@ -13,7 +13,7 @@ from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
 from calib_core.optics.stripe import find_stripe
 from calib_core.records import Capture, Measured, Session, Verdict
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 
 _PREVIEW_POINTS = 200
 _SOFT_EDGE_PX = 6.0

@@ -16,9 +16,9 @@ from calib_core.formats.format import Reading
 from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Cell, Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit, fit_arc
 from calib_core.sphere.cloud import SphereFit, fit_sphere
-from calib_core.stages.stage import ReadFile
 
 CENTER_SIGMA_MM = 0.02
 """Taken for centres that a scanner reports without saying how exact they are."""

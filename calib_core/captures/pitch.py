@@ -16,8 +16,8 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.records import Capture, Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import fit_arc
-from calib_core.stages.stage import ReadFile
 
 _LEAST_CAPTURES = 6
 _LARGEST = 3.0  # times too large or too small; beyond, the board is another one

@@ -1,7 +1,7 @@
 """Which captures are raw frames of the camera, that a calibrated camera and plane of light turn into points."""
 
 from calib_core.records import Capture, Session
-from calib_core.stages.registry import steps_that_show
+from calib_core.steps import steps_that_show
 
 IMAGES = frozenset({".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"})
 _ENDINGS = tuple(IMAGES)

@@ -14,7 +14,7 @@ from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.fusion.scan import Scan, as_rows
 from calib_core.records import Capture, Session
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 
 DEFAULT_SIGMA_MM = 0.02
 """Of a cloud without a grid, whose own noise is not estimated."""

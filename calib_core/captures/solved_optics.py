@@ -8,14 +8,14 @@ from typing import TypeVar
 
 import numpy as np
 
+from calib_core.graph.keys import inputs_sha256, stage_captures
+from calib_core.graph.registry import STAGES
+from calib_core.graph.stage_input import StageInput
 from calib_core.optics.camera_model import CameraModel, Segment, name_distortion
 from calib_core.records import CameraSegment, Session, StageName
-from calib_core.stages.camera.record import CameraResult
-from calib_core.stages.given import StageInput
-from calib_core.stages.graph import inputs_sha256, stage_captures
-from calib_core.stages.laser_plane.record import LaserPlaneResult, RefinedCamera
-from calib_core.stages.registry import STAGES
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import LaserPlaneResult, RefinedCamera
 
 _Solved = TypeVar("_Solved", bound=CameraResult | LaserPlaneResult)
 

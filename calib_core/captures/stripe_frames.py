@@ -16,10 +16,10 @@ from calib_core.captures.solved_optics import camera_from_result, solve_once
 from calib_core.errors import InputError
 from calib_core.optics.triangulate import ProfileCalibration, stripe_in_frame
 from calib_core.records import Capture, KnownCamera, KnownPlane, Session
-from calib_core.stages.camera.record import CameraResult
-from calib_core.stages.laser_plane.record import LaserPlaneResult, RefinedCamera
-from calib_core.stages.registry import steps_that_show
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import LaserPlaneResult, RefinedCamera
+from calib_core.steps import steps_that_show
 
 FloatArray = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from calib_core.formats.shared.images import decode_image
 from calib_core.frames import RigidTransform
 from calib_core.optics.triangulate import stripe_in_frame
 from calib_core.pose_track import interpolate_poses
+from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, Session
-from calib_core.robots import parse_pose
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 
 
 def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:

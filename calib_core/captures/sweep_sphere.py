@@ -17,8 +17,8 @@ from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Measured, Session, Still
+from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit, fit_arc
-from calib_core.stages.stage import ReadFile
 
 MOST_PROFILES = 60
 """More profiles with arcs than this are thinned: their neighbours say the same, and each costs the solver time."""

@@ -9,8 +9,8 @@ import numpy as np
 from calib_core.captures.content import pose_of
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform, vector_from_rotation
+from calib_core.poses.identity import AGREE_DEG, AGREE_MM, identity_by_joints
 from calib_core.records import Capture, Cell
-from calib_core.robots.identity import AGREE_DEG, AGREE_MM, identity_by_joints
 
 
 def require_arrangement(cell: Cell) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 from calib_core.captures.content import pose_of
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.poses.identity import AGREE_DEG, AGREE_MM, identity_by_joints
+from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import BeforeAfter, Capture, Cell, Changes, FlangeReading, RootCause
-from calib_core.robots import parse_pose, to_pose
-from calib_core.robots.identity import AGREE_DEG, AGREE_MM, identity_by_joints
 
 
 def flange_causes(cell: Cell, captures: Sequence[Capture]) -> list[RootCause]:

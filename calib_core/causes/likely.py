@@ -11,8 +11,8 @@ import numpy as np
 
 from calib_core.causes.readings import Reading, poses_of, readings
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Cell
-from calib_core.robots import CONVENTIONS
 
 _FEWEST = 5
 _MOST_LOOKED_AT = 60

@@ -13,8 +13,8 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import Centers, Start, badness, centers_of, find_start
 from calib_core.chain.start_search import random_rotations
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import BeforeAfter, Capture, Cell, RootCause
-from calib_core.robots import CONVENTIONS
 
 LEAST_CAPTURES = 7
 """With fewer, a wrong reading may fit well by chance."""

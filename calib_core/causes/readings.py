@@ -8,8 +8,10 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.poses.convention import Convention
+from calib_core.poses.conventions import CONVENTIONS
+from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import Capture, Cell, Changes, PoseReading
-from calib_core.robots import CONVENTIONS, Convention, parse_pose, to_pose
 
 Way = Literal["as-written", "inverted", "transposed", "columns"]
 

@@ -22,9 +22,9 @@ from calib_core.chain.start_search import Sought, random_rotations
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import BeforeAfter, Capture, Cell, Changes, RootCause, Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit, fit_arc
 from calib_core.sphere.circle import fit_circle
-from calib_core.stages.stage import ReadFile
 
 LEAST_CAPTURES = 7
 """With fewer, wrong lengths may fit well by chance."""

@@ -16,7 +16,7 @@ from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.frames import RigidTransform
 from calib_core.records import BeforeAfter, Capture, Changes, RootCause, Session
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 
 _NO_POSE = np.eye(4).ravel().tolist()
 _ASKED = 12  # captures that a hypothesis on files is tried on

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.chain.held import Held
-from calib_core.chain.rejection import WithoutOne
+from calib_core.chain.leave_one_out import WithoutOne
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, skew, vector_from_rotation
 

@@ -7,18 +7,15 @@ Profiles near a great circle have two sides close together: the other one is tri
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import lgamma
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib_core.chain.leave_one_out import WithoutOne
 from calib_core.chain.likelihood import ChainLinearisation, fit, ray_of, without_scanner_errors
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.start import Start
 from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, log_probability
 from calib_core.frames import FloatArray
-
-if TYPE_CHECKING:
-    from calib_core.chain.rejection import WithoutOne
 
 _NEAR = 0.2  # of the radius: farther from the middle the robust start has decided rightly
 _BETTER = 0.5  # log-likelihood; less is no reason to change
@@ -89,7 +86,7 @@ def _log_binomial(count: int, some: int) -> float:
     return lgamma(count + 1) - lgamma(some + 1) - lgamma(count - some + 1)
 
 
-def with_better_sides(data: ChainData, found: ChainFit, without: "WithoutOne") -> ChainState | None:
+def with_better_sides(data: ChainData, found: ChainFit, without: WithoutOne) -> ChainState | None:
     """Return a state that is more likely with some profiles' spheres on the other side; None if there is none.
 
     Each profile whose sphere's centre is within a fifth of the radius of the plane of light is settled on
@@ -120,9 +117,7 @@ def with_better_sides(data: ChainData, found: ChainFit, without: "WithoutOne") -
     return None
 
 
-def _gain(
-    data: ChainData, state: ChainState, at: ChainLinearisation, without: "WithoutOne", capture: int
-) -> float:
+def _gain(data: ChainData, state: ChainState, at: ChainLinearisation, without: WithoutOne, capture: int) -> float:
     """Return by how much a capture is likelier with its sphere on the other side, by what the others expect."""
     from calib_core.kernels.chain import settle_centers
 

@@ -10,17 +10,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.arms.alike import visits
-from calib_core.causes.happened import Happened, named_causes
 from calib_core.chain.answer import Answer, answer_of, expected_in_laser
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
+from calib_core.chain.incidents import Happened, named_causes
 from calib_core.chain.influence import Influence, influence_of
+from calib_core.chain.leave_one_out import WithoutOne, without_each
 from calib_core.chain.model import ChainState, Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, WithoutOne, judge, with_more_spread, without_each
+from calib_core.chain.rejection import Judged, judge, with_more_spread
 from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.sides import likeliest_sides
 from calib_core.chain.start import centers_of, find_starts

@@ -17,10 +17,11 @@ from calib_core.chain.arrays import chain_data
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
+from calib_core.chain.leave_one_out import without_each
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, without_each
+from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import corrected
 from calib_core.chain.table import SCALE_COLUMN, TableReadings
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance

@@ -12,7 +12,7 @@ from calib_core.errors import ConflictError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
 from calib_core.records.faults import in_order, refuse_faults
-from calib_core.stages.registry import tool_stages
+from calib_core.steps import tool_stages
 
 _NOT_CONFIRMED = ("fail", "conditional-fail")
 

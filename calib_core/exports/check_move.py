@@ -19,8 +19,9 @@ from calib_core.exports.entry import Export, Settings
 from calib_core.exports.workpiece import seen_in_laser_mm
 from calib_core.exports.writing import provenance, tool_pose
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
-from calib_core.robots import CONVENTIONS, parse_pose, to_pose
-from calib_core.stages.registry import steps_that_show
+from calib_core.poses.conventions import CONVENTIONS
+from calib_core.poses.numbers import parse_pose, to_pose
+from calib_core.steps import steps_that_show
 
 SIDES = 3
 _MOST_ORIENTATIONS = 60

@@ -11,7 +11,7 @@ from calib_core.exports.check_move import CheckSettings, check_move
 from calib_core.exports.entry import Export
 from calib_core.exports.writing import Name, provenance, tool_pose
 from calib_core.frames import RigidTransform
-from calib_core.robots import to_pose
+from calib_core.poses.numbers import to_pose
 
 
 class NumberedCheck(CheckSettings):

@@ -14,10 +14,11 @@ from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.entry import Export, Settings
 from calib_core.exports.registry import all_exports, export_named
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.poses.conventions import CONVENTIONS
+from calib_core.poses.numbers import to_pose
 from calib_core.records import Record, Session
 from calib_core.records.field_errors import input_error
-from calib_core.robots import CONVENTIONS, to_pose
-from calib_core.stages.registry import table_stages
+from calib_core.steps import table_stages
 
 _ORDER = ("rx_rad", "ry_rad", "rz_rad", "tx_mm", "ty_mm", "tz_mm")
 _STEP_RAD, _STEP_MM = 1e-5, 1e-2

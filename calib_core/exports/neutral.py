@@ -8,8 +8,8 @@ from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Settings
 from calib_core.exports.writing import Part, wanted
 from calib_core.frames import RigidTransform
-from calib_core.robots.poses import to_pose
-from calib_core.robots.rotations import angles_from_rotation
+from calib_core.poses.numbers import to_pose
+from calib_core.poses.rotations import angles_from_rotation
 
 
 class FrameSettings(Settings):

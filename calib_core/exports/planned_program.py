@@ -9,8 +9,8 @@ from calib_core.exports.registry import all_exports
 from calib_core.exports.writing import ascii_of
 from calib_core.frames import RigidTransform
 from calib_core.guidance.pose_list import PoseList
+from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import Session
-from calib_core.robots import parse_pose, to_pose
 
 
 @dataclass(frozen=True)

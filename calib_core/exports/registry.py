@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 from calib_core.errors import InputError
 from calib_core.exports.entry import Export
+from calib_core.poses.conventions import WRITERS
 from calib_core.registry import Registry
-from calib_core.robots import BRANDS
 
 EXPORTS = Registry("an export", "calib_core.exports", "EXPORT", Export, "scancell.exports")
 
@@ -13,7 +13,7 @@ EXPORTS = Registry("an export", "calib_core.exports", "EXPORT", Export, "scancel
 def all_exports() -> Iterator[Export]:
     """Yield every export, those of no brand first."""
     yield from EXPORTS
-    for brand in BRANDS:
+    for brand in WRITERS:
         yield from brand.exports()
 
 

@@ -13,9 +13,9 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.guidance.budget import together
 from calib_core.guidance.calibrated import Calibrated, View
+from calib_core.poses.numbers import parse_pose
 from calib_core.records import Record, Session
-from calib_core.robots import parse_pose
-from calib_core.stages.registry import steps_that_show, table_stages, tool_stages
+from calib_core.steps import steps_that_show, table_stages, tool_stages
 
 Of = Literal["tool", "table", "both"]
 _LARGEST: Final = 1e18  # mm²: of motions that determine nothing, solvers state kilometres

@@ -9,8 +9,8 @@ from pydantic import Field, StringConstraints
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export, Patch, Settings
+from calib_core.poses.numbers import to_pose
 from calib_core.records.faults import FAULTS
-from calib_core.robots.poses import to_pose
 
 Part = Literal["tool", "table", "both"]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w{0,31}(\[\d{1,4}\])?$")]

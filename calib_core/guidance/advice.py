@@ -14,7 +14,7 @@ from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.known import MOST_TAKEN, situation_of
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
 from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
-from calib_core.stages.registry import steps_that_show, table_stages, tool_stages
+from calib_core.steps import steps_that_show, table_stages, tool_stages
 
 _OPEN_MM = 20.0  # beyond it ± is no figure yet
 _PLENTY, _LITTLE = 10, 0.95

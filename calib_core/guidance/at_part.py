@@ -11,7 +11,7 @@ from calib_core.guidance.budget import Budget, budget
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.field import FieldPoint, field_over_table
 from calib_core.records import Session
-from calib_core.stages.registry import steps_that_show, tool_stages
+from calib_core.steps import steps_that_show, tool_stages
 
 _MOST_VIEWS = 24
 

@@ -18,9 +18,9 @@ from calib_core.guidance.design import SIGMAS, Assumed
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.scatter import sigmas_seen
 from calib_core.guidance.sight import Sight, sight_of
+from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, Measured, Session
-from calib_core.robots import parse_pose
-from calib_core.stages.registry import tool_stages
+from calib_core.steps import tool_stages
 
 _LEAST_SEARCHED = 5  # captures from which tool and sphere are found whatever the motions
 _GOOD_SCATTER_MM = 2.0

@@ -11,9 +11,9 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.known import situation_of
 from calib_core.guidance.planner import Situation, planned_set
 from calib_core.guidance.table_advice import planned_shots, table_situation
+from calib_core.poses.numbers import to_pose
 from calib_core.records import Matrix4, Measured, Record, Session
 from calib_core.records.base import PlannedStep
-from calib_core.robots import to_pose
 
 APPROACH_MM = 150.0
 SPEED_MM_S = 50.0

@@ -12,7 +12,7 @@ from calib_core.guidance.known import situation_of
 from calib_core.guidance.table_advice import table_situation
 from calib_core.guidance.table_design import TableDesign
 from calib_core.records import Measured, Session
-from calib_core.stages.registry import steps_that_show
+from calib_core.steps import steps_that_show
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from calib_core.guidance.known import observations_of, situation_of
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.table_design import TableDesign, TableGuess
 from calib_core.records import Cell, Measured, Meter, Session
-from calib_core.stages.registry import steps_that_show
+from calib_core.steps import steps_that_show
 
 _LEAST = 3  # captures of one mounting from which the table is known about
 _STEP_DEG = 30.0

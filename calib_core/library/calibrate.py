@@ -22,13 +22,13 @@ from calib_core.library.inputs import (
 )
 from calib_core.library.opened import OpenSession
 from calib_core.records import Capture
-from calib_core.stages.camera.record import CameraResult
+from calib_core.records.callbacks import Progress
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.hand_eye.record import HandEyeResult
-from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.recheck.record import RecheckResult
-from calib_core.stages.stage import Progress
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
 from calib_core.stages.verify.record import VerifyResult

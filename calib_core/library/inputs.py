@@ -26,7 +26,7 @@ from calib_core.library.opened import OpenSession, in_memory
 from calib_core.records import Capture, Cell, Kind, Session, parse_cell
 from calib_core.records.known_fields import require_known_fields
 from calib_core.robots.controller_file import FilePose
-from calib_core.stages.registry import steps_that_show
+from calib_core.steps import steps_that_show
 
 if TYPE_CHECKING:
     from calib_core.formats.format import Reading
@@ -209,7 +209,7 @@ def _poses_of_text(cell: Cell, path: Path) -> list[Any]:
 
 
 def _pose(cell: Cell, pose: Any, where: str) -> list[Any]:
-    from calib_core.robots import parse_pose, to_pose
+    from calib_core.poses.numbers import parse_pose, to_pose
 
     if isinstance(pose, FilePose):
         if pose.pose is None:

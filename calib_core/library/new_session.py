@@ -67,9 +67,9 @@ def new_session(
         If `out` holds something already, or lies in the folder.
     """
     from calib_core.archive.folder import save_session
+    from calib_core.poses.numbers import convention_named
     from calib_core.recognition.recognised import recognise
     from calib_core.recognition.session import session_of
-    from calib_core.robots.poses import convention_named
 
     root = Path(folder)
     if convention is not None:

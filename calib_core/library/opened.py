@@ -11,7 +11,7 @@ from calib_core.archive.folder import load_session, save_session, write_result
 from calib_core.errors import InputError
 from calib_core.library.results import Results, as_records
 from calib_core.records import Capture, Cell, CheckFinding, Session
-from calib_core.stages.stage import Progress, ReadFile
+from calib_core.records.callbacks import Progress, ReadFile
 
 if TYPE_CHECKING:
     from calib_core.exports.answer import Answer
@@ -155,8 +155,8 @@ class OpenSession:
             If the transform does not follow from what is measured, known and solved.
         """
         from calib_core.archive.folder import result_data
+        from calib_core.graph.keys import Graph
         from calib_core.review.cell_frames import frame_graph
-        from calib_core.stages.graph import Graph
 
         results = {stage: result_data(result) for stage, result in self.results.items()}
         stale = Graph.stale_of(self.record, self.read, results)
@@ -164,7 +164,7 @@ class OpenSession:
 
     def _answer(self) -> "Answer":
         from calib_core.exports.answer import answer_of
-        from calib_core.stages.graph import Graph
+        from calib_core.graph.keys import Graph
 
         return answer_of(self.record, self.results, Graph.stale_of(self.record, self.read, self.results))
 

@@ -36,7 +36,7 @@ def as_records(session: Session, stored: Mapping[str, Mapping[str, Any]]) -> dic
     """Return results given as JSON data as records; evidence that an older version did not write is made."""
     from calib_core.archive.stored_results import result_record
     from calib_core.stages.evidence import stored_evidence
-    from calib_core.stages.registry import stage_names
+    from calib_core.steps import stage_names
 
     found: dict[str, Result] = {}
     for stage, data in stored.items():

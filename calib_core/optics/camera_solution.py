@@ -8,7 +8,6 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.optics.adjust import Adjusted, Corners
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.robot_lengths import RobotLengths
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +30,38 @@ class Coverage:
     depth_mm: tuple[float, float]
     covered: float
     largest_tilt_rad: float
+
+
+@dataclass(frozen=True, eq=False)
+class RobotLengths:
+    """What the robot's poses say of a camera.
+
+    Attributes
+    ----------
+    views : int
+    pitch_factor, pitch_sigma : float
+        The board's pitch by the robot's lengths, over the told one.
+    change : (C,)
+        Of the camera's parameters, by boards and robot together, from those by the boards alone.
+    sigmas : (C,)
+        Of the parameters by both together.
+    chance : float
+        How often noise alone changes them so much.
+    disagreement : (C, C)
+        What that adds to the covariance by the boards alone.
+    position_sigma_mm, orientation_sigma_rad : float
+        How far the robot's poses are off, as the boards show it.
+    """
+
+    views: int
+    pitch_factor: float
+    pitch_sigma: float
+    change: FloatArray
+    sigmas: FloatArray
+    chance: float
+    disagreement: FloatArray
+    position_sigma_mm: float
+    orientation_sigma_rad: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ its model does not know, and the camera's covariance has to hold that.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,51 +15,16 @@ from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.optics.adjust import Adjustment, Corners, State, shared_vector
 from calib_core.optics.board import BoardView
-from calib_core.optics.camera_layout import parameter_places
+from calib_core.optics.camera_layout import Layout, parameter_places
 from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.camera_solution import CameraSolution, Fit, RobotLengths
 from calib_core.optics.hand_eye import HandEye, solve_hand_eye
 from calib_core.optics.hand_eye_frames import CameraDoubt
 from calib_core.optics.laser_plane_solve import board_poses
 
-if TYPE_CHECKING:
-    from calib_core.optics.camera_layout import Layout
-    from calib_core.optics.camera_solution import CameraSolution, Fit
-
 _LEAST_VIEWS = 6
 _NO_STANDARD_MM, _NO_STANDARD_RAD = 5.0, 0.02  # a robot that errs by more measures nothing
 _TOLD = 0.01  # of what the boards leave open: where the robot tells less, it says nothing
-
-
-@dataclass(frozen=True, eq=False)
-class RobotLengths:
-    """What the robot's poses say of a camera.
-
-    Attributes
-    ----------
-    views : int
-    pitch_factor, pitch_sigma : float
-        The board's pitch by the robot's lengths, over the told one.
-    change : (C,)
-        Of the camera's parameters, by boards and robot together, from those by the boards alone.
-    sigmas : (C,)
-        Of the parameters by both together.
-    chance : float
-        How often noise alone changes them so much.
-    disagreement : (C, C)
-        What that adds to the covariance by the boards alone.
-    position_sigma_mm, orientation_sigma_rad : float
-        How far the robot's poses are off, as the boards show it.
-    """
-
-    views: int
-    pitch_factor: float
-    pitch_sigma: float
-    change: FloatArray
-    sigmas: FloatArray
-    chance: float
-    disagreement: FloatArray
-    position_sigma_mm: float
-    orientation_sigma_rad: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +50,7 @@ class RobotPoses:
     pitch_sigma: float | None = None
 
 
-def with_robot(solution: "CameraSolution", fit: "Fit", layout: "Layout", robot: RobotPoses) -> "CameraSolution":
+def with_robot(solution: CameraSolution, fit: Fit, layout: Layout, robot: RobotPoses) -> CameraSolution:
     """Return a camera with what the robot's poses say of it, and their disagreement in its covariance."""
     told = lengths_by_robot(solution, fit, layout, robot)
     if told is None:
@@ -94,9 +58,7 @@ def with_robot(solution: "CameraSolution", fit: "Fit", layout: "Layout", robot: 
     return replace(solution, robot=told, covariance=solution.covariance + told.disagreement)
 
 
-def lengths_by_robot(
-    solution: "CameraSolution", fit: "Fit", layout: "Layout", robot: RobotPoses
-) -> RobotLengths | None:
+def lengths_by_robot(solution: CameraSolution, fit: Fit, layout: Layout, robot: RobotPoses) -> RobotLengths | None:
     """Return what the robot's poses say of a camera; None where they determine nothing.
 
     Parameters

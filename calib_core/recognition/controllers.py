@@ -7,7 +7,7 @@ from calib_core.errors import CalibrationError
 from calib_core.recognition.taken import Look, PoseList, PoseRow, Reason, nothing
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.controller_file import ControllerFile, FilePose
-from calib_core.robots.conventions import BRANDS
+from calib_core.robots.registry import BRANDS
 
 
 def read_together(looks: Sequence[Look]) -> dict[int, Look]:

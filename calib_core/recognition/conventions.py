@@ -6,9 +6,9 @@ from typing import Any
 
 from calib_core.causes.likely import spreads_mm
 from calib_core.causes.readings import Reading
+from calib_core.poses.conventions import CONVENTIONS
 from calib_core.recognition.taken import PoseRow
 from calib_core.records import Cell
-from calib_core.robots.conventions import CONVENTIONS
 
 _FEWEST = 5
 _CLEARLY = 1.8  # as for a convention that is told and wrong

@@ -7,14 +7,14 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.points import FORMATS
 from calib_core.formats.points import recognise as format_of
 from calib_core.formats.shared.text_style import looks_like_text
+from calib_core.formats.shared.xml_file import is_gzip, unzipped
 from calib_core.recognition.json_poses import keys_of, parsed, poses_in_json, sphere_mm_in
 from calib_core.recognition.number_rows import rows_in
 from calib_core.recognition.pose_rows import poses_in
 from calib_core.recognition.storage import look_at_storage
 from calib_core.recognition.taken import GivenFile, Look, PoseList, Reason, TakenFor, nothing
-from calib_core.robots.conventions import BRANDS
+from calib_core.robots.registry import BRANDS
 from calib_core.robots.text import decoded
-from calib_core.robots.xml_file import is_gzip, unzipped
 
 _SYSTEM = re.compile(r"(?:^|/)(?:\.[^/]*|Thumbs\.db|desktop\.ini|~\$[^/]*|__MACOSX/.*)\Z", re.IGNORECASE)
 _IMAGES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.poses.conventions import CONVENTIONS
 from calib_core.recognition.number_rows import Row, Rows, counts_up, rises
 from calib_core.recognition.taken import PoseList, PoseRow
-from calib_core.robots.conventions import CONVENTIONS
 from calib_core.robots.table.columns import plain, unit_of
 
 _UNIT = 1e-2

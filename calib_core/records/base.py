@@ -13,9 +13,10 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
+from calib_core import steps
+from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records.field_errors import input_error
 from calib_core.records.known_fields import require_known_fields, unknown_within
-from calib_core.robots.conventions import CONVENTIONS
 
 FORMAT = "scancell-session/1"
 Kind = Literal["frame", "profile", "cloud", "sweep", "center"]
@@ -61,9 +62,7 @@ class _Registered:
         return name
 
     def _names(self) -> tuple[str, ...]:
-        from calib_core.stages import registry  # which needs no records
-
-        return getattr(registry, self._function)()
+        return getattr(steps, self._function)()
 
 
 StepName = Annotated[str, _Registered("step_names")]

@@ -6,7 +6,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from calib_core.errors import InputError
-from calib_core.robots.conventions import CONVENTIONS
+from calib_core.poses.conventions import CONVENTIONS
 
 _NEEDED: Final = {
     "model_type": "an object in braces",

@@ -11,14 +11,11 @@ from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import at_workpiece
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.graph.keys import Graph
+from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Finite, Matrix4, Record, Session, Verdict
 from calib_core.records.base import Rows
-from calib_core.robots import CONVENTIONS
-from calib_core.stages.graph import Graph
-from calib_core.stages.stage import ReadFile
-
-ANSWER_FILE: Final = "answer.json"
-"""Its name in an archive."""
+from calib_core.records.callbacks import ReadFile
 
 _FORMAT: Final = "scancell-answer/1"
 

@@ -11,9 +11,10 @@ from calib_core.captures.content import pose_of
 from calib_core.errors import NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform
+from calib_core.graph.registry import STAGES, stages
 from calib_core.records import Capture, Matrix4, Record, Session
 from calib_core.records.base import Rows
-from calib_core.stages.registry import STAGES, optics_stages, stages, steps_that_show, table_stages, tool_stages
+from calib_core.steps import optics_stages, steps_that_show, table_stages, tool_stages
 
 
 class ListedFrame(Record):

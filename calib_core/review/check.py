@@ -18,10 +18,12 @@ from calib_core.causes.likely import likely_columns, likely_convention
 from calib_core.errors import CalibrationError
 from calib_core.evidence.words import alike, captures_text, listed
 from calib_core.frames import RigidTransform
+from calib_core.graph.registry import stages
+from calib_core.graph.stage import Stage
 from calib_core.records import Capture, Cell, CheckFinding, Measured, Record, Session
-from calib_core.stages.registry import stages, step_names, steps_that_show
-from calib_core.stages.stage import ReadFile, Stage
+from calib_core.records.callbacks import ReadFile
 from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
+from calib_core.steps import step_names, steps_that_show
 
 _DOUBTFUL = "The file is doubtful:"  # as measuring says it, too
 _MOST_READ, _FILES_OF_SWEEP = 300, 3

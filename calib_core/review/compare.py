@@ -10,8 +10,8 @@ from pydantic import Field
 from calib_core.estimation import chance_of
 from calib_core.exports.workpiece import covariance_in, point_jacobian, seen_in_laser_mm
 from calib_core.frames import FloatArray, Frame, RigidTransform
+from calib_core.graph.registry import STAGES
 from calib_core.records import Capture, Record, Session
-from calib_core.stages.registry import STAGES
 
 _ROWS: Final = ("mahalanobis", "center_distance_mm", "surface_rms_mm", "rms_px", "line_rms_mm", "radial_mm")
 _RANK: Final = (

@@ -16,7 +16,7 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.records import Finite, Record
-from calib_core.stages.registry import tool_stages
+from calib_core.steps import tool_stages
 
 FALSE_ALARM: Final = 6e-4
 _LEAST_SIGMA: Final = 1e-9

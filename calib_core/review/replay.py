@@ -11,10 +11,11 @@ from calib_core.archive.folder import result_data
 from calib_core.captures.kept import plain
 from calib_core.errors import CalibrationError, InputError
 from calib_core.frames import RigidTransform
+from calib_core.graph.keys import Graph
+from calib_core.graph.stage import SOFTWARE
 from calib_core.records import Record, Session
-from calib_core.stages.graph import Graph
+from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.stage import SOFTWARE, Progress, ReadFile
 
 TOLERANCE: Final = 1e-9
 """Two numbers are equal where they differ by less than this, relative to the larger."""

@@ -4,11 +4,12 @@
 gives the numbers again, and `CONVENTIONS` has every convention with its formula, units and source.
 """
 
+from calib_core.poses.convention import Convention
+from calib_core.poses.conventions import CONVENTIONS
+from calib_core.poses.numbers import convention_named, parse_pose, to_pose
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import Convention
-from calib_core.robots.conventions import BRANDS, CONVENTIONS
 from calib_core.robots.lines import PoseLine, parse_pose_lines
-from calib_core.robots.poses import convention_named, parse_pose, to_pose
+from calib_core.robots.registry import BRANDS
 
 __all__ = [
     "BRANDS",

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
+from calib_core.poses.identity import identity_by_joints
+from calib_core.poses.numbers import parse_pose
 from calib_core.robots.controller_file import ControllerFile
-from calib_core.robots.identity import identity_by_joints
-from calib_core.robots.poses import parse_pose
 from calib_core.robots.resolve import UNSAID
 
 

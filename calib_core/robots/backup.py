@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.xml_file import unzipped
 from calib_core.formats.zip_files import opened_files
 from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, Found, Skipped
-from calib_core.robots.conventions import BRANDS
+from calib_core.robots.registry import BRANDS
 from calib_core.robots.resolve import resolved
 from calib_core.robots.text import decoded
 from calib_core.robots.told import NOTHING_TOLD, Told
-from calib_core.robots.xml_file import unzipped
 
 
 def read_controller_files(

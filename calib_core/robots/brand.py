@@ -5,7 +5,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from calib_core.robots.convention import Convention
+from calib_core.poses.conventions import Writer
 
 if TYPE_CHECKING:
     from calib_core.exports.entry import Export
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from calib_core.robots.told import Told
 
 
-class Brand:
+class Brand(Writer):
     """One brand, in a folder of its own with a constant `BRAND`; a subclass says what it knows.
 
     Of the folder, `reader.py` with a function `find`, `writer.py` with an `EXPORT` and `check.py` with a `CHECK`
@@ -44,13 +44,10 @@ class Brand:
         The files that hold the positions which a program only names.
     """
 
-    name: str
     title: str
-    conventions: tuple[Convention, ...] = ()
     writes_like: str = ""
     endings: tuple[str, ...] = ()
     marks: str = ""
-    rank: int = 1000
     flange: frozenset[str] = frozenset({"0"})
     base: frozenset[str] = frozenset({"0"})
     definitions: str = "the controller's backup"

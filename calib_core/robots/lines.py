@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
-from calib_core.robots.convention import Convention
-from calib_core.robots.poses import convention_named, parse_pose
+from calib_core.poses.convention import Convention
+from calib_core.poses.numbers import convention_named, parse_pose
 
 _POINT = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _COMMA = r"[-+]?\d+(?:,\d+)?(?:[eE][-+]?\d+)?"

@@ -1,7 +1,7 @@
 """Poses as plain matrices, of no brand."""
 
+from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import Convention
 
 CONVENTION = Convention(
     "matrix",

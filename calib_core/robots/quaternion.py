@@ -1,7 +1,7 @@
 """Poses as position and quaternion, of no brand."""
 
+from calib_core.poses.convention import POSE_FORMATS, QUATERNION, Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import POSE_FORMATS, QUATERNION, Convention
 
 QUATERNION_XYZW = Convention(
     "quaternion-xyzw",

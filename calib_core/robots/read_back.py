@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
+from calib_core.poses.convention import Convention
+from calib_core.poses.conventions import CONVENTIONS
+from calib_core.poses.numbers import convention_named, parse_pose, to_pose
 from calib_core.records.faults import FAULTS
 from calib_core.robots.backup import read_controller_files
-from calib_core.robots.convention import Convention
-from calib_core.robots.conventions import CONVENTIONS
-from calib_core.robots.poses import convention_named, parse_pose, to_pose
-from calib_core.robots.text import number
 
 _POSITION_MM, _ROTATION_DEG = 0.01, 0.005
 """What pendants round away: two decimals of a millimetre, three of a degree and the like."""

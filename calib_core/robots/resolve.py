@@ -7,9 +7,9 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, FilePose, Found, Frame, Reference, Skipped, Taught
-from calib_core.robots.poses import parse_pose, to_pose
 
 
 def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> ControllerFile:

@@ -1,7 +1,6 @@
 """What the readers of controllers' files share: bytes to text, lines, numbers, lists in brackets."""
 
 import codecs
-import math
 import re
 from bisect import bisect_right
 from collections.abc import Iterator
@@ -9,10 +8,9 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.number import number
 from calib_core.robots.phrases import CUT_LINE, require_count
 
-NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-_NUMBER = re.compile(NUMBER)
 _LARGEST_BYTES = 64_000_000
 
 
@@ -68,17 +66,6 @@ def decoded(data: bytes) -> str:
         except UnicodeDecodeError:
             text = data.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def number(text: str) -> float:
-    """Return a plain finite number; raises ValueError with a phrase for anything else."""
-    stripped = text.strip()
-    if not _NUMBER.fullmatch(stripped):
-        raise ValueError(f"'{stripped[:40]}' is no number")
-    value = float(stripped)
-    if not math.isfinite(value):
-        raise ValueError(f"'{stripped[:40]}' is out of range")
-    return value
 
 
 def numbers(text: str, count: int | None = None, separator: str = ",") -> tuple[float, ...]:

@@ -5,8 +5,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from calib_core.graph.stage import Stage
 from calib_core.records import Cell
-from calib_core.stages.stage import Stage
 
 _NO_SETTINGS = {"type": "object", "properties": {}, "additionalProperties": False}
 

@@ -7,10 +7,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from calib_core.archive.stored_results import result_record
 from calib_core.evidence.numbers import fixed, quantity
-from calib_core.evidence.parts import label_of, left_out
+from calib_core.graph.registry import STAGES
 from calib_core.records import CaptureResidual, Result, Session
 from calib_core.records.evidence import AnyBlock, Figure
-from calib_core.stages.registry import STAGES
+from calib_core.stages.evidence_parts import label_of, left_out
 
 _BLOCKS = TypeAdapter(list[AnyBlock])
 

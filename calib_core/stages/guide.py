@@ -4,6 +4,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from calib_core.graph.registry import stages
+from calib_core.graph.stage import Stage
 from calib_core.records import (
     Capture,
     Guide,
@@ -15,8 +17,7 @@ from calib_core.records import (
     Result,
     Session,
 )
-from calib_core.stages.registry import capture_steps, stages
-from calib_core.stages.stage import Stage
+from calib_core.steps import capture_steps
 
 _ENDED: tuple[GuideStatus, ...] = ("done", "known", "not-needed")
 

@@ -5,14 +5,16 @@ from numpy.linalg import LinAlgError
 from calib_core.captures.solved_optics import remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.findings.bridge import complete
+from calib_core.graph.keys import Graph, stage_captures
+from calib_core.graph.registry import STAGES, answer_stages, stages
+from calib_core.graph.stage import Stage
+from calib_core.graph.stage_input import FindCrew, Kept, StageInput
 from calib_core.records import Capture, Result, Session
-from calib_core.stages.camera.record import CameraResult
+from calib_core.records.callbacks import Progress, ReadFile, StoreFile
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.evidence import with_evidence
-from calib_core.stages.given import FindCrew, Kept, StageInput
-from calib_core.stages.graph import Graph, stage_captures
-from calib_core.stages.laser_plane.record import LaserPlaneResult
-from calib_core.stages.registry import STAGES, answer_stages, optics_stages, stages
-from calib_core.stages.stage import Progress, ReadFile, Stage, StoreFile
+from calib_core.steps import optics_stages
 
 
 def run(

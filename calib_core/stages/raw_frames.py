@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 def rests_on_optics(session: "Session", steps: Iterable[str]) -> tuple[str, ...]:
     """Return the stages that turn the raw frames of these steps into points; none where there are no frames."""
     from calib_core.captures.raw_frames import of_frames
-    from calib_core.stages.registry import optics_stages
+    from calib_core.steps import optics_stages
 
     captures = [capture for capture in session.captures if capture.step in steps]
     if not any(of_frames(capture) and not capture.excluded for capture in captures):

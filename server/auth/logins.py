@@ -12,12 +12,12 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import InputError
 from server.auth.roles import ROLES, Role, to_role
-from server.auth.secrets import digest_of, load_key, new_cookie, new_token, token_id_of
 from server.http.errors import LoginError
 from server.settings import Settings
 from server.store.access import TokenRow
 from server.store.database import Store
 from server.store.models import Data
+from server.store.secrets import digest_of, load_key, new_cookie, new_token, token_id_of
 from server.store.tokens import (
     add_login,
     add_token,

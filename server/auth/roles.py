@@ -240,3 +240,9 @@ def _compiled() -> Iterator[tuple[str, re.Pattern[str], Role]]:
 
 def _pattern(place: str) -> str:
     return ".*" if place.endswith(":path}") else "[^/]+"
+
+
+def role_of(method: str, path: str) -> str | None:
+    """Return the name of the least role that a request takes, None where it takes none."""
+    role = needed_role(method, path)
+    return role.word if role else None

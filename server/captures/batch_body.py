@@ -13,7 +13,7 @@ from calib_core.errors import CalibrationError, InputError, TooLargeError
 from calib_core.records import Capture, Session, parse_capture
 from calib_core.records.known_fields import require_known_fields
 from server.http.strict_json import parse_json
-from server.jobs.measuring import check_poses
+from server.measuring import check_poses
 
 _MAX_LINE_BYTES = 1_000_000
 _BUNCH_CAPTURES = 250

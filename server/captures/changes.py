@@ -5,15 +5,15 @@ from dataclasses import replace
 
 from calib_core.causes.apply import merge_patch
 from calib_core.errors import ConflictError, DamagedError, InputError
+from calib_core.graph.registry import STAGES
 from calib_core.moment import now
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from calib_core.records.known_fields import require_known_fields, unknown_fields
-from calib_core.stages.registry import STAGES
 from calib_core.stages.verify.limits import changes_between
 from server.captures.known import require_rigid
 from server.captures.measurer import Measurer
 from server.captures.measuring_queue import to_wait
-from server.jobs.measuring import Measure, check_poses
+from server.measuring import Measure, check_poses
 from server.store.calibrations import calibrated
 from server.store.captures import capture_data, capture_row, change_capture
 from server.store.database import Store

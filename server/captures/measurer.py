@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import cached_property
 
 from calib_core.records import Capture, Measured, Session
-from server.jobs.measuring import Measure
+from server.measuring import Measure
 from server.store.calibrations import Calibrated, needs_calibration
 
 

@@ -12,8 +12,8 @@ from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.records import Capture, Measured, Session, parse_capture
 from server.captures.cluster_measuring import FAR_AT_ONCE, ClusterMeasuring, StoredFiles
 from server.captures.measurer import Measurer
-from server.jobs.measuring import unmeasured
 from server.jobs.measuring_processes import Measuring
+from server.measuring import unmeasured
 from server.store.calibrations import Calibrated, calibrated_session
 from server.store.database import Store
 from server.store.sessions import empty_session

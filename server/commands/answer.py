@@ -33,11 +33,11 @@ def _run(options: argparse.Namespace) -> int:
 def _text(answer: "SessionAnswer") -> str:
     """Return the answer as its result reads: verdict, uncertainty (k = 2), the frames for the controller."""
     from calib_core.evidence.numbers import plus_minus
-    from calib_core.evidence.parts import frame_block
     from calib_core.evidence.text import result_text
     from calib_core.frames import RigidTransform
+    from calib_core.graph.registry import STAGES
     from calib_core.records.evidence import AnyBlock, Figure
-    from calib_core.stages.registry import STAGES
+    from calib_core.stages.evidence_parts import frame_block
 
     known = (
         ("At the workpiece", answer.workpiece_sigma_mm, "mm"),

@@ -57,8 +57,8 @@ def _solved(path: Path) -> tuple["SolvedSession", str | None]:
     from calib_core.archive.dates import solved_when
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
+    from calib_core.graph.keys import Graph
     from calib_core.review.drift import SolvedSession
-    from calib_core.stages.graph import Graph
 
     with opened(path) as folder:
         session, read = load_session(folder)

@@ -25,8 +25,8 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.errors import InputError
+    from calib_core.graph.keys import Graph
     from calib_core.review.cell_frames import session_frames
-    from calib_core.stages.graph import Graph
 
     if options.into is not None and options.outof is None:
         raise InputError(

@@ -43,10 +43,10 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.stored_results import stored_results
     from calib_core.captures.measure import measure_capture
     from calib_core.errors import InputError
+    from calib_core.graph.keys import Graph
     from calib_core.guidance.pose_list import planned_poses
-    from calib_core.stages.graph import Graph
     from calib_core.stages.guide import guide
-    from calib_core.stages.registry import planned_steps
+    from calib_core.steps import planned_steps
 
     if options.program is not None and options.count is None:
         raise InputError("--count beside --program", "none", "Say how many poses.", "--program")

@@ -25,9 +25,9 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import load_results, load_session
     from calib_core.errors import InputError
     from calib_core.exports.answer import answer_of
+    from calib_core.graph.keys import Graph
     from calib_core.library.machines import files_of
     from calib_core.robots.read_back import read_back, tool_in, typed_numbers
-    from calib_core.stages.graph import Graph
 
     with opened(options.session) as folder:
         session, read = load_session(folder)

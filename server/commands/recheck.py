@@ -15,11 +15,11 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.archive import opened
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
-    from calib_core.stages.given import Kept
-    from calib_core.stages.graph import Graph
+    from calib_core.graph.keys import Graph
+    from calib_core.graph.stage_input import Kept
     from calib_core.stages.pipeline import solve_stage
     from calib_core.stages.recheck.guide import recheck_plan
-    from calib_core.stages.registry import tool_stages
+    from calib_core.steps import tool_stages
 
     with opened(options.session) as folder:
         session, read = load_session(folder)

@@ -24,8 +24,8 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.dates import solved_when
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results, truth_of
+    from calib_core.graph.keys import Graph
     from calib_core.moment import now
-    from calib_core.stages.graph import Graph
     from server.console.solving import solved_if_possible
     from server.render.report.report import report_html
 

@@ -11,12 +11,12 @@ from server.console.output import print_result, remark
 if TYPE_CHECKING:
     from calib_core.errors import CalibrationError
     from calib_core.records import Result, RootCause, Session
-    from calib_core.stages.stage import ReadFile
+    from calib_core.records.callbacks import ReadFile
     from scancell_client import Scancell
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    from calib_core.stages.registry import stage_names
+    from calib_core.steps import stage_names
 
     session_argument(parser)
     stages = f"all (default), or one of {', '.join(stage_names())}"
@@ -136,7 +136,7 @@ def _causes(options: argparse.Namespace, folder: Path, session: "Session", read:
     from calib_core.archive.folder import load_results, result_data
     from calib_core.causes.session import session_causes
     from calib_core.errors import CalibrationError
-    from calib_core.stages.graph import Graph
+    from calib_core.graph.keys import Graph
     from calib_core.stages.pipeline import run
 
     stored = load_results(folder)

@@ -53,13 +53,6 @@ _TO_DO = {
 }
 
 
-class OutdatedError(CalibrationError):
-    """A change that was made against an older revision than the stored one."""
-
-    code = "outdated"
-    status = 412
-
-
 class ForbiddenError(CalibrationError):
     """A request from a page or under a name that this server does not answer, or by somebody who may not."""
 

@@ -10,9 +10,9 @@ from fastapi.responses import JSONResponse
 from pydantic_core import to_json
 from sqlalchemy.orm import Session as Transaction
 
-from server.http.json_text import JsonText
 from server.store.answers import remember_answer, stored_answer
 from server.store.database import Store
+from server.store.json_text import JsonText
 from server.store.models import AnswerRow, Data
 
 

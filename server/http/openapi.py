@@ -2,14 +2,15 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, cast
 
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
 
-from server.auth.roles import needed_role
+RoleOf = Callable[[str, str], str | None]
+"""From a method and a path to the name of the least role that a request takes, None where it takes none."""
 
 TAGS = (
     "sessions", "captures", "live", "solves", "answers", "machines", "cells", "history", "clouds", "archives",
@@ -100,7 +101,7 @@ def operation_id(route: APIRoute) -> str:
     return f"{route.tags[0]}_{route.name}" if route.tags else route.name
 
 
-def install(app: FastAPI) -> None:
+def install(app: FastAPI, role_of: RoleOf) -> None:
     """Name the bodies that FastAPI makes up from form fields, and say who may do what."""
     describe = app.openapi
 
@@ -112,7 +113,7 @@ def install(app: FastAPI) -> None:
             if made_up in schemas:  # the schema is made once, this is asked for more often
                 schemas[name] = {**schemas.pop(made_up), "title": name}
                 _refer_to(name, made_up, schema["paths"])
-        _declare_access(schema)
+        _declare_access(schema, role_of)
         _declare_files(schema)
         _declare_headers(schema)
         _add_examples(schema)
@@ -187,12 +188,12 @@ def _operations(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield from operations.values()
 
 
-def _declare_access(schema: dict[str, Any]) -> None:
+def _declare_access(schema: dict[str, Any], role_of: RoleOf) -> None:
     """Add how one logs in, and to each operation the least role that it takes."""
     schema["components"]["securitySchemes"] = _SCHEMES
     for template, operations in schema["paths"].items():
         path = re.sub(r"\{[^}]*\}", "x", template)
         for method, operation in operations.items():
-            role = needed_role(method.upper(), path)
-            operation["x-role"] = role.word
+            role = role_of(method.upper(), path)
+            operation["x-role"] = role or "nobody"
             operation["security"] = [{"token": []}, {"login": []}] if role else []

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import BaseModel, Field, create_model
 
 from calib_core.exports.workpiece import AtWorkpiece
+from calib_core.graph.registry import stages
 from calib_core.records import Result
-from calib_core.stages.registry import stages
 
 
 class Stored(BaseModel):

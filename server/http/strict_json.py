@@ -10,8 +10,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
-from calib_core.archive.plain_json import require_plain, too_deep
 from calib_core.errors import CalibrationError, InputError, TooLargeError
+from calib_core.records.plain_json import require_plain, too_deep
 from server.http.errors import MediaTypeError
 from server.http.preferences import applied
 

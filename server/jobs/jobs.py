@@ -14,7 +14,8 @@ from typing import Any
 from sqlalchemy.exc import DBAPIError
 
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
-from calib_core.stages.registry import STAGES, optics_stages
+from calib_core.graph.registry import STAGES
+from calib_core.steps import optics_stages
 from server.http.errors import problem, problem_of_status
 from server.http.events import Hub, ended_job
 from server.jobs import worker

@@ -8,8 +8,9 @@ import gc
 from importlib import import_module
 
 from calib_core.compiled import on_compiling
+from server import measuring
 from server.heap import give_back
-from server.jobs import measuring, worker
+from server.jobs import worker
 
 _OF_PAGES = (
     "server.jobs.page_process",

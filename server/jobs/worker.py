@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from calib_core.captures.kept import keeping
 from calib_core.errors import InputError
 from server.jobs.asked_process import leave_interrupts_to_the_server
-from server.store.blob_places import BlobPlace, open_blobs
+from server.settings import BlobPlace
+from server.store.blob_places import open_blobs
 from server.store.blobs import Blobs
 from server.store.process_data import Output
 
 if TYPE_CHECKING:
-    from calib_core.stages.given import FindCrew
+    from calib_core.graph.stage_input import FindCrew
     from server.settings import Settings
 
 Place = int | str
@@ -114,9 +115,9 @@ def solve(
         What the stage's solver says; also where there is no room for the files that it makes.
     """
     progress = started(job_id)
+    from calib_core.graph.keys import Graph
+    from calib_core.graph.stage_input import Kept
     from calib_core.records import parse_session
-    from calib_core.stages.given import Kept
-    from calib_core.stages.graph import Graph
     from calib_core.stages.pipeline import solve_stage
     from server.http.strict_json import plain_json
 
@@ -161,7 +162,7 @@ def measure(cell: Mapping[str, Any], capture: Mapping[str, Any], digests: Mappin
         If the record or a file is of no use at all.
     """
     from calib_core.records import parse_capture, parse_session
-    from server.jobs.measuring import check_poses, measured_with_text
+    from server.measuring import check_poses, measured_with_text
 
     session, record = parse_session(cell, "session"), parse_capture(capture, "record")
     check_poses(session, record)

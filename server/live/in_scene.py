@@ -3,8 +3,8 @@
 import numpy as np
 
 from server.live.live_cell import LiveCell
+from server.scenes.look import RobotNow
 from server.scenes.manager import SceneManager
-from server.scenes.robot_now import RobotNow
 
 _MOST_POINTS = 200
 

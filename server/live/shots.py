@@ -10,7 +10,7 @@ from pydantic import Field
 from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Cell, Record, StepName, parse_capture
 from calib_core.robots import to_pose
-from calib_core.stages.registry import capture_steps, steps_that_show
+from calib_core.steps import capture_steps, steps_that_show
 from server.live.recording import Recorded
 from server.live.standstill import Rest
 from server.sources.device import Sample

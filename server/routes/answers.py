@@ -10,9 +10,9 @@ from calib_core.records.faults import MOST_TEXT, allowed_faults
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.cell_frames import SessionFrames
 from server.http.api_router import API, api_router
-from server.http.dependencies import LoadedSession, SessionId, StoreDep
 from server.http.openapi import BYTES
 from server.http.strict_json import parse_object, plain_json
+from server.routes.dependencies import LoadedSession, SessionId, StoreDep
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
 

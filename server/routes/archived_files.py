@@ -11,9 +11,9 @@ from fastapi.responses import HTMLResponse
 from calib_core.archive.archive import REPORT_FILE
 from calib_core.errors import InputError, NotFoundError
 from server.http.api_router import API, api_router
-from server.http.dependencies import SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import KeptFile, KeptFiles
+from server.routes.dependencies import SessionId, StoreDep
 from server.store.archived_files import archived_files
 from server.store.sessions import session_row
 

@@ -12,16 +12,17 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
+from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import to_json_bytes
 from calib_core.errors import CalibrationError, InputError
 from calib_core.exports.answer import Answer
-from calib_core.review.answer import ANSWER_FILE, answer_record
+from calib_core.review.answer import answer_record
 from server.http.api_router import api_router
 from server.http.created import created
-from server.http.dependencies import IdempotencyDep, MeasuringDep, SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.openapi import BYTES
 from server.http.schemas import StoredSession
+from server.routes.dependencies import IdempotencyDep, MeasuringDep, SessionId, StoreDep
 from server.store.archived_files import archived_files
 from server.store.blobs import digest_of
 from server.store.models import Data

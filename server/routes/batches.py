@@ -10,10 +10,17 @@ from starlette.concurrency import run_in_threadpool
 from calib_core.errors import CalibrationError
 from server.captures.batch_body import bunches
 from server.http.api_router import API, api_router
-from server.http.dependencies import IdempotencyDep, IntakeDep, MeasuringQueueDep, SessionId, SettingsDep, StoreDep
 from server.http.errors import problem
 from server.http.openapi import BYTES
 from server.http.schemas import BatchAnswer
+from server.routes.dependencies import (
+    IdempotencyDep,
+    IntakeDep,
+    MeasuringQueueDep,
+    SessionId,
+    SettingsDep,
+    StoreDep,
+)
 from server.store.database import Store
 from server.store.models import Data
 from server.store.sessions import session_row

@@ -14,7 +14,11 @@ from calib_core.records.known_fields import require_known_fields
 from server.captures.changes import corrected_capture
 from server.http.api_router import API, api_router
 from server.http.created import created
-from server.http.dependencies import (
+from server.http.downloads import Download
+from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
+from server.http.strict_json import parse_json
+from server.http.uploads import named_files
+from server.routes.dependencies import (
     Again,
     CaptureId,
     Cursor,
@@ -28,10 +32,6 @@ from server.http.dependencies import (
     StoreDep,
     UploadMemoryDep,
 )
-from server.http.downloads import Download
-from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
-from server.http.strict_json import parse_json
-from server.http.uploads import named_files
 from server.sources.simulated import SOURCE as SIMULATED
 from server.sources.simulated import SimulatedSettings
 from server.sources.source import Occasion, Settings, Source, Taken

@@ -10,8 +10,8 @@ from calib_core.errors import ConflictError
 from calib_core.records import Changes, RootCause
 from server.captures.applying import apply_changes
 from server.http.api_router import API, api_router
-from server.http.dependencies import IdempotencyDep, LoadedSession, MeasuringQueueDep, SessionId, StoreDep
 from server.http.schemas import StoredSession
+from server.routes.dependencies import IdempotencyDep, LoadedSession, MeasuringQueueDep, SessionId, StoreDep
 from server.store.models import Data
 from server.store.sessions import StoredSession as Loaded
 from server.store.sessions import load_session, locked_session

@@ -16,8 +16,8 @@ from calib_core.review.answer import SessionAnswer
 from calib_core.review.drift import CellDrift
 from server.http.api_router import api_router
 from server.http.created import created
-from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.http.strict_json import plain_json
+from server.routes.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.store.models import Data
 from server.store.releases import (
     add_release,

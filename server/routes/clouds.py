@@ -8,9 +8,9 @@ from fastapi.responses import StreamingResponse
 
 from calib_core.errors import NotFoundError
 from server.http.api_router import api_router
-from server.http.dependencies import LoadedSession, SessionId, StoreDep
 from server.http.downloads import Download
 from server.http.schemas import StoredCloudFile, StoredCloudFiles
+from server.routes.dependencies import LoadedSession, SessionId, StoreDep
 from server.store.session_answer import stage_headers
 from server.store.sessions import StoredSession, load_session
 

@@ -6,7 +6,7 @@ from pydantic import ConfigDict
 
 from calib_core.records import Record, StepName
 from server.http.api_router import API, api_router, of_app
-from server.http.dependencies import ExistingSession
+from server.routes.dependencies import ExistingSession
 from server.sources.folder_watcher import Watcher
 
 router = api_router("captures", f"{API}/sessions/{{session_id}}/sources/folder")

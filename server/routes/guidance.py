@@ -12,9 +12,9 @@ from calib_core.guidance.pose_list import PoseList
 from calib_core.records.base import PlannedStep
 from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.api_router import api_router
-from server.http.dependencies import LoadedSession, PageProcessDep, SessionId, StoreDep
 from server.http.openapi import BYTES
 from server.page_questions import cell_plan, planned
+from server.routes.dependencies import LoadedSession, PageProcessDep, SessionId, StoreDep
 from server.store.session_texts import load_texts
 from server.store.sessions import load_session
 

@@ -9,10 +9,10 @@ from prometheus_client import CONTENT_TYPE_PLAIN_0_0_4
 from calib_core import __version__
 from server.health import HealthWatch
 from server.http.api_router import api_router
-from server.http.dependencies import HealthDep, HubDep, JobsDep, MetricsDep
 from server.http.events import Hub
 from server.http.schemas import Health
 from server.jobs.jobs import Jobs
+from server.routes.dependencies import HealthDep, HubDep, JobsDep, MetricsDep
 
 router = api_router("server")
 probes = api_router("server", prefix="")

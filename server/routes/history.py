@@ -12,11 +12,19 @@ from calib_core.records import StageName as KnownStage
 from calib_core.review.compare import Comparison
 from server.http.api_router import api_router
 from server.http.created import created
-from server.http.dependencies import IdempotencyDep, JobId, JobsDep, PageProcessDep, SessionId, StageName, StoreDep
 from server.http.schemas import Job
 from server.http.schemas_history import MomentOfSession, Recomputed, ResultHistory, Timeline
 from server.http.schemas_results import StageResult
 from server.page_questions import guide_text
+from server.routes.dependencies import (
+    IdempotencyDep,
+    JobId,
+    JobsDep,
+    PageProcessDep,
+    SessionId,
+    StageName,
+    StoreDep,
+)
 from server.store.history import PastResult, compared, latest_numbers, moment, past_result, stage_history, timeline
 from server.store.models import Data
 from server.store.session_texts import texts_of

@@ -12,12 +12,12 @@ from starlette.websockets import WebSocketDisconnect
 
 from calib_core.errors import NotFoundError
 from server.http.api_router import API
-from server.http.dependencies import existing_session
 from server.http.websockets import deny, is_foreign
 from server.live.live_cell import LiveCell
 from server.live.manager import LiveCells
 from server.live.pictures import preview_jpeg
 from server.live.preview import live_data
+from server.routes.dependencies import existing_session
 
 router = APIRouter(prefix=API)
 

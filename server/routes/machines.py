@@ -14,9 +14,9 @@ from calib_core.records import ArmTable
 from calib_core.records.faults import MOST_TEXT, allowed_faults
 from calib_core.robots.told import Told
 from server.http.api_router import api_router
-from server.http.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
 from server.http.openapi import BYTES
 from server.http.strict_json import parse_object, plain_json
+from server.routes.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
 
@@ -131,7 +131,7 @@ class ToolComparison(BaseModel):
 @router.get("/brands", response_model=Brands)
 def brands() -> Brands:
     """List the robot brands and other kinds of files that poses are read from."""
-    from calib_core.robots.conventions import BRANDS
+    from calib_core.robots.registry import BRANDS
 
     return Brands(items=[Brand.model_validate(brand.describe()) for brand in BRANDS])
 
@@ -322,8 +322,8 @@ async def _contents(files: list[UploadFile]) -> dict[str, bytes]:
 def _read_controller(
     contents: dict[str, bytes], brand: str | None, as_written: bool, told: Told
 ) -> dict[str, Any]:
+    from calib_core.poses.numbers import parse_pose
     from calib_core.robots.backup import read_controller_files
-    from calib_core.robots.poses import parse_pose
 
     found = read_controller_files(contents, brand, as_written, told).to_json()
     for pose in found["poses"]:

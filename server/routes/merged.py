@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from calib_core.errors import InputError, NotFoundError
 from calib_core.stages.merge.record import MergeResult
 from server.http.api_router import API, api_router
-from server.http.dependencies import LoadedSession, SessionId, StoreDep
 from server.http.schemas import CloudDeviations, CloudSection, ReferenceMesh
+from server.routes.dependencies import LoadedSession, SessionId, StoreDep
 from server.scenes.cloud_view import Against
 from server.scenes.deviation import CloudDeviation, cloud_deviation
 from server.scenes.deviation import ReferenceMesh as Reference

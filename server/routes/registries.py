@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from server.http.api_router import api_router
-from server.http.dependencies import SettingsDep
+from server.routes.dependencies import SettingsDep
 
 router = api_router("registries")
 
@@ -135,7 +135,7 @@ def formats() -> FileFormats:
 @router.get("/conventions", response_model=PoseConventions)
 def conventions() -> PoseConventions:
     """List the pose conventions: the names that `pose_convention` may have."""
-    from calib_core.robots.conventions import BRANDS
+    from calib_core.robots.registry import BRANDS
 
     return PoseConventions(
         items=[
@@ -173,8 +173,8 @@ def sources() -> CaptureSources:
 @router.get("/stages", response_model=StagesOfCell)
 def stages(settings: SettingsDep) -> StagesOfCell:
     """List the stages: the names that `POST …/solve/{stage}` takes; `all` solves them in their order."""
+    from calib_core.graph.registry import stages as all_stages
     from calib_core.stages.description import describe_stage
-    from calib_core.stages.registry import stages as all_stages
 
     items = [{**describe_stage(stage), "element": _element(settings.web, stage.name)} for stage in all_stages()]
     return StagesOfCell(items=[StageOfCell.model_validate(item) for item in items])

@@ -8,7 +8,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 
 from server.http.api_router import api_router
-from server.http.dependencies import StoreDep
+from server.routes.dependencies import StoreDep
 from server.store.retention import require_limits, sessions_beyond
 
 router = api_router("cells")

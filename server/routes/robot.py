@@ -8,10 +8,10 @@ from pydantic import BaseModel
 from calib_core.errors import TooLargeError
 from calib_core.records.known_fields import require_known_fields
 from server.http.api_router import API, api_router, of_app
-from server.http.dependencies import ExistingSession
 from server.http.openapi import BYTES
 from server.live.dialogue import LONGEST_MESSAGE
 from server.live.robot_port import RobotPorts, RobotPortSettings, acting_now
+from server.routes.dependencies import ExistingSession
 
 router = api_router("live", f"{API}/sessions/{{session_id}}")
 _POSE = "p07 -195.8 1363.305 524.812 -179.924 0.889 179.635"

@@ -11,9 +11,9 @@ from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.records import Finite, Identifier, Record, StepName
 from calib_core.records.known_fields import require_known_fields
-from calib_core.stages.registry import tool_stages
+from calib_core.steps import tool_stages
 from server.http.api_router import api_router
-from server.http.dependencies import IdempotencyDep, SessionId, StoreDep
+from server.routes.dependencies import IdempotencyDep, SessionId, StoreDep
 from server.store.sessions import StoredSession, load_session
 
 router = api_router("live")

@@ -16,7 +16,19 @@ from server.captures.changes import corrected_session
 from server.captures.known import require_rigid
 from server.http.api_router import API, api_router
 from server.http.created import created
-from server.http.dependencies import (
+from server.http.events import follow, to_sse
+from server.http.schemas import (
+    Findings,
+    NewSession,
+    PoseLine,
+    PoseLines,
+    PoseText,
+    SessionChanges,
+    SessionPage,
+    StoredSession,
+)
+from server.http.strict_json import plain_json
+from server.routes.dependencies import (
     Cursor,
     ExistingSession,
     GuidesDep,
@@ -33,18 +45,6 @@ from server.http.dependencies import (
     SessionId,
     StoreDep,
 )
-from server.http.events import follow, to_sse
-from server.http.schemas import (
-    Findings,
-    NewSession,
-    PoseLine,
-    PoseLines,
-    PoseText,
-    SessionChanges,
-    SessionPage,
-    StoredSession,
-)
-from server.http.strict_json import plain_json
 from server.routes.tokens import IdentityDep
 from server.sources.simulated import simulated_session
 from server.store.models import Data

@@ -13,7 +13,13 @@ from starlette.concurrency import run_in_threadpool
 from calib_core.errors import NotFoundError
 from calib_core.findings.reading import as_read
 from server.http.api_router import api_router
-from server.http.dependencies import (
+from server.http.events import ended_job, follow, to_sse
+from server.http.idempotency import Idempotency
+from server.http.language import spoken
+from server.http.schemas import Job, JobPage, JobStatus
+from server.http.schemas_results import StoredResult
+from server.jobs.jobs import Jobs
+from server.routes.dependencies import (
     Cursor,
     HubDep,
     IdempotencyDep,
@@ -25,12 +31,6 @@ from server.http.dependencies import (
     StageName,
     StoreDep,
 )
-from server.http.events import ended_job, follow, to_sse
-from server.http.idempotency import Idempotency
-from server.http.language import spoken
-from server.http.schemas import Job, JobPage, JobStatus
-from server.http.schemas_results import StoredResult
-from server.jobs.jobs import Jobs
 from server.store.database import Store
 from server.store.history import latest_numbers
 from server.store.models import Data
@@ -69,7 +69,7 @@ async def solve(
 
 
 def _start(session_id: str, stage: str, idempotency: Idempotency, store: Store, jobs: Jobs) -> Response:
-    from calib_core.stages.graph import stage_captures
+    from calib_core.graph.keys import stage_captures
     from calib_core.stages.pipeline import stages_to_solve
 
     stages: list[str] = []

@@ -6,9 +6,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calib_core.records.known_fields import require_known_fields
 from server.http.api_router import API, api_router, of_app
-from server.http.dependencies import ExistingSession, IdempotencyDep
 from server.live.armed_table import Angle, ArmedTable, ArmedTables, Arming
 from server.movers.registry import MOVERS
+from server.routes.dependencies import ExistingSession, IdempotencyDep
 from server.sources.device import host_now_s
 
 router = api_router("live", API)

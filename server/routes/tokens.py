@@ -14,8 +14,8 @@ from server.auth.refusals import Refusals
 from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecord, TokenRecords
 from server.http.api_router import api_router, of_app
 from server.http.created import created
-from server.http.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep
 from server.http.errors import LoginError
+from server.routes.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep
 from server.store.audit import acting, list_audit
 from server.store.models import Data
 from server.store.tokens import list_tokens, revoke_token, token_data, token_row

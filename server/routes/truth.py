@@ -7,7 +7,7 @@ from calib_core.errors import ConflictError
 from calib_core.records import Record
 from calib_core.review.compare import FrameDifference
 from server.http.api_router import API, api_router
-from server.http.dependencies import SessionId, StageName, StoreDep
+from server.routes.dependencies import SessionId, StageName, StoreDep
 from server.store.sessions import load_session
 
 router = api_router("results", f"{API}/sessions/{{session_id}}/truth")

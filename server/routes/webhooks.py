@@ -12,11 +12,11 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import InputError
 from calib_core.records import Record
 from calib_core.records.known_fields import require_known_fields
-from server.auth.secrets import load_key
 from server.http.api_router import API, api_router
 from server.http.created import created
-from server.http.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep, WebhooksDep
+from server.routes.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep, WebhooksDep
 from server.store.models import Data
+from server.store.secrets import load_key
 from server.store.webhooks import (
     KINDS,
     PING,

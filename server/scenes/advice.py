@@ -1,38 +1,21 @@
 """What a scene draws that takes long to work out: the pose to take next, and what is known so far and how well."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from calib_core.frames import FloatArray
+from calib_core.graph.registry import stages
 from calib_core.records import Measured, Result, Session
-from calib_core.stages.registry import stages, steps_that_show, table_stages, tool_stages
+from calib_core.steps import steps_that_show, table_stages, tool_stages
+from server.scenes.scene_input import SceneAdvice, SceneInput
 
 if TYPE_CHECKING:
     from calib_core.guidance.so_far import KnownSoFar, TableSoFar
-    from calib_core.records.base import Matrix4
     from server.jobs.page_process import PageProcess
-    from server.scenes.facts import SceneInput
 
 _KNOWN_MM = 150.0  # where the sphere's place is less certain than that (k = 2), nothing is drawn of it
-
-
-@dataclass(frozen=True, eq=False)
-class SceneAdvice:
-    """Where the guide wants the flange next, and what the captures tell where no result does.
-
-    Attributes
-    ----------
-    next_pose : rows of base_from_tool0, None where it wants it nowhere
-    so_far : KnownSoFar, None before the captures tell where the sphere is
-    table_so_far : TableSoFar, None before they tell the table's axis
-    """
-
-    next_pose: "Matrix4 | None" = None
-    so_far: "KnownSoFar | None" = None
-    table_so_far: "TableSoFar | None" = None
 
 
 class SceneAdviser:
@@ -46,7 +29,7 @@ class SceneAdviser:
     def __init__(self, process: "PageProcess") -> None:
         self._process = process
 
-    def __call__(self, scene: "SceneInput") -> SceneAdvice:
+    def __call__(self, scene: SceneInput) -> SceneAdvice:
         """Return what `advice_for` does."""
         return self._process.ask(
             _advice_on_texts,
@@ -57,12 +40,12 @@ class SceneAdviser:
         )
 
 
-def advice_for(scene: "SceneInput") -> SceneAdvice:
+def advice_for(scene: SceneInput) -> SceneAdvice:
     """Return the advice for a scene, worked out here."""
     return _advice(scene.session, scene.measured, scene.results, scene.stale)
 
 
-def no_advice(_: "SceneInput") -> SceneAdvice:
+def no_advice(_: SceneInput) -> SceneAdvice:
     """Return none: for what does not draw it."""
     return SceneAdvice()
 

@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from calib_core.frames import FloatArray
 from calib_core.records import Capture
-from server.scenes.facts import SceneInput
 from server.scenes.merged import KnownScans
+from server.scenes.scene_input import SceneInput
 
 Read = TypeVar("Read")
 

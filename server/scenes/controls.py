@@ -213,7 +213,8 @@ def viewer_picture(
 
 def _shown_by(step: str) -> str:
     """Return what the captures of a step, or of the stage of this name, show; else the sphere."""
-    from calib_core.stages.registry import stages, table_stages
+    from calib_core.graph.registry import stages
+    from calib_core.steps import table_stages
 
     for stage in stages():
         if step in (stage.name, *stage.guided) and stage.step is not None:

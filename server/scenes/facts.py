@@ -1,88 +1,36 @@
 """What a scene is drawn from: the session and its results in, everything placed in the robot's base out."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.graph.registry import stages
 from calib_core.records import ArmTable, Capture, CaptureResidual, Measured, Result, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.registry import stages, steps_that_show, tool_stages
 from calib_core.stages.tcp.record import TcpResult
-from server.scenes.advice import SceneAdvice, advice_for
-from server.scenes.deviation import ReferenceMesh
+from calib_core.steps import steps_that_show, tool_stages
+from server.scenes.advice import advice_for
 from server.scenes.field import TableField, table_field
 from server.scenes.merged import MergedScans, scanner_on_flange
 from server.scenes.optics import OpticsFacts, optics_facts
+from server.scenes.scene_input import LoadPoints, SceneInput, no_points, nothing
 from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
 
 if TYPE_CHECKING:
     from calib_core.guidance.so_far import KnownSoFar, TableSoFar
     from calib_core.review.placed_points import PlacedPoint
 
-LoadPoints = Callable[[Capture], FloatArray]
 State = Literal["used", "rejected", "waiting"]
 BY_HAND = "left out by hand"
 """The reason of what the user has excluded."""
 
 MAX_POINTS = 200_000
 _LARGEST_SPHERE_MM = 200.0  # in radius: what a failed result says beyond it is no sphere
-
-
-def nothing(_known: object = None) -> None:
-    """Give no cloud, no scans."""
-
-
-def no_points(_: Capture) -> FloatArray:
-    """Give no points of a capture."""
-    return np.zeros((0, 3))
-
-
-@dataclass(frozen=True, eq=False)
-class SceneInput:
-    """A session as its scene needs it.
-
-    Attributes
-    ----------
-    session : Session
-        The record with its captures.
-    measured : sequence of Measured
-        What was seen in the captures; those not measured yet are left out.
-    results : mapping of stage name to Result
-    load_points : callable
-        Gives the points (N, 3) on the sphere of one capture, in L, mm; none when there are none.
-    load_scans : callable
-        Gives the scans as they were measured, those of the merge where there is one, None where there are none or
-        the scanner is not known; takes a dict in which it keeps each scan from one call to the next.
-    load_merged : callable
-        Gives the merged cloud that was stored, None where there is none.
-    load_reference : callable
-        Gives the mesh that says what the object should be, None where there is none.
-    outputs : tuple of str
-        Says which files the three above read, so that what was read can be kept.
-    stale : frozenset of str
-        The stages whose results are older than the captures.
-    compared : tuple of PlacedPoint
-        Two answers, where the scene shows what lies between them.
-    advise : callable
-        Gives what takes long to work out.
-    """
-
-    session: Session
-    load_points: LoadPoints
-    measured: Sequence[Measured] = ()
-    results: Mapping[str, Result] = field(default_factory=dict[str, Result])
-    load_scans: Callable[..., MergedScans | None] = nothing
-    load_merged: Callable[[], MergedScans | None] = nothing
-    load_reference: Callable[[], ReferenceMesh | None] = nothing
-    outputs: tuple[str, ...] = ()
-    stale: frozenset[str] = frozenset()
-    compared: "tuple[PlacedPoint, ...]" = ()
-    advise: "Callable[[SceneInput], SceneAdvice]" = advice_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +149,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     merged = scene.load_merged() or scene.load_scans()
     facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
     radius_mm, well = _radius_mm(session, facts), _known_how_well(results)
-    advice = scene.advise(scene)
+    advice = (scene.advise or advice_for)(scene)
     rows = advice.next_pose
     return replace(
         facts,

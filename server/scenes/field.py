@@ -1,22 +1,13 @@
-"""The error budget over the table: a dot at each point, in the colour of the ± (k = 2) that one scan has there."""
+"""The error budget over the table: points, and the ± (k = 2) that one scan has at each."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray
-from server.scenes import nodes
-from server.scenes.colors import height_colors
-from server.scenes.nodes import Node
+from server.scenes.scene_input import SceneInput
 
-if TYPE_CHECKING:
-    from server.scenes.facts import SceneFacts, SceneInput
-    from server.scenes.look import Look
-
-_DOT = 0.03  # of the field's radius
 _EVEN = 0.8  # colours must not make much of little
 
 
@@ -34,7 +25,7 @@ class TableField:
         return min(float(self.uncertainty_mm.min()), _EVEN * highest), highest
 
 
-def table_field(scene: "SceneInput") -> TableField | None:
+def table_field(scene: SceneInput) -> TableField | None:
     """Return the field of a whole chain's answer, None where there is none that holds."""
     result = scene.results.get("chain")
     if result is None or "chain" in scene.stale:
@@ -47,13 +38,3 @@ def table_field(scene: "SceneInput") -> TableField | None:
         return None  # the answer has no budget then either, and says why
     points = np.array([point.point_mm for point in found])
     return TableField(points, np.array([point.uncertainty_mm for point in found]))
-
-
-def field(facts: "SceneFacts", _look: "Look") -> Iterator[Node]:
-    """Draw the field's dots over the table as it stands at its angle zero."""
-    if facts.field is None or facts.table is None:
-        return
-    place, points = facts.table.base_from_turntable, facts.field.points_mm
-    colors = height_colors(facts.field.uncertainty_mm, *facts.field.range_mm)
-    size = _DOT * float(np.hypot(points[:, 0], points[:, 1]).max())
-    yield nodes.points("/field/points", place.apply(points), place.translation_mm, colors, size)

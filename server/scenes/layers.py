@@ -12,7 +12,7 @@ from server.scenes.cloud_layers import merged_layer
 from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
 from server.scenes.facts import SceneFacts
 from server.scenes.fan import fan_of_profile
-from server.scenes.field import field
+from server.scenes.field_layer import field
 from server.scenes.ghost import ghost
 from server.scenes.look import Look
 from server.scenes.nodes import Node

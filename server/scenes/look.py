@@ -1,16 +1,20 @@
 """What a drawing depends on beside the facts."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from server.scenes.cloud_view import CloudView
 from server.scenes.colors import residual_limit_mm
 from server.scenes.deviation import CloudDeviation
 from server.scenes.facts import CaptureFacts, SceneFacts
 
-if TYPE_CHECKING:
-    from server.scenes.robot_now import RobotNow
+
+@dataclass(frozen=True, eq=False)
+class RobotNow:
+    """The flange in the base, and the profile (N, 2), x and z in L, mm, that the scanner sees from there."""
+
+    base_from_tool0: RigidTransform
+    profile_mm: FloatArray
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,7 @@ class Look:
     cloud: CloudView = field(default_factory=CloudView)
     deviation: CloudDeviation | str | None = None
     trial: tuple[RigidTransform, ...] = ()
-    robot: "RobotNow | None" = None
+    robot: RobotNow | None = None
 
     def shown(self, facts: SceneFacts) -> tuple[CaptureFacts, ...]:
         """Return the captures whose robot and scanner are drawn."""

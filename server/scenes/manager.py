@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 from calib_core.errors import CalibrationError, NotFoundError
 from server.scenes.cloud_view import CloudView
-from server.scenes.facts import SceneInput
 from server.scenes.live import LiveScene
+from server.scenes.scene_input import SceneInput
 
 LoadScene = Callable[[str], SceneInput | None]
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Result, Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.stages.merge.record import MergeResult
-from calib_core.stages.registry import table_stages, tool_stages
-from calib_core.stages.stage import ReadFile
+from calib_core.steps import table_stages, tool_stages
 
 if TYPE_CHECKING:
     from calib_core.captures.scans import Placement, ScanGroup

@@ -7,8 +7,8 @@ import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Result, Session
-from calib_core.stages.camera.record import CameraResult
-from calib_core.stages.laser_plane.record import LaserPlaneResult
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import LaserPlaneResult
 
 BASE_FROM_CAMERA = RigidTransform.of(
     np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]]), [0.0, -600.0, 300.0], "base", "camera"

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from calib_core.errors import NotFoundError
-from server.scenes.advice import SceneAdvice, advice_for
-from server.scenes.facts import SceneInput
+from server.scenes.advice import advice_for
+from server.scenes.scene_input import SceneAdvice, SceneInput
 from server.scenes.stored import scene_of, stored_scene
 from server.store.history import compared, moment
 from server.store.sessions import load_session

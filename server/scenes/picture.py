@@ -11,7 +11,8 @@ import numpy as np
 from calib_core.frames import FloatArray
 from calib_core.records import Measured
 from server.scenes.advice import no_advice
-from server.scenes.facts import CaptureFacts, SceneFacts, SceneInput, no_points, nothing, scene_facts
+from server.scenes.facts import CaptureFacts, SceneFacts, scene_facts
+from server.scenes.scene_input import SceneInput, no_points, nothing
 
 WIDTH, HEIGHT = 240, 120
 _MARGIN = 14.0

@@ -1,11 +1,9 @@
 """Where the robot stands at this moment, as its source tells it, and the light as the scanner sees it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
 from server.scenes.colors import LASER
 from server.scenes.facts import SceneFacts
@@ -14,14 +12,6 @@ from server.scenes.look import Look
 from server.scenes.nodes import Node
 
 _FLANGE_MM, _LASER_MM = 60.0, 40.0
-
-
-@dataclass(frozen=True, eq=False)
-class RobotNow:
-    """The flange in the base, and the profile (N, 2), x and z in L, mm, that the scanner sees from there."""
-
-    base_from_tool0: RigidTransform
-    profile_mm: FloatArray
 
 
 def robot_now(facts: SceneFacts, look: Look) -> Iterator[Node]:

@@ -12,12 +12,12 @@ from calib_core.captures.observe import observe_capture
 from calib_core.captures.stripe_frames import with_solved_calibration
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.frames import FloatArray
+from calib_core.graph.registry import stages
 from calib_core.records import Capture, Measured, Session
-from calib_core.stages.registry import stages
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 from server.scenes.deviation import ReferenceMesh
-from server.scenes.facts import SceneInput
 from server.scenes.merged import ReadOutput, merged_cloud, merged_scans
+from server.scenes.scene_input import SceneInput
 
 if TYPE_CHECKING:
     from server.http.events import Hub

@@ -8,8 +8,8 @@ import numpy as np
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Result, Session
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.registry import table_stages
 from calib_core.stages.turntable.record import TableCircle, TurntableResidual, TurntableResult
+from calib_core.steps import table_stages
 
 
 @dataclass(frozen=True, eq=False)

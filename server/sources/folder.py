@@ -14,7 +14,7 @@ from typing import Any
 
 from calib_core.errors import InputError
 from calib_core.records import Capture, Session, StepName, parse_capture
-from calib_core.stages.registry import steps_that_show
+from calib_core.steps import steps_that_show
 
 POSE_FILES = ("poses.txt", "poses.csv")
 _POSE_ENDINGS = (".txt", ".pose")

@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError
 from calib_core.moment import from_now, now
-from server.http.json_text import JsonText
+from server.store.json_text import JsonText
 from server.store.models import AnswerRow, Data
 
 _KEPT = timedelta(days=7)

@@ -8,12 +8,12 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.archive.bag import Bag
 from calib_core.archive.folder import parse_json, to_json_bytes
-from calib_core.archive.plain_json import require_plain
 from calib_core.archive.stored_results import require_result
 from calib_core.errors import InputError
 from calib_core.formats.points import require_file_size
 from calib_core.records import Record, input_error, parse_session
-from calib_core.stages.registry import stage_names
+from calib_core.records.plain_json import require_plain
+from calib_core.steps import stage_names
 from server.store.history import PastResult, past_results
 from server.store.models import CaptureRow, Data, ResultRow
 

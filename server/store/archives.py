@@ -17,14 +17,14 @@ from calib_core.archive.archive import (
 )
 from calib_core.archive.bag import PAYLOAD, Bag, Content, open_bag
 from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
+from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import SESSION_FILE, to_json_bytes
 from calib_core.archive.stored_clouds import REFERENCE_FILE
 from calib_core.archive.stored_results import output_names
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import FORMAT, Measured, Session
-from calib_core.review.answer import ANSWER_FILE
-from calib_core.stages.registry import stage_names
-from server.jobs.measuring import Measure, check_poses, measure
+from calib_core.steps import stage_names
+from server.measuring import Measure, check_poses, measure
 from server.store.archived_files import add_archived_files
 from server.store.archived_history import HISTORY_FILE, ArchivedHistory, read_history, restore
 from server.store.arrivals import Arrival, add_captures

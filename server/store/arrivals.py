@@ -15,9 +15,9 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import CalibrationError, ConflictError
 from calib_core.moment import now
 from calib_core.records import Capture, Measured
-from server.http.json_text import JsonText
 from server.store.calibrations import board_results
 from server.store.database import publish_later
+from server.store.json_text import JsonText
 from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, WaitingRow
 from server.store.sessions import no_such_session
 

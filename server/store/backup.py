@@ -19,7 +19,6 @@ from calib_core.disk import remove_file, remove_folder
 from calib_core.errors import ConflictError, DamagedError, InputError, NotFoundError
 from calib_core.formats.shared.writing import write_atomically
 from calib_core.moment import now
-from server.auth.secrets import copy_key
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
 from server.store.blob_places import open_blobs
@@ -28,6 +27,7 @@ from server.store.doctor import Progress, referring, rows_of
 from server.store.engine import engine_of, reading
 from server.store.folder import folder_lock, require_store
 from server.store.schema import stored_revision, upgrade
+from server.store.secrets import copy_key
 
 MANIFEST: Final = "backup.json"
 _FORMAT: Final = "scancell-backup/1"

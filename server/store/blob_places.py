@@ -1,30 +1,11 @@
 """Where files by their SHA-256 are kept: a folder, or a bucket of an S3 store."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
 from calib_core.archive.kept_observations import KeptObservations
 from calib_core.errors import InputError
+from server.settings import BlobPlace
 from server.store.blobs import Blobs
 
 _S3 = "s3://"
-
-
-@dataclass(frozen=True)
-class BlobPlace:
-    """Where blobs are; it goes to worker processes, which open it for themselves.
-
-    `folder` holds the blobs, or, where `bucket` (``s3://bucket/prefix``) does, only what is on its way.
-    """
-
-    folder: Path
-    bucket: str | None = None
-    endpoint: str | None = None
-
-    @property
-    def observations(self) -> Path:
-        """The folder of what was seen in the captures: on this machine's disk, wherever the blobs are."""
-        return self.folder.parent / "observations"
 
 
 def open_blobs(place: BlobPlace, make: bool = True) -> Blobs:

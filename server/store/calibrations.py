@@ -9,9 +9,9 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.captures.content import shows_board
 from calib_core.captures.raw_frames import of_frames
 from calib_core.captures.stripe_frames import with_solved_calibration
+from calib_core.graph.keys import Graph
 from calib_core.records import Capture, Measured, Session, parse_capture
-from calib_core.stages.graph import Graph
-from calib_core.stages.registry import optics_stages, steps_that_show
+from calib_core.steps import optics_stages, steps_that_show
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, ResultRow
 from server.store.sessions import StoredSession, load_session

@@ -10,7 +10,7 @@ from sqlalchemy.exc import ArgumentError
 
 from calib_core.disk import is_remote
 from calib_core.errors import InputError
-from server.http.json_text import JsonText
+from server.store.json_text import JsonText
 
 _TIMEOUTS = {
     "connect_timeout": 5,

@@ -44,7 +44,7 @@ class SessionTexts(NamedTuple):
 
 def with_stale(session: Session, results: Mapping[str, Data], digests: Mapping[str, str]) -> dict[str, Data]:
     """Return what `StoredSession.results_with_stale` does."""
-    from calib_core.stages.graph import Graph
+    from calib_core.graph.keys import Graph
 
     stale = Graph(session, digests.__getitem__).stale(results)
     return {

@@ -9,11 +9,10 @@ from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import defer
 
 from calib_core.captures.kept import keeping
-from calib_core.errors import NotFoundError
+from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.moment import now
 from calib_core.records import Measured, Session, parse_session
 from calib_core.review.answer import cell_id_of
-from server.http.errors import OutdatedError
 from server.store.blobs import Blobs
 from server.store.database import record_event
 from server.store.kept_records import KeptRecords
@@ -24,6 +23,13 @@ from server.store.staleness import stale_stages
 
 OF_ARCHIVE = "archive"
 """In place of a stage: of outputs that came with an archive and belong to none."""
+
+
+class OutdatedError(CalibrationError):
+    """A change that was made against an older revision than the stored one."""
+
+    code = "outdated"
+    status = 412
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,7 @@ class StoredSession:
     @property
     def stale(self) -> list[str]:
         """The stages whose latest result was solved from something else, in the results' order."""
-        from calib_core.stages.graph import Graph
+        from calib_core.graph.keys import Graph
 
         stale = Graph(self.session, self.digests.__getitem__).stale(self.results)
         return [stage for stage in self.results if stage in stale]

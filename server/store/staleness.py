@@ -47,7 +47,7 @@ def _latest_hashes(db: Transaction, session_ids: Collection[str]) -> dict[str, d
 
 def _read(db: Transaction, hashes: Mapping[str, Mapping[str, str]]) -> dict[str, frozenset[str]]:
     """Return the stale stages of sessions, each read as a whole: 0.5 to 2 ms of the processor a session."""
-    from calib_core.stages.graph import Graph
+    from calib_core.graph.keys import Graph
 
     captures: dict[str, list[object]] = {}
     rows = select(CaptureRow.session_id, CaptureRow.record).where(CaptureRow.session_id.in_(hashes))

@@ -12,9 +12,9 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Final
 
 from calib_core import __version__
-from server.auth.secrets import load_key
 from server.settings import Settings
 from server.store.database import Store
+from server.store.secrets import load_key
 from server.store.webhooks import Delivery, due_deliveries, note_attempt
 from server.webhooks.signing import secret_of, signed_headers
 

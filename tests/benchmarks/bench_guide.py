@@ -18,8 +18,8 @@ from calib_core.frames import FloatArray
 from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.known import situation_of
 from calib_core.records import Session, parse_session
+from calib_core.records.callbacks import ReadFile
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.stage import ReadFile
 from calib_core.stages.tcp.record import TcpResult
 from tests.trouble import all_troubles, troubled
 

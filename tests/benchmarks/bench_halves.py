@@ -20,7 +20,7 @@ from calib_core.chain.tcp import TcpSolution, solve_tcp
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Session, parse_session
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 
 if TYPE_CHECKING:
     from calib_core.optics.camera_model import CameraModel

@@ -11,8 +11,8 @@ from calib_core.archive.stored_clouds import CLOUD_FILE, read_stored_ply
 from calib_core.formats.ply import ply_pieces
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import run as solve
-from server.scenes.facts import SceneInput
 from server.scenes.merged import merged_cloud
+from server.scenes.scene_input import SceneInput
 from server.scenes.stored import scene_input
 from tests.server.scene_visit import ARGUMENTS, FirstPicture, visit
 from tests.web.browsing import CHROMIUM

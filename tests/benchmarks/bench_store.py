@@ -15,7 +15,7 @@ from harness import Row
 from kill_server import ServerProcess
 
 from calib_core.simulation import simulate
-from server.jobs.measuring import measure
+from server.measuring import measure
 from server.settings import Settings
 from server.store.models import folded
 from server.store.store_lock import store_lock

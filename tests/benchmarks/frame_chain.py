@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.simulation import SimulatedSession
-from calib_core.stages.camera.record import CameraResult
-from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import run
 from calib_core.stages.tcp.record import TcpResult
 

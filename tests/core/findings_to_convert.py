@@ -23,7 +23,7 @@ VERDICTS: set[str] = {
     "calib_core/stages/verify/solve.py",
     "server/captures/measuring_queue.py",
     "server/commands/export/formats.py",
-    "server/jobs/measuring.py",
+    "server/measuring.py",
     "server/routes/answers.py",
     "server/store/calibrations.py",
     "server/store/history.py",

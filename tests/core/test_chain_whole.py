@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calib_core.frames import RigidTransform
+from calib_core.graph.keys import inputs_sha256
 from calib_core.records import parse_session
 from calib_core.simulation import simulate
-from calib_core.stages.graph import inputs_sha256
 from calib_core.stages.pipeline import run
 from tests.bound import Beliefs
 from tests.chain_bound import chain_bound

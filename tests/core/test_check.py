@@ -11,7 +11,7 @@ from calib_core.records import CheckFinding, Session, parse_session
 from calib_core.review.check import check_session
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.registry import capture_steps
+from calib_core.steps import capture_steps
 
 CELL = simulate("turntable", 2)
 LEAST = {step.name: step.least for step in capture_steps()}

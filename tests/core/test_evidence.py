@@ -13,7 +13,6 @@ from calib_core.archive.folder import load_session
 from calib_core.archive.stored_results import stored_results
 from calib_core.evidence.html import blocks_html, result_html
 from calib_core.evidence.numbers import number_text, quantity, quantity_text
-from calib_core.evidence.parts import BAND, residual_plot
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import blocks_text, plain, result_text
 from calib_core.evidence.words import captures_text, not_used
@@ -35,6 +34,7 @@ from calib_core.records.evidence import (
 )
 from calib_core.review.replay import compare
 from calib_core.stages.evidence import stored_evidence, title_of
+from calib_core.stages.evidence_parts import BAND, residual_plot
 from calib_core.stages.tcp.record import TcpResidual
 
 BLOCKS = TypeAdapter(list[AnyBlock])

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.captures.measure import measure_capture
 from calib_core.frames import RigidTransform, rotation_from_vector, vector_from_rotation
+from calib_core.graph.keys import Graph
 from calib_core.records import Guide, Measured, Session
 from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import simulate
-from calib_core.stages.graph import Graph
 from calib_core.stages.guide import guide
 from calib_core.stages.tcp.motion import nearest_turn_rad
 

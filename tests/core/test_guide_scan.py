@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.graph.keys import Graph, stage_captures
 from calib_core.records import Capture, Guide, Measured, Session, parse_cell
 from calib_core.simulation import SimulatedSession, simulate
-from calib_core.stages.graph import Graph, stage_captures
 from calib_core.stages.guide import guide
 
 

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
+from calib_core.graph.keys import Graph, stage_captures
 from calib_core.records import Guide, Measured, Session
 from calib_core.simulation import simulate
-from calib_core.stages.graph import Graph, stage_captures
 from calib_core.stages.guide import guide
 
 

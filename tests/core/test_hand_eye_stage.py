@@ -9,13 +9,13 @@ import pytest
 import calib_core as cc
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.graph.registry import STAGES
 from calib_core.review.cell_frames import frame_graph
 from calib_core.simulation import SimulatedSession
 from calib_core.simulation.fixed_board_cell import FixedBoardScenario, simulate_fixed_board
 from calib_core.stages.evidence import stored_evidence
 from calib_core.stages.hand_eye.solve import agreement_of, composed
 from calib_core.stages.pipeline import run, solve_stage
-from calib_core.stages.registry import STAGES
 
 
 @pytest.fixture(scope="module")

@@ -17,11 +17,11 @@ from calib_core.captures.kept_form import from_bytes, to_bytes
 from calib_core.captures.seen import Seen
 from calib_core.errors import MeasurementError
 from calib_core.records import Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.review.replay import replay
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.sphere.arc import ArcFit
 from calib_core.stages.pipeline import run
-from calib_core.stages.stage import ReadFile
 
 Fits = list[str]
 FILE = ".scancell/observations.sqlite"

@@ -11,8 +11,8 @@ from calib_core.captures.measure import measure_capture
 from calib_core.captures.pitch import suspected_pitch
 from calib_core.errors import InputError, MeasurementError, TooLargeError
 from calib_core.records import Capture, Session
+from calib_core.records.camera_result import CameraResult
 from calib_core.simulation import SimulatedSession
-from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 

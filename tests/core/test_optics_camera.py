@@ -13,7 +13,7 @@ from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel, Model, Segment
 from calib_core.records import parse_session
-from calib_core.stages.camera.record import CameraResult
+from calib_core.records.camera_result import CameraResult
 from calib_core.stages.pipeline import solve_stage
 
 SIZE = (1280, 1024)

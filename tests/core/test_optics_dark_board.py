@@ -12,10 +12,10 @@ from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.hand_eye import solve_hand_eye
 from calib_core.records import Measured, Session
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.simulation import SimulatedSession
-from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.guide import guide
-from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import run
 
 Rendered = Callable[[str, int], SimulatedSession]

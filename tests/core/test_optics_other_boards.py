@@ -6,12 +6,12 @@ import pytest
 
 from calib_core.optics.board import BoardView, find_board
 from calib_core.records import Board
+from calib_core.records.camera_result import CameraResult
 from calib_core.simulation import simulate
 from calib_core.simulation.frame_camera import SimulatedCamera
 from calib_core.simulation.frame_surfaces import BoardSurface
 from calib_core.simulation.frames import Exposure, light, render, sense
 from calib_core.simulation.motion import pose, turn
-from calib_core.stages.camera.record import CameraResult
 from calib_core.stages.pipeline import solve_stage
 
 CAMERA = SimulatedCamera()

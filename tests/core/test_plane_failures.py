@@ -7,6 +7,7 @@ import pytest
 
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane_solve import NO_LINE, PlaneSolution, solve_plane
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.simulation.frame_cell import (
     FrameScenario,
     as_png,
@@ -16,7 +17,6 @@ from calib_core.simulation.frame_cell import (
     simulate_frames,
 )
 from calib_core.simulation.frames import render
-from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.laser_plane.solve import plane_failures
 from calib_core.stages.pipeline import solve_stage
 from tests.core.test_optics_plane import views

@@ -8,9 +8,9 @@ import pytest
 from calib_core.arms.kinematics import NAMED_ARMS, flange_of_joints
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.poses.identity import identity_by_joints
 from calib_core.robots import to_pose
 from calib_core.robots.backup import read_controller_files
-from calib_core.robots.identity import identity_by_joints
 from calib_core.robots.told import Told
 
 CHANCE = np.random.default_rng(7)

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.errors import InputError
 from calib_core.exports.export import export
+from calib_core.formats.shared.xml_file import gzipped_as
 from calib_core.robots import parse_pose
 from calib_core.robots.backup import read_controller_files
-from calib_core.robots.xml_file import gzipped_as
 from tests.core.test_robot_exports import SESSION, TOOL, near, results
 
 JOINTS = (1.9942, -1.6684, 1.9330, -0.2718, 1.3209, 0.0036)

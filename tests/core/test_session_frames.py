@@ -10,9 +10,9 @@ from calib_core.captures.solved_optics import remembered
 from calib_core.captures.stripe_frames import calibration_of, with_solved_calibration
 from calib_core.guidance.at_part import budget_at
 from calib_core.records import KnownCamera, Session
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.review.cell_frames import frame_graph
 from calib_core.simulation import SimulatedSession
-from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 

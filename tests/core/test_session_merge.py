@@ -16,9 +16,9 @@ from calib_core.formats.points import parse_cloud
 from calib_core.formats.shared.writing import write_pieces
 from calib_core.frames import RigidTransform
 from calib_core.fusion.overlap import move_of_pose_change
+from calib_core.graph.keys import inputs_sha256
 from calib_core.records import Session
 from calib_core.simulation import simulate
-from calib_core.stages.graph import inputs_sha256
 from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.merge.solve import CLOUD_FILE, MESH_FILE, _Calibration, _moves
 from calib_core.stages.pipeline import run

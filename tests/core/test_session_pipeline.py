@@ -9,11 +9,11 @@ from calib_core.archive.folder import write_result
 from calib_core.errors import ConflictError, InputError, MeasurementError
 from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
+from calib_core.graph.keys import inputs_sha256
 from calib_core.records import Session, parse_session
 from calib_core.review.check import check_session
 from calib_core.robots import CONVENTIONS, parse_pose
 from calib_core.simulation import simulate
-from calib_core.stages.graph import inputs_sha256
 from calib_core.stages.pipeline import run, solve_stage
 from server.cli import main
 

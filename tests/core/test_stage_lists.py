@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from calib_core.stages.registry import stage_names, step_names, table_stages, tool_stages
+from calib_core.steps import stage_names, step_names, table_stages, tool_stages
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = {*stage_names(), *step_names()}

@@ -45,7 +45,8 @@ from typing import ClassVar
 
 from calib_core.records.evidence import Figure
 from calib_core.stages.acme.record import AcmeResult
-from calib_core.stages.stage import SOFTWARE, CaptureStep, Stage
+from calib_core.graph.stage import SOFTWARE, Stage
+from calib_core.steps import CaptureStep
 
 
 class Acme(Stage):
@@ -149,9 +150,9 @@ from calib_core.records import parse_session
 from calib_core.robots import parse_pose
 from calib_core.robots.programs.registry import PROGRAMS
 from calib_core.simulation import simulate
-from calib_core.stages.graph import Graph
+from calib_core.graph.keys import Graph
 from calib_core.stages.pipeline import run
-from calib_core.stages.registry import capture_steps, guided_steps, stage_names
+from calib_core.steps import capture_steps, guided_steps, stage_names
 from server.movers.registry import MOVERS
 from server.sources.registry import SOURCES
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calib_core.records import parse_session
-from calib_core.stages.camera.record import CameraResult
+from calib_core.records.camera_result import CameraResult
 from calib_core.stages.pipeline import solve_stage
 
 _REFERENCE_SIGMA_PX = 1.3

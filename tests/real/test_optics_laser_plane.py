@@ -8,7 +8,7 @@ import pytest
 
 from calib_core.errors import CalibrationError
 from calib_core.records import parse_session
-from calib_core.stages.laser_plane.record import LaserPlaneResult
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
 
 

@@ -14,9 +14,9 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Measured, VarianceComponents, parse_session
 from calib_core.stages.tcp.record import TcpResult, TwoStep
 from server.http import errors
-from server.scenes.facts import SceneInput
 from server.scenes.manager import SceneManager
 from server.scenes.router import scenes_router
+from server.scenes.scene_input import SceneInput
 
 RADIUS_MM = 20.0
 CENTER_MM = np.array([820.0, -240.0, 310.0])

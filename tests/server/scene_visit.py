@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from server.scenes.facts import SceneInput
 from server.scenes.manager import SceneManager
+from server.scenes.scene_input import SceneInput
 from tests.server.scene_cell import serve_scenes
 
 ARGUMENTS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox")

@@ -8,12 +8,12 @@ from sqlalchemy import text
 from sqlalchemy.exc import DatabaseError
 
 from server.auth.logins import REMEMBERED_S, Logins
-from server.auth.secrets import KEY_FILE
 from server.http.errors import LoginError
 from server.settings import Settings
 from server.store.audit import Act, acting, list_audit
 from server.store.backup import back_up, restore
 from server.store.database import Store
+from server.store.secrets import KEY_FILE
 from server.store.sessions import create_session
 from server.store.tokens import has_admin, list_tokens, revoke_token
 

@@ -6,7 +6,7 @@ from typing import Any
 import jsonschema_rs
 import pytest
 
-from calib_core.stages.registry import stage_names
+from calib_core.steps import stage_names
 from server.app import create_app
 
 

@@ -18,10 +18,10 @@ from calib_core.records import Measured, parse_session
 from calib_core.simulation import simulate
 from calib_core.stages.guide import guide
 from server.guides import Guides
-from server.jobs.measuring import measure
 from server.jobs.page_process import PageProcess, PageProcessError
+from server.measuring import measure
 from server.scenes.advice import SceneAdviser, advice_for
-from server.scenes.facts import SceneInput
+from server.scenes.scene_input import SceneInput
 from server.scenes.stored import scene_input
 from server.store.process_data import SessionTexts
 from tests.server.forked_commands import fork_from_one

@@ -16,10 +16,10 @@ from websockets.typing import Subprotocol
 
 from server.http.same_origin import is_same_origin
 from server.scenes.bridge import MAX_MESSAGE_BYTES, refusal
-from server.scenes.facts import SceneInput
 from server.scenes.live import SECRET_HEADER, LiveScene
 from server.scenes.manager import SceneManager
 from server.scenes.offline import scene_html
+from server.scenes.scene_input import SceneInput
 from server.scenes.viewers import VIEWER_HEADER
 from tests.server.scene_cell import make_cell, serve_scenes, wait_until
 

@@ -11,10 +11,11 @@ from calib_core.simulation import simulate
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 from server.scenes.colors import VIRIDIS
-from server.scenes.facts import SceneInput, scene_facts
+from server.scenes.facts import scene_facts
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html
 from server.scenes.look import look_at
+from server.scenes.scene_input import SceneInput
 from server.scenes.stored import scene_input
 from server.scenes.stories import story
 

@@ -10,8 +10,8 @@ import pytest
 
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Measured, parse_session
-from server.scenes.facts import SceneInput
 from server.scenes.picture import HEIGHT, WIDTH, session_picture
+from server.scenes.scene_input import SceneInput
 from server.scenes.stored import scene_input
 from server.settings import Settings
 from tests.server.live_server import serving, simulated_session

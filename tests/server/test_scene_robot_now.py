@@ -5,7 +5,7 @@ import pytest
 
 from calib_core.frames import RigidTransform
 from server.scenes.live import LiveScene
-from server.scenes.robot_now import RobotNow
+from server.scenes.look import RobotNow
 from tests.server.scene_cell import TOOL0_FROM_LASER, make_cell
 
 PROFILE_MM = np.column_stack(

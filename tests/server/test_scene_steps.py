@@ -13,7 +13,7 @@ from calib_core.guidance.so_far import TableSoFar
 from calib_core.records import parse_session
 from server.scenes.cloud_view import CloudColors, CloudView
 from server.scenes.colors import LIGHT, REJECTED, SCANS, VIRIDIS
-from server.scenes.facts import SceneFacts, SceneInput, scene_facts
+from server.scenes.facts import SceneFacts, scene_facts
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html
 from server.scenes.live import LiveScene
@@ -22,6 +22,7 @@ from server.scenes.merged import KnownScans, merged_scans, thinned
 from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA
 from server.scenes.player import Player
+from server.scenes.scene_input import SceneInput
 from server.scenes.stored import scene_input
 from server.scenes.views import FIELD_OF_VIEW_RAD, first_view, view
 from tests.server.scene_cell import wait_until

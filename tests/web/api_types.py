@@ -11,9 +11,9 @@ from typing import Any
 from pydantic.json_schema import models_json_schema
 
 from calib_core.records import Guide
-from calib_core.stages.camera.record import CameraResult
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.laser_plane.record import LaserPlaneResult
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
 from server.app import create_app

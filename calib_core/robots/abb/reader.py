@@ -9,12 +9,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
+from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.abb.literal import Value, literal
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import CALCULATED, CUT, changed
-from calib_core.robots.poses import parse_pose, to_pose
-from calib_core.robots.text import Source, number, source_of, split_top, unquoted, without_comments
+from calib_core.robots.text import Source, source_of, split_top, unquoted, without_comments
 
 _DECLARED = re.compile(
     r"\b(?:(?:LOCAL|TASK)\s+)?(CONST|VAR|PERS)\s+(\w+)\s+(\w+)\s*(\{[^}]*\})?\s*(:=|;|(?=\n)|$)", re.IGNORECASE

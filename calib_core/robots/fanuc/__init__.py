@@ -2,8 +2,8 @@
 
 import re
 
+from calib_core.poses.convention import POSE_FORMATS, XYZ_FIXED, Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import POSE_FORMATS, XYZ_FIXED, Convention
 
 CONVENTION = Convention(
     "fanuc",

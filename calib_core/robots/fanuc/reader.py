@@ -3,9 +3,10 @@
 import re
 from dataclasses import replace
 
+from calib_core.formats.shared.number import NUMBER, number
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.phrases import CUT, CUT_LINE, TWICE
-from calib_core.robots.text import NUMBER, Source, number, source_of
+from calib_core.robots.text import Source, source_of
 
 _POSITION = re.compile(r'^\s*P\[\s*(\d+)\s*(?::\s*"?([^"\]]*)"?)?\s*\]\s*\{', re.MULTILINE)
 _GROUP = re.compile(r"\bGP(\d+)\s*:", re.IGNORECASE)

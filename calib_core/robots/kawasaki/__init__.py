@@ -1,7 +1,7 @@
 """Kawasaki: files saved by its AS controllers."""
 
+from calib_core.poses.convention import POSE_FORMATS, Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import POSE_FORMATS, Convention
 
 CONVENTION = Convention(
     "kawasaki",

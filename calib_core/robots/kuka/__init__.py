@@ -1,7 +1,7 @@
 """KUKA: KRL programs, data lists and $config.dat."""
 
+from calib_core.poses.convention import POSE_FORMATS, Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import POSE_FORMATS, Convention
 
 CONVENTION = Convention(
     "kuka",

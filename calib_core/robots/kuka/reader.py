@@ -7,9 +7,10 @@ A taught point `XP1` has its tool and base in `FP1` beside it (TOOL_NO, BASE_NO)
 import re
 from dataclasses import replace
 
+from calib_core.formats.shared.number import number
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import CALCULATED, TWICE, UNMATCHED
-from calib_core.robots.text import closing, number, source_of, split_top, without_comments
+from calib_core.robots.text import closing, source_of, split_top, without_comments
 
 _TYPES = "E6POS|POS|E3POS|FRAME|E6AXIS|E3AXIS|AXIS"
 _ASSIGNED = re.compile(

@@ -1,7 +1,7 @@
 """Mitsubishi: programs, line by line."""
 
+from calib_core.poses.convention import POSE_FORMATS, XYZ_FIXED, Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import POSE_FORMATS, XYZ_FIXED, Convention
 
 CONVENTION = Convention(
     "mitsubishi",

@@ -1,7 +1,7 @@
 """Nachi: programs, line by line."""
 
+from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import Convention
 
 CONVENTION = Convention(
     "nachi",

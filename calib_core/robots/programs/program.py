@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.robots.poses import to_pose
+from calib_core.poses.numbers import to_pose
 
 LONGEST_SAID = 78
 """Characters of one answer; strings of some controllers hold 80."""

@@ -4,8 +4,8 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from calib_core.poses.convention import QUATERNION, Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import QUATERNION, Convention
 from calib_core.robots.told import NOTHING_TOLD, Told
 
 if TYPE_CHECKING:

@@ -3,13 +3,14 @@
 import re
 from collections.abc import Iterator
 
+from calib_core.formats.shared.number import number
+from calib_core.formats.shared.xml_file import elements
 from calib_core.frames import RigidTransform
+from calib_core.poses.numbers import to_pose
+from calib_core.poses.rotations import rotation_from_angles
 from calib_core.robots.controller_file import Found
 from calib_core.robots.phrases import CALCULATED, require_count
-from calib_core.robots.poses import to_pose
-from calib_core.robots.rotations import rotation_from_angles
-from calib_core.robots.text import Source, number
-from calib_core.robots.xml_file import elements
+from calib_core.robots.text import Source
 
 Edge = tuple[str, str, tuple[float, ...], int]
 """Parent, child, x y z qx qy qz qw, line."""

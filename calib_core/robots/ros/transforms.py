@@ -6,7 +6,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
-from calib_core.robots.poses import parse_pose
+from calib_core.poses.numbers import parse_pose
 
 _DEEPEST = 60
 

@@ -4,9 +4,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.number import number
 from calib_core.robots.controller_file import Found
 from calib_core.robots.phrases import CUT_LINE
-from calib_core.robots.text import Source, number
+from calib_core.robots.text import Source
 
 Numbers = tuple[float, ...]
 _MOST_NODES = 2_000_000

@@ -1,7 +1,7 @@
 """Stäubli: VAL 3 data and programs."""
 
+from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import Convention
 
 CONVENTION = Convention(
     "staubli",

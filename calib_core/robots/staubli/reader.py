@@ -8,11 +8,11 @@ import re
 from dataclasses import dataclass
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.number import number
+from calib_core.formats.shared.xml_file import Element, elements
 from calib_core.frames import RigidTransform
+from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
-from calib_core.robots.poses import parse_pose, to_pose
-from calib_core.robots.text import number
-from calib_core.robots.xml_file import Element, elements
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")
 _MOVE = re.compile(r"\bmove[jlc]\s*\(([^()]*)\)", re.IGNORECASE)

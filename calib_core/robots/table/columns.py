@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from calib_core.robots.conventions import CONVENTIONS
+from calib_core.poses.conventions import CONVENTIONS
 
 OTHERS = ("name", "tool", "frame", "table", "-", *(f"j{k}" for k in range(1, 8)))
 _UNIT = re.compile(r"[\s_]*[\[(]?(mm|deg|rad|°|m)[\])]?$", re.IGNORECASE)

@@ -7,8 +7,8 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.opencv import storage_matrices
 from calib_core.frames import FloatArray, rotation_from_vector
+from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
-from calib_core.robots.poses import parse_pose, to_pose
 from calib_core.robots.table.units import scale_of
 from calib_core.robots.text import source_of
 from calib_core.robots.told import Told

@@ -4,12 +4,13 @@ import re
 from collections.abc import Sequence
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.number import number
+from calib_core.poses.conventions import CONVENTIONS
+from calib_core.poses.numbers import convention_named
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
-from calib_core.robots.conventions import CONVENTIONS
-from calib_core.robots.poses import convention_named
 from calib_core.robots.table.columns import OTHERS, roles_of, unit_of
 from calib_core.robots.table.units import Scale, scale_of
-from calib_core.robots.text import Source, number, source_of
+from calib_core.robots.text import Source, source_of
 from calib_core.robots.told import Told
 
 _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(?:[eE][-+]?[0-9]+)?")

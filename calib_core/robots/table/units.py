@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from calib_core.errors import InputError
-from calib_core.robots.conventions import CONVENTIONS
+from calib_core.poses.conventions import CONVENTIONS
 
 _NEAREST_MM, _FARTHEST_MM = 20.0, 8000.0
 _MM = {"mm": 1.0, "m": 1000.0}

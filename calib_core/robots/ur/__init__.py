@@ -2,8 +2,8 @@
 
 import re
 
+from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import Convention
 
 CONVENTION = Convention(
     "ur",

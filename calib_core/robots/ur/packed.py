@@ -11,12 +11,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from calib_core.arms.kinematics import flange_of_joints
+from calib_core.formats.shared.xml_file import Element, elements
+from calib_core.poses.numbers import to_pose
 from calib_core.records import ArmJoint, ArmTable
 from calib_core.robots.controller_file import Found, Frame, Taught
-from calib_core.robots.poses import to_pose
 from calib_core.robots.text import numbers
 from calib_core.robots.ur.values import degrees, plausible
-from calib_core.robots.xml_file import Element, elements
 
 _PARAMETERS = ("deltaTheta", "a", "d", "alpha")
 _LEAST_REACH_M = 0.05  # of a table that is filled in

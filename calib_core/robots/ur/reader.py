@@ -9,12 +9,13 @@ import math
 import re
 from dataclasses import replace
 
+from calib_core.formats.shared.number import number
+from calib_core.formats.shared.xml_file import is_gzip, unzipped
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import UNMATCHED, changed, require_count
-from calib_core.robots.text import Source, closing, number, numbers, source_of, split_top, without_comments
+from calib_core.robots.text import Source, closing, numbers, source_of, split_top, without_comments
 from calib_core.robots.ur.packed import found_in, scripts_in
 from calib_core.robots.ur.values import degrees, plausible
-from calib_core.robots.xml_file import is_gzip, unzipped
 
 _LITERAL = re.compile(r"(?:(\w+)\s*(=|\()\s*)?(?<![\w])p\s*(?=\[)")
 _JOINTS = re.compile(r"^[ \t]*(?:global\s+|local\s+)?(\w+)\s*=\s*(?=\[)", re.MULTILINE)

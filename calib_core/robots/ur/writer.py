@@ -20,8 +20,8 @@ from calib_core.exports.writing import (
     tool_pose,
     wanted,
 )
+from calib_core.formats.shared.xml_file import elements, gzipped_as, is_gzip, unzipped
 from calib_core.robots.ur.packed import tcps, with_tcp
-from calib_core.robots.xml_file import elements, gzipped_as, is_gzip, unzipped
 
 
 class UrSettings(Settings):

@@ -3,8 +3,8 @@
 import re
 from typing import TYPE_CHECKING
 
+from calib_core.poses.convention import POSE_FORMATS, XYZ_FIXED, Convention
 from calib_core.robots.brand import Brand
-from calib_core.robots.convention import POSE_FORMATS, XYZ_FIXED, Convention
 
 if TYPE_CHECKING:
     from calib_core.robots.controller_file import Reference

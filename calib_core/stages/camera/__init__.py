@@ -2,12 +2,14 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.stages.stage import FRAME_FIELDS, CaptureStep, Stage
+from calib_core.graph.stage import FRAME_FIELDS, Stage
+from calib_core.steps import CaptureStep
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from calib_core.records import Capture, Session
+    from calib_core.records.camera_result import CameraResult
 
 
 _OF_ROBOT = ("pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
@@ -31,6 +33,13 @@ class Camera(Stage):
     guided = ("camera",)
     settings_field = "board"
     layers = ("camera",)
+
+    @property
+    def result(self) -> "type[CameraResult]":
+        """The record of its result, which captures of raw frames need too."""
+        from calib_core.records.camera_result import CameraResult
+
+        return CameraResult
 
     def is_wanted(self, session: "Session") -> bool:
         """Return whether the scanner delivers raw frames."""

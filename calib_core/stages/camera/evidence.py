@@ -4,8 +4,8 @@ import math
 from typing import Final
 
 from calib_core.evidence.numbers import number_text, quantity
-from calib_core.evidence.parts import capture_series, captures_used, left_out, provenance, residual_table
 from calib_core.records import Session
+from calib_core.records.camera_result import CameraResult
 from calib_core.records.evidence import (
     AnyBlock,
     Axis,
@@ -19,7 +19,7 @@ from calib_core.records.evidence import (
     Series,
     Table,
 )
-from calib_core.stages.camera.record import CameraResult
+from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance, residual_table
 
 MODELS: Final = {
     "plain": "plain: k1 k2 p1 p2 k3",

@@ -10,6 +10,7 @@ from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
 from calib_core.frames import RigidTransform
+from calib_core.graph.stage import SOFTWARE
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_refusal import COLOUR_NOTE
 from calib_core.optics.camera import CameraOptions, calibrate_camera
@@ -17,19 +18,18 @@ from calib_core.optics.camera_evidence import problems_of, remarks_of
 from calib_core.optics.camera_model import TILT, CameraModel
 from calib_core.optics.camera_solution import CameraSolution
 from calib_core.optics.robot_lengths import RobotLengths, RobotPoses
+from calib_core.poses.numbers import parse_pose
 from calib_core.records import Board, Capture, Verdict
-from calib_core.robots import parse_pose
-from calib_core.stages.camera.record import (
+from calib_core.records.camera_result import (
     CameraByRobot,
     CameraCandidate,
     CameraCoverage,
     CameraResidual,
     CameraResult,
 )
-from calib_core.stages.stage import SOFTWARE
 
 if TYPE_CHECKING:
-    from calib_core.stages.given import StageInput
+    from calib_core.graph.stage_input import StageInput
 
 _FAIL_RMS_PX = 3.0
 _FINDING_SHARE = 0.7

@@ -1,6 +1,9 @@
 """What the whole chain's result says of itself: tool and table from all captures together."""
 
-from calib_core.evidence.parts import (
+from calib_core.records import Session
+from calib_core.records.evidence import AnyBlock
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.evidence_parts import (
     captures_used,
     left_out,
     provenance,
@@ -11,9 +14,6 @@ from calib_core.evidence.parts import (
     workpiece_places,
     workpiece_table,
 )
-from calib_core.records import Session
-from calib_core.records.evidence import AnyBlock
-from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.evidence import COLUMNS as TCP_COLUMNS
 from calib_core.stages.tcp.evidence import scanner_table, sphere_figures, tool_frame, tool_sigmas
 from calib_core.stages.tcp.record import TcpResidual

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 from calib_core.captures.lost_rays import with_lost_rays
 from calib_core.errors import InputError
+from calib_core.graph.stage import SOFTWARE
+from calib_core.graph.stage_input import StageInput
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.given import StageInput
-from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.solve import with_unused
 from calib_core.stages.turntable.solve import part_of, table_of, table_options, tcp_of, tool_of, with_table_causes
 

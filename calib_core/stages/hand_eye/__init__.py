@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.stages.stage import FRAME_FIELDS, Stage
+from calib_core.graph.stage import FRAME_FIELDS, Stage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -62,7 +62,7 @@ def _turns_enough(session: "Session") -> bool:
         return False
     from calib_core.errors import CalibrationError
     from calib_core.optics.hand_eye import require_two_axes
-    from calib_core.robots import parse_pose
+    from calib_core.poses.numbers import parse_pose
 
     try:
         poses = [parse_pose(session.cell.pose_convention, c.pose or [], c.id) for c in posed]

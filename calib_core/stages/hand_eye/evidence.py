@@ -3,9 +3,9 @@
 from typing import Final
 
 from calib_core.evidence.numbers import fixed, quantity
-from calib_core.evidence.parts import captures_used, left_out, provenance, residual_table
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Figure, Row, Table
+from calib_core.stages.evidence_parts import captures_used, left_out, provenance, residual_table
 from calib_core.stages.hand_eye.record import Agreement, HandEyeResult
 
 _COLUMNS: Final = (("angle_deg", "Turned", "°"), ("shift_mm", "Shifted", "mm"), ("mahalanobis", "Distance", "σ"))

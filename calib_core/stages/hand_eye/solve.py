@@ -10,12 +10,12 @@ from calib_core.captures.dark_boards import PlaneViews
 from calib_core.errors import InputError
 from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.graph.stage import SOFTWARE
+from calib_core.graph.stage_input import StageInput
 from calib_core.optics.hand_eye import HandEye
 from calib_core.records import Verdict
-from calib_core.stages.given import StageInput
+from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.hand_eye.record import Agreement, HandEyeResidual, HandEyeResult
-from calib_core.stages.laser_plane.record import LaserPlaneResult
-from calib_core.stages.stage import SOFTWARE
 
 _RARE = 0.01
 _STEP = 1e-5  # rad and mm, of the numerical derivative

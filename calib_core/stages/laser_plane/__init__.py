@@ -2,12 +2,14 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.stages.stage import FRAME_FIELDS, CaptureStep, Stage
+from calib_core.graph.stage import FRAME_FIELDS, Stage
+from calib_core.steps import CaptureStep
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from calib_core.records import Capture, GuideNow, Session
+    from calib_core.records.laser_plane_result import LaserPlaneResult
     from calib_core.stages.guide import GuideView
 
 
@@ -30,6 +32,13 @@ class LaserPlane(Stage):
     guided = ("laser-plane",)
     frames: ClassVar = {"camera_from_laser": "covariance"}
     layers = ("laser_plane",)
+
+    @property
+    def result(self) -> "type[LaserPlaneResult]":
+        """The record of its result, which captures of raw frames need too."""
+        from calib_core.records.laser_plane_result import LaserPlaneResult
+
+        return LaserPlaneResult
 
     def is_wanted(self, session: "Session") -> bool:
         """Return whether the scanner delivers raw frames."""

@@ -4,7 +4,11 @@ import math
 from typing import Final
 
 from calib_core.evidence.numbers import plus_minus, quantity
-from calib_core.evidence.parts import (
+from calib_core.frames import RigidTransform
+from calib_core.records import Session
+from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot
+from calib_core.records.laser_plane_result import LaserPlaneResidual, LaserPlaneResult
+from calib_core.stages.evidence_parts import (
     capture_series,
     captures_used,
     direction_text,
@@ -13,10 +17,6 @@ from calib_core.evidence.parts import (
     provenance,
     residual_table,
 )
-from calib_core.frames import RigidTransform
-from calib_core.records import Session
-from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot
-from calib_core.stages.laser_plane.record import LaserPlaneResidual, LaserPlaneResult
 
 _COLUMNS: Final = (
     ("board_distance_mm", "Distance", "mm"),

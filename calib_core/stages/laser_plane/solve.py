@@ -10,6 +10,8 @@ from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
 from calib_core.frames import FloatArray
+from calib_core.graph.stage import SOFTWARE
+from calib_core.graph.stage_input import StageInput
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
@@ -26,10 +28,13 @@ from calib_core.optics.laser_plane_solve import (
     solve_plane,
 )
 from calib_core.records import Verdict
-from calib_core.stages.camera.record import CameraResult
-from calib_core.stages.given import StageInput
-from calib_core.stages.laser_plane.record import LaserPlaneResidual, LaserPlaneResult, PlaneInCamera, RefinedCamera
-from calib_core.stages.stage import SOFTWARE
+from calib_core.records.camera_result import CameraResult
+from calib_core.records.laser_plane_result import (
+    LaserPlaneResidual,
+    LaserPlaneResult,
+    PlaneInCamera,
+    RefinedCamera,
+)
 
 _FINDING_SHARE = 0.6
 _FAIL_NORMAL_SIGMA_DEG = 2.0

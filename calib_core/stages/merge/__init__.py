@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
+from calib_core.graph.stage import SCAN_FIELDS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
-from calib_core.stages.stage import SCAN_FIELDS, CaptureStep, Stage
+from calib_core.steps import CaptureStep
 
 if TYPE_CHECKING:
     from calib_core.records import Session

@@ -4,10 +4,10 @@ from math import hypot
 from typing import Final
 
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
-from calib_core.evidence.parts import capture_series, captures_used, left_out, provenance
 from calib_core.evidence.words import counted
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Table
+from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance
 from calib_core.stages.merge.record import MergeResidual, MergeResult
 
 _DROPPED: Final = (("stray", "Stray"), ("mixed", "Mixed"), ("grazing", "Grazing"))

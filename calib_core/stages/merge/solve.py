@@ -23,12 +23,12 @@ from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.scatter import Scatter
 from calib_core.fusion.self_calibration import SelfCalibration
 from calib_core.fusion.solve import MergeSolution, solve_merge
+from calib_core.graph.stage import SOFTWARE
+from calib_core.graph.stage_input import StageInput
 from calib_core.records import Cell, VarianceComponents, Verdict
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.given import StageInput
 from calib_core.stages.merge.doubts import merge_doubts
 from calib_core.stages.merge.record import Facing, MergeResidual, MergeResult, PoseScatter, SharedShift
-from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
 

@@ -3,9 +3,9 @@
 from typing import Final
 
 from calib_core.evidence.numbers import fixed, quantity
-from calib_core.evidence.parts import captures_used, left_out, provenance, residual_table
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Series, Table
+from calib_core.stages.evidence_parts import captures_used, left_out, provenance, residual_table
 from calib_core.stages.recheck.record import RecheckResult
 
 _COLUMNS: Final = (

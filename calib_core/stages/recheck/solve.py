@@ -9,12 +9,12 @@ from calib_core.captures.content import sphere_of
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
+from calib_core.graph.stage import SOFTWARE
+from calib_core.graph.stage_input import StageInput
 from calib_core.records import Verdict
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.given import StageInput
 from calib_core.stages.recheck.compare import Alike, Change, compared
 from calib_core.stages.recheck.record import Changed, RecheckResidual, RecheckResult, RecheckRound
-from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.held_out import Tool

@@ -3,7 +3,12 @@
 from typing import Final
 
 from calib_core.evidence.numbers import fixed, plus_minus, quantity
-from calib_core.evidence.parts import (
+from calib_core.exports.workpiece import turned_deg
+from calib_core.frames import RigidTransform
+from calib_core.records import Session
+from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.evidence_parts import (
     capture_series,
     captures_used,
     frame_block,
@@ -19,11 +24,6 @@ from calib_core.evidence.parts import (
     workpiece_places,
     workpiece_table,
 )
-from calib_core.exports.workpiece import turned_deg
-from calib_core.frames import RigidTransform
-from calib_core.records import Session
-from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
-from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.warm_up import drift_blocks
 

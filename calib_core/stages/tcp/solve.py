@@ -7,15 +7,16 @@ from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import with_lost_rays
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
-from calib_core.captures.sweep_rows import mark_sweeps, one_row_each
 from calib_core.captures.unfit import told_by_joints, unfit
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.evidence.words import not_used
+from calib_core.graph.stage import SOFTWARE
+from calib_core.graph.stage_input import Observed, SolvedTcp, StageInput
 from calib_core.records import Capture
+from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.given import Observed, SolvedTcp, StageInput
-from calib_core.stages.stage import SOFTWARE, Progress, ReadFile
+from calib_core.stages.sweep_rows import mark_sweeps, one_row_each
 from calib_core.stages.tcp.record import TcpResidual, TcpResult
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
@@ -62,7 +63,9 @@ def solve(given: StageInput) -> TcpResult:
 
 def _with_causes(result: TcpResult, given: StageInput, solved: SolvedTcp) -> TcpResult:
     """Return the result with its root causes; where poses do not belong to the scans, that is all that is said."""
-    happened = [cause.record(given.captures) for cause in solved.solution.causes]
+    from calib_core.causes.incidents import incident_record
+
+    happened = [incident_record(cause, given.captures) for cause in solved.solution.causes]
     if not _is_doubtful(result, solved):
         return result.model_copy(update={"causes": happened})
     from calib_core.causes.poses import pose_causes

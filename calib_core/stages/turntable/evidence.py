@@ -5,7 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
-from calib_core.evidence.parts import (
+from calib_core.frames import RigidTransform
+from calib_core.records import Session
+from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
+from calib_core.stages.chain.record import ChainResult
+from calib_core.stages.evidence_parts import (
     capture_series,
     captures_used,
     direction_text,
@@ -19,10 +23,6 @@ from calib_core.evidence.parts import (
     workpiece_places,
     workpiece_table,
 )
-from calib_core.frames import RigidTransform
-from calib_core.records import Session
-from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
-from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
 TableLike = TurntableResult | ChainResult

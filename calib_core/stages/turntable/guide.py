@@ -8,8 +8,8 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.guidance.advice import amount
 from calib_core.guidance.table_advice import TableAdvice, TableShot, table_advice
+from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, GuideNow, Meter, Session
-from calib_core.robots import parse_pose
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review, suggested
 from calib_core.stages.turntable.play import ASK_FOR_PLAY, NOT_CHECKED

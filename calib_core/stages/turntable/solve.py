@@ -11,10 +11,11 @@ from calib_core.captures.lost_rays import with_lost_rays
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.errors import InputError, MotionError
 from calib_core.frames import RigidTransform
+from calib_core.graph.stage import SOFTWARE
+from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
 from calib_core.records import Capture, Cell
+from calib_core.records.callbacks import Progress
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.given import SolvedTable, SolvedTcp, StageInput
-from calib_core.stages.stage import SOFTWARE, Progress
 from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_unused
 from calib_core.stages.turntable.record import TurntableResult
 

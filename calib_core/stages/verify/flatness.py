@@ -10,7 +10,7 @@ from calib_core.captures.unfit import unfit
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Session
-from calib_core.stages.stage import ReadFile
+from calib_core.records.callbacks import ReadFile
 from calib_core.stages.verify.decision import Estimate, jackknifed, range_and_band
 from calib_core.stages.verify.record import VerifyResidual
 

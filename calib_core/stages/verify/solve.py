@@ -9,9 +9,9 @@ from calib_core.captures.content import sphere_of
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
+from calib_core.graph.stage import SOFTWARE
+from calib_core.graph.stage_input import StageInput
 from calib_core.records import Capture, Verdict, Verification
-from calib_core.stages.given import StageInput
-from calib_core.stages.stage import SOFTWARE
 from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.decision import checked, overall, probing, tool_error

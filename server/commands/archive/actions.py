@@ -9,16 +9,16 @@ from typing import Any
 from calib_core.archive import archive
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
 from calib_core.archive.bag import Content
-from calib_core.archive.dates import solved_when
+from calib_core.archive.dates import ANSWER_FILE, solved_when
 from calib_core.archive.folder import folder_of, load_session, to_json_bytes
 from calib_core.archive.stored_results import stored_results, truth_of
 from calib_core.errors import CalibrationError, InputError
 from calib_core.moment import now
 from calib_core.records import Session
-from calib_core.review.answer import ANSWER_FILE, answer_of_folder
+from calib_core.records.callbacks import ReadFile
+from calib_core.review.answer import answer_of_folder
 from calib_core.review.replay import Replay, StageReplay
 from calib_core.review.replay import replay as replay_session
-from calib_core.stages.stage import ReadFile
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import input_name, is_stream, print_result, remark, write_out
 from server.console.progress import progress_bar
@@ -115,7 +115,7 @@ def _report(
     truth: Mapping[str, Any] | None,
     date: str,
 ) -> dict[str, Content]:
-    from calib_core.stages.graph import Graph
+    from calib_core.graph.keys import Graph
     from server.render.report.report import report_html
 
     stale = Graph.stale_of(session, read, results)
@@ -134,7 +134,7 @@ def _report(
 def _scene(
     options: argparse.Namespace, session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Content]:
-    from server.jobs.measuring import measure
+    from server.measuring import measure
     from server.scenes.offline import scene_html
     from server.scenes.stored import scene_input
 

@@ -11,10 +11,10 @@ from calib_core.archive.folder import load_results, load_session
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, in_format
 from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_pieces
+from calib_core.graph.keys import Graph
 from calib_core.records import Session
-from calib_core.stages.graph import Graph
+from calib_core.records.callbacks import ReadFile
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.stage import ReadFile
 from server.console.command import OK
 from server.console.output import STANDARD_OUTPUT, write_out
 from server.console.progress import progress_bar

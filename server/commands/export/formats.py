@@ -14,14 +14,14 @@ from calib_core.exports.answer import answer_of
 from calib_core.exports.backups import write_into
 from calib_core.exports.export import write_export
 from calib_core.exports.registry import export_named
+from calib_core.graph.keys import Graph
 from calib_core.library.machines import files_of
 from calib_core.moment import now
 from calib_core.records import Record, Session
 from calib_core.records.faults import NotUsableError, allowed_faults
-from calib_core.stages.graph import Graph
 from calib_core.stages.pipeline import run as run_stages
 from calib_core.stages.pipeline import stages_to_solve
-from calib_core.stages.registry import tool_stages
+from calib_core.steps import tool_stages
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import write_out
 from server.console.progress import progress_bar

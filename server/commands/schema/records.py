@@ -4,8 +4,8 @@ import json
 from typing import Any
 
 from calib_core.errors import InputError
+from calib_core.graph.registry import stages
 from calib_core.records import Record, Session
-from calib_core.stages.registry import stages
 
 _RECORDS: dict[str, tuple[type[Record], str]] = {
     "session": (Session, "scancell session record, format scancell-session/1"),

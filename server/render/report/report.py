@@ -15,12 +15,12 @@ from calib_core.evidence.style import STYLE
 from calib_core.evidence.text import VERDICTS, figure_text
 from calib_core.exports.answer import answer_of
 from calib_core.exports.workpiece import covariance_in
+from calib_core.graph.registry import stages
 from calib_core.records import Cell, Session
 from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.review.truth import truth_blocks
 from calib_core.robots import CONVENTIONS
 from calib_core.stages.evidence import stored_evidence, title_of
-from calib_core.stages.registry import stages
 from server.render.report.scene_picture import scene_picture
 
 _NOT_PLAIN = re.compile(r"[^\w .,:()#+-]")  # what would have to be escaped in a style sheet

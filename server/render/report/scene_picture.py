@@ -9,7 +9,7 @@ from calib_core.captures.poses import middle_pose
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Session
-from calib_core.stages.registry import steps_that_show, tool_stages
+from calib_core.steps import steps_that_show, tool_stages
 
 _SIZE: Final = 300.0
 _EDGE: Final = 26.0

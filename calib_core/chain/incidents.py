@@ -12,14 +12,13 @@ from typing import Literal
 
 import numpy as np
 
-from calib_core.causes.readings import moved_poses
+from calib_core.chain.leave_one_out import without_each
 from calib_core.chain.likelihood import ChainLinearisation, without_pose_errors
 from calib_core.chain.observations import SphereObservation
-from calib_core.chain.rejection import Judged, judge_these, without_each
+from calib_core.chain.rejection import Judged, judge_these
 from calib_core.chain.variance import GivenSigmas
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
-from calib_core.records import BeforeAfter, Capture, Changes, RootCause
 
 _LEAST_AFTER = 3
 _FAR_MM, _FAR_RAD = (
@@ -41,37 +40,6 @@ class Happened:
     captures: tuple[str, ...]
     sentence: str
     distance_mm: float | None = None
-
-    def record(self, captures: Sequence[Capture]) -> RootCause:
-        """Return it with its remedy: the smaller part of the session left out, or two poses exchanged."""
-        if self.kind == "swapped-poses":
-            one, other = self.captures
-            given = {one: other, other: one}
-            return RootCause(
-                id=f"swapped-poses-{one}"[:64],
-                kind=self.kind,
-                title=f"Poses of {one} and {other} are swapped",
-                sentence=self.sentence,
-                captures=list(self.captures),
-                changes=moved_poses(given, (), captures),
-                poses_from=given,
-            )
-        used = [capture.id for capture in captures if not capture.excluded]
-        after = [name for name in used if name in self.captures]
-        before = [name for name in used if name not in self.captures]
-        fewer = after if len(after) <= len(before) else before
-        since = self.captures[0]
-        return RootCause(
-            id=f"{self.kind}-{since}"[:64],
-            kind=self.kind,
-            title=f"The sphere moved before {since}"
-            if self.kind == "moved-sphere"
-            else f"The scanner moved on the flange before {since}",
-            sentence=self.sentence,
-            evidence=[BeforeAfter(label="Moved by", unit="mm", before=self.distance_mm, after=None)],
-            captures=list(self.captures),
-            changes=Changes(captures={name: {"excluded": True} for name in fewer}) if fewer else None,
-        )
 
 
 def named_causes(

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.errors import MeasurementError
+from calib_core.graph.registry import stages
 from calib_core.records import Capture, Result, Session
-from calib_core.stages.registry import stages
-from calib_core.stages.stage import Progress, ReadFile, StoreFile
+from calib_core.records.callbacks import Progress, ReadFile, StoreFile
 
 if TYPE_CHECKING:
     from calib_core.chain.tcp import TcpSolution
     from calib_core.chain.turntable import TurntableSolution
     from calib_core.fusion.crew import Crew, MergeOptions
-    from calib_core.stages.graph import Graph
+    from calib_core.graph.keys import Graph
 
 
 @dataclass(frozen=True, eq=False)

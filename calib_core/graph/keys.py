@@ -12,10 +12,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from calib_core.errors import CalibrationError
+from calib_core.graph.first_keys import inputs_sha256_of_0_1_0
+from calib_core.graph.registry import STAGES, stages
+from calib_core.graph.stage import Stage
 from calib_core.records import Capture, Cell, Result, Session
-from calib_core.stages.first_keys import inputs_sha256_of_0_1_0
-from calib_core.stages.registry import STAGES, stages
-from calib_core.stages.stage import ReadFile, Stage
+from calib_core.records.callbacks import ReadFile
 
 Digest = Callable[[str], str]
 

@@ -4,9 +4,10 @@ import hashlib
 import json
 from collections.abc import Callable
 
+from calib_core.graph.registry import STAGES
+from calib_core.graph.stage import Stage
 from calib_core.records import Session
-from calib_core.stages.registry import STAGES, steps_that_show
-from calib_core.stages.stage import Stage
+from calib_core.steps import steps_that_show
 
 
 def inputs_sha256_of_0_1_0(session: Session, stage: Stage, digest: Callable[[str], str]) -> str:

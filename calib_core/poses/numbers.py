@@ -8,9 +8,9 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
-from calib_core.robots.convention import Convention
-from calib_core.robots.conventions import CONVENTIONS
-from calib_core.robots.rotations import (
+from calib_core.poses.convention import Convention
+from calib_core.poses.conventions import CONVENTIONS
+from calib_core.poses.rotations import (
     angles_from_rotation,
     quaternion_from_rotation,
     rotation_from_angles,

@@ -10,6 +10,7 @@ from calib_core.evidence.words import by_cause, captures_text
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import AtWorkpiece, at_workpiece
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import CaptureResidual, Result, Session, VarianceComponents
 from calib_core.records.evidence import (
     AnyBlock,
@@ -26,7 +27,6 @@ from calib_core.records.evidence import (
     Series,
     Table,
 )
-from calib_core.robots import CONVENTIONS
 
 BAND: Final = 2.795
 """The 95 % quantile of the length of three independent standard normal numbers (χ², 3 degrees of freedom)."""
