@@ -53,6 +53,22 @@ class _Parser(argparse.ArgumentParser):
         self.error(f"unrecognized arguments: {' '.join(unknown)}{meant}")
 
 
+class _Version(argparse.Action):
+    """Prints the version, and what it means for the data folder that is here or that SCANCELL_DATA names."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(nargs=0, default=argparse.SUPPRESS, **given)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        data = os.environ.get("SCANCELL_DATA", "sessions")
+        print(f"scancell {__version__} (Python {sys.version.split()[0]}, {sys.platform})")
+        if os.path.isfile(f"{data}/scancell.db"):  # noqa: PTH113 (pathlib takes as long as all the rest)
+            from server.commands.update import told
+
+            print(f"{data}: {told(data)}")
+        parser.exit()
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the solves are many and small
@@ -102,7 +118,7 @@ def parser(used: Iterable[str]) -> argparse.ArgumentParser:
         epilog=f"{_listed()}\n\n{_EXIT_STATUS}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    top.add_argument("--version", action="version", version=f"scancell {__version__}")
+    top.add_argument("--version", action=_Version, help="say what runs, and whose form the data folder has")
     _add_common(top.add_argument, default=False)
     _add(top, COMMANDS, frozenset(used))
     return top

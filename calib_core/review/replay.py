@@ -17,11 +17,16 @@ from calib_core.records import Record, Session
 from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.stages.pipeline import solve_stage
 
-TOLERANCE: Final = 1e-9
-"""Two numbers are equal where they differ by less than this, relative to the larger."""
+SIGMAS: Final = 1e-3
+"""A frame is equal where it lies within this many of its stated standard deviations along each axis."""
 
-ROUNDING: Final = 1e-15
-"""Or by less than this, relative to the largest number of their vector or matrix: a zero is never quite zero."""
+TOLERANCE: Final = 1e-6
+"""Other numbers are equal where they differ by less than this, relative to the larger: arithmetic of another
+processor moves them by some 1e-9."""
+
+ROUNDING: Final = 1e-9
+"""Or by less than this, relative to the largest number of their vector or matrix, in a covariance to the standard
+deviations of their row and column: a zero is never quite zero."""
 
 MAX_LISTED: Final = 100
 
@@ -126,11 +131,12 @@ def compare(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> StageReplay:
     """Return how two results of a stage compare, value by value, given as JSON data."""
     numbers, largest, count = 0, 0.0, 0
     differences: list[ReplayDifference] = []
+    same = tuple(f"{name}[" for name in _same_frames(stored, fresh))
     for path, a, b, size in _pairs(_compared(stored), _compared(fresh)):
         if _is_number(a) and _is_number(b):
             relative = _relative(a, b)
             numbers += 1
-            if relative <= TOLERANCE or abs(a - b) <= ROUNDING * size:
+            if relative <= TOLERANCE or abs(a - b) <= ROUNDING * size or path.startswith(same):
                 largest = max(largest, min(relative, TOLERANCE))
                 continue
             largest = max(largest, relative)
@@ -149,6 +155,18 @@ def compare(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> StageReplay:
         difference_count=count,
         differences=differences[:MAX_LISTED],
     )
+
+
+def _same_frames(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> Iterator[str]:
+    """Give the names of the frames that are equal by their stated standard deviations."""
+    from calib_core.stages.registry import STAGES
+
+    stage = str(stored.get("stage", ""))
+    if stage not in STAGES.names():
+        return
+    for name, sigmas in _frame_sigmas(stage, stored, fresh):
+        if sigmas <= SIGMAS:
+            yield name
 
 
 def _compared(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -183,16 +201,25 @@ def _why(
 
 def _sigmas(stage: str, stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> float:
     """Return how far the frames lie apart at most along one of their axes, in the new result's sigmas."""
+    return max([0.0, *(sigmas for _, sigmas in _frame_sigmas(stage, stored, fresh))])
+
+
+def _frame_sigmas(stage: str, stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """Give the frames that both results have, and how far they lie apart in the new one's sigmas."""
     from calib_core.exports.workpiece import covariance_in
     from calib_core.review.compare import frame_difference, frames_of
 
-    largest = 0.0
     for name, into, outof, covariance in frames_of(stage):
-        left, right = (RigidTransform.from_rounded(one[name], into, outof) for one in (stored, fresh))
-        known = np.asarray(covariance_in(fresh, covariance))
+        if stored.get(name) is None or fresh.get(name) is None:
+            continue
+        try:
+            left, right = (RigidTransform.from_rounded(one[name], into, outof) for one in (stored, fresh))
+            known = np.asarray(covariance_in(fresh, covariance))
+        except CalibrationError:  # an altered one may be no frame any more
+            continue
         axes = frame_difference(name, (left, right), known, np.zeros(3)).axes
-        largest = max([largest, *(abs(axis.sigmas or 0.0) for axis in axes)])
-    return largest
+        free = any(axis.sigmas is None and abs(axis.difference) > TOLERANCE for axis in axes)
+        yield name, math.inf if free else max(abs(axis.sigmas or 0.0) for axis in axes)
 
 
 def _pairs(a: Any, b: Any, path: str = "", size: float = 0.0) -> Iterator[tuple[str, Any, Any, float]]:
@@ -204,6 +231,9 @@ def _pairs(a: Any, b: Any, path: str = "", size: float = 0.0) -> Iterator[tuple[
             yield from _pairs(left.get(name, _MISSING), right.get(name, _MISSING), place)
     elif isinstance(a, list) and isinstance(b, list):
         left_items, right_items = cast("list[Any]", a), cast("list[Any]", b)
+        if _is_covariance(path, left_items) and _is_covariance(path, right_items):
+            yield from _covariance_pairs(left_items, right_items, path)
+            return
         size = size or max(_largest(left_items), _largest(right_items))
         for k in range(max(len(left_items), len(right_items))):
             left_item = left_items[k] if k < len(left_items) else _MISSING
@@ -211,6 +241,25 @@ def _pairs(a: Any, b: Any, path: str = "", size: float = 0.0) -> Iterator[tuple[
             yield from _pairs(left_item, right_item, f"{path}[{_label(left_item, k)}]", size)
     else:
         yield path, a, b, size
+
+
+def _is_covariance(path: str, items: list[Any]) -> bool:
+    """Return whether this is a matrix of numbers by the name of a covariance."""
+    square = all(isinstance(row, list) and len(cast("list[Any]", row)) == len(items) for row in items)
+    return path.endswith("covariance") and bool(items) and square and all(_is_number(x) for r in items for x in r)
+
+
+def _covariance_pairs(
+    left: list[list[float]], right: list[list[float]], path: str
+) -> Iterator[tuple[str, Any, Any, float]]:
+    """Give the elements of two covariances, each with the product of the sigmas of its row and its column."""
+    if len(left) != len(right):
+        yield path, left, right, 0.0
+        return
+    sigmas = [math.sqrt(max(abs(left[k][k]), abs(right[k][k]))) for k in range(len(left))]
+    for k, rows in enumerate(zip(left, right, strict=True)):
+        for column, (a, b) in enumerate(zip(*rows, strict=True)):
+            yield f"{path}[{k}][{column}]", a, b, sigmas[k] * sigmas[column]
 
 
 def _label(item: Any, index: int) -> str:

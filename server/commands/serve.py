@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _ENDINGS = [number for name in ("SIGINT", "SIGTERM", "SIGBREAK") if (number := getattr(signal, name, None))]
 """SIGBREAK is Windows': Ctrl-Break, and how another program ends one that has a console."""
 
+_ANSWERS_S = 2.0
+
 _OWN_ADDRESS = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 """Windows lets an address that is in use be shared by the option that elsewhere takes one that was just let go."""
 
@@ -30,6 +32,10 @@ def serve(options: argparse.Namespace) -> int:
     host, port = options.host, options.port
     if not 0 <= port <= 65535:
         raise InputError("a port from 0 to 65535", str(port), "Give another.", "--port")
+    if options.open and (running := _running(host, port)):
+        _open(running)
+        print_result(options, f"The workbench runs already, at {running}", {"address": running})
+        return OK
     _require_free(host, port)
     gc.disable()  # until it serves: what is imported stays
     from server.heap import keep_little
@@ -66,12 +72,40 @@ def _announce(options: argparse.Namespace, server: "WorkbenchServer") -> None:
     with suppress(IndexError):  # it may be stopped just as it has started
         address = server.address
         print_result(options, f"The workbench is at {address} (Ctrl-C ends it)", {"address": address})
+        if options.open:
+            _open(address)
     if server.is_in_the_clear:
         remark(
             options,
             "Tokens and measurements travel unencrypted. Serve so on a network that you trust alone, or set "
             "SCANCELL_TLS_CERTIFICATE and SCANCELL_TLS_KEY.",
         )
+
+
+def _running(host: str, port: int) -> str | None:
+    """Return the address of a workbench that answers there already, None where none does."""
+    import json
+    from urllib.error import HTTPError, URLError
+    from urllib.request import ProxyHandler, build_opener
+
+    address = f"http://{host}:{port}"
+    try:
+        with build_opener(ProxyHandler({})).open(f"{address}/api/v1/health", timeout=_ANSWERS_S) as answer:
+            health = json.load(answer)
+    except HTTPError as error:
+        with error:
+            return address if error.code == 503 and b'"version"' in error.read() else None  # it still starts
+    except (URLError, OSError, ValueError):
+        return None
+    return address if isinstance(health, dict) and "version" in health else None
+
+
+def _open(address: str) -> None:
+    """Show it in the browser of whoever sits here; where there is none, the address is printed."""
+    import webbrowser
+
+    with suppress(webbrowser.Error, OSError):
+        webbrowser.open(address)
 
 
 def _require_free(host: str, port: int) -> None:

@@ -90,5 +90,6 @@ def address_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--host", default="127.0.0.1", metavar="HOST", help="address to serve on (%(default)s)")
     parser.add_argument("--port", type=int, default=8000, metavar="PORT", help="0: any that is free (%(default)s)")
     data_argument(parser)
+    parser.add_argument("--open", action="store_true", help="open it in the browser, also where it runs already")
     parser.add_argument("--tls-cert", type=Path, metavar="FILE", help="a certificate with its chain, PEM: https")
     parser.add_argument("--tls-key", type=Path, metavar="FILE", help="its private key, PEM")

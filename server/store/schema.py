@@ -34,6 +34,15 @@ def upgrade(connection: Connection, revision: str = "heads") -> None:
         raise InputError("a store of this version or an earlier one", str(error), to_do, "store") from None
 
 
+def downgrade(connection: Connection, revision: str) -> None:
+    """Take the tables back to an earlier revision, all or nothing with the connection's transaction."""
+    from alembic import command
+
+    config = _config()
+    config.attributes["connection"] = connection
+    command.downgrade(config, revision)
+
+
 def stored_revision(connection: Connection) -> str | None:
     """Return the revision that a database's tables have, None where there are none."""
     from alembic.migration import MigrationContext

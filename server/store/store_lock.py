@@ -15,6 +15,7 @@ from server.settings import Settings
 from server.store.database import Store
 from server.store.engine import engine_of
 from server.store.folder import folder_lock
+from server.store.updates import keep_before_update
 
 log = logging.getLogger("scancell")
 _LOCK: Final = 0x7363616E63656C6C  # "scancell": PostgreSQL's advisory locks have numbers for names
@@ -104,6 +105,8 @@ def store_lock(settings: Settings) -> Generator[DatabaseLock | None]:
     with folder_lock(settings.data), _database_lock(settings) as lock:
         store = Store(settings, lambda _: None)
         try:
+            if settings.database_url is None and (kept := keep_before_update(settings.data)):
+                log.info("the database gets this version's form; as it was, it is kept in %s", kept)
             store.migrate()
             if lock is not None:
                 lock.start()

@@ -7,7 +7,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from calib_core.archive.folder import load_session, to_json_bytes
 from calib_core.archive.stored_results import stored_results
@@ -26,7 +28,7 @@ def test_an_untouched_session_comes_out_bit_for_bit(solved_folder, stored):
     assert found.equal
     assert (stage.stage, stage.equal, stage.largest_relative, stage.difference_count) == ("tcp", True, 0.0, 0)
     assert stage.numbers == count_numbers({k: v for k, v in stored["tcp"].items() if k != "evidence"})
-    assert found.tolerance == TOLERANCE == 1e-9
+    assert found.tolerance == TOLERANCE == 1e-6
 
 
 def count_numbers(data: Any) -> int:
@@ -49,32 +51,61 @@ def altered(stored: dict[str, Any], path: str, factor: float) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    "path",
-    [
-        "tool0_from_laser.1.3",
-        "covariance.0.0",
-        "surface_rms_mm",
-        "residuals.4.surface_rms_mm",
-        "two_step.covariance.2.2",
-    ],
+    "path", ["covariance.0.0", "surface_rms_mm", "residuals.4.surface_rms_mm", "two_step.covariance.2.2"]
 )
 def test_every_number_counts_from_the_stated_tolerance_on(stored, path):
-    assert compare(altered(stored, path, 1 + 5e-10), stored["tcp"]).equal
-    found = compare(altered(stored, path, 1 + 2e-9), stored["tcp"])
+    assert compare(altered(stored, path, 1 + 5e-7), stored["tcp"]).equal
+    found = compare(altered(stored, path, 1 + 2e-6), stored["tcp"])
     assert not found.equal
     (difference,) = found.differences
-    assert difference.relative == pytest.approx(2e-9, rel=1e-3)
+    assert difference.relative == pytest.approx(2e-6, rel=1e-3)
     assert found.largest_relative == difference.relative
     named = re.sub(r"\[(p\d\d|\d)\]", lambda found: "." + found[1], difference.path)
     assert named == path.replace("residuals.4", "residuals.p05")
+
+
+def moved(stored: dict[str, Any], axis: int, sigmas: float) -> dict[str, Any]:
+    """The stored result with its tool shifted along the flange's axes, or turned about its own."""
+    tool = np.array(stored["tcp"]["tool0_from_laser"])
+    by = sigmas * np.sqrt(stored["tcp"]["covariance"][axis][axis])
+    if axis < 3:
+        tool[:3, :3] @= Rotation.from_rotvec(by * np.eye(3)[axis]).as_matrix()
+    else:
+        tool[axis - 3, 3] += by
+    return {**stored["tcp"], "tool0_from_laser": tool.tolist()}
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_a_frame_counts_by_its_stated_sigmas(stored, axis):
+    """Another processor's arithmetic moves it by some 1e-7 of them."""
+    assert compare(moved(stored, axis, 9e-4), stored["tcp"]).equal
+    found = compare(moved(stored, axis, 0.05), stored["tcp"])
+    assert not found.equal
+    assert {d.path.partition("[")[0] for d in found.differences} == {"tool0_from_laser"}
+
+
+def test_what_is_no_frame_any_more_differs(stored):
+    assert not compare({**stored["tcp"], "tool0_from_laser": np.zeros((4, 4)).tolist()}, stored["tcp"]).equal
+
+
+def test_an_element_of_a_covariance_counts_by_the_sigmas_of_its_row_and_column():
+    """It was "not equal" for 4e-9 between two processors; variances in rad² are 1e-5 of those in mm²."""
+
+    def result(turned: float, both: float) -> dict[str, Any]:
+        return {"stage": "x", "covariance": [[turned, both], [both, 1.0]]}
+
+    assert compare(result(1e-8, 0.0), result(1e-8 * (1 + 4e-9), 9e-14)).equal
+    assert not compare(result(1e-8, 0.0), result(1e-8, 2e-13)).equal
+    assert not compare(result(1e-8, 0.0), result(1.01e-8, 0.0)).equal
+    assert not compare(result(1e-8, 0.0), {"stage": "x", "covariance": [[1e-8]]}).equal
 
 
 def test_a_zero_of_a_matrix_may_be_rounded_and_no_more():
     def matrix(zero: float) -> dict[str, Any]:
         return {"stage": "x", "m": [[1.0, zero], [0.0, 250.0]]}
 
-    assert compare(matrix(0.0), matrix(2e-13)).equal
-    assert not compare(matrix(0.0), matrix(1e-10)).equal
+    assert compare(matrix(0.0), matrix(2e-7)).equal
+    assert not compare(matrix(0.0), matrix(3e-7)).equal
     assert not compare({"stage": "x", "a": 0.0}, {"stage": "x", "a": 1e-15}).equal
 
 
@@ -122,8 +153,8 @@ def test_reasons_from_the_records(solved_folder, stored, tmp_path):
     assert "'guessing'" in why(solved_folder, wrong)
     folder = tmp_path / "s"
     shutil.copytree(solved_folder, folder)
-    with (folder / "captures" / "p02.csv").open("a") as file:
-        file.write("\n0.0,400.0\n")
+    scan = folder / "captures" / "p02.csv"
+    scan.write_text("\n".join(scan.read_text().splitlines()[::2]))
     assert "the hashes of the inputs differ" in why(folder, stored)
     (folder / "captures" / "p02.csv").unlink()
     assert "cannot be solved any more" in why(folder, stored)
@@ -142,7 +173,7 @@ def test_a_stage_of_another_version_is_said_not_to_be_solvable(solved_folder):
 def test_the_command(solved_folder, stored, tmp_path, capsys):
     folder = tmp_path / "s"
     shutil.copytree(solved_folder, folder)
-    wrong = altered(stored, "sphere_center_in_base_mm.0", 1 + 1e-6)
+    wrong = altered(stored, "sphere_center_in_base_mm.0", 1 + 1e-4)
     (folder / "results" / "tcp.json").write_bytes(to_json_bytes(wrong))
     assert main(["archive", "pack", str(folder), "--out", str(tmp_path / "a.zip"), "--no-scene"]) == 0
     capsys.readouterr()

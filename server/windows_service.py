@@ -1,0 +1,160 @@
+"""The workbench as a scheduled task of Windows, and its links: what needs no rights where it can do without.
+
+A task rather than a service: a service must be a program of its own kind, and only administrators install one.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+from xml.sax.saxutils import escape
+
+from calib_core.disk import WINDOWS, remove_file
+from calib_core.errors import InputError
+from calib_core.formats.shared.writing import write_atomically
+from server.windows_links import link
+
+TASK = "scancell"
+_PROGRAMS = "Microsoft/Windows/Start Menu/Programs"
+_MINIMIZED = 7
+_TASK_XML = """<?xml version="1.0" encoding="UTF-16"?>
+<Task version="1.2" xmlns="http://schemas.microsoft.com/windows/2004/02/mit/task">
+  <RegistrationInfo><Description>scancell, the workbench for scanning cells</Description></RegistrationInfo>
+  <Triggers>{trigger}</Triggers>
+  <Principals><Principal id="Author">{principal}<RunLevel>LeastPrivilege</RunLevel></Principal></Principals>
+  <Settings>
+    <MultipleInstancesPolicy>IgnoreNew</MultipleInstancesPolicy>
+    <DisallowStartIfOnBatteries>false</DisallowStartIfOnBatteries>
+    <StopIfGoingOnBatteries>false</StopIfGoingOnBatteries>
+    <AllowHardTerminate>true</AllowHardTerminate>
+    <AllowStartOnDemand>true</AllowStartOnDemand>
+    <ExecutionTimeLimit>PT0S</ExecutionTimeLimit>
+    <Priority>5</Priority>
+    <RestartOnFailure><Interval>PT1M</Interval><Count>10</Count></RestartOnFailure>
+  </Settings>
+  <Actions Context="Author">
+    <Exec>
+      <Command>{program}</Command>
+      <Arguments>{arguments}</Arguments>
+      <WorkingDirectory>{folder}</WorkingDirectory>
+    </Exec>
+  </Actions>
+</Task>
+"""
+
+
+@dataclass(frozen=True)
+class Service:
+    """What the task runs.
+
+    Parameters
+    ----------
+    data : Path
+        The data folder, absolute.
+    port : int
+    system : bool
+        Whether it runs from the machine's start on, as Windows' own account for services; else as this user.
+    """
+
+    data: Path
+    port: int
+    system: bool
+
+
+def install(service: Service) -> list[str]:
+    """Make the task and the links; return what was made.
+
+    Raises
+    ------
+    InputError
+        If this is not Windows, or it refuses the task.
+    """
+    _require_windows()
+    service.data.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
+        file = Path(folder) / "task.xml"
+        file.write_text(task_xml(service, program()), encoding="utf-16")
+        _schtasks("/Create", "/TN", TASK, "/XML", str(file), "/F")
+    menu, startup = _links()
+    write_atomically(menu, link(str(program()), serve_arguments(service, "--open"), str(service.data)))
+    made = [f"task {TASK}", str(menu)]
+    if not service.system:  # a task that starts at a logon needs an administrator, a link does not
+        write_atomically(startup, link("%SystemRoot%\\System32\\schtasks.exe", f"/Run /TN {TASK}", "", _MINIMIZED))
+        made.append(str(startup))
+    return made
+
+
+def start() -> str:
+    """Have the task run now; raises InputError."""
+    _require_windows()
+    return _schtasks("/Run", "/TN", TASK)
+
+
+def stop() -> str:
+    """End what the task runs; raises InputError."""
+    _require_windows()
+    return _schtasks("/End", "/TN", TASK)
+
+
+def status() -> str:
+    """Return what Windows knows of the task; raises InputError."""
+    _require_windows()
+    return _schtasks("/Query", "/TN", TASK, "/V", "/FO", "LIST")
+
+
+def remove() -> str:
+    """End the task and remove it with its links; the data folder stays. Raises InputError."""
+    _require_windows()
+    for path in _links():
+        remove_file(path, missing_ok=True)
+    _schtasks("/End", "/TN", TASK, may_fail=True)  # it may not run
+    return _schtasks("/Delete", "/TN", TASK, "/F")
+
+
+def serve_arguments(service: Service, *more: str) -> str:
+    """Return the arguments with which Python serves, as one line for Windows."""
+    words = ["-m", "server.cli", "serve", "--port", str(service.port), "--data", str(service.data), *more]
+    return subprocess.list2cmdline(words)
+
+
+def task_xml(service: Service, python: PureWindowsPath) -> str:
+    """Return the task's definition: without a limit of time, on battery too, started again where it fails."""
+    own = "<LogonType>InteractiveToken</LogonType>"
+    parts = {
+        "trigger": "<BootTrigger><Enabled>true</Enabled></BootTrigger>" if service.system else "",
+        "principal": "<UserId>S-1-5-19</UserId>" if service.system else own,  # LOCAL SERVICE
+        "program": escape(str(python)),
+        "arguments": escape(serve_arguments(service)),
+        "folder": escape(str(service.data)),
+    }
+    return _TASK_XML.format(**parts)
+
+
+def program() -> PureWindowsPath:
+    """Return the Python that has no window, or the one that runs where there is none."""
+    windowless = Path(sys.executable).with_name("pythonw.exe")
+    return PureWindowsPath(windowless if windowless.is_file() else sys.executable)
+
+
+def _links() -> tuple[Path, Path]:
+    """Return where the links of the start menu and of the logon lie, those of this user."""
+    programs = Path(os.environ.get("APPDATA", str(Path.home()))) / _PROGRAMS
+    return programs / "scancell.lnk", programs / "Startup" / "scancell.lnk"
+
+
+def _require_windows() -> None:
+    if not WINDOWS:
+        to_do = "Use docs/examples/scancell.service for systemd."
+        raise InputError("Windows", f"another system ({sys.platform})", to_do, "service")
+
+
+def _schtasks(*words: str, may_fail: bool = False) -> str:
+    done = subprocess.run(["schtasks", *words], capture_output=True, check=False)
+    said = " ".join((done.stdout or done.stderr).decode("utf-8", "replace").split())
+    if done.returncode and not may_fail:
+        to_do = "With --system, open the prompt as administrator; `scancell service install` makes the task."
+        told = " ".join(done.stderr.decode("utf-8", "replace").split()) or said
+        raise InputError("a task that Windows takes", told, to_do, f"schtasks {words[0]}")
+    return said
