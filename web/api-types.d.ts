@@ -272,6 +272,7 @@ export interface CameraResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -382,6 +383,7 @@ export interface Cell {
   known?: Known;
   merge?: MergeSettings;
   verification?: Verification;
+  findings?: Record<string, "error" | "warning" | "note"> | null;
   wanted_mm?: number | null;
   workpiece_in_laser_mm?: number[] | null;
   workpiece_in_turntable_mm?: number[] | null;
@@ -472,6 +474,7 @@ export interface ChainResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -507,6 +510,12 @@ export interface Change {
 export interface Changes {
   cell?: Record<string, unknown>;
   captures?: Record<string, unknown>;
+}
+
+export interface CheckFinding {
+  level: "error" | "warning" | "note";
+  where: string;
+  sentence: string;
 }
 
 export interface CloudDeviations {
@@ -548,6 +557,23 @@ export interface CloudShown {
   section?: CloudSectionShown | null;
   against?: "mesh" | "sphere";
   diameter_mm?: number | null;
+}
+
+export interface CodeOfFinding {
+  code: string;
+  severity: "error" | "warning" | "note";
+  text: string[];
+  to_do: string[];
+  values: string[];
+  meaning: string;
+  decided: string;
+  usual_causes: string;
+  since: string;
+  can_be_changed: boolean;
+}
+
+export interface CodesOfFindings {
+  items: CodeOfFinding[];
 }
 
 export interface Column {
@@ -595,6 +621,8 @@ export interface DeviceEntry {
   connected_for: string | null;
   status: "off" | "connecting" | "live" | "silent" | "nonsense" | "lost";
   problem: string;
+  fresh: boolean;
+  why: string;
   since: string | null;
   readings: number;
   refused: number;
@@ -724,13 +752,21 @@ export interface FileReading {
 }
 
 export interface Finding {
-  level: "error" | "warning" | "note";
-  where: string;
-  sentence: string;
+  code: string;
+  severity: "error" | "warning" | "note";
+  captures?: string[];
+  values?: Record<string, number | string>;
+  text: string;
+  to_do?: string;
+  remedy?: RootCause | null;
+  where?: string;
+  each?: Record<string, Record<string, number | string>>;
+  messages?: Record<string, MessageParts>;
+  behind?: string | null;
 }
 
 export interface Findings {
-  items: Finding[];
+  items: CheckFinding[];
   blocks_solving: boolean;
 }
 
@@ -840,6 +876,7 @@ export interface HandEyeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -933,6 +970,7 @@ export interface LaserPlaneResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -1098,6 +1136,7 @@ export interface MergeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -1132,6 +1171,13 @@ export interface MergeSettings {
   registration?: boolean;
   self_calibration?: boolean;
   memory_mb?: number;
+}
+
+export interface MessageParts {
+  template: string;
+  values?: Record<string, unknown>;
+  many?: string;
+  by?: string;
 }
 
 export interface Meter {
@@ -1467,6 +1513,7 @@ export interface RecheckResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -1858,6 +1905,7 @@ export interface StoredCameraResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -1935,6 +1983,7 @@ export interface StoredChainResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -1980,6 +2029,7 @@ export interface StoredHandEyeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2008,6 +2058,7 @@ export interface StoredLaserPlaneResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2035,6 +2086,7 @@ export interface StoredMergeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2072,6 +2124,7 @@ export interface StoredRecheckResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2109,6 +2162,7 @@ export interface StoredTcpResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2158,6 +2212,7 @@ export interface StoredTurntableResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2179,6 +2234,7 @@ export interface StoredVerifyResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2314,6 +2370,7 @@ export interface TcpResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2451,6 +2508,7 @@ export interface TurntableResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
@@ -2543,6 +2601,7 @@ export interface VerifyResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  findings?: Finding[];
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from calib_core.errors import CalibrationError
+from server.live.freshness import STANDS_S, Freshness
 from server.live.sense import nonsense
-from server.sources.device import Description, Device, Reading, Triggered, host_now_s
+from server.sources.device import Description, Device, Reading, Sample, Triggered, host_now_s
 from server.sources.source import Source
 
 log = logging.getLogger("scancell")
@@ -21,11 +22,15 @@ SILENT_S = 1.5
 
 _RETRY_S = (0.25, 0.5, 1.0)
 _MOST_NONSENSE = 50
+_TELL_AGAIN_S = 10.0
 
 
 @dataclass(frozen=True)
 class LinkState:
-    """How a link stands: its status, since when (`host_now_s`), what is wrong, and how much came over it."""
+    """How a link stands: its status, since when (`host_now_s`), what is wrong, and how much came over it.
+
+    `fresh` is whether what it tells is new; `why` says why not.
+    """
 
     status: Status
     since_s: float
@@ -34,6 +39,8 @@ class LinkState:
     refused: int
     rate_hz: float
     description: Description | None
+    fresh: bool
+    why: str
 
 
 class Link:
@@ -67,7 +74,9 @@ class Link:
         self._description: Description | None = None
         self._status: Status = "connecting"
         self._since_s = self._last_s = self._rate_from_s = host_now_s()
-        self._problem = ""
+        self._problem = self._why = ""
+        self._new_s, self._told_s = self._last_s, -_TELL_AGAIN_S
+        self._freshness = Freshness(source.clock)
         self._readings = self._refused = self._rate_from = self._in_a_row = 0
         self._rate_hz = 0.0
         self._thread = threading.Thread(target=self._run, name=f"device {name}", daemon=True)
@@ -96,7 +105,11 @@ class Link:
         if status in ("live", "nonsense") and host_now_s() - self._last_s > SILENT_S:
             status, since_s = "silent", self._last_s
             problem = f"Connected, but nothing came for {host_now_s() - self._last_s:.1f} s."
-        return LinkState(status, since_s, problem, self._readings, self._refused, self._rate_hz, self._description)
+        why = self._why if status == "live" else problem or status
+        if not why and host_now_s() - self._new_s > STANDS_S + SILENT_S:
+            why = f"Nothing new came for {host_now_s() - self._new_s:.1f} s."
+        counts = self._readings, self._refused, self._rate_hz
+        return LinkState(status, since_s, why or problem, *counts, self._description, not why, why)
 
     def _run(self) -> None:
         failures = 0
@@ -124,7 +137,8 @@ class Link:
         assert connect is not None
         device = connect(self._settings)
         self._device, self._description = device, device.describe()
-        self._last_s = host_now_s()
+        self._freshness, self._why = Freshness(self.source.clock), ""
+        self._last_s = self._new_s = host_now_s()
         self._set("live", "")
         return device
 
@@ -149,7 +163,25 @@ class Link:
             before = reading
             self._count()
             self._set("live", "")
-            self._take(self.name, reading)
+            if self._is_new(reading):
+                self._take(self.name, reading)
+
+    def _is_new(self, reading: Reading) -> bool:
+        """Return whether a reading tells something new; what is not fresh ends what came before it."""
+        if not isinstance(reading, Sample):
+            self._new_s = self._last_s
+            return True
+        judged = self._freshness.judge(reading)
+        if judged.why and self._last_s - self._told_s > _TELL_AGAIN_S:
+            self._told_s = self._last_s
+            log.warning("device %s is not fresh: %s", self.name, judged.why)
+        if judged.why:
+            self._lost(self.name)
+        if judged.why or judged.is_new:
+            self._why = f"Not fresh: {judged.why}." if judged.why else ""
+        if judged.is_new:
+            self._new_s = self._last_s
+        return judged.is_new
 
     def _refuse(self, what: str) -> None:
         """Leave out what cannot be true; after much of it, connect anew."""

@@ -15,6 +15,8 @@ from calib_core.clock_offset import ClockOffset, clock_offset
 from calib_core.errors import CalibrationError, ConflictError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Cell, Measured
+from calib_core.stages.registry import steps_that_show
+from server.live.agreement import Agreement
 from server.live.clock_watch import MeasuredClocks
 from server.live.exposures import Exposure, Optics, exposure_of, in_short
 from server.live.link import Link
@@ -58,7 +60,7 @@ class LiveCell:
         clocks: MeasuredClocks | None = None,
     ) -> None:
         self._load, self._take = load, take
-        self.settings, self.rules = settings, rules or Rules()
+        self._settings, self.rules = settings, rules or Rules()
         self.links: dict[str, Link] = {}
         self._robot: deque[Sample] = deque(maxlen=_SAMPLES)
         self._table: deque[Sample] = deque(maxlen=_SAMPLES)
@@ -69,6 +71,7 @@ class LiveCell:
         self._arrived = threading.Condition()
         self._stopped = False
         self._taken_at: tuple[Sample | None, float | None] | None = None
+        self._agreement = Agreement(self.rules)
         self.last: Taken | None = None
         self.waits_for = ""
         self.clocks = clocks or MeasuredClocks()
@@ -77,6 +80,17 @@ class LiveCell:
         self.version = 0
         self._thread = threading.Thread(target=self._run, name="live cell", daemon=True)
         self._thread.start()
+
+    @property
+    def settings(self) -> CaptureSettings:
+        """What captures are taken for."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: CaptureSettings) -> None:
+        with self._arrived:
+            self._settings = settings
+            self._agreement.forget()  # another step or mounting: the sphere may have been moved by hand
 
     def add(self, link: Link) -> None:
         """Take a device's link in place of the one of its name, and start it."""
@@ -113,6 +127,7 @@ class LiveCell:
                 return
             link = self.links.get(name)
             delivers = link.source.delivers if link is not None else ()
+            self._agreement.tell(reading)
             if reading.base_from_tool0 is not None and "robot" in delivers:
                 self._robot.append(reading)
                 self.clock_watch.robot.take(reading)
@@ -139,6 +154,7 @@ class LiveCell:
                 self._seen.clear()
                 self._frame = None
                 self.clock_watch.scanner.clear()
+            self._agreement.forget()
             self.version += 1
 
     def ask(self, shot: Shot) -> None:
@@ -265,6 +281,7 @@ class LiveCell:
         exposure = exposure_of(frame, cell, optics)
         with self._arrived:
             self._exposures.append(exposure)
+            self._agreement.see(exposure)
             if exposure.arc is not None:
                 moment_s = frame.device_time_s
                 arc = np.array([*exposure.arc.center_mm, exposure.arc.radius_mm])
@@ -274,7 +291,7 @@ class LiveCell:
         if self._shots:
             self._serve(self._shots[0], cell, taken, robot, table, exposures)
         elif self.settings.automatic:
-            rest = stood_still(robot, exposures, self.rules, table)
+            rest = self._agreed(stood_still(robot, exposures, self.rules, table))
             if isinstance(rest, str):
                 self.waits_for = rest
             elif self._is_new_place(rest):
@@ -295,6 +312,7 @@ class LiveCell:
     ) -> None:
         after = [e for e in exposures if e.frame.host_time_s >= shot.asked_s + self.rules.latency_s]
         rest = stood_still(robot or _told(shot), after, self.rules, table)
+        rest = self._agreed(rest) if robot else rest
         if isinstance(rest, str):
             shot.why_not = rest
             return
@@ -305,6 +323,18 @@ class LiveCell:
             shot.answer.set_result(self._store(cell, rest, taken, shot))
         except CalibrationError as error:
             shot.answer.set_exception(error)
+
+    def _agreed(self, rest: Rest | str) -> Rest | str:
+        """Return a standstill that poses and stripe do not contradict, or why there is none.
+
+        Where the sphere stands on a table that tells no angle, it may have been turned by hand.
+        """
+        if isinstance(rest, str):
+            return rest
+        if rest.table_deg is None and self.settings.step in steps_that_show("sphere-on-table"):
+            return rest
+        with self._arrived:
+            return self._agreement.contradiction(rest) or rest
 
     def _expire(self) -> None:
         while self._shots and host_now_s() - self._shots[0].asked_s > SHOT_WAITS_S:

@@ -33,6 +33,8 @@ def device_data(
         "connected_for": row.session_id,
         "status": state.status if state else "off",
         "problem": _problem(source, row, state),
+        "fresh": state.fresh if state else False,
+        "why": state.why if state else "",
         "since": text_of_seconds(clock_s + state.since_s) if state else None,
         "readings": state.readings if state else 0,
         "refused": state.refused if state else 0,
@@ -61,6 +63,8 @@ def live_data(live: LiveCell | None, newest: Newest | None = None) -> dict[str, 
                 "delivers": list(link.source.delivers),
                 "status": state.status,
                 "problem": state.problem,
+                "fresh": state.fresh,
+                "why": state.why,
                 "rate_hz": round(state.rate_hz, 1),
             }
             for link in list(live.links.values())

@@ -65,9 +65,13 @@ def stood_still(
         In the order of their arrival.
     rules : Rules
     """
-    newest = list(exposures[-rules.exposures :])
-    if len(newest) < rules.exposures:
+    if len(exposures) < rules.exposures:
         return "the scanner has not told enough yet"
+    told_s = min((samples[-1].host_time_s for samples in (robot, table) if samples), default=0.0)
+    followed = [exposure for exposure in exposures if exposure.frame.host_time_s <= told_s]
+    newest = followed[-rules.exposures :]
+    if len(newest) < rules.exposures:
+        return "the robot or the table has told nothing since the exposures"
     if len({exposure.frame.content for exposure in newest}) < len(newest):
         return "the scanner repeats one exposure"
     arcs = [exposure.arc for exposure in newest if exposure.arc is not None]

@@ -60,6 +60,8 @@ class DeviceEntry(BaseModel):
     connected_for: str | None = Field(description="The session that it is connected for.")
     status: Literal["off", "connecting", "live", "silent", "nonsense", "lost"]
     problem: str
+    fresh: bool = Field(description="Whether what it tells is new; `why` says why not.")
+    why: str
     since: str | None
     readings: int
     refused: int

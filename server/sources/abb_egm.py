@@ -80,4 +80,5 @@ SOURCE = Source(
     connect=AbbEgm,
     delivers=("robot", "table"),
     extra="egm",
+    clock="every-reading",
 )

@@ -10,6 +10,10 @@ Role = Literal["robot", "table", "scanner"]
 """What a device tells of: where the robot stands, where the table stands, what the scanner sees."""
 
 
+Clock = Literal["every-reading", "on-change", "none"]
+"""What a source's device time means: each reading has its own, a value's last change, or there is none."""
+
+
 def host_now_s() -> float:
     """Return this computer's time in seconds as readings carry it; it only grows."""
     return time.monotonic()

@@ -70,4 +70,5 @@ SOURCE = Source(
     KukaEkiSettings,
     connect=KukaEki,
     delivers=("robot", "table"),
+    clock="every-reading",
 )

@@ -79,4 +79,5 @@ SOURCE = Source(
     KukaRsiSettings,
     connect=KukaRsi,
     delivers=("robot", "table"),
+    clock="every-reading",
 )

@@ -120,4 +120,5 @@ SOURCE = Source(
     connect=OpcUa,
     delivers=("robot", "table"),
     extra="opcua",
+    clock="on-change",
 )

@@ -41,6 +41,48 @@ class RosbridgeSettings(Settings):
     table_joint: str | None = Field(default=None, max_length=200)
 
 
+class TfChain:
+    """The flange in the base by the links that tf tells.
+
+    The oldest stamp of the links between both counts: others publish there, too, and a link that nobody renews
+    leaves the flange where it was.
+    """
+
+    def __init__(self, base_frame: str, flange_frame: str) -> None:
+        self._base, self._flange = base_frame, flange_frame
+        self._links: dict[str, tuple[str, RigidTransform]] = {}
+        self._stamps_s: dict[str, float] = {}  # of links that are told again and again
+
+    def hear(self, transforms: list[dict[str, Any]], *, is_static: bool) -> tuple[RigidTransform, float] | None:
+        """Take a message's links; return base_from_tool0 and its stamp where they tell something of it."""
+        told: set[str] = set()
+        for one in transforms:
+            placed = _transform(one["transform"]["translation"], one["transform"]["rotation"])
+            child = one["child_frame_id"].lstrip("/")
+            told.add(child)
+            self._links[child] = one["header"]["frame_id"].lstrip("/"), placed
+            if not is_static:
+                self._stamps_s[child] = _seconds(one["header"])
+        flange, links = self._chain()
+        if flange is None or not told & links:
+            return None
+        return flange, min((self._stamps_s[link] for link in links if link in self._stamps_s), default=0.0)
+
+    def _chain(self) -> tuple[RigidTransform | None, set[str]]:
+        """Return base_from_tool0, None where a link is not there yet, and the links' children."""
+        frame, found = self._flange, None
+        links: set[str] = set()
+        for _ in range(_MOST_LINKS):
+            if frame == self._base and found is not None:
+                return RigidTransform.from_rounded(found.tolist(), "base", "tool0"), links
+            if frame not in self._links:
+                return None, links
+            links.add(frame)
+            frame, link = self._links[frame]
+            found = link.matrix if found is None else link.matrix @ found
+        return None, links
+
+
 class Rosbridge:
     """Subscribes to what is needed; the stamp of a message's header is the device's time."""
 
@@ -48,7 +90,7 @@ class Rosbridge:
         from websockets.sync.client import connect
 
         self._settings = settings
-        self._links: dict[str, tuple[str, RigidTransform]] = {}
+        self._tf = TfChain(settings.base_frame, settings.flange_frame)
         self._table_deg: float | None = None
         self._joints_deg: tuple[float, ...] | None = None
         # A message that was not asked for, or is too large, ends the connection.
@@ -94,23 +136,20 @@ class Rosbridge:
         if told.get("op") != "publish" or kind is None:
             return None
         try:
-            return self._heard(kind, told["msg"])
+            return self._heard(kind, told["msg"], is_static=told["topic"] == "/tf_static")
         except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
             got = f"one without {error}"
             raise InputError(f"a message of {_TYPES[kind]}", got, "Check the topic's type.", kind) from None
 
-    def _heard(self, kind: str, message: dict[str, Any]) -> Sample | None:
+    def _heard(self, kind: str, message: dict[str, Any], *, is_static: bool) -> Sample | None:
         if kind == "pose":
             pose = message["pose"]
-            return self._sample(_transform(pose["position"], pose["orientation"]), message["header"])
+            placed = _transform(pose["position"], pose["orientation"])
+            return self._sample(placed, _seconds(message["header"]))
         if kind == "joints":
             return self._joints(message)
-        stamped = message["transforms"]
-        for one in stamped:
-            placed = _transform(one["transform"]["translation"], one["transform"]["rotation"])
-            self._links[one["child_frame_id"].lstrip("/")] = one["header"]["frame_id"].lstrip("/"), placed
-        flange = self._chain()
-        return None if flange is None or not stamped else self._sample(flange, stamped[-1]["header"])
+        found = self._tf.hear(message["transforms"], is_static=is_static)
+        return None if found is None else self._sample(*found)
 
     def _joints(self, message: dict[str, Any]) -> Sample | None:
         values = dict(zip(message["name"], message["position"], strict=True))
@@ -120,30 +159,22 @@ class Rosbridge:
         if chosen.joints and set(chosen.joints) <= set(values):
             self._joints_deg = tuple(float(values[name]) * _DEG for name in chosen.joints)
             if chosen.arm:
-                return self._sample(flange_by_joints(chosen.arm, self._joints_deg), message["header"])
+                return self._sample(flange_by_joints(chosen.arm, self._joints_deg), _seconds(message["header"]))
         return None
 
-    def _sample(self, pose: RigidTransform, header: dict[str, Any]) -> Sample:
-        stamp = header["stamp"]
-        seconds = float(stamp.get("sec", stamp.get("secs", 0)))
-        seconds += 1e-9 * float(stamp.get("nanosec", stamp.get("nsecs", 0)))
-        return Sample(host_now_s(), seconds or None, pose, self._joints_deg, self._table_deg)
-
-    def _chain(self) -> RigidTransform | None:
-        """Return base_from_tool0 along tf's links, None where one is not there yet."""
-        frame, found = self._settings.flange_frame, None
-        for _ in range(_MOST_LINKS):
-            if frame == self._settings.base_frame and found is not None:
-                return RigidTransform.from_rounded(found.tolist(), "base", "tool0")
-            if frame not in self._links:
-                return None
-            frame, link = self._links[frame]
-            found = link.matrix if found is None else link.matrix @ found
-        return None
+    def _sample(self, pose: RigidTransform, stamp_s: float) -> Sample:
+        return Sample(host_now_s(), stamp_s or None, pose, self._joints_deg, self._table_deg)
 
     def close(self) -> None:
         """Close the connection."""
         self._bridge.close()
+
+
+def _seconds(header: dict[str, Any]) -> float:
+    stamp = header["stamp"]
+    return float(stamp.get("sec", stamp.get("secs", 0))) + 1e-9 * float(
+        stamp.get("nanosec", stamp.get("nsecs", 0))
+    )
 
 
 def _transform(place: dict[str, Any], turn: dict[str, Any]) -> RigidTransform:
@@ -157,4 +188,5 @@ SOURCE = Source(
     RosbridgeSettings,
     connect=Rosbridge,
     delivers=("robot", "table"),
+    clock="every-reading",
 )

@@ -115,4 +115,5 @@ SOURCE = Source(
     RtdeSettings,
     connect=Rtde,
     delivers=("robot",),
+    clock="every-reading",
 )

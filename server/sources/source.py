@@ -11,7 +11,7 @@ from typing import Any, Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from calib_core.records import Capture, Session, input_error
-from server.sources.device import Device, Role
+from server.sources.device import Clock, Device, Role
 
 Taken = tuple[Capture, Mapping[str, bytes]]
 """A capture and its files by name."""
@@ -76,6 +76,8 @@ class Source:
         What the device tells of: "robot", "table", "scanner".
     extra : str, optional
         The extra of this package that must be installed: `pip install scancell[opcua]`.
+    clock : "every-reading", "on-change" or "none"
+        What the device time of its readings means; by it a stream that repeats one reading is told.
     """
 
     name: str
@@ -86,6 +88,7 @@ class Source:
     connect: Callable[[Any], Device] | None = None
     delivers: tuple[Role, ...] = ()
     extra: str | None = None
+    clock: Clock = "none"
 
     def describe(self) -> dict[str, Any]:
         """Return the entry as JSON data, with the JSON Schema of its settings."""
@@ -96,5 +99,6 @@ class Source:
             "triggered": self.trigger is not None,
             "delivers": list(self.delivers),
             "extra": self.extra,
+            "clock": self.clock,
             "settings": self.settings.model_json_schema(),
         }

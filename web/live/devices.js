@@ -11,7 +11,7 @@ import { learnTexts, maybe, said, t } from "../texts.js";
 /** @import {DeviceEntry} from "../api-types.js" */
 /** @import {LiveDevice} from "../state/live.js" */
 
-const SIGNS = /** @type {Readonly<Record<string, string>>} */ ({ live: "pass", connecting: "working", silent: "warn", nonsense: "warn", lost: "fail", off: "todo" });
+const SIGNS = /** @type {Readonly<Record<string, string>>} */ ({ live: "pass", connecting: "working", silent: "warn", nonsense: "warn", lost: "fail", stale: "fail", off: "todo" });
 
 export class DevicesElement extends HTMLElement {
   sessionId = "";
@@ -39,7 +39,8 @@ export class DevicesElement extends HTMLElement {
     if (now.some(({ name }) => !this.#items.some((one) => one.name === name))) void this.load();
     this.#none.hidden = this.#items.length > 0;
     keyed(this.#list, this.#items, ({ name }) => name, () => h("li", {}), (row, item) => {
-      const { status, problem, rate_hz } = now.find(({ name }) => name === item.name) ?? item;
+      const { status: link, problem, rate_hz, fresh } = now.find(({ name }) => name === item.name) ?? item;
+      const status = link === "live" && !fresh ? "stale" : link;
       const told = `${status} ${problem} ${rate_hz} ${item.connected_for}`;
       if (row instanceof HTMLElement && row.dataset["told"] !== told) {
         row.dataset["told"] = told;

@@ -45,8 +45,9 @@ function told({ id, verdict }) {
 /** @param {Preview} preview @returns {[string, string]} */
 function stateOf({ devices, robot, automatic, waits_for: waits }) {
   if (!devices.length) return ["none", t("sign.none")];
-  const lost = devices.find(({ status }) => status !== "live");
-  if (lost) return ["bad", t("sign.lost", { name: lost.name, status: maybe(`device.${lost.status}`, lost.status), problem: said(lost.problem) })];
+  const lost = devices.find(({ status, fresh }) => status !== "live" || !fresh);
+  const status = lost?.status === "live" ? "stale" : lost?.status ?? "";
+  if (lost) return ["bad", t("sign.lost", { name: lost.name, status: maybe(`device.${status}`, status), problem: said(lost.problem) })];
   if (robot?.moving) return ["move", t("sign.moving")];
   if (automatic && /another place/.test(waits)) return ["good", t("sign.go")];
   return automatic && waits ? ["wait", t("sign.waiting", { reason: said(waits) })] : ["ready", t("sign.ready")];

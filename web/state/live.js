@@ -6,7 +6,7 @@ import { json, request, ROOT } from "./http.js";
 /** @import {CaptureSettings, Devices, MoverChoice, TableMover, TakenShot} from "../api-types.js" */
 
 /**
- * @typedef {{ name: string, delivers: string[], status: string, problem: string, rate_hz: number }} LiveDevice
+ * @typedef {{ name: string, delivers: string[], status: string, problem: string, fresh: boolean, why: string, rate_hz: number }} LiveDevice
  * @typedef {{ size: [number, number], stripe: [number, number][], arc: [number, number][], stripe_width_px: number | null, brightness: number, saturated: number, exposure_advice: string, focus_advice: string }} LivePicture
  * @typedef {{ name: string, age_s: number, points: [number, number][], on_arc: boolean[], circle: [number, number, number] | null, rms_mm: number | null, extent_deg: number | null, zone: number | null, problem: string, weak: string, picture: LivePicture | null }} LiveExposure
  * @typedef {{ base_from_tool0: number[][] | null, joints_deg: number[] | null, moving: boolean | null, age_s: number }} LiveRobot

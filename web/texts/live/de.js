@@ -15,6 +15,7 @@ export const texts = {
   "device.silent": "stumm",
   "device.nonsense": "unbrauchbare Daten",
   "device.lost": "verloren",
+  "device.stale": "nicht aktuell",
   "preview.title": "Was der Scanner sieht",
   "preview.nothing": "noch keine Aufnahme",
   "preview.rate": "{rate} pro Sekunde, {age} ms alt",

@@ -15,6 +15,7 @@ export const texts = {
   "device.silent": "silent",
   "device.nonsense": "unusable data",
   "device.lost": "lost",
+  "device.stale": "not up to date",
   "preview.title": "What the scanner sees",
   "preview.nothing": "no exposure yet",
   "preview.rate": "{rate} a second, {age} ms old",

@@ -15,6 +15,7 @@ export const texts = {
   "device.silent": "无数据",
   "device.nonsense": "数据不可用",
   "device.lost": "已断开",
+  "device.stale": "数据不是最新",
   "preview.title": "扫描仪画面",
   "preview.nothing": "尚无曝光",
   "preview.rate": "每秒 {rate} 帧，延迟 {age} 毫秒",

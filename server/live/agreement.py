@@ -1,0 +1,113 @@
+"""Whether poses and stripe tell of one world, without any clock: what moves must move for both."""
+
+from collections import deque
+
+import numpy as np
+
+from calib_core.captures.standstill import is_resting
+from calib_core.sphere.arc import ArcFit
+from server.live.exposures import Exposure
+from server.live.standstill import Rest, Rules
+from server.sources.device import Sample
+
+_STRIPE_MOVED_MM, _STRIPE_STOOD_MM = 0.5, 0.02
+_ROBOT_MOVED_MM = 3.0
+_MOST_ARCS = 2000
+
+
+class Agreement:
+    """Remembers since when robot and table stand, and what the stripe did meanwhile.
+
+    Parameters
+    ----------
+    rules : Rules
+        What counts as one pose, and how long before its arrival an exposure may have been made.
+    """
+
+    def __init__(self, rules: Rules) -> None:
+        self._rules = rules
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: a device was lost, or the sphere may have been moved by hand."""
+        self._stands: Sample | None = None
+        self._table_deg: float | None = None
+        self._since_s = -np.inf
+        self._arcs: deque[ArcFit] = deque(maxlen=_MOST_ARCS)
+        self._before: Rest | None = None
+
+    def tell(self, sample: Sample) -> None:
+        """Take where the robot or the table stands."""
+        pose, rules = sample.base_from_tool0, self._rules
+        if pose is not None:
+            last = self._stands.base_from_tool0 if self._stands else None
+            if last is None or not is_resting([last, pose], rules.position_mm, rules.orientation_rad):
+                self._moved(sample)
+                self._stands = sample
+        if sample.table_deg is not None:
+            if self._table_deg is None or abs(sample.table_deg - self._table_deg) > rules.table_deg:
+                self._moved(sample)
+            self._table_deg = sample.table_deg
+
+    def see(self, exposure: Exposure) -> None:
+        """Take what the scanner saw; what may have been exposed before the robot stood says nothing."""
+        if exposure.arc is not None and exposure.frame.host_time_s > self._since_s + self._rules.latency_s:
+            self._arcs.append(exposure.arc)
+
+    def contradiction(self, now: Rest) -> str:
+        """Return what speaks against a standstill's pose or exposures, "" where nothing does.
+
+        A stripe that moved while robot and table stood shows a pose that is not fresh; a pure translation that
+        left the stripe where it was, exposures that are not.
+        """
+        arc = now.chosen.arc
+        assert arc is not None
+        if self._stands is None or now.robot is None:
+            return ""
+        moved_mm = max((_apart_mm(arc, other) for other in self._arcs), default=0.0)
+        if moved_mm > _STRIPE_MOVED_MM:
+            return (
+                f"the stripe moved by {moved_mm:.1f} mm while the robot's pose stood. Is the pose still being "
+                "sent? If scanner or sphere were moved by hand, drive the robot elsewhere once"
+            )
+        before, self._before = self._before, now
+        if before is None or before.robot is None or not self._is_straight(before, now):
+            return ""
+        assert before.chosen.arc is not None
+        if _apart_mm(before.chosen.arc, arc) > _STRIPE_STOOD_MM:
+            return ""
+        self._before = before
+        return (
+            f"the robot moved by {_way_mm(before, now):.1f} mm since the last standstill, and the stripe did not. "
+            "Does the scanner send what it sees now?"
+        )
+
+    def _moved(self, sample: Sample) -> None:
+        self._since_s = sample.host_time_s
+        self._arcs.clear()
+
+    def _is_straight(self, before: Rest, now: Rest) -> bool:
+        """Return whether the robot alone moved, without a turn, far enough to be seen."""
+        poses = [rest.robot.base_from_tool0 for rest in (before, now) if rest.robot]
+        told = [pose for pose in poses if pose is not None]
+        return (
+            len(told) == len(poses)
+            and before.table_deg == now.table_deg
+            and is_resting(told, np.inf, self._rules.orientation_rad)
+            and _way_mm(before, now) > _ROBOT_MOVED_MM
+        )
+
+
+def _apart_mm(one: ArcFit, other: ArcFit) -> float:
+    """Return how far two arcs are apart: their centres or their radii, mm."""
+    centers = np.linalg.norm(np.asarray(other.center_mm) - np.asarray(one.center_mm))
+    return float(max(centers, abs(other.radius_mm - one.radius_mm)))
+
+
+def _way_mm(before: Rest, now: Rest) -> float:
+    places = [
+        rest.robot.base_from_tool0.translation_mm
+        for rest in (before, now)
+        if rest.robot and rest.robot.base_from_tool0
+    ]
+    return float(np.linalg.norm(places[1] - places[0]))

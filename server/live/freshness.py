@@ -1,0 +1,104 @@
+"""Whether what a device tells is new: its stamp advances, does not lag, and the pose is one of one arm.
+
+A stream may go on while its content stands still: a gateway repeats its last package, a buffer lags, two programs
+publish under one name.  Each leaves its mark on the device's clock, or jumps faster than any arm.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from server.sources.device import Clock, Sample
+
+STANDS_S = 0.35
+"""A clock that has not advanced for longer stands; poses further apart are not joined either (`Rules.gap_s`)."""
+
+_LAG_S = 0.25
+_DRIFT = 2e-4  # of two clocks, seconds a second, some times over
+_FASTEST_MM_S = 20_000.0
+_LEAST_JUMP_MM = 1.0
+_SAME_MM = 0.01
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What is to be done with a reading: whether it tells something new, and why the device is not fresh."""
+
+    is_new: bool
+    why: str = ""
+
+
+class Freshness:
+    """Watches the readings of one device.
+
+    Parameters
+    ----------
+    clock : Clock
+        What the source's stamps mean.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._last: Sample | None = None
+        self._before_last: Sample | None = None
+        self._advanced_s = 0.0
+        self._least_apart_s = np.inf
+        self._least_at_s = 0.0
+
+    def judge(self, sample: Sample) -> Judged:
+        """Take the next reading of a robot or table, and say whether it is new."""
+        jumped = _jump(self._before_last, self._last, sample)
+        self._before_last, before, self._last = self._last, self._last, sample
+        stamp_s = sample.device_time_s
+        if before is None or stamp_s is None or before.device_time_s is None or self._clock == "none":
+            self._advanced_s = sample.host_time_s
+            return Judged(not jumped, jumped)
+        if stamp_s > before.device_time_s:
+            self._advanced_s = sample.host_time_s
+            why = jumped or (self._lag(sample) if self._clock == "every-reading" else "")
+            return Judged(not why, why)
+        if self._clock == "on-change":
+            self._advanced_s = sample.host_time_s
+            changed = _differ(before, sample)
+            return Judged(not changed, "its values change and their time stamp does not" if changed else "")
+        stands_s = sample.host_time_s - self._advanced_s
+        if stands_s <= STANDS_S:
+            return Judged(is_new=False)
+        return Judged(is_new=False, why=f"its clock has stood for {stands_s:.1f} s: it repeats one reading")
+
+    def _lag(self, sample: Sample) -> str:
+        """Return how much later than at best a reading arrived, where that is too late for a capture."""
+        assert sample.device_time_s is not None
+        apart_s = sample.host_time_s - sample.device_time_s
+        least_s = self._least_apart_s + _DRIFT * (sample.host_time_s - self._least_at_s)
+        if apart_s <= least_s:
+            self._least_apart_s, self._least_at_s = apart_s, sample.host_time_s
+            return ""
+        lag_s = apart_s - least_s
+        return f"it tells what was {lag_s:.1f} s ago: its readings arrive late" if lag_s > _LAG_S else ""
+
+
+def _differ(one: Sample, other: Sample) -> bool:
+    """Return whether two readings tell another pose or angle."""
+    if one.table_deg != other.table_deg:
+        return True
+    if one.base_from_tool0 is None or other.base_from_tool0 is None:
+        return one.joints_deg != other.joints_deg
+    return not np.array_equal(one.base_from_tool0.matrix, other.base_from_tool0.matrix)
+
+
+def _jump(before: Sample | None, last: Sample | None, sample: Sample) -> str:
+    """Return what is said of a flange that is at two places at once: two programs tell a pose each."""
+    if last is None or (way_mm := _way_mm(last, sample)) < _LEAST_JUMP_MM:
+        return ""
+    time_s = max(sample.host_time_s - last.host_time_s, 1e-3)
+    is_back = before is not None and _way_mm(before, sample) < _SAME_MM
+    if not is_back and way_mm / time_s < _FASTEST_MM_S:
+        return ""
+    return f"its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it"
+
+
+def _way_mm(one: Sample, other: Sample) -> float:
+    if one.base_from_tool0 is None or other.base_from_tool0 is None:
+        return 0.0
+    return float(np.linalg.norm(other.base_from_tool0.translation_mm - one.base_from_tool0.translation_mm))

@@ -1,0 +1,114 @@
+"""A stream that goes on while what it tells stands still: told within two seconds, and no capture is taken."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import bench_freshness
+import numpy as np
+import pytest
+from faulty_robot import Fault
+
+from calib_core.frames import RigidTransform
+from server.live.freshness import Freshness
+from server.sources.device import Clock, Sample
+from server.sources.rosbridge import TfChain
+
+
+def pose(x_mm: float) -> RigidTransform:
+    return RigidTransform.of([0.0, 0.0, 0.0], [x_mm, 0.0, 500.0], "base", "tool0")
+
+
+def reasons(clock: Clock, told: Iterable[tuple[float, float | None, float]]) -> list[str]:
+    """What is said of readings given as (host time, device time, x)."""
+    watch = Freshness(clock)
+    judged = [watch.judge(Sample(host_s, device_s, pose(x_mm))) for host_s, device_s, x_mm in told]
+    return [one.why for one in judged]
+
+
+def at_50_hz(seconds: float) -> np.ndarray:
+    return 100.0 + np.arange(0.0, seconds, 0.02)
+
+
+@pytest.mark.parametrize("clock", ["every-reading", "on-change", "none"])
+def test_a_robot_that_moves_stands_and_jitters_is_fresh(clock: Clock) -> None:
+    rng = np.random.default_rng(3)
+    host_s = at_50_hz(20.0)
+    x_mm = np.where(host_s < 110.0, 200.0 * np.sin(host_s), 200.0 * np.sin(110.0))
+    device_s = host_s - 7.0 - rng.uniform(0.0, 0.05, len(host_s))  # arrives up to 50 ms late
+    stamps = {
+        "every-reading": np.maximum.accumulate(device_s) + 1e-6 * np.arange(len(host_s)),
+        "none": host_s * np.nan,
+    }
+    changed = np.concatenate([[True], np.diff(x_mm) != 0])
+    stamps["on-change"] = np.maximum.accumulate(np.where(changed, host_s, 0.0))
+    told = [None if np.isnan(s) else float(s) for s in stamps[clock]]
+    assert set(reasons(clock, zip(host_s, told, x_mm, strict=True))) == {""}
+
+
+def test_a_clock_that_stands_is_told_within_half_a_second_and_left_again() -> None:
+    host_s = at_50_hz(3.0)
+    stands = (host_s > 101.0) & (host_s < 102.0)
+    device_s = np.where(stands, 101.0, host_s)
+    found = reasons("every-reading", zip(host_s, device_s, host_s, strict=True))
+    first = next(k for k, why in enumerate(found) if why)
+    assert host_s[first] - 101.0 < 0.5
+    assert "repeats one reading" in found[first]
+    assert found[-1] == ""
+
+
+def test_a_lag_and_a_slow_clock_are_told_within_two_seconds() -> None:
+    host_s = at_50_hz(6.0)
+    late_s = np.where(host_s > 103.0, np.maximum(host_s - 1.0, 103.0), host_s)
+    slow_s = np.where(host_s > 103.0, 103.0 + 0.5 * (host_s - 103.0), host_s)
+    for device_s in (late_s, slow_s):
+        found = reasons("every-reading", zip(host_s, device_s, host_s, strict=True))
+        assert not any(why for why, at_s in zip(found, host_s, strict=True) if at_s <= 103.0)
+        assert any("late" in why for why, at_s in zip(found, host_s, strict=True) if at_s < 105.0)
+
+
+def test_two_publishers_and_a_change_without_a_stamp_are_told() -> None:
+    host_s = at_50_hz(1.0)
+    both = np.where(np.arange(len(host_s)) % 2, 40.0, 0.0)
+    assert any(
+        "two programs" in why for why in reasons("none", zip(host_s, [None] * len(host_s), both, strict=True))
+    )
+    stands = np.full(len(host_s), 100.0)
+    found = reasons("on-change", zip(host_s, stands, host_s, strict=True))
+    assert "time stamp does not" in found[-1]
+
+
+@pytest.mark.parametrize(
+    ("clock", "fault"),
+    [("every-reading", "freeze"), ("on-change", "freeze"), ("none", "late"), ("none", "two publishers")],
+)
+def test_no_capture_has_a_wrong_pose_whatever_stands_between_controller_and_workbench(
+    clock: Clock, fault: Fault
+) -> None:
+    found = bench_freshness.trial(clock, fault, 2)
+    assert found.wrong == 0
+    assert found.said
+
+
+def test_a_healthy_source_is_captured_at_every_place() -> None:
+    found = bench_freshness.trial("every-reading", None, 2)
+    assert (found.taken, found.wrong, found.said) == (2, 0, [])
+
+
+def test_of_tf_the_oldest_link_of_the_chain_counts() -> None:
+    """Others publish into /tf too: their stamps made a frozen flange look fresh."""
+    chain = TfChain("base", "tool0")
+
+    def link(parent: str, child: str, stamp_s: int) -> dict[str, Any]:
+        still = {"translation": dict.fromkeys("xyz", 0.1), "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}}
+        header = {"frame_id": parent, "stamp": {"sec": stamp_s, "nanosec": 0}}
+        return {"header": header, "child_frame_id": child, "transform": still}
+
+    assert chain.hear([link("wrist", "tool0", 0)], is_static=True) is None
+    links = [link("base", "rail", 11), link("rail", "wrist", 10), link("map", "camera", 99)]
+    found = chain.hear(links, is_static=False)
+    assert found is not None
+    assert found[1] == 10.0
+    assert chain.hear([link("map", "camera", 100)], is_static=False) is None  # it tells nothing of the flange
+    found = chain.hear([link("base", "rail", 12)], is_static=False)
+    assert found is not None
+    assert found[1] == 10.0  # the wrist's publisher has stopped
