@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from calib_core.stages.registry import steps_that_show
 
 from calib_core.captures.standstill import is_resting
 from calib_core.clock_offset import ClockOffset, clock_offset
 from calib_core.errors import CalibrationError, ConflictError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.records import Capture, Cell, Measured
+from calib_core.steps import steps_that_show
 from server.live.agreement import Agreement
 from server.live.clock_watch import MeasuredClocks
 from server.live.exposures import Exposure, Optics, exposure_of, in_short
