@@ -518,6 +518,12 @@ export interface CheckFinding {
   sentence: string;
 }
 
+export interface ChosenConvention {
+  name: string;
+  sure: boolean;
+  why: string;
+}
+
 export interface CloudDeviations {
   against: "mesh" | "sphere";
   reference: string;
@@ -685,6 +691,14 @@ export interface ExportFormats {
   items: ExportFormat[];
 }
 
+export interface Facing {
+  certain: boolean;
+  before: number;
+  behind: number;
+  volume?: number | null;
+  missing: number;
+}
+
 export interface FieldOfView {
   near_mm: number;
   far_mm: number;
@@ -730,6 +744,11 @@ export interface FileFormat {
 
 export interface FileFormats {
   items: FileFormat[];
+}
+
+export interface FilePair {
+  file: number | null;
+  pose: number | null;
 }
 
 export interface FileReading {
@@ -1150,7 +1169,11 @@ export interface MergeResult {
   spills?: number;
   overlap_rms_mm: number | null;
   expected_overlap_rms_mm: number | null;
+  overlap_expected_mm?: number | null;
   overlap_pairs: number;
+  normals_outward?: string | null;
+  facing?: Facing | null;
+  pose_scatter?: PoseScatter | null;
   registered_overlap_rms_mm?: number | null;
   registration_shift_rms_mm?: number | null;
   self_calibration?: SharedShift | null;
@@ -1458,6 +1481,12 @@ export interface PoseReading {
   way: "as-written" | "inverted" | "transposed" | "columns";
 }
 
+export interface PoseScatter {
+  position_sigma_mm: number;
+  orientation_sigma_deg: number;
+  surface_sigma_mm: number;
+}
+
 export interface PoseText {
   text: string;
   convention?: string | null;
@@ -1486,6 +1515,12 @@ export interface Quantity {
   unit?: string;
   uncertainty?: number | null;
   decimals?: number;
+}
+
+export interface ReasonGiven {
+  reason: string;
+  values: Record<string, string | number>;
+  why: string;
 }
 
 export interface RecheckPlan {
@@ -1536,6 +1571,38 @@ export interface RecheckRound {
   chance: number;
   changed: "nothing" | "tool" | "sphere" | "tool-or-sphere" | "unclear";
   sentence: string;
+}
+
+export interface RecognisedFile {
+  reason: string;
+  values: Record<string, string | number>;
+  why: string;
+  name: string;
+  taken_for: "profiles" | "clouds" | "frames" | "boards" | "poses" | "backup" | "certificate" | "session" | "nothing";
+  preview: number[][];
+}
+
+export interface RecognisedFiles {
+  files: RecognisedFile[];
+  poses: RecognisedPose[];
+  pairs: FilePair[];
+  paired_by: "name" | "number" | "time" | "order" | null;
+  convention: ChosenConvention | null;
+  sphere_diameter_mm: number | null;
+  sphere_from: string | null;
+  doubts: ReasonGiven[];
+  missing: ReasonGiven[];
+}
+
+export interface RecognisedPose {
+  name: string;
+  pose: number[];
+  file: string;
+  line: number;
+  time_s: number | null;
+  joints_deg: number[] | null;
+  table_deg: number | null;
+  doubt: string | null;
 }
 
 export interface Recomputed {
@@ -2100,7 +2167,11 @@ export interface StoredMergeResult {
   spills?: number;
   overlap_rms_mm: number | null;
   expected_overlap_rms_mm: number | null;
+  overlap_expected_mm?: number | null;
   overlap_pairs: number;
+  normals_outward?: string | null;
+  facing?: Facing | null;
+  pose_scatter?: PoseScatter | null;
   registered_overlap_rms_mm?: number | null;
   registration_shift_rms_mm?: number | null;
   self_calibration?: SharedShift | null;

@@ -1,6 +1,6 @@
 // Every text of the page comes from one catalogue, in the language that the browser asks for.
 
-/** @typedef {typeof import("./texts/en.js").texts & typeof import("./texts/live/en.js").texts & typeof import("./texts/guidance/en.js").texts & typeof import("./texts/access/en.js").texts & typeof import("./texts/compare/en.js").texts & typeof import("./texts/start/en.js").texts & typeof import("./texts/merged/en.js").texts & typeof import("./texts/timeline/en.js").texts & typeof import("./texts/cell/en.js").texts & typeof import("./texts/dialogs/en.js").texts & typeof import("./texts/settings/en.js").texts & typeof import("./texts/plots/en.js").texts & typeof import("./texts/release/en.js").texts & typeof import("./texts/devices/en.js").texts} Texts */
+/** @typedef {typeof import("./texts/en.js").texts & typeof import("./texts/live/en.js").texts & typeof import("./texts/guidance/en.js").texts & typeof import("./texts/access/en.js").texts & typeof import("./texts/compare/en.js").texts & typeof import("./texts/start/en.js").texts & typeof import("./texts/merged/en.js").texts & typeof import("./texts/timeline/en.js").texts & typeof import("./texts/cell/en.js").texts & typeof import("./texts/dialogs/en.js").texts & typeof import("./texts/settings/en.js").texts & typeof import("./texts/plots/en.js").texts & typeof import("./texts/release/en.js").texts & typeof import("./texts/devices/en.js").texts & typeof import("./texts/files/en.js").texts} Texts */
 /** @typedef {keyof Texts} Text */
 
 export const LANGUAGES = /** @type {const} */ (["en", "de", "zh"]);

@@ -19,7 +19,7 @@ _EXAMPLE = "an OpenCV file"
 _TO_DO = "Write it with cv::FileStorage, one matrix or list of points in it."
 _MOST_DEPTH = 3
 _FEWEST = 8  # points that are more than a pose or a camera's matrix
-_FLAT_YAML = re.compile(r"^([A-Za-z_][\w-]*): *\[([-+.0-9eE,\sNanIif]{100,})\]", re.MULTILINE)
+_FLAT_YAML = re.compile(r"^([A-Za-z_][\w-]*):\x20*\[([-+.0-9eE,\sNanIif]{100,})\]", re.MULTILINE)
 _FLAT_XML = re.compile(r"<(?!data>)([A-Za-z_][\w-]*)>([-+.0-9eE\sNanIif]{100,})</\1>")
 _NAMED = re.compile(r"point|profil|scan|line|cloud|xyz|xz|data", re.IGNORECASE)
 

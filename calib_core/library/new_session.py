@@ -97,8 +97,9 @@ def new_session(
         }
         for look in found.looks
     ]
-    notes = (*made.notes, *found.doubts)
-    return NewSession(target, tuple(files), found.missing, notes, len(made.session.captures))
+    notes = (*made.notes, *map(str, found.doubts))
+    missing = tuple(map(str, found.missing))
+    return NewSession(target, tuple(files), missing, notes, len(made.session.captures))
 
 
 def _target(root: Path, out: Path | None) -> Path:

@@ -57,11 +57,11 @@ def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str
     found = [one for one in _spreads(rows, first.name) if one[1].convention.name in fitting]
     likely = f"{', '.join(fitting[:-1])} or {fitting[-1]}"
     if not found:
-        return Choice(first.name, False, f"{likely}: too few poses to tell.", Reading.told(first))
+        return Choice(first.name, False, f"{likely}: too few poses to tell", Reading.told(first))
     (best, reading), *others = found
     name = _named(reading, fitting)
     if others and others[0][0] < _CLEARLY * best:
-        why = f"{likely}: the poses do not tell {name} from {_named(others[0][1], fitting)}."
+        why = f"{likely}: the poses do not tell {name} from {_named(others[0][1], fitting)}"
         return Choice(name, False, why, reading)
     instead = f", {others[0][0]:.0f} mm in the next best" if others else ""
     return Choice(name, True, f"Read so, all poses look at one place within {best:.0f} mm{instead}.", reading)

@@ -1,7 +1,6 @@
 """One file looked at by its content: points, poses, a controller's, a certificate, something else."""
 
 import re
-from collections.abc import Callable
 
 from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.points import FORMATS
@@ -12,7 +11,7 @@ from calib_core.recognition.json_poses import keys_of, parsed, poses_in_json, sp
 from calib_core.recognition.number_rows import rows_in
 from calib_core.recognition.pose_rows import poses_in
 from calib_core.recognition.storage import look_at_storage
-from calib_core.recognition.taken import GivenFile, Look, PoseList, Reason, TakenFor, nothing
+from calib_core.recognition.taken import GivenFile, Look, PoseList, Reason, TakenFor, nothing, preview_of
 from calib_core.robots.registry import BRANDS
 from calib_core.robots.text import decoded
 
@@ -88,13 +87,15 @@ def _binary(file: GivenFile) -> Look:
 def _points(file: GivenFile, name: str, title: str, how: str) -> Look:
     entry = FORMATS.get(name)
     kind = next((k for k in entry.kinds if k in KINDS), "cloud")
+    preview: tuple[tuple[float, float], ...] = ()
     if file.whole and entry.read is not None:
         try:
-            kind = entry.read(file.data, file.name, entry.settings(), None).kind
+            reading = entry.read(file.data, file.name, entry.settings(), None)
+            kind, preview = reading.kind, preview_of(reading.points)
         except CalibrationError as error:
             if len(entry.kinds) == 1:
                 return Look(KINDS[kind], Reason("damaged", {"because": error.reason}))
-    return Look(KINDS[kind], Reason("points", {"title": title, "how": how}))
+    return Look(KINDS[kind], Reason("points", {"title": title, "how": how}), preview=preview)
 
 
 def _text(file: GivenFile) -> Look:
@@ -175,20 +176,20 @@ def _table(file: GivenFile, text: str) -> Look | None:
     values = {"rows": len(found.rows), "columns": found.width, "cut": " in its beginning" if cut else ""}
     if found.width < 2 or len(found.rows) < _LEAST_POINTS or found.others > len(found.rows):
         return None
-    return Look(_kind_of_table(file, found.width), Reason("table", values))
+    kind, preview = _points_of_table(file, found.width)
+    return Look(kind, Reason("table", values), preview=preview)
 
 
-def _kind_of_table(file: GivenFile, width: int) -> TakenFor:
+def _points_of_table(file: GivenFile, width: int) -> tuple[TakenFor, tuple[tuple[float, float], ...]]:
     """Return what the reader makes of a table of points; where it asks, two columns are a profile."""
-    reader: Callable[..., object] | None = None
     try:
         entry = format_of(file.head, file.name)[0]
     except InputError:
         entry = FORMATS.get("table")
-    reader = entry.read
-    if file.whole and reader is not None:
+    if file.whole and entry.read is not None:
         try:
-            return KINDS[entry.read(file.data, file.name, entry.settings(), None).kind]  # type: ignore[misc]
+            reading = entry.read(file.data, file.name, entry.settings(), None)
+            return KINDS[reading.kind], preview_of(reading.points)
         except CalibrationError:
             pass
-    return "profiles" if width == 2 else "clouds"
+    return "profiles" if width == 2 else "clouds", ()

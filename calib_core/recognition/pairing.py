@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Literal
 
-from calib_core.recognition.taken import PoseRow, stem_of
+from calib_core.recognition.taken import PoseRow, Reason, stem_of
 
 By = Literal["name", "number", "time", "order"]
 
@@ -26,7 +26,7 @@ class Pairs:
 
     row_of: dict[int, int]
     by: By
-    doubt: str = ""
+    doubt: Reason | None = None
 
 
 def natural(name: str) -> tuple[tuple[int, int | str], ...]:
@@ -139,9 +139,6 @@ def _by_time(names: Sequence[str], rows: Sequence[PoseRow]) -> Pairs | None:
 
 def _by_order(names: Sequence[str], rows: Sequence[PoseRow]) -> Pairs:
     count = min(len(names), len(rows))
-    doubt = ""
-    if len(names) != len(rows):
-        doubt = (
-            f"{len(names)} measurements, {len(rows)} poses, paired in their order: which ones lack is not known."
-        )
+    uneven = Reason("paired-by-order", {"measurements": len(names), "poses": len(rows)})
+    doubt = None if len(names) == len(rows) else uneven
     return Pairs({k: k for k in range(count)}, "order", doubt)

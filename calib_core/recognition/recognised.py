@@ -54,9 +54,9 @@ class Recognised:
         The sphere's diameter, where a file tells it.
     sphere_from : str
         Which file.
-    doubts : tuple of str
-    missing : tuple of str
-        What is still needed, a sentence each.
+    doubts : tuple of Reason
+    missing : tuple of Reason
+        What is still needed.
     """
 
     looks: tuple[Look, ...]
@@ -66,8 +66,8 @@ class Recognised:
     choice: Choice | None
     sphere_mm: float | None
     sphere_from: str
-    doubts: tuple[str, ...]
-    missing: tuple[str, ...]
+    doubts: tuple[Reason, ...]
+    missing: tuple[Reason, ...]
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data, as the page gets it."""
@@ -76,9 +76,8 @@ class Recognised:
                 {
                     "name": look.file.name,
                     "taken_for": look.taken_for,
-                    "why": str(look.reason),
-                    "reason": look.reason.code,
-                    "values": dict(look.reason.values),
+                    **look.reason.to_json(),
+                    "preview": [list(point) for point in look.preview],
                 }
                 for look in self.looks
             ],
@@ -88,8 +87,8 @@ class Recognised:
             "convention": None if self.choice is None else self.choice.to_json(),
             "sphere_diameter_mm": self.sphere_mm,
             "sphere_from": self.sphere_from or None,
-            "doubts": list(self.doubts),
-            "missing": list(self.missing),
+            "doubts": [doubt.to_json() for doubt in self.doubts],
+            "missing": [lack.to_json() for lack in self.missing],
         }
 
 
@@ -169,10 +168,10 @@ def _with_controllers(looks: list[Look]) -> list[Look]:
 
 def _pose_lists(
     looks: list[Look], measurements: Sequence[GivenFile]
-) -> tuple[list[Look], list[PoseList], list[str]]:
+) -> tuple[list[Look], list[PoseList], list[Reason]]:
     """Return the lists of poses that are used: each once, single ones together, of rivals the one that fits."""
     stems = {file.stem.lower() for file in measurements}
-    doubts: list[str] = []
+    doubts: list[Reason] = []
     kept: list[int] = []
     single: list[int] = []
     for k, look in enumerate(looks):
@@ -203,7 +202,7 @@ def _pose_lists(
         fitting = [k for k in kept if len(_list(looks[k]).rows) == len(measurements)] or kept
         if len(fitting) > 1:
             names = " and ".join(looks[k].file.name for k in fitting[:3])
-            doubts.append(f"{names} hold different poses: the first is taken. Take the others for nothing, or it.")
+            doubts.append(Reason("rival-lists", {"names": names}))
         best = fitting[0]
         for k in kept:
             if k != best:
@@ -245,24 +244,23 @@ def _by_folder(files: Sequence[GivenFile], lists: Sequence[PoseList]) -> list[tu
 
 def _missing(
     looks: Sequence[Look], pairs: Sequence[Pair], choice: Choice | None, sphere_mm: float | None
-) -> list[str]:
+) -> list[Reason]:
     kinds = Counter(look.taken_for for look in looks)
     measured = kinds["profiles"] + kinds["clouds"] + kinds["frames"]
     if not measured + kinds["boards"]:
-        return ["Measurements: none of the files holds profiles, clouds or frames."]
-    missing: list[str] = []
+        return [Reason("missing-measurements")]
+    missing: list[Reason] = []
     bare = [looks[p.file].file.name for p in pairs if p.file is not None and p.pose is None]
-    bare = [name for name in bare if name]
     lacking = [name for name in bare if not _is_board(looks, name)]
     if lacking and len(lacking) == measured:
-        missing.append("Poses: none of the files holds where the robot stood.")
+        missing.append(Reason("missing-poses"))
     elif lacking:
         listed = ", ".join(lacking[:8]) + (" and more" if len(lacking) > 8 else "")
-        missing.append(f"The poses of {listed}.")
+        missing.append(Reason("missing-poses-of", {"names": listed}))
     if choice is not None and not choice.sure and any(p.pose is not None for p in pairs):
-        missing.append(f"The convention of the poses: {choice.why}")
+        missing.append(Reason("missing-convention", {"choices": choice.why}))
     if sphere_mm is None and kinds["profiles"] + kinds["clouds"]:
-        missing.append("The sphere's diameter.")
+        missing.append(Reason("missing-sphere"))
     return missing
 
 

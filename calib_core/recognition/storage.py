@@ -4,7 +4,7 @@ import re
 
 from calib_core.errors import CalibrationError
 from calib_core.formats.opencv import point_nodes
-from calib_core.recognition.taken import GivenFile, Look, PoseList, PoseRow, Reason, nothing
+from calib_core.recognition.taken import GivenFile, Look, PoseList, PoseRow, Reason, nothing, preview_of
 from calib_core.robots.text import decoded
 
 _LONG = re.compile(r"rows[>:] ?(\d{1,9})")
@@ -28,7 +28,7 @@ def look_at_storage(file: GivenFile, head: str) -> Look:
         name, points = next(iter(nodes.items()))
         how = f"{len(points)} points under {name}"
         kind = "profiles" if points.shape[1] == 2 else "clouds"
-        return Look(kind, Reason("points", {"title": _TITLE, "how": how}))
+        return Look(kind, Reason("points", {"title": _TITLE, "how": how}), preview=preview_of(points))
     poses = _poses(file)
     if poses is not None:
         values = {"poses": len(poses.rows), "numbers": 16, "where": ""}

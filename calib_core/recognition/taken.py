@@ -4,6 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
+import numpy as np
+
+from calib_core.frames import FloatArray
+
 TakenFor = Literal[
     "profiles", "clouds", "frames", "boards", "poses", "backup", "certificate", "session", "nothing"
 ]
@@ -14,6 +18,8 @@ MEASUREMENTS: tuple[TakenFor, ...] = ("profiles", "clouds", "frames", "boards")
 
 HEAD_BYTES = 65_536
 """So much of a file tells what it is; only pose lists and controllers' files are read whole."""
+
+_DRAWN = 60
 
 _REASONS = {
     "empty": "The file is empty.",
@@ -43,6 +49,13 @@ _REASONS = {
     "compiled": "{what}: {to_do}",
     "damaged": "{because}",
     "told": "Taken so because it was told.",
+    "missing-measurements": "Measurements: none of the files holds profiles, clouds or frames.",
+    "missing-poses": "Poses: none of the files holds where the robot stood.",
+    "missing-poses-of": "The poses of {names}.",
+    "missing-convention": "The convention of the poses: {choices}.",
+    "missing-sphere": "The sphere's diameter.",
+    "paired-by-order": "{measurements} measurements, {poses} poses, in their order: which ones lack is not known.",
+    "rival-lists": "{names} hold different poses: the first is taken.",
     "beyond": "Beyond the {most} files that are read at once.",
 }
 
@@ -56,6 +69,10 @@ class Reason:
 
     def __str__(self) -> str:
         return _REASONS[self.code].format(**self.values)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON data."""
+        return {"reason": self.code, "values": dict(self.values), "why": str(self)}
 
 
 @dataclass(frozen=True)
@@ -135,7 +152,7 @@ class PoseList:
 
 @dataclass(frozen=True)
 class Look:
-    """What one file is taken for, and what was found in it."""
+    """What one file is taken for, and what was found in it; `preview` are some of its points, x and z in mm."""
 
     taken_for: TakenFor
     reason: Reason
@@ -143,8 +160,16 @@ class Look:
     poses: PoseList | None = None
     sphere_mm: float | None = None
     file: GivenFile = GivenFile("", b"")
+    preview: tuple[tuple[float, float], ...] = ()
 
 
 def nothing(code: str, **values: str | float) -> Look:
     """Return a look at a file that is not used."""
     return Look("nothing", Reason(code, values))
+
+
+def preview_of(points: FloatArray) -> tuple[tuple[float, float], ...]:
+    """Return some of the points (N, 2) or (N, 3) for a small picture, x and z."""
+    known = points[np.isfinite(points).all(axis=1)]
+    some = known[:: max(1, -(-len(known) // _DRAWN))]
+    return tuple((round(float(row[0]), 3), round(float(row[-1]), 3)) for row in some)

@@ -5,13 +5,16 @@ from urllib.parse import quote
 
 from fastapi import File, Form, Path, Response, UploadFile
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.captures.certificate import Certificate
 from calib_core.errors import InputError, TooLargeError
+from calib_core.poses.numbers import convention_named
+from calib_core.recognition.taken import TakenFor
 from calib_core.records import ArmTable
 from calib_core.records.faults import MOST_TEXT, allowed_faults
+from calib_core.records.field_errors import input_error
 from calib_core.robots.told import Told
 from server.http.api_router import api_router
 from server.http.openapi import BYTES
@@ -118,6 +121,74 @@ class FileReading(BaseModel):
     settings: dict[str, Any] = Field(description="The JSON Schema of what may be said about such a file.")
 
 
+class _Known(BaseModel):
+    """What is known about files that are to be recognised."""
+
+    model_config = ConfigDict(extra="forbid")
+    taken_for: dict[str, TakenFor] = Field(default_factory=dict)
+    convention: str | None = None
+    sphere_diameter_mm: float | None = Field(default=None, gt=0, lt=1e5)
+    sizes: dict[str, int] = Field(default_factory=dict)
+
+
+class ReasonGiven(BaseModel):
+    """Why: a code, its values, and both as an English sentence."""
+
+    reason: str
+    values: dict[str, str | int | float]
+    why: str
+
+
+class RecognisedFile(ReasonGiven):
+    """What a file is taken for, and why."""
+
+    name: str
+    taken_for: TakenFor
+    preview: list[list[float]] = Field(description="Some of its points, x and z, for a small picture.")
+
+
+class RecognisedPose(BaseModel):
+    """A pose as a file has it, in the convention that was chosen."""
+
+    name: str
+    pose: list[float]
+    file: str
+    line: int
+    time_s: float | None
+    joints_deg: list[float] | None
+    table_deg: float | None
+    doubt: str | None
+
+
+class FilePair(BaseModel):
+    """A measurement and its pose, by their places in `files` and `poses`; null where one of them lacks."""
+
+    file: int | None
+    pose: int | None
+
+
+class ChosenConvention(BaseModel):
+    """The convention of the poses, and whether it is sure."""
+
+    name: str
+    sure: bool
+    why: str
+
+
+class RecognisedFiles(BaseModel):
+    """What files are, together: as many are listed as came."""
+
+    files: list[RecognisedFile]
+    poses: list[RecognisedPose]
+    pairs: list[FilePair] = Field(description="Measurements in their order, then poses without one.")
+    paired_by: Literal["name", "number", "time", "order"] | None
+    convention: ChosenConvention | None
+    sphere_diameter_mm: float | None
+    sphere_from: str | None
+    doubts: list[ReasonGiven]
+    missing: list[ReasonGiven]
+
+
 class ToolComparison(BaseModel):
     """The tool as it stands in the controller beside the answer."""
 
@@ -200,6 +271,29 @@ async def read_controller(
         contents = await _contents(files)
         said = Told.of({str(name): str(value) for name, value in parse_object(told, "told").items()})
         found = await run_in_threadpool(_read_controller, contents, brand or None, as_written, said)
+    return JSONResponse(plain_json(found))
+
+
+@router.post("/recognised-files", response_model=RecognisedFiles)
+async def recognise_files(
+    files: Files,
+    _: IdempotencyDep,
+    memory: UploadMemoryDep,
+    told: Annotated[
+        str,
+        Form(
+            max_length=1_000_000,
+            description="As JSON: `taken_for` by file name, `convention`, `sphere_diameter_mm`, and `sizes` of "
+            "files of which only the beginning is sent (64 kB tell what a file is).",
+            examples=['{"taken_for": {"notes.txt": "nothing"}, "convention": "kuka"}'],
+        ),
+    ] = "{}",
+) -> Response:
+    """Return what each file is taken for and why, and measurements paired with their poses; stores nothing."""
+    async with memory.taken(_size(files)):
+        contents = await _contents(files)
+        known = parse_object(told, "told")
+        found = await run_in_threadpool(_recognise, contents, known)
     return JSONResponse(plain_json(found))
 
 
@@ -330,6 +424,20 @@ def _read_controller(
         numbers = pose["pose"]
         pose["matrix"] = None if numbers is None else parse_pose(pose["convention"], numbers).to_rows()
     return found
+
+
+def _recognise(contents: dict[str, bytes], told: dict[str, Any]) -> dict[str, Any]:
+    from calib_core.recognition.recognised import recognise
+    from calib_core.recognition.taken import GivenFile
+
+    try:
+        known = _Known.model_validate(told)
+    except ValidationError as error:
+        raise input_error(error, told, "told") from None
+    files = [GivenFile(name, data, known.sizes.get(name)) for name, data in contents.items()]
+    if known.convention is not None:
+        convention_named(known.convention)
+    return recognise(files, known.taken_for, known.convention, known.sphere_diameter_mm).to_json()
 
 
 def _read_points(

@@ -203,3 +203,54 @@ def test_a_server_that_watches_nothing_says_how_to_allow_it(
     page, _ = open_page(f"/sessions/{make_session(api)}")
     page.get_by_role("button", name="Watch a folder").click()
     expect(page.get_by_text("SCANCELL_WATCH_ROOT")).to_be_visible()
+
+
+def a_stick(folder: Path) -> list[Path]:
+    """Lay down a cell's files as two other programs leave them: profiles in OpenCV's YAML, poses in a text."""
+    folder.mkdir()
+    for number, capture in enumerate(CAPTURES, start=1):
+        rows = [line.split(",") for line in MADE.files[capture["files"][0]].decode().splitlines()[1:]]
+        numbers = [f"{float(x):.6e}, 0., {float(z):.6e}" for x, z, *_ in rows if x and z]
+        text = f"%YAML:1.0\n---\nscan_line: [ {', '.join(numbers)} ]\n"
+        (folder / f"p{number}.yml").write_text(text, encoding="ascii")
+    poses = [to_pose("fanuc", parse_pose(RECORD["cell"]["pose_convention"], c["pose"])) for c in CAPTURES]
+    (folder / "Robot.txt").write_text("".join(" ".join(f"{v:.4f}" for v in pose) + "\n" for pose in poses))
+    (folder / "cell.sec").write_text('{"CalibObj": {"Name": "Sphere", "Radius": 20.0}, "Config": {}}')
+    (folder / "notes.txt").write_text("cable was loose\n")
+    return sorted(folder.iterdir())
+
+
+def test_files_as_they_lie_are_listed_paired_and_added(
+    open_page: Callable[..., Any], api: httpx.Client, tmp_path: Path
+) -> None:
+    files = a_stick(tmp_path / "stick")
+    page, watched = open_page("/")
+    page.locator("sc-start input[webkitdirectory]").set_input_files(tmp_path / "stick")
+    expect(page.get_by_label("Sphere diameter in mm", exact=True)).to_have_value("40")
+    assert page.get_by_label("Robot", exact=True).input_value() == "fanuc"
+    page.get_by_role("button", name="Create session").click()
+    listed = page.locator("sc-file-list tbody tr")
+    expect(listed).to_have_count(len(files))
+    told = {"p1.yml": "profiles", "Robot.txt": "poses", "cell.sec": "nothing", "notes.txt": "nothing"}
+    for name, kind in told.items():
+        expect(page.get_by_label(f"Take stick/{name} for")).to_have_value(kind)
+    paired = f"{len(CAPTURES)} measurements with their poses, paired by order"
+    expect(page.locator("sc-file-list")).to_contain_text(paired)
+    pairs = page.locator(".match tbody tr")
+    expect(pairs).to_have_count(len(CAPTURES))
+    expect(pairs.first.locator("svg")).to_be_visible()
+    # What a file is taken for can be changed, and changed back.
+    page.get_by_label("Take stick/p2.yml for").select_option("nothing")
+    expect(pairs).to_have_count(len(CAPTURES))  # a pose without its measurement
+    expect(page.get_by_role("button", name=f"Add {len(CAPTURES) - 1} captures")).to_be_visible()
+    page.get_by_label("Take stick/p2.yml for").select_option("profiles")
+    page.get_by_role("button", name=f"Add {len(CAPTURES)} captures", exact=True).click()
+    expect(page.locator(".captures tbody tr")).to_have_count(len(CAPTURES))
+    session = page.url.rsplit("/", 1)[1].partition("#")[0].partition("?")[0]
+    stored = {c["id"]: c for c in api.get(f"/sessions/{session}/captures").json()["items"]}
+    for number, capture in enumerate(CAPTURES, start=1):
+        mine = stored[f"p{number}"]
+        theirs = to_pose("fanuc", parse_pose(RECORD["cell"]["pose_convention"], capture["pose"]))
+        assert mine["pose"] == pytest.approx(theirs, abs=1e-3)
+        assert mine["source"] == f"stick/Robot.txt:{number}"
+    assert watched.complaints == []

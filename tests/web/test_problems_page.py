@@ -103,7 +103,7 @@ def drop(page: Page, files: dict[str, str]) -> None:
     )
 
 
-@provokes("problem.lacking", "intake.bad_json", "intake.unknown", "intake.more_problems")
+@provokes("problem.lacking", "intake.bad_json", "intake.more_problems")
 def test_what_is_dropped_on_a_session(profile: SharedProfile, api: httpx.Client) -> None:
     with visiting(profile, api, f"/sessions/{make_session(api)}") as visitor:
         page, toast = visitor.page, visitor.toast
@@ -112,8 +112,8 @@ def test_what_is_dropped_on_a_session(profile: SharedProfile, api: httpx.Client)
         expect(toast).to_contain_text("is not valid JSON. Fix it")
         visitor.picture("intake-bad-json")
         drop(page, {"notes.docx": "?"})
-        expect(toast).to_contain_text("Not measurements: notes.docx. Supported endings: ")
-        visitor.picture("intake-unknown")
+        expect(page.get_by_role("region", name="Files that came").first).to_contain_text("1 file: 1 nothing")
+        visitor.picture("intake-nothing")
         kinds = {"step": "tcp", "kind": "profile", "pose": [0, 0, 500, 0, 0, 0]}
         record = {
             "cell": {"pose_convention": "fanuc", "sphere_diameter_mm": 40.0},
@@ -129,13 +129,10 @@ def test_what_is_dropped_on_a_session(profile: SharedProfile, api: httpx.Client)
         assert api.get(f"/sessions/{page.url.rsplit('/', 1)[1]}/captures").json()["items"] == []
 
 
-@provokes("start.files_first", "start.no_session")
+@provokes("start.no_session")
 def test_what_is_dropped_on_the_first_page(profile: SharedProfile, api: httpx.Client) -> None:
     with visiting(profile, api, "/") as visitor:
         expect(visitor.page.get_by_role("heading", name="Calibrate a scanning cell")).to_be_visible()
-        drop(visitor.page, {"a.csv": WALL})
-        expect(visitor.toast).to_contain_text("measurements without a session.json. Create a session first")
-        visitor.picture("start-files-first")
         drop(visitor.page, {"a.txt2": "?"})
         expect(visitor.toast).to_contain_text("There is no session.json among these files. Drop the whole")
         visitor.picture("start-no-session")

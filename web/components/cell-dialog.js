@@ -151,10 +151,10 @@ function asChange(body) {
 /** @param {SessionOut} [session] the one to correct; a new one otherwise */
 export const cellDialog = (session) => attempt(async () => open(await conventions(), session));
 
-/** A new session for files that are there already, a controller's among them. @param {PoseConvention | undefined} convention @param {Found[]} found */
-export const cellDialogFor = (convention, found) => attempt(async () => open(await conventions(), undefined, { convention, found }));
+/** A new session for files that are there already, and what they tell of the cell. @param {PoseConvention | undefined} convention @param {Found[]} found @param {number} [diameter_mm] */
+export const cellDialogFor = (convention, found, diameter_mm) => attempt(async () => open(await conventions(), undefined, { convention, found, diameter_mm }));
 
-/** @param {ConventionInfo[]} conventions @param {SessionOut} [session] @param {{ convention: PoseConvention | undefined, found: Found[] }} [brought] */
+/** @param {ConventionInfo[]} conventions @param {SessionOut} [session] @param {{ convention: PoseConvention | undefined, found: Found[], diameter_mm?: number | undefined }} [brought] */
 function open(conventions, session, brought) {
   const told = alarm();
   const form = h(
@@ -183,6 +183,8 @@ function open(conventions, session, brought) {
   const base = { session, found: brought?.found };
   const convention = form.elements.namedItem("convention");
   if (brought?.convention && convention instanceof HTMLSelectElement) convention.value = brought.convention;
+  const diameter = form.elements.namedItem("diameter");
+  if (brought?.diameter_mm && diameter instanceof HTMLInputElement) diameter.value = String(inField(brought.diameter_mm));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     void submit(form, told, dialog, base);

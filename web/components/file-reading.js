@@ -4,7 +4,6 @@ import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { field, h } from "../dom.js";
 import { mark } from "../icons.js";
-import { kindOf } from "../state/files.js";
 import { profilePlot } from "./profile-plot.js";
 import { offered } from "../state/registries.js";
 import { learnTexts, maybe, said, t } from "../texts.js";
@@ -35,13 +34,12 @@ export class FileReadingElement extends HTMLElement {
     h("div", { class: "field" }, h("label", { for: "reading-columns" }, t("columns.label")), h("span", { class: "hint", id: "reading-columns-hint" }, t("reading.columns_hint")), this.#columns),
     h("button", { type: "button", onclick: () => void this.#look() }, t("reading.again")));
 
-  /** Look at the first file that came; all of one intake are read alike. @param {readonly Found[]} found @param {SessionOut["cell"] | undefined} cell */
-  async look(found, cell) {
-    const scannerKind = cell?.scanner?.kind;
+  /** Look at the first file that came; all of one intake are read alike. @param {readonly Found[]} found @param {SessionOut["cell"] | undefined} cell @param {(path: string) => string} kindOf */
+  async look(found, cell, kindOf) {
     this.#diameter_mm = Number(cell?.sphere_diameter_mm ?? 0);
-    const file = found.find(({ path }) => kindOf(path, scannerKind) === "profile" || kindOf(path, scannerKind) === "cloud");
+    const file = found.find(({ path }) => kindOf(path) === "profile" || kindOf(path) === "cloud");
     if (!file || this.#looked === file.path) return;
-    [this.#file, this.#kind, this.#looked] = [file, kindOf(file.path, scannerKind), file.path];
+    [this.#file, this.#kind, this.#looked] = [file, kindOf(file.path), file.path];
     const formats = await offered("formats");
     this.#format.replaceChildren(h("option", { value: "" }, t("reading.as_it_says")), ...formats.filter(({ reads }) => reads).map(({ name, title }) => h("option", { value: name }, title)));
     await this.#look();

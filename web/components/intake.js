@@ -4,14 +4,14 @@ import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { field, h, make } from "../dom.js";
 import { typedNumbers } from "../format.js";
-import { chosen, controllerFiles, dropped, isMeasurement, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
+import { chosen, dropped, kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
 import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { freeId, send, takeBrought, takeWaiting } from "../state/upload.js";
 import { StateElement } from "./base.js";
 import { keep } from "./keep.js";
-import { matchRow, numbersOf } from "./match-row.js";
+import { imageOf, matchRow, numbersOf, pictureOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
 import { knowConventions } from "../state/pose-table.js";
 import { PoseFileElement } from "./pose-file.js";
@@ -30,6 +30,8 @@ export class IntakeElement extends StateElement {
   /** @type {Found[]} */ #files = [];
   /** Stored already while others were refused: never sent twice. @type {Set<File>} */ #stored = new Set();
   /** @type {ParsedPose[]} */ #poses = [];
+  /** What could not be stored before, by path. @type {Set<string>} */ #waiting = new Set();
+  #listedText = "";
   #timer = 0;
   #reading = 0;
   #restored = false;
@@ -45,6 +47,8 @@ export class IntakeElement extends StateElement {
   #columns = make(PoseColumnsElement, { changed: () => void this.#read() });
   /** Loaded with the first poses. @type {import("./pose-offers.js").PoseOffersElement | null} */ #offers = null;
   #offersPlace = h("div");
+  /** Loaded with the first files. @type {import("./file-list.js").FileListElement | null} */ #list = null;
+  #listPlace = h("div");
   #poseFile = make(PoseFileElement, { changed: () => this.#draw() });
   /** Loaded with the first file. @type {import("./file-reading.js").FileReadingElement | null} */ #scannerFile = null;
   #scannerFilePlace = h("div");
@@ -61,7 +65,7 @@ export class IntakeElement extends StateElement {
     h("div", { class: "row spread" }, h("h2", { id: "intake-title" }, t("intake.title")), h("button", { type: "button", class: "plain", onclick: () => this.close() }, t("close"))),
     h("p", { class: "soft" }, t("intake.how")),
     field("intake-step", t("intake.step"), this.#step),
-    this.#poseField, this.#turning, this.#paired, this.#scannerFilePlace, this.#table,
+    this.#listPlace, this.#poseField, this.#turning, this.#paired, this.#scannerFilePlace, this.#table,
     h("div", { class: "row end" }, this.#addAndSolve, this.#add),
   );
 
@@ -111,6 +115,7 @@ export class IntakeElement extends StateElement {
   #wait(parcels) {
     const files = parcels.flatMap(({ record, files: all }) => all.map((file) => ({ path: `${record.id}${/\.[^.]+$/.exec(file.name)?.[0] ?? ""}`, file })));
     if (!files.length) return;
+    for (const { path } of files) this.#waiting.add(path);
     const [first] = parcels;
     void attempt(knowFormats).then(() => {
       this.#files.push(...files);
@@ -140,7 +145,7 @@ export class IntakeElement extends StateElement {
   /** The guide's step; but boards are seen in frames alone, so other files are captures of the sphere. */
   #likelyStep() {
     const { step, captureSteps } = this.state;
-    const frames = this.#files.length > 0 && this.#files.every(({ path }) => kindOf(path, undefined) === "frame");
+    const frames = this.#files.length > 0 && this.#files.every(({ path }) => this.#kindOf(path) === "frame");
     const sphere = captureSteps.find((one) => !this.state.showsBoard(one)) ?? step;
     return captureSteps.includes(step) && (frames || !this.state.showsBoard(step)) ? step : sphere;
   }
@@ -152,6 +157,7 @@ export class IntakeElement extends StateElement {
 
   close() {
     this.#files = [];
+    this.#waiting.clear();
     this.#stored.clear();
     this.#poses = [];
     this.#offers?.clear();
@@ -159,6 +165,7 @@ export class IntakeElement extends StateElement {
     this.#keep();
     this.#panel.hidden = true;
     this.#columns.read("");
+    this.#list?.clear();
     this.#poseFile.clear();
     this.#scannerFile?.clear();
     this.#showInScene();
@@ -179,8 +186,7 @@ export class IntakeElement extends StateElement {
   /** @param {Found[]} found */
   async #take(found) {
     await this.#known; // the steps: files may be dropped before they have come
-    let endings = "";
-    if (!await attempt(async () => { endings = (await knowFormats()).join(" "); })) return;
+    if (!await attempt(knowFormats)) return;
     const folder = await sessionFolder(found).catch(() => undefined);
     if (folder === undefined) {
       notify(t("intake.bad_json"), { bad: true });
@@ -193,39 +199,47 @@ export class IntakeElement extends StateElement {
       this.#tell(outcome);
       this.#wait(outcome.left);
     } else {
-      const used = await this.#takePoses(found);
-      const measurements = found.filter((one) => isMeasurement(one) && !used.has(one.path));
-      const unknown = found.filter((one) => !isMeasurement(one) && !used.has(one.path));
-      if (unknown.length) notify(t("intake.unknown", { names: unknown.map((one) => one.path).slice(0, 3).join(", "), endings }), { bad: true });
-      if (!measurements.length && !used.size) return;
-      this.#files.push(...measurements);
-      this.open();
-      const { FileReadingElement } = await import("./file-reading.js");
-      this.#scannerFile ??= make(FileReadingElement);
-      this.#scannerFilePlace.replaceChildren(this.#scannerFile);
-      await attempt(async () => this.#scannerFile?.look(this.#files, this.state.session?.cell));
+      await this.#takeFiles(found);
     }
   }
 
-  /** Poses of a controller's files among those that came. @param {Found[]} found @returns {Promise<Set<string>>} the paths of those files */
-  async #takePoses(found) {
-    const maybe = await controllerFiles(found).catch(() => []);
-    if (!maybe.length) return new Set();
-    try {
-      const used = await this.#poseFile.take(this.state.id, maybe, this.state.session?.cell.robot?.arm);
-      if (this.#poseFile.convention) {
-        this.#columns.choose(this.#poseFile.convention);
-        this.#text.value = this.#poseFile.lines;
-        await this.#read();
-      }
-      return used;
-    } catch (error) {
-      if (!(error instanceof Problem)) throw error;
-      // Where none of them can be a measurement either, the reason is worth a word.
-      if (!maybe.some(isMeasurement)) notify(error.message, { bad: true });
-      return new Set();
-    }
+  /** Every file that came is listed with what it was taken for, before anything is added. @param {Found[]} found */
+  async #takeFiles(found) {
+    if (!found.length) return;
+    const { FileListElement } = await import("./file-list.js");
+    this.#list ??= make(FileListElement, { changed: () => void attempt(() => this.#listed()) });
+    this.#listPlace.replaceChildren(this.#list);
+    const list = this.#list;
+    if (!await attempt(() => list.take(found))) return;
+    const taken = this.#listed();
+    this.open();
+    await taken;
   }
+
+  /** What the list says is taken up: the measurements, the poses as lines, how both pair. */
+  async #listed() {
+    const list = this.#list;
+    if (!list) return;
+    this.#files = [...this.#files.filter(({ path }) => this.#waiting.has(path)), ...list.measurements];
+    const { controllers } = list;
+    if (controllers.length) await this.#poseFile.take(this.state.id, controllers, this.state.session?.cell.robot?.arm).catch(unlessProblem);
+    else this.#poseFile.clear();
+    if (list.convention) {
+      this.#columns.choose(list.convention);
+      this.#text.value = list.lines;
+    } else if (this.#text.value === this.#listedText) {
+      this.#text.value = "";
+    }
+    this.#listedText = list.lines;
+    await this.#read();
+    const { FileReadingElement } = await import("./file-reading.js");
+    this.#scannerFile ??= make(FileReadingElement);
+    this.#scannerFilePlace.replaceChildren(this.#scannerFile);
+    await attempt(async () => this.#scannerFile?.look(this.#files, this.state.session?.cell, this.#kindOf));
+  }
+
+  /** @param {string} path */
+  #kindOf = (path) => this.#list?.kindOf(path) ?? kindOf(path, this.state.session?.cell.scanner?.kind);
 
   #later() {
     this.#keep();
@@ -263,6 +277,8 @@ export class IntakeElement extends StateElement {
   }
 
   #rows() {
+    const list = this.#list;
+    if (list && list.lines === this.#text.value && list.measurements.length === this.#files.length && this.#poses.length === list.poseCount) return list.rows;
     return match(this.#files.map(({ path }) => path), this.#poses.map(({ text }) => text));
   }
 
@@ -294,18 +310,24 @@ export class IntakeElement extends StateElement {
     return this.#rows().flatMap(({ file, line }) => {
       const found = file === null ? undefined : this.#files[file];
       const pose = line === null ? undefined : this.#poses[line];
-      const angle = (pose && (this.#columns.angle(pose.line) ?? this.#poseFile.angleOf(pose.text))) ?? (file === null ? undefined : angles[file]);
+      const angle = (pose && (this.#columns.angle(pose.line) ?? this.#angleOf(pose.text))) ?? (file === null ? undefined : angles[file]);
       const turns = this.#onTable || (this.state.shows(step) === "object" && angle !== undefined);
       if (!found || this.#stored.has(found.file) || !pose?.matrix || (turns && !Number.isFinite(angle))) return [];
       const id = freeId(taken, stemOf(found.path));
       taken.add(id);
-      const kind = kindOf(found.path, this.state.session?.cell.scanner?.kind);
+      const kind = this.#kindOf(found.path);
       const ending = found.path.slice(found.path.lastIndexOf("."));
       const mount = this.#mount.value.trim();
       const table = turns ? { table_deg: Number(angle), ...(mount && this.#onTable ? { mount } : {}) } : {};
-      const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose), ...this.#poseFile.recordOf(pose.text), ...this.#scannerFile?.record };
+      const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose), ...this.#list?.recordOf(pose.text), ...this.#scannerFile?.record };
       return [{ record, files: [found.file] }];
     });
+  }
+
+  /** The table's angle that a file tells for a line. @param {string} line */
+  #angleOf(line) {
+    const pose = this.#list?.poseOf(line);
+    return pose && (pose.table_deg ?? this.#poseFile.angleAt(pose.file, pose.line));
   }
 
   #draw() {
@@ -330,7 +352,14 @@ export class IntakeElement extends StateElement {
   /** @param {Found | undefined} found @param {ParsedPose | undefined} pose @param {boolean} board a frame of it needs no pose */
   #row(found, pose, board) {
     const stored = found && this.#stored.has(found.file) ? mark("pass", t("match.stored")) : null;
-    return board ? h("tr", {}, h("td", {}, found?.path ?? "", " ", stored)) : matchRow(found, pose, stored);
+    return board ? h("tr", {}, h("td", {}, found?.path ?? "", " ", stored)) : matchRow(found, pose, stored, found && this.#pictureOf(found));
+  }
+
+  /** A measurement's small picture. @param {Found} found */
+  #pictureOf({ path, file }) {
+    const preview = this.#list?.previewOf(path) ?? [];
+    if (preview.length) return pictureOf(path, preview);
+    return this.#kindOf(path) === "frame" ? imageOf(file) : null;
   }
 
   /** @param {number} sent @param {number} all */
@@ -376,6 +405,11 @@ export class IntakeElement extends StateElement {
     for (const problem of problems.slice(0, 2)) notify(problem, { bad: true });
     if (problems.length > 2) notify(t("intake.more_problems", { count: problems.length - 2 }), { bad: true });
   }
+}
+
+/** A refusal that the list has told already. @param {unknown} error */
+function unlessProblem(error) {
+  if (!(error instanceof Problem)) throw error;
 }
 
 customElements.define("sc-intake", IntakeElement);

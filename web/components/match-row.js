@@ -4,24 +4,45 @@ import { h } from "../dom.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { said, t } from "../texts.js";
+import { profilePlot } from "./profile-plot.js";
 
 /** @import {Found} from "../state/files.js" */
-/** @import {ParsedPose} from "../state/model.js" */
+/** @import {Measured, ParsedPose} from "../state/model.js" */
 
 /**
  * @param {Found | undefined} found
  * @param {ParsedPose | undefined} pose
  * @param {HTMLElement | null} stored
+ * @param {Element | null} [picture]
  */
-export function matchRow(found, pose, stored) {
+export function matchRow(found, pose, stored, picture) {
   const matrix = pose?.matrix;
   return h(
     "tr", {},
-    h("td", {}, found ? found.path : mark("warn", t("match.no_file")), " ", stored),
+    h("td", {}, picture, found ? found.path : mark("warn", t("match.no_file")), " ", stored),
     h("td", { class: "mono" }, pose ? pose.text : mark("warn", t("match.no_line"))),
     h("td", { class: "number" }, matrix ? `${[0, 1, 2].map((row) => fixed(matrix[row]?.[3] ?? 0, 1)).join("  ")} mm` : pose && mark("fail", said(pose.problem ?? ""))),
     h("td", {}, matrix && direction(matrix.slice(0, 3).map((row) => row[2] ?? 0))),
   );
+}
+
+/** Some points of a measurement as a small picture. @param {string} path @param {number[][]} preview */
+export function pictureOf(path, preview) {
+  const seen = /** @type {Measured} */ (/** @type {unknown} */ ({ capture: path, kind: "profile", points: preview.length, preview }));
+  const plot = profilePlot(seen, { width: 48, height: 28, scale: false, most: 60 });
+  plot.setAttribute("aria-hidden", "true");
+  plot.removeAttribute("role");
+  plot.removeAttribute("aria-label");
+  return plot;
+}
+
+/** @param {File} file */
+export function imageOf(file) {
+  const image = h("img", { class: "thumb", alt: "", width: 48, height: 28 });
+  const address = URL.createObjectURL(file);
+  image.onload = image.onerror = () => URL.revokeObjectURL(address);
+  image.src = address;
+  return image;
 }
 
 /** A pose that could be read has only numbers. @param {ParsedPose} pose */

@@ -10,7 +10,7 @@ import { attempt, notify } from "../components/toasts.js";
 import { isFirstVisit, noteVisit } from "../components/tour.js";
 import { takeDrops } from "../components/drops.js";
 import { h, make, style } from "../dom.js";
-import { chosen, controllerFiles, dropped, isArchive, isMeasurement, knowFormats, sessionFolder } from "../state/files.js";
+import { chosen, dropped, isArchive, sessionFolder } from "../state/files.js";
 import { me } from "../state/me.js";
 import { go } from "../router.js";
 import { learnTexts, t } from "../texts.js";
@@ -87,12 +87,12 @@ export class StartPage extends HTMLElement {
     this.#progress.end();
   }
 
-  /** Files with a controller's among them begin a new session. @param {Found[]} found @returns {Promise<boolean>} whether they do */
-  async #withBackup(found) {
-    const maybe = await controllerFiles(found).catch(() => []);
-    const content = maybe.length ? await api.readControllerFiles(maybe).catch(() => null) : null;
-    if (!content) return false;
-    await cellDialogFor(/** @type {import("../state/model.js").PoseConvention | undefined} */ (content.poses.find(({ pose }) => pose)?.convention), found);
+  /** Files with measurements, poses or a controller's among them begin a new session. @param {Found[]} found @returns {Promise<boolean>} whether they do */
+  async #asTheyLie(found) {
+    const known = await api.recogniseFiles(found, { taken_for: {} });
+    if (known.files.every(({ taken_for: kind }) => kind === "nothing" || kind === "session" || kind === "certificate")) return false;
+    const convention = known.poses.length ? known.convention?.name : undefined;
+    await cellDialogFor(/** @type {import("../state/model.js").PoseConvention | undefined} */ (convention), found, known.sphere_diameter_mm ?? undefined);
     return true;
   }
 
@@ -110,10 +110,10 @@ export class StartPage extends HTMLElement {
   /** @param {Found[]} found */
   async #takeFolder(found) {
     const folder = await sessionFolder(found).catch(() => undefined);
-    if (folder === null && await this.#withBackup(found)) return;
+    let begun = false;
+    if (folder === null && (!await attempt(async () => { begun = await this.#asTheyLie(found); }) || begun)) return;
     if (!folder) {
-      await attempt(knowFormats);
-      notify(t(folder === undefined ? "intake.bad_json" : found.some(isMeasurement) ? "start.files_first" : "start.no_session"), { bad: true });
+      notify(t(folder === undefined ? "intake.bad_json" : "start.no_session"), { bad: true });
       return;
     }
     await attempt(async () => {

@@ -2,7 +2,7 @@
 
 import { all, get, json, LOGIN, madeAgainst, request, ROOT, sendFile } from "./http.js";
 
-/** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
+/** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, RecognisedFiles, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
 /** @param {string} id */
 export const session = (id) => `/sessions/${encodeURIComponent(id)}`;
@@ -19,6 +19,9 @@ function filesForm(found, field) {
   for (const { path, file } of found) form.append(field, file, path);
   return form;
 }
+
+/** A file's beginning tells what it is; smaller ones are sent whole, for their pictures and poses. */
+const HEAD_BYTES = 65536, WHOLE_BYTES = 2e6;
 
 /** @param {Record<string, string | number>} values */
 const query = (values) => new URLSearchParams(Object.entries(values).map(([name, value]) => [name, String(value)])).toString();
@@ -120,6 +123,15 @@ export const api = {
     const form = filesForm(found, "files");
     if (arm) form.append("told", JSON.stringify({ arm }));
     return (await request("/controller-files", { method: "POST", body: form })).json();
+  },
+
+  /** What files are and how measurements and poses pair; nothing is stored. @param {readonly { path: string, file: File }[]} found @param {{ taken_for: Record<string, string>, convention?: string }} told @returns {Promise<RecognisedFiles>} */
+  recogniseFiles: async (found, told) => {
+    const cut = found.filter(({ file }) => file.size > WHOLE_BYTES && !/\.(zip|urp|installation)$/i.test(file.name));
+    const sizes = Object.fromEntries(cut.map(({ path, file }) => [path, file.size]));
+    const form = filesForm(found.map(({ path, file }) => ({ path, file: path in sizes ? new File([file.slice(0, HEAD_BYTES)], file.name) : file })), "files");
+    form.append("told", JSON.stringify({ ...told, sizes }));
+    return (await request("/recognised-files", { method: "POST", body: form })).json();
   },
 
   /** What a reader takes from a scanner's file; nothing is stored. @param {{ path: string, file: File }} found @param {string} kind @param {string} format @param {Record<string, unknown>} settings @returns {Promise<FileReading>} */

@@ -9,34 +9,12 @@ import { registry } from "./registries.js";
 /** What files with an ending can hold. @type {Map<string, Kind[]>} */
 const kinds = new Map();
 
-/** Ask which files there are; `kindOf` and `isMeasurement` know it from then on. @returns {Promise<string[]>} their endings */
+/** Ask which files there are; `kindOf` knows it from then on. */
 export async function knowFormats() {
   for (const format of await registry("formats")) {
     if (!format.reads) continue;
     for (const ending of format.endings) kinds.set(ending, [...new Set([...kinds.get(ending) ?? [], ...format.kinds])]);
   }
-  return [...kinds.keys()];
-}
-
-/** Of brands' files, the endings. @type {Set<string>} */
-const controllers = new Set([".zip"]);
-/** Tables and texts are a scanner's far more often than a robot's: then their names say so. */
-const TEXTS = new Set([".csv", ".tsv", ".txt", ".asc"]);
-const ROBOTS = /pose|robot|tcp|rtde|waypoint|echo/i;
-const MOST_ASKED = 300;
-
-/**
- * Those that may be a controller's: the server knows which of them are.
- * @param {readonly Found[]} found
- * @returns {Promise<Found[]>}
- */
-export async function controllerFiles(found) {
-  for (const { reads, endings } of await registry("brands")) if (reads) for (const ending of endings) controllers.add(ending);
-  const maybe = found.filter(({ path }) => {
-    const ending = endingOf(path);
-    return controllers.has(ending) && (!TEXTS.has(ending) || ROBOTS.test(baseOf(path)));
-  });
-  return maybe.length > MOST_ASKED ? maybe.filter(({ path }) => !kinds.has(endingOf(path))) : maybe;
 }
 
 /** @param {string} name */
@@ -50,9 +28,6 @@ const endingOf = (name) => (/\.[^.]+$/.exec(name)?.[0] ?? "").toLowerCase();
 
 /** @param {Found} found */
 export const isArchive = (found) => endingOf(found.path) === ".zip";
-
-/** @param {Found} found */
-export const isMeasurement = (found) => kinds.has(endingOf(found.path));
 
 /**
  * The kind of capture that a file holds; where its format leaves that open, what the cell's scanner delivers.

@@ -12,10 +12,8 @@ export const problems = {
   "place.need_angle": "Enter an angle in degrees, such as 45.",
 
   "intake.bad_json": "The file session.json is not valid JSON. Fix it in an editor, then drop the folder again.",
-  "intake.unknown": "Not measurements: {names}. Supported endings: {endings}.",
   "intake.more_problems": "{count} more captures could not be added. Fix the problems above, then add the rest.",
 
-  "start.files_first": "These are measurements without a session.json. Create a session first, then drop them into it.",
   "start.no_session": "There is no session.json among these files. Drop the whole session folder, or an archive (zip).",
 
   "watch.unavailable": "This server watches no folders. The operator can allow it with SCANCELL_WATCH_ROOT.",

@@ -8,6 +8,7 @@ export const sentences = {
   "{} in the header above line {}": { "de": "{} in der Kopfzeile über Zeile {}", "zh": "{}（第 {} 行上方的表头）" },
   "{} in the header above line {}: {}": { "de": "{} in der Kopfzeile über Zeile {}: {}", "zh": "第 {2} 行上方的表头：{1}（{3}）" },
   "{} in the setting 'columns': {}": { "de": "{} in der Einstellung „columns“: {}", "zh": "设置“columns”：{}（{}）" },
+  "Write one point after the other.": { "de": "Einen Punkt nach dem anderen schreiben.", "zh": "请逐点写入。" },
   "{} columns named {}": { "de": "{} Spalten namens {}", "zh": "{} 列名为 {}" },
   "no column named x or z": { "de": "keine Spalte namens x oder z", "zh": "没有名为 x 或 z 的列" },
   "no column named {}": { "de": "keine Spalte namens {}", "zh": "没有名为 {} 的列" },
