@@ -45,10 +45,10 @@ from server.scenes.advice import SceneAdviser
 from server.scenes.cloud_controls import cloud_router
 from server.scenes.controls import controls_router
 from server.scenes.manager import SceneManager
-from server.scenes.past import PastScenes
+from server.scenes.pose_preview_routes import trials_router
+from server.scenes.review_scenes import PastScenes
 from server.scenes.router import scenes_router
 from server.scenes.stored import follow_scene
-from server.scenes.trials import trials_router
 from server.settings import Settings
 from server.sources.watched_folder import session_watcher
 from server.store.database import Store

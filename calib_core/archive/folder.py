@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from calib_core.archive.bag_names import require_distinct_names
-from calib_core.archive.kept_observations import OWN_FOLDER, KeptObservations
+from calib_core.archive.observation_store import OWN_FOLDER, KeptObservations
 from calib_core.archive.session_versions import to_present_format
-from calib_core.captures.kept import KeepingReader
+from calib_core.captures.observation_cache import KeepingReader
 from calib_core.disk import extended
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.captures.kept import seen_once
+from calib_core.captures.observation_cache import seen_once
 from calib_core.errors import InputError
 from calib_core.formats.shared.images import decode_image
 from calib_core.optics.board import BoardView, find_board

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from calib_core.captures.advice import advise
+from calib_core.captures.capture_observation import Seen
 from calib_core.captures.content import (
     pose_of,
     shows_board,
@@ -12,7 +13,6 @@ from calib_core.captures.content import (
 from calib_core.captures.figures import figures_of, not_seen
 from calib_core.captures.lost_rays import telling_lost_rays
 from calib_core.captures.observe import doubts_of, points_of, see_sphere
-from calib_core.captures.seen import Seen
 from calib_core.errors import MeasurementError
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.records.callbacks import ReadFile

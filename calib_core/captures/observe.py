@@ -5,11 +5,11 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from calib_core.captures.capture_observation import Doubts, Seen
 from calib_core.captures.content import pose_of, reading_of, sphere_of
-from calib_core.captures.kept import seen_once
 from calib_core.captures.lost_rays import SeenPoints
+from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.raw_frames import of_frames
-from calib_core.captures.seen import Doubts, Seen
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.formats.format import Reading

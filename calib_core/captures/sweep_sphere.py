@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from calib_core.captures.content import shows_sphere, sphere_of, thinned
 from calib_core.captures.figures import figures_of, not_seen
-from calib_core.captures.kept import seen_once
 from calib_core.captures.lost_rays import SeenPoints
+from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.observe import arc_observation, point_settings
 from calib_core.captures.standstill import doubt_of, still_of
 from calib_core.captures.sweep import sweep_poses, sweep_profile

@@ -11,8 +11,8 @@ import numpy as np
 from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.guidance.design import Design, worst_sigma_mm
-from calib_core.guidance.known import MOST_TAKEN, situation_of
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
+from calib_core.guidance.prior import MOST_TAKEN, situation_of
 from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
 from calib_core.steps import steps_that_show, table_stages, tool_stages
 

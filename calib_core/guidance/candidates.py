@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.guidance.sight import LEAST_OFFSET, MOST_OFFSET, Sight
+from calib_core.guidance.field_of_view import LEAST_OFFSET, MOST_OFFSET, Sight
 from calib_core.records.planning import Box, Limits
 
 TILT_DEG, TURN_DEG, CLEARANCE_MM = 30.0, 40.0, 30.0

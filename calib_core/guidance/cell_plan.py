@@ -14,8 +14,8 @@ from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, greedy
-from calib_core.guidance.sight import Sight
 from calib_core.guidance.table_plan import TablePlan, TableToPlan, plan_table
 from calib_core.records import Cell, NotNegative, Positive, Record
 from calib_core.records.planning import FieldOfView, Limits

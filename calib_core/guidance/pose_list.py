@@ -8,8 +8,8 @@ import numpy as np
 from calib_core.errors import ConflictError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.guidance.known import situation_of
 from calib_core.guidance.planner import Situation, planned_set
+from calib_core.guidance.prior import situation_of
 from calib_core.guidance.table_advice import planned_shots, table_situation
 from calib_core.poses.numbers import to_pose
 from calib_core.records import Matrix4, Measured, Record, Session

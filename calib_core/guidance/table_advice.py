@@ -14,8 +14,8 @@ from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import expanded, inputs_of, inputs_read
 from calib_core.guidance.candidates import allowed, candidates
-from calib_core.guidance.known import observations_of, situation_of
 from calib_core.guidance.planner import Situation
+from calib_core.guidance.prior import observations_of, situation_of
 from calib_core.guidance.table_design import TableDesign, TableGuess
 from calib_core.records import Cell, Measured, Meter, Session
 from calib_core.steps import steps_that_show

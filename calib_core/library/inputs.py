@@ -24,7 +24,7 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.library.opened import OpenSession, in_memory
 from calib_core.records import Capture, Cell, Kind, Session, parse_cell
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from calib_core.robots.controller_file import FilePose
 from calib_core.steps import steps_that_show
 

@@ -37,7 +37,7 @@ def read_poses(
         If no file is of a known brand, or what is told is unknown.
     """
     from calib_core.robots.backup import read_controller_files
-    from calib_core.robots.told import Told
+    from calib_core.robots.file_hints import Told
 
     files: dict[str, bytes] = {}
     for path in paths:

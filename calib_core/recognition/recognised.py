@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.errors import CalibrationError
 from calib_core.recognition.conventions import Choice, chosen_convention
-from calib_core.recognition.look import look_at
+from calib_core.recognition.file_content import look_at
 from calib_core.recognition.pairing import By, natural, paired
 from calib_core.recognition.taken import (
     MEASUREMENTS,

@@ -37,8 +37,8 @@ def look_at_storage(file: GivenFile, head: str) -> Look:
 
 
 def _poses(file: GivenFile) -> PoseList | None:
+    from calib_core.robots.file_hints import Told
     from calib_core.robots.table.opencv import find
-    from calib_core.robots.told import Told
 
     try:
         found = find(file.data, file.name, Told(unit="mm"))

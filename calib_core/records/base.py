@@ -16,7 +16,7 @@ from pydantic_core import CoreSchema, core_schema
 from calib_core import steps
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records.field_errors import input_error
-from calib_core.records.known_fields import require_known_fields, unknown_within
+from calib_core.records.strict_fields import require_known_fields, unknown_within
 
 FORMAT = "scancell-session/1"
 Kind = Literal["frame", "profile", "cloud", "sweep", "center"]

@@ -126,7 +126,7 @@ def _budget(answer: Answer) -> Any:
 
     None of a stale answer, too: what it was solved from may be gone, and with other captures it is another one.
     """
-    from calib_core.guidance.at_part import budget_at
+    from calib_core.guidance.part_budget import budget_at
 
     if answer.stale:
         return None

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
 from calib_core.captures.content import diameter_sigma_mm, pose_of, read_as, sphere_of
+from calib_core.captures.contradictions import told_by_joints, unfit
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.poses import (
     angles_look_like_radians,
@@ -13,7 +14,6 @@ from calib_core.captures.poses import (
 )
 from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.sweep import sweep_poses
-from calib_core.captures.unfit import told_by_joints, unfit
 from calib_core.causes.likely import likely_columns, likely_convention
 from calib_core.errors import CalibrationError
 from calib_core.evidence.words import alike, captures_text, listed

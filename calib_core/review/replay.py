@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from calib_core.archive.folder import result_data
-from calib_core.captures.kept import plain
+from calib_core.captures.observation_cache import plain
 from calib_core.errors import CalibrationError, InputError
 from calib_core.frames import RigidTransform
 from calib_core.graph.keys import Graph
@@ -159,7 +159,7 @@ def compare(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> StageReplay:
 
 def _same_frames(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> Iterator[str]:
     """Give the names of the frames that are equal by their stated standard deviations."""
-    from calib_core.stages.registry import STAGES
+    from calib_core.graph.registry import STAGES
 
     stage = str(stored.get("stage", ""))
     if stage not in STAGES.names():

@@ -7,10 +7,10 @@ from calib_core.formats.shared.xml_file import unzipped
 from calib_core.formats.zip_files import opened_files
 from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, Found, Skipped
+from calib_core.robots.file_hints import NOTHING_TOLD, Told
 from calib_core.robots.registry import BRANDS
 from calib_core.robots.resolve import resolved
 from calib_core.robots.text import decoded
-from calib_core.robots.told import NOTHING_TOLD, Told
 
 
 def read_controller_files(
@@ -58,7 +58,7 @@ def read_controller_files(
     read = resolved(chosen, found, as_written)
     if told.arm is None:
         return read
-    from calib_core.robots.asked import asked
+    from calib_core.robots.joint_check import asked
 
     return asked(read, told.arm)
 

@@ -10,7 +10,7 @@ from calib_core.poses.conventions import Writer
 if TYPE_CHECKING:
     from calib_core.exports.entry import Export
     from calib_core.robots.controller_file import Found, Reference
-    from calib_core.robots.told import Told
+    from calib_core.robots.file_hints import Told
 
 
 class Brand(Writer):

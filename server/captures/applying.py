@@ -7,10 +7,10 @@ from calib_core.errors import InputError
 from calib_core.records import Capture, Changes
 from server.captures.changes import FIXED, require_usable
 from server.captures.measuring_queue import to_wait
+from server.store.backlog import measure_anew
 from server.store.captures import capture_row, change_capture
 from server.store.models import Data
 from server.store.sessions import StoredSession, change_session, locked_session, session_data
-from server.store.waiting import measure_anew
 
 _CHANGED = "It is measured again: it or the cell has changed."
 _NOT_MEASURED = frozenset(

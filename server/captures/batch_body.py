@@ -11,7 +11,7 @@ from typing import Any
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
 from calib_core.records import Capture, Session, parse_capture
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from server.http.strict_json import parse_json
 from server.measuring import check_poses
 

@@ -8,12 +8,13 @@ from calib_core.errors import ConflictError, DamagedError, InputError
 from calib_core.graph.registry import STAGES
 from calib_core.moment import now
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
-from calib_core.records.known_fields import require_known_fields, unknown_fields
+from calib_core.records.strict_fields import require_known_fields, unknown_fields
 from calib_core.stages.verify.limits import changes_between
-from server.captures.known import require_rigid
+from server.captures.known_results import require_rigid
 from server.captures.measurer import Measurer
 from server.captures.measuring_queue import to_wait
 from server.measuring import Measure, check_poses
+from server.store.backlog import measure_anew
 from server.store.calibrations import calibrated
 from server.store.captures import capture_data, capture_row, change_capture
 from server.store.database import Store
@@ -28,7 +29,6 @@ from server.store.sessions import (
     session_data,
     session_row,
 )
-from server.store.waiting import measure_anew
 
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
 _CHANGED = "It is measured again: the cell has changed."

@@ -22,8 +22,8 @@ from server.captures.measuring_queue import to_wait
 from server.http.idempotency import NO_KEY, Idempotency
 from server.http.uploads import digests_of
 from server.jobs.measuring_processes import Measuring
-from server.store.arrivals import Arrival, add_captures, is_stored, session_record
 from server.store.calibrations import calibrated_session, needs_calibration
+from server.store.capture_writes import Arrival, add_captures, is_stored, session_record
 from server.store.database import Store
 from server.store.group_commit import GroupCommit
 from server.store.json_text import JsonText

@@ -14,10 +14,10 @@ from server.captures.cluster_measuring import FAR_AT_ONCE, ClusterMeasuring, Sto
 from server.captures.measurer import Measurer
 from server.jobs.measuring_processes import Measuring
 from server.measuring import unmeasured
+from server.store.backlog import Waiting, first_waiting, note_measured
 from server.store.calibrations import Calibrated, calibrated_session
 from server.store.database import Store
 from server.store.sessions import empty_session
-from server.store.waiting import Waiting, first_waiting, note_measured
 
 log = logging.getLogger("scancell")
 _AT_ONCE = 20

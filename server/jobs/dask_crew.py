@@ -15,7 +15,7 @@ from typing import Any
 from distributed import Client, wait, worker_client
 
 from calib_core.archive.spill import FileSpill
-from calib_core.captures.kept import plain
+from calib_core.captures.observation_cache import plain
 from calib_core.captures.scans import SessionScans
 from calib_core.fusion.crew import (
     REGIONS,

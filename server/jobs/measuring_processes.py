@@ -13,12 +13,12 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from calib_core.archive.kept_observations import KeptObservations
-from calib_core.captures.kept import Keeper, keeping
+from calib_core.archive.observation_store import KeptObservations
+from calib_core.captures.observation_cache import Keeper, keeping
 from calib_core.errors import CalibrationError
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
-from server.jobs.asked_process import AskedProcess, answer_questions, leave_interrupts_to_the_server
 from server.jobs.child_processes import WorkerContext
+from server.jobs.request_process import AskedProcess, answer_questions, leave_interrupts_to_the_server
 from server.measuring import check_poses, measured_with_text, unmeasured, warm_up
 from server.store.json_text import JsonText
 

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, TypeVar
 from starlette.exceptions import HTTPException
 
 from calib_core.errors import CalibrationError
-from server.jobs.asked_process import AskedProcess, answer_questions, leave_interrupts_to_the_server
 from server.jobs.child_processes import WorkerContext
+from server.jobs.request_process import AskedProcess, answer_questions, leave_interrupts_to_the_server
 
 log = logging.getLogger("scancell")
 

@@ -17,7 +17,7 @@ _OF_PAGES = (
     "server.page_questions",
     "calib_core.guidance.cell_plan",
     "calib_core.guidance.pose_list",
-    "calib_core.guidance.so_far",
+    "calib_core.guidance.interim_estimate",
 )
 
 

@@ -10,9 +10,9 @@ from functools import cache
 from multiprocessing import parent_process
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from calib_core.captures.kept import keeping
+from calib_core.captures.observation_cache import keeping
 from calib_core.errors import InputError
-from server.jobs.asked_process import leave_interrupts_to_the_server
+from server.jobs.request_process import leave_interrupts_to_the_server
 from server.settings import BlobPlace
 from server.store.blob_places import open_blobs
 from server.store.blobs import Blobs

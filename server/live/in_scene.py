@@ -3,7 +3,7 @@
 import numpy as np
 
 from server.live.live_cell import LiveCell
-from server.scenes.look import RobotNow
+from server.scenes.display_options import RobotNow
 from server.scenes.manager import SceneManager
 
 _MOST_POINTS = 200

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from calib_core.errors import CalibrationError
 from server.live.freshness import STANDS_S, Freshness
-from server.live.sense import nonsense
+from server.live.plausibility import nonsense
 from server.sources.device import Description, Device, Reading, Sample, Triggered, host_now_s
 from server.sources.source import Source
 

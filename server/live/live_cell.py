@@ -20,8 +20,8 @@ from server.live.agreement import Agreement
 from server.live.clock_watch import MeasuredClocks
 from server.live.exposures import Exposure, Optics, exposure_of, in_short
 from server.live.link import Link
+from server.live.live_captures import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
-from server.live.shots import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.standstill import Rest, Rules, stood_still
 from server.sources.device import Frame, Reading, Sample, host_now_s
 from server.store.audit import acting

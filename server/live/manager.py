@@ -17,12 +17,12 @@ from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import Capture, Measured
 from calib_core.review.answer import cell_id
 from server.captures.intake import Intake
+from server.live.cell_memory import KeptBySession
 from server.live.clock_watch import MeasuredClocks
-from server.live.kept import KeptBySession
 from server.live.link import Link, LinkState
+from server.live.live_captures import CaptureSettings
 from server.live.live_cell import LiveCell
 from server.live.session_now import SessionNow
-from server.live.shots import CaptureSettings
 from server.sources.registry import SOURCES
 from server.sources.source import Source
 from server.store.database import Store, record_event

@@ -28,8 +28,8 @@ from server.live.dialogue import (
     pose_of,
     refusal,
 )
+from server.live.live_captures import Shot
 from server.live.manager import LiveCells, require_live
-from server.live.shots import Shot
 from server.sources.device import host_now_s
 from server.store.audit import Act, acting
 from server.store.captures import capture_ids

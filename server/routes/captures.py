@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import InputError, TooLargeError
 from calib_core.records import StepName, parse_capture
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from server.captures.changes import corrected_capture
 from server.http.api_router import API, api_router
 from server.http.created import created

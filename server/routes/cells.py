@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.records import Record, Verdict
 from calib_core.records.faults import MOST_TEXT, allowed_faults, refuse_faults
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.drift import CellDrift
 from server.http.api_router import api_router

@@ -14,11 +14,11 @@ from starlette.concurrency import run_in_threadpool
 from calib_core.clock_offset import ClockOffset
 from calib_core.errors import NotFoundError
 from calib_core.records import Finite, Identifier, Record
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from server.http.api_router import API, api_router, of_app
+from server.live.live_captures import CaptureSettings, Shot, Taken
 from server.live.manager import LiveCells, require_live
 from server.live.preview import device_data, live_data
-from server.live.shots import CaptureSettings, Shot, Taken
 from server.routes.dependencies import ExistingSession, HubDep, IdempotencyDep, SessionId, StoreDep
 from server.sources.device import host_now_s
 from server.store.audit import acting

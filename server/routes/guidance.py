@@ -6,8 +6,8 @@ from fastapi import Query, Response
 from pydantic import Field
 
 from calib_core.errors import InputError
-from calib_core.guidance.at_part import BudgetAtPart
 from calib_core.guidance.cell_plan import CellPlan, CellToPlan
+from calib_core.guidance.part_budget import BudgetAtPart
 from calib_core.guidance.pose_list import PoseList
 from calib_core.records.base import PlannedStep
 from calib_core.stages.recheck.guide import RecheckPlan
@@ -53,7 +53,7 @@ def get_budget(
 
     Left out, the point is the cell's, or where the sphere stood. `field` adds points all over the table.
     """
-    from calib_core.guidance.at_part import budget_at
+    from calib_core.guidance.part_budget import budget_at
 
     given = [x_mm, y_mm, z_mm]
     if any(value is None for value in given) and any(value is not None for value in given):

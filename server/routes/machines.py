@@ -15,7 +15,7 @@ from calib_core.recognition.taken import TakenFor
 from calib_core.records import ArmTable
 from calib_core.records.faults import MOST_TEXT, allowed_faults
 from calib_core.records.field_errors import input_error
-from calib_core.robots.told import Told
+from calib_core.robots.file_hints import Told
 from server.http.api_router import api_router
 from server.http.openapi import BYTES
 from server.http.strict_json import parse_object, plain_json

@@ -6,7 +6,7 @@ from fastapi import Request, Response
 from pydantic import BaseModel
 
 from calib_core.errors import TooLargeError
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from server.http.api_router import API, api_router, of_app
 from server.http.openapi import BYTES
 from server.live.dialogue import LONGEST_MESSAGE

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.records import Finite, Identifier, Record, StepName
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from calib_core.steps import tool_stages
 from server.http.api_router import api_router
 from server.routes.dependencies import IdempotencyDep, SessionId, StoreDep

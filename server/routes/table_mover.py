@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from server.http.api_router import API, api_router, of_app
 from server.live.armed_table import Angle, ArmedTable, ArmedTables, Arming
 from server.movers.registry import MOVERS

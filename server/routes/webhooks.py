@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import InputError
 from calib_core.records import Record
-from calib_core.records.known_fields import require_known_fields
+from calib_core.records.strict_fields import require_known_fields
 from server.http.api_router import API, api_router
 from server.http.created import created
 from server.routes.dependencies import Cursor, IdempotencyDep, Limit, SettingsDep, StoreDep, WebhooksDep

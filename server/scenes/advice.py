@@ -12,7 +12,7 @@ from calib_core.steps import steps_that_show, table_stages, tool_stages
 from server.scenes.scene_input import SceneAdvice, SceneInput
 
 if TYPE_CHECKING:
-    from calib_core.guidance.so_far import KnownSoFar, TableSoFar
+    from calib_core.guidance.interim_estimate import KnownSoFar, TableSoFar
     from server.jobs.page_process import PageProcess
 
 _KNOWN_MM = 150.0  # where the sphere's place is less certain than that (k = 2), nothing is drawn of it
@@ -81,7 +81,7 @@ def _tool_so_far(
     """Return what the captures tell by now where no result does, None before they tell where the sphere is."""
     if any(stage in results and stage not in stale for stage in tool_stages()):
         return None
-    from calib_core.guidance.so_far import known_so_far
+    from calib_core.guidance.interim_estimate import known_so_far
 
     found = known_so_far(session, measured, {name: _told(result) for name, result in results.items()})
     if found is None or 2.0 * _worst(found.center) > _KNOWN_MM:
@@ -97,7 +97,7 @@ def _table_so_far(
         return None
     if not any(capture.step in steps_that_show("sphere-on-table") for capture in session.captures):
         return None
-    from calib_core.guidance.so_far import table_so_far
+    from calib_core.guidance.interim_estimate import table_so_far
 
     return table_so_far(session, measured, {name: _told(r, name in stale) for name, r in results.items()})
 

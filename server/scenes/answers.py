@@ -8,10 +8,10 @@ import numpy as np
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
 from server.scenes.colors import FIRST, SECOND, WAITING
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
 from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA
+from server.scenes.scene_model import SceneFacts
 from server.scenes.uncertainty import ellipsoid
 
 if TYPE_CHECKING:

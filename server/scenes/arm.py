@@ -7,9 +7,9 @@ import numpy as np
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
 from server.scenes.colors import WAITING
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
 from server.scenes.nodes import Node
+from server.scenes.scene_model import SceneFacts
 
 _SHOULDER = 0.3  # its height as a share of the farthest flange
 _HAND = 0.08

@@ -10,10 +10,10 @@ from server.scenes import nodes
 from server.scenes.cloud_view import Section
 from server.scenes.colors import SCANS, WAITING, Rgb, diverging_colors, height_colors
 from server.scenes.deviation import CloudDeviation
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
 from server.scenes.merged import MergedScans
 from server.scenes.nodes import Node
+from server.scenes.scene_model import SceneFacts
 
 ROOT = "/scans/merged"
 CUT: Rgb = (60, 110, 220)

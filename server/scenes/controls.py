@@ -15,7 +15,7 @@ from server.scenes.layers import LAYERS
 from server.scenes.live import LiveScene
 from server.scenes.manager import SceneManager
 from server.scenes.router import Past, Scenes, SessionId, client_answer, legend_answer
-from server.scenes.stories import Side
+from server.scenes.step_views import Side
 from server.scenes.views import VIEWS
 
 controls_router = api_router("scenes", "/scenes/{session}", APIRoute)

@@ -22,10 +22,10 @@ from server.scenes.cloud_layers import (
 )
 from server.scenes.colors import height_colors
 from server.scenes.deviation import CloudDeviation
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
 from server.scenes.merged import MergedScans, thinned
 from server.scenes.nodes import METRES_PER_MM, Node
+from server.scenes.scene_model import SceneFacts
 
 if TYPE_CHECKING:
     from viser import CameraHandle, ClientHandle

@@ -30,7 +30,7 @@ def table_field(scene: SceneInput) -> TableField | None:
     result = scene.results.get("chain")
     if result is None or "chain" in scene.stale:
         return None
-    from calib_core.guidance.at_part import field_of
+    from calib_core.guidance.part_budget import field_of
 
     try:
         found = field_of(scene.session, result.to_json())

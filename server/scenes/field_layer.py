@@ -6,9 +6,9 @@ import numpy as np
 
 from server.scenes import nodes
 from server.scenes.colors import height_colors
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
 from server.scenes.nodes import Node
+from server.scenes.scene_model import SceneFacts
 
 _DOT = 0.03  # of the field's radius
 

@@ -7,9 +7,9 @@ import numpy as np
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
 from server.scenes.colors import GHOST
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
 from server.scenes.nodes import Node
+from server.scenes.scene_model import SceneFacts
 from server.scenes.turntable_layers import ring_mm
 
 AXES_MM = 44.0

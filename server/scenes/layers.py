@@ -10,17 +10,17 @@ from server.scenes.answers import answers
 from server.scenes.arm import arm
 from server.scenes.cloud_layers import merged_layer
 from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
-from server.scenes.facts import SceneFacts
-from server.scenes.fan import fan_of_profile
+from server.scenes.display_options import Look
 from server.scenes.field_layer import field
 from server.scenes.ghost import ghost
-from server.scenes.look import Look
+from server.scenes.interim_layers import so_far, table_so_far
+from server.scenes.light_sheet import fan_of_profile
+from server.scenes.markers import cross
 from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
+from server.scenes.pose_preview import trial
 from server.scenes.robot_now import robot_now
-from server.scenes.signs import cross
-from server.scenes.so_far import so_far, table_so_far
-from server.scenes.trial import trial
+from server.scenes.scene_model import SceneFacts
 from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
 from server.scenes.uncertainty import uncertainty
 

@@ -26,11 +26,11 @@ from server.scenes.colors import (
     length_text,
 )
 from server.scenes.deviation import CloudDeviation
-from server.scenes.facts import BY_HAND, KnownHowWell, SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
+from server.scenes.interim_layers import AXIS_TIMES
 from server.scenes.merged import MergedScans
 from server.scenes.optics import OpticsFacts
-from server.scenes.so_far import AXIS_TIMES
+from server.scenes.scene_model import BY_HAND, KnownHowWell, SceneFacts
 from server.scenes.turntable import TableFacts
 from server.scenes.turntable_layers import AXIS, mount_color
 from server.scenes.uncertainty import is_cut, magnified

@@ -16,15 +16,15 @@ from server.scenes.cache import PointCache
 from server.scenes.cloud_view import CloudColors, CloudView
 from server.scenes.detail import Details
 from server.scenes.deviation import KeptDeviations
-from server.scenes.facts import SceneFacts, scene_facts
+from server.scenes.display_options import Look, RobotNow, look_at
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html, rejected_html
-from server.scenes.look import Look, RobotNow, look_at
 from server.scenes.nodes import Node
 from server.scenes.panel import Panel, PanelActions, take
 from server.scenes.robot_now import robot_now
 from server.scenes.scene_input import SceneInput
-from server.scenes.stories import Side, Story, story
+from server.scenes.scene_model import SceneFacts, scene_facts
+from server.scenes.step_views import Side, Story, story
 from server.scenes.viewers import Viewers
 from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view, view_of_places, views_of
 

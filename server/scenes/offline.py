@@ -2,13 +2,13 @@
 
 import secrets
 
-from server.scenes.facts import scene_facts
+from server.scenes.display_options import look_at
 from server.scenes.layers import LAYERS, draw
 from server.scenes.legend import legend_html
 from server.scenes.live import start_at, start_viser, stop_viser
-from server.scenes.look import look_at
 from server.scenes.page import offline_page
 from server.scenes.scene_input import SceneInput
+from server.scenes.scene_model import scene_facts
 from server.scenes.views import first_view, view
 
 

@@ -7,11 +7,11 @@ import numpy as np
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
 from server.scenes.colors import BOARD, LIGHT, REJECTED, WAITING
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
+from server.scenes.markers import cross
 from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts, plane_patch_mm
-from server.scenes.signs import cross
+from server.scenes.scene_model import SceneFacts
 
 _RECTANGLE = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
 

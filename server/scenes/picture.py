@@ -11,8 +11,8 @@ import numpy as np
 from calib_core.frames import FloatArray
 from calib_core.records import Measured
 from server.scenes.advice import no_advice
-from server.scenes.facts import CaptureFacts, SceneFacts, scene_facts
 from server.scenes.scene_input import SceneInput, no_points, nothing
+from server.scenes.scene_model import CaptureFacts, SceneFacts, scene_facts
 
 WIDTH, HEIGHT = 240, 120
 _MARGIN = 14.0

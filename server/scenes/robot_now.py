@@ -6,10 +6,10 @@ import numpy as np
 
 from server.scenes import nodes
 from server.scenes.colors import LASER
-from server.scenes.facts import SceneFacts
-from server.scenes.fan import fan_of_profile
-from server.scenes.look import Look
+from server.scenes.display_options import Look
+from server.scenes.light_sheet import fan_of_profile
 from server.scenes.nodes import Node
+from server.scenes.scene_model import SceneFacts
 
 _FLANGE_MM, _LASER_MM = 60.0, 40.0
 

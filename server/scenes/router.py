@@ -12,7 +12,7 @@ from server.http.api_router import api_router, of_app
 from server.scenes.bridge import bridge
 from server.scenes.manager import SceneManager
 from server.scenes.page import client_page, content_security_policy, page_tag
-from server.scenes.past import PastScenes
+from server.scenes.review_scenes import PastScenes
 
 scenes_router = api_router("scenes", "/scenes", APIRoute)
 

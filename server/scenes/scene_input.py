@@ -12,7 +12,7 @@ from server.scenes.deviation import ReferenceMesh
 from server.scenes.merged import MergedScans
 
 if TYPE_CHECKING:
-    from calib_core.guidance.so_far import KnownSoFar, TableSoFar
+    from calib_core.guidance.interim_estimate import KnownSoFar, TableSoFar
     from calib_core.records.base import Matrix4
     from calib_core.review.placed_points import PlacedPoint
 

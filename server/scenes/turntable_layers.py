@@ -7,10 +7,10 @@ import numpy as np
 from calib_core.frames import FloatArray
 from server.scenes import nodes
 from server.scenes.colors import MOUNTS, REJECTED, WAITING, Rgb
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
+from server.scenes.markers import cross
 from server.scenes.nodes import Node
-from server.scenes.signs import cross
+from server.scenes.scene_model import SceneFacts
 from server.scenes.turntable import SpherePlace, TableFacts
 
 AXIS: Rgb = (60, 110, 220)

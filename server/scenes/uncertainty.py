@@ -7,9 +7,9 @@ import numpy as np
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
 from server.scenes.colors import UNCERTAIN, Rgb
-from server.scenes.facts import SceneFacts
-from server.scenes.look import Look
+from server.scenes.display_options import Look
 from server.scenes.nodes import Node
+from server.scenes.scene_model import SceneFacts
 
 _K = 2.0
 _MAGNIFIED = (100, 10, 1)

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.frames import FloatArray
-from server.scenes.facts import SceneFacts
 from server.scenes.ghost import AXES_MM
 from server.scenes.nodes import METRES_PER_MM
 from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts, plane_patch_mm
+from server.scenes.scene_model import SceneFacts
 from server.scenes.turntable import TableFacts
 
 VIEWS = ("Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser", "Answers")

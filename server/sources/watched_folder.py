@@ -11,7 +11,7 @@ from server.settings import Settings
 from server.sources.folder_watcher import Watcher
 from server.sources.source import Settings as SourceSettings
 from server.sources.source import Source
-from server.store.arrivals import session_record
+from server.store.capture_writes import session_record
 from server.store.captures import capture_ids
 from server.store.database import Store
 from server.store.sessions import empty_session

@@ -27,9 +27,9 @@ from calib_core.steps import stage_names
 from server.measuring import Measure, check_poses, measure
 from server.store.archived_files import add_archived_files
 from server.store.archived_history import HISTORY_FILE, ArchivedHistory, read_history, restore
-from server.store.arrivals import Arrival, add_captures
 from server.store.blobs import Blobs
 from server.store.calibrations import without_captures
+from server.store.capture_writes import Arrival, add_captures
 from server.store.models import Data, SessionRow
 from server.store.process_data import Output
 from server.store.references import set_reference

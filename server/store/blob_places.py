@@ -1,6 +1,6 @@
 """Where files by their SHA-256 are kept: a folder, or a bucket of an S3 store."""
 
-from calib_core.archive.kept_observations import KeptObservations
+from calib_core.archive.observation_store import KeptObservations
 from calib_core.errors import InputError
 from server.settings import BlobPlace
 from server.store.blobs import Blobs

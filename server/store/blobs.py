@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from typing import IO
 
-from calib_core.captures.kept import Keeper
+from calib_core.captures.observation_cache import Keeper
 from calib_core.errors import DamagedError, NotFoundError
 
 Pieces = Iterable[bytes | memoryview]

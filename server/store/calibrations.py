@@ -12,10 +12,10 @@ from calib_core.captures.stripe_frames import with_solved_calibration
 from calib_core.graph.keys import Graph
 from calib_core.records import Capture, Measured, Session, parse_capture
 from calib_core.steps import optics_stages, steps_that_show
+from server.store.backlog import measure_anew
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, ResultRow
 from server.store.sessions import StoredSession, load_session
-from server.store.waiting import measure_anew
 
 _OUTDATED = "It is measured with the plane of light as it was solved before its captures changed."
 

@@ -8,17 +8,17 @@ from sqlalchemy import Text, cast, delete, func, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import defer
 
-from calib_core.captures.kept import keeping
+from calib_core.captures.observation_cache import keeping
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.moment import now
 from calib_core.records import Measured, Session, parse_session
 from calib_core.review.answer import cell_id_of
 from server.store.blobs import Blobs
 from server.store.database import record_event
-from server.store.kept_records import KeptRecords
 from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded
 from server.store.paging import Page, after_cursor, page_of
 from server.store.process_data import Output, with_stale
+from server.store.record_cache import KeptRecords
 from server.store.staleness import stale_stages
 
 OF_ARCHIVE = "archive"

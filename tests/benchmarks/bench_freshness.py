@@ -19,8 +19,8 @@ from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Measured
 from calib_core.robots import parse_pose
 from server.live.link import Link
+from server.live.live_captures import CaptureSettings
 from server.live.live_cell import LiveCell
-from server.live.shots import CaptureSettings
 from server.sources.device import Clock
 from server.sources.registry import SOURCES
 from tests.server.live_rig import Rig

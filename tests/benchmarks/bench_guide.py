@@ -16,7 +16,7 @@ from calib_core.errors import CalibrationError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray
 from calib_core.guidance.design import Design, worst_sigma_mm
-from calib_core.guidance.known import situation_of
+from calib_core.guidance.prior import situation_of
 from calib_core.records import Session, parse_session
 from calib_core.records.callbacks import ReadFile
 from calib_core.stages.pipeline import solve_stage

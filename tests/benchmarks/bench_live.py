@@ -21,10 +21,10 @@ from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import parse_cell
 from server.live.exposures import exposure_of
 from server.live.link import Link
+from server.live.live_captures import CaptureSettings
 from server.live.live_cell import LiveCell
 from server.live.pictures import preview_jpeg
 from server.live.recording import Recording
-from server.live.shots import CaptureSettings
 from server.simulated_cell.devices import SimulatedDevices
 from server.simulated_cell.gige_server import GigeServer
 from server.simulated_cell.stream_server import StreamServer

@@ -16,8 +16,8 @@ from calib_core.chain.observations import SphereSize
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Room, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, exchanged, greedy, next_pose
-from calib_core.guidance.sight import Sight
 from calib_core.records.planning import Limits
 
 CAPTURES, GRID, RANDOM_SETS = 12, 2000, 25

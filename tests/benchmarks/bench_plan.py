@@ -13,8 +13,8 @@ from calib_core.chain.tcp import TcpOptions, solve_tcp
 from calib_core.frames import RigidTransform
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import SIGMAS, Assumed, worst_sigma_mm
+from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import PlannedSet, Situation, planned_set
-from calib_core.guidance.sight import Sight
 from calib_core.records.planning import Limits
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.simulation.planned import take

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from calib_core.errors import InputError
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.controller_file import ControllerFile
-from calib_core.robots.told import NOTHING_TOLD, Told
+from calib_core.robots.file_hints import NOTHING_TOLD, Told
 
 Numbers = tuple[str, ...]
 

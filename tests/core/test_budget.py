@@ -6,10 +6,10 @@ import pytest
 from calib_core.archive.folder import result_data
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.workpiece import at_workpiece
-from calib_core.guidance.at_part import budget_at
 from calib_core.guidance.budget import budget, covariances, stated, together, within_95
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.cell_plan import CellToPlan, plan_cell
+from calib_core.guidance.part_budget import budget_at
 from calib_core.records.planning import FieldOfView
 from calib_core.robots import parse_pose
 from calib_core.simulation import simulate

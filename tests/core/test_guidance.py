@@ -14,8 +14,8 @@ from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.advice import advice_in, inputs_of, inputs_read
 from calib_core.guidance.candidates import Room, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, next_pose, planned_set
-from calib_core.guidance.sight import Sight
 from calib_core.records.planning import Box, Limits
 from calib_core.simulation import simulate
 

@@ -7,7 +7,7 @@ from bench_guide import ratios
 from calib_core.captures.measure import measure_capture
 from calib_core.chain.model import Sigmas
 from calib_core.guidance.design import SIGMAS
-from calib_core.guidance.known import situation_of
+from calib_core.guidance.prior import situation_of
 from calib_core.records import Measured, Robot, Session
 from calib_core.simulation import simulate
 

@@ -13,8 +13,8 @@ from calib_core.guidance.budget import together
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.candidates import AWAY_DEG, AWAY_MM
 from calib_core.guidance.cell_plan import CellToPlan, plan_cell
+from calib_core.guidance.interim_estimate import table_so_far
 from calib_core.guidance.pose_list import planned_poses
-from calib_core.guidance.so_far import table_so_far
 from calib_core.guidance.table_advice import TableSituation, advice_in, table_situation
 from calib_core.guidance.table_design import TableDesign
 from calib_core.records import Measured, Session

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from calib_core.archive.folder import load_session, result_data, save_session
-from calib_core.archive.kept_observations import KeptObservations
-from calib_core.captures import kept, observe
-from calib_core.captures.kept_form import from_bytes, to_bytes
-from calib_core.captures.seen import Seen
+from calib_core.archive.observation_store import KeptObservations
+from calib_core.captures import observation_cache as kept
+from calib_core.captures import observe
+from calib_core.captures.capture_observation import Seen
+from calib_core.captures.observation_bytes import from_bytes, to_bytes
 from calib_core.errors import MeasurementError
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile

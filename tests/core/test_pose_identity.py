@@ -11,7 +11,7 @@ from calib_core.frames import RigidTransform
 from calib_core.poses.identity import identity_by_joints
 from calib_core.robots import to_pose
 from calib_core.robots.backup import read_controller_files
-from calib_core.robots.told import Told
+from calib_core.robots.file_hints import Told
 
 CHANCE = np.random.default_rng(7)
 JOINTS = [(-90 + CHANCE.uniform(-40, 40, 6)).tolist() for _ in range(8)]

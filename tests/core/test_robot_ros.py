@@ -14,7 +14,7 @@ from calib_core.frames import RigidTransform
 from calib_core.robots import parse_pose, to_pose
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.controller_file import ControllerFile
-from calib_core.robots.told import Told
+from calib_core.robots.file_hints import Told
 from tests.core.test_robot_exports import SESSION, TABLE, TOOL, results
 
 POSE = """header:

@@ -10,7 +10,7 @@ from calib_core.errors import InputError
 from calib_core.robots import parse_pose
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.controller_file import ControllerFile
-from calib_core.robots.told import Told
+from calib_core.robots.file_hints import Told
 from server.cli import main
 
 QUATERNIONS = "name,x [m],y [m],z [m],qx,qy,qz,qw,table\np1,1,0,0.5,0,0,0,1,30\np2,1,0,0.6,0,0,0,1,60\n"

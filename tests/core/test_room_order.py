@@ -19,9 +19,10 @@ CORE = (
 """From the ground up; `docs/architecture.md` says what each is for."""
 
 SERVER = (
-    "heap", "hosts", "measuring", "simulated_cell", "settings", "store", "metrics", "health", "webhooks",
-    "page_questions", "console", "cli", "housekeeping", "render", "http", "auth", "logs", "jobs", "scenes",
-    "guides", "captures", "sources", "movers", "live", "routes", "app", "serve", "commands",
+    "heap", "hosts", "windows_links", "windows_service", "measuring", "simulated_cell", "settings",
+    "store", "metrics", "health", "webhooks", "page_questions", "console", "housekeeping", "render",
+    "http", "auth", "logs", "jobs", "scenes", "guides", "captures", "sources", "movers", "live",
+    "routes", "app", "serve", "commands", "cli",
 )  # fmt: skip
 
 ORDERS = {"calib_core": CORE, "server": SERVER}

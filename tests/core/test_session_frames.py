@@ -8,7 +8,7 @@ import pytest
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.solved_optics import remembered
 from calib_core.captures.stripe_frames import calibration_of, with_solved_calibration
-from calib_core.guidance.at_part import budget_at
+from calib_core.guidance.part_budget import budget_at
 from calib_core.records import KnownCamera, Session
 from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.review.cell_frames import frame_graph

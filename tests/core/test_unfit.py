@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib_core.arms.kinematics import NAMED_ARMS, arm_of, flange_of_joints, links_mm
-from calib_core.captures.unfit import told_by_joints, unfit
+from calib_core.captures.contradictions import told_by_joints, unfit
 from calib_core.errors import InputError
 from calib_core.records import ArmJoint, ArmTable, Capture, Session
 from calib_core.robots import to_pose

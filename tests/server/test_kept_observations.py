@@ -6,7 +6,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from calib_core.captures.kept_form import to_bytes
+from calib_core.captures.observation_bytes import to_bytes
 from calib_core.errors import MeasurementError
 from tests.server.live_server import simulated_session, wait_for
 

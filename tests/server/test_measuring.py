@@ -9,9 +9,9 @@ import pytest
 from calib_core.compiled import on_compiling
 from calib_core.errors import InputError
 from calib_core.simulation import simulate
-from server.jobs.asked_process import AskedProcess, answer_questions
 from server.jobs.child_processes import WorkerContext
 from server.jobs.measuring_processes import Measuring
+from server.jobs.request_process import AskedProcess, answer_questions
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection

@@ -13,7 +13,8 @@ import psutil
 import pytest
 
 from calib_core.errors import InputError
-from calib_core.guidance import advice, so_far
+from calib_core.guidance import advice
+from calib_core.guidance import interim_estimate as so_far
 from calib_core.records import Measured, parse_session
 from calib_core.simulation import simulate
 from calib_core.stages.guide import guide

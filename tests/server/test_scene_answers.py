@@ -8,9 +8,9 @@ import pytest
 from calib_core.frames import RigidTransform
 from calib_core.review.placed_points import PlacedPoint
 from server.scenes.answers import answers, magnified, places_mm
-from server.scenes.facts import scene_facts
-from server.scenes.look import look_at
-from server.scenes.stories import story
+from server.scenes.display_options import look_at
+from server.scenes.scene_model import scene_facts
+from server.scenes.step_views import story
 from tests.server.scene_cell import TOOL0_FROM_LASER, make_cell
 
 

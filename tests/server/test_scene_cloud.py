@@ -13,14 +13,14 @@ from server.scenes.cloud_layers import cloud_place, height_range_mm
 from server.scenes.cloud_view import Against, CloudView, Section
 from server.scenes.colors import DIVERGING, SCANS, VIRIDIS, WAITING
 from server.scenes.detail import Gaze, detail
-from server.scenes.facts import SceneFacts, scene_facts
+from server.scenes.display_options import look_at
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html
 from server.scenes.live import LiveScene
-from server.scenes.look import look_at
 from server.scenes.merged import MAX_SCAN_POINTS, merged_cloud
 from server.scenes.nodes import Node
 from server.scenes.scene_input import SceneInput
+from server.scenes.scene_model import SceneFacts, scene_facts
 from server.scenes.stored import scene_input
 from server.scenes.views import FIELD_OF_VIEW_RAD, view
 from tests.server.test_scene_steps import merged_scene

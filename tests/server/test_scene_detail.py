@@ -13,10 +13,10 @@ from websockets.typing import Subprotocol
 from server.scenes.cloud_view import Against, CloudView, Section
 from server.scenes.detail import MAX_DETAIL_POINTS, Gaze, detail
 from server.scenes.deviation import cloud_deviation
-from server.scenes.facts import SceneFacts, scene_facts
+from server.scenes.display_options import look_at
 from server.scenes.live import SECRET_HEADER, LiveScene
-from server.scenes.look import look_at
 from server.scenes.merged import MAX_SCAN_POINTS
+from server.scenes.scene_model import SceneFacts, scene_facts
 from tests.server.test_scene_bridge import PROTOCOL
 from tests.server.test_scene_cloud import BALL_MM, RADIUS_MM, fused_scene
 from tests.server.test_scene_steps import TABLE

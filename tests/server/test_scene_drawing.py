@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Session
 from server.scenes.colors import DIVERGING, REJECTED, USED, diverging_colors, length_text, residual_limit_mm
-from server.scenes.facts import BY_HAND, MAX_POINTS, SceneFacts, scene_facts
+from server.scenes.display_options import look_at
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html, rejected_html
-from server.scenes.look import look_at
 from server.scenes.nodes import Node, axes
+from server.scenes.scene_model import BY_HAND, MAX_POINTS, SceneFacts, scene_facts
 from server.scenes.views import FIELD_OF_VIEW_RAD, VIEWS, view
 from tests.server.scene_cell import CENTER_MM, TOOL0_FROM_LASER, make_cell
 

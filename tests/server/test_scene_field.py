@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from calib_core.frames import RigidTransform
-from calib_core.guidance.at_part import budget_at
+from calib_core.guidance.part_budget import budget_at
 from calib_core.simulation import simulate
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 from server.scenes.colors import VIRIDIS
-from server.scenes.facts import scene_facts
+from server.scenes.display_options import look_at
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html
-from server.scenes.look import look_at
 from server.scenes.scene_input import SceneInput
+from server.scenes.scene_model import scene_facts
+from server.scenes.step_views import story
 from server.scenes.stored import scene_input
-from server.scenes.stories import story
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ import pytest
 from calib_core.frames import RigidTransform
 from calib_core.stages.guide import guide
 from server.scenes.colors import GHOST
-from server.scenes.facts import SceneFacts, scene_facts
+from server.scenes.display_options import look_at
 from server.scenes.layers import draw
-from server.scenes.look import look_at
+from server.scenes.scene_model import SceneFacts, scene_facts
 from tests.server.scene_cell import TOOL0_FROM_LASER, make_cell
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calib_core.frames import RigidTransform
+from server.scenes.display_options import RobotNow
 from server.scenes.live import LiveScene
-from server.scenes.look import RobotNow
 from tests.server.scene_cell import TOOL0_FROM_LASER, make_cell
 
 PROFILE_MM = np.column_stack(

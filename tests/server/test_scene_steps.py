@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.guidance.so_far import TableSoFar
+from calib_core.guidance.interim_estimate import TableSoFar
 from calib_core.records import parse_session
 from server.scenes.cloud_view import CloudColors, CloudView
 from server.scenes.colors import LIGHT, REJECTED, SCANS, VIRIDIS
-from server.scenes.facts import SceneFacts, scene_facts
+from server.scenes.display_options import look_at
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html
 from server.scenes.live import LiveScene
-from server.scenes.look import look_at
 from server.scenes.merged import KnownScans, merged_scans, thinned
 from server.scenes.nodes import Node
 from server.scenes.optics import BASE_FROM_CAMERA
 from server.scenes.player import Player
 from server.scenes.scene_input import SceneInput
+from server.scenes.scene_model import SceneFacts, scene_facts
 from server.scenes.stored import scene_input
 from server.scenes.views import FIELD_OF_VIEW_RAD, first_view, view
 from tests.server.scene_cell import wait_until

@@ -11,13 +11,13 @@ from calib_core.formats.shared.number import NUMBER
 from calib_core.frames import RigidTransform
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
+from calib_core.robots.file_hints import Told
 from calib_core.robots.phrases import CUT
 from calib_core.robots.ros.frame_files import is_urdf, launch_edges, urdf_edges
 from calib_core.robots.ros.joints import in_order
 from calib_core.robots.ros.transforms import Tree
 from calib_core.robots.ros.yaml_messages import Message, messages
 from calib_core.robots.text import Source, source_of
-from calib_core.robots.told import Told
 
 _TYPES = {
     "geometry_msgs/msg/Pose": "pose",

@@ -4,7 +4,7 @@ import re
 from typing import TYPE_CHECKING
 
 from calib_core.robots.brand import Brand
-from calib_core.robots.told import NOTHING_TOLD, Told
+from calib_core.robots.file_hints import NOTHING_TOLD, Told
 
 if TYPE_CHECKING:
     from calib_core.robots.controller_file import Found

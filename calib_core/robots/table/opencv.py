@@ -9,9 +9,9 @@ from calib_core.formats.opencv import storage_matrices
 from calib_core.frames import FloatArray, rotation_from_vector
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
+from calib_core.robots.file_hints import Told
 from calib_core.robots.table.units import scale_of
 from calib_core.robots.text import source_of
-from calib_core.robots.told import Told
 
 _OTHER_THINGS = re.compile(r"cam|target|board|laser|world2|marker|covariance|distortion|turntable", re.IGNORECASE)
 _FIXED = re.compile(r"(tool0|flange|base)_from_(?!tool0$|flange$|gripper$)(\w+)", re.IGNORECASE)

@@ -8,10 +8,10 @@ from calib_core.formats.shared.number import number
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import convention_named
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
+from calib_core.robots.file_hints import Told
 from calib_core.robots.table.columns import OTHERS, roles_of, unit_of
 from calib_core.robots.table.units import Scale, scale_of
 from calib_core.robots.text import Source, source_of
-from calib_core.robots.told import Told
 
 _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(?:[eE][-+]?[0-9]+)?")
 _UNENDED = "The file ends in its line without an end of line: make sure that it is whole."

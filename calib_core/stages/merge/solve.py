@@ -10,8 +10,8 @@ import numpy as np
 from calib_core.archive.spill import FileSpill
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
 from calib_core.captures.ball_side import side_of_ball
+from calib_core.captures.contradictions import unfit
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
-from calib_core.captures.unfit import unfit
 from calib_core.errors import InputError
 from calib_core.formats.format import Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of

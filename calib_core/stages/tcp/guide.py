@@ -10,7 +10,7 @@ from calib_core.errors import InputError
 from calib_core.evidence.words import listed
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
-from calib_core.guidance.place import SeenCenter, probable_place
+from calib_core.guidance.sphere_guess import SeenCenter, probable_place
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import Capture, Cell, GuideNow, Measured
 from calib_core.stages.guide import GuideView

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 from calib_core.captures.content import sphere_of
+from calib_core.captures.contradictions import told_by_joints, unfit
 from calib_core.captures.lost_rays import with_lost_rays
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
-from calib_core.captures.unfit import told_by_joints, unfit
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.evidence.words import not_used

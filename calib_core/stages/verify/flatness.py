@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.captures.contradictions import unfit
 from calib_core.captures.scans import Placement, ScanGroup, read_scan
-from calib_core.captures.unfit import unfit
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Session

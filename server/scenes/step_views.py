@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from server.scenes.facts import SceneFacts
 from server.scenes.layers import LAYERS
+from server.scenes.scene_model import SceneFacts
 
 Side = Literal["measure", "result"]
 

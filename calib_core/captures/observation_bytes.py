@@ -19,7 +19,7 @@ _NUMBERS = "fiub"
 
 @cache
 def _kinds() -> dict[str, Any]:
-    from calib_core.captures.seen import Doubts, Seen
+    from calib_core.captures.capture_observation import Doubts, Seen
     from calib_core.optics.board import BoardView
     from calib_core.optics.stripe import StripeCenters
     from calib_core.sphere.arc import ArcFit

@@ -8,7 +8,7 @@ from typing import Any
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import inputs_of, inputs_read
 from calib_core.guidance.design import Design
-from calib_core.guidance.known import situation_of
+from calib_core.guidance.prior import situation_of
 from calib_core.guidance.table_advice import table_situation
 from calib_core.guidance.table_design import TableDesign
 from calib_core.records import Measured, Session

@@ -22,7 +22,7 @@ from server.scenes.scene_input import LoadPoints, SceneInput, no_points, nothing
 from server.scenes.turntable import TableFacts, expected_center_mm, table_facts
 
 if TYPE_CHECKING:
-    from calib_core.guidance.so_far import KnownSoFar, TableSoFar
+    from calib_core.guidance.interim_estimate import KnownSoFar, TableSoFar
     from calib_core.review.placed_points import PlacedPoint
 
 State = Literal["used", "rejected", "waiting"]

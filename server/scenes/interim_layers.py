@@ -7,16 +7,16 @@ import numpy as np
 
 from server.scenes import nodes
 from server.scenes.colors import GHOST, LIGHT, MOUNTS, SPHERE, WAITING
+from server.scenes.display_options import Look
 from server.scenes.ghost import fan_mm
-from server.scenes.look import Look
 from server.scenes.nodes import Node
 from server.scenes.turntable import TableFacts
 from server.scenes.turntable_layers import ring_mm
 from server.scenes.uncertainty import about_axis, axis_ends_mm, ellipsoid
 
 if TYPE_CHECKING:
-    from calib_core.guidance.so_far import TableSoFar
-    from server.scenes.facts import SceneFacts
+    from calib_core.guidance.interim_estimate import TableSoFar
+    from server.scenes.scene_model import SceneFacts
 
 AXIS_TIMES = 10  # always the same while measuring, so that the tube is seen to shrink
 

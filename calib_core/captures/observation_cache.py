@@ -16,7 +16,7 @@ from inspect import isfunction
 from pathlib import Path, PurePosixPath
 from typing import Protocol, TypeVar
 
-from calib_core.captures.kept_form import from_bytes, to_bytes
+from calib_core.captures.observation_bytes import from_bytes, to_bytes
 from calib_core.errors import MeasurementError
 from calib_core.records.callbacks import ReadFile
 

@@ -15,9 +15,9 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import SIGMAS, Assumed
+from calib_core.guidance.field_of_view import Sight, sight_of
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.scatter import sigmas_seen
-from calib_core.guidance.sight import Sight, sight_of
 from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.steps import tool_stages
@@ -245,7 +245,7 @@ def _searched(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place |
 def _by_shifts(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | None:
     """Return what shifts tell: the scanner's rotation; where it sits on the flange only as far as turns tell."""
     from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
-    from calib_core.guidance.place import SeenCenter, probable_place
+    from calib_core.guidance.sphere_guess import SeenCenter, probable_place
 
     if not seen:
         return None

@@ -6,7 +6,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from server.scenes.cloud_view import CloudView
 from server.scenes.colors import residual_limit_mm
 from server.scenes.deviation import CloudDeviation
-from server.scenes.facts import CaptureFacts, SceneFacts
+from server.scenes.scene_model import CaptureFacts, SceneFacts
 
 
 @dataclass(frozen=True, eq=False)
