@@ -22,8 +22,8 @@ class Operations(Connection):
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/frames", params=_given({"into": into, "outof": outof, "capture": capture}))
 
     def answers_export_results(self, session_id: str, name: str, *, allow: str | None = None, settings: str | None = None) -> Any:
-        """Return the calibrated tool and table in a format's syntax; a stale or failed answer is refused
-        with 409."""
+        """Return the calibrated tool and table in a format's syntax; with faults of its own it is
+        refused."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/exports/{quote(name, safe='/')}", params=_given({"allow": allow, "settings": settings}))
 
     def machines_export_into_backup(self, session_id: str, name: str, backup: Mapping[str, bytes], settings: Any, allow: Any) -> Any:
@@ -130,13 +130,27 @@ class Operations(Connection):
         it."""
         return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/answer")
 
+    def cells_get_policy(self, cell_id: str) -> Any:
+        """Return what the cell asks for before an answer is released."""
+        return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/policy")
+
+    def cells_put_policy(self, cell_id: str, body: Mapping[str, Any]) -> Any:
+        """Set what the cell asks for before an answer is released; the audit log keeps what it was
+        before."""
+        return self.request("PUT", f"/api/v1/cells/{quote(cell_id, safe='')}/policy", json=body)
+
+    def cells_acknowledge_fault(self, cell_id: str, body: Mapping[str, Any]) -> Any:
+        """End `drift` or `equipment-changed` of a cell as it stands now, by name and with a reason."""
+        return self.request("POST", f"/api/v1/cells/{quote(cell_id, safe='')}/acknowledge", json=body)
+
     def cells_release(self, session_id: str, body: Mapping[str, Any]) -> Any:
-        """Put the session's answer in force for its cell; one that is stale or failed is refused unless
+        """Put the session's answer in force for its cell; one with faults is refused unless they are
         allowed."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/release", json=body)
 
     def cells_rollback(self, cell_id: str, body: Mapping[str, Any]) -> Any:
-        """Put an earlier release of a cell in force again."""
+        """Put an earlier release of a cell in force again; one with faults is refused unless they are
+        allowed."""
         return self.request("POST", f"/api/v1/cells/{quote(cell_id, safe='')}/rollback", json=body)
 
     def clouds_list_clouds(self, session_id: str) -> Any:
@@ -391,7 +405,8 @@ class Operations(Connection):
         return self.request("PATCH", f"/api/v1/sessions/{quote(session_id, safe='')}", json=body, headers={"If-Match": if_match})
 
     def sessions_delete(self, session_id: str, *, if_match: str | None = None) -> Any:
-        """Remove a session with its captures and results, for good."""
+        """Remove a session with its captures and results, for good; one whose answer is in force is
+        kept."""
         return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}", headers={"If-Match": if_match})
 
     def sessions_guidance(self, session_id: str) -> Any:

@@ -1,5 +1,20 @@
 // Generated from the API's OpenAPI document by tests/web/api_types.py; do not edit.
 
+export interface Acknowledged {
+  number: number;
+  cell: string;
+  fault: string;
+  of: string[];
+  who: string;
+  why: string;
+  created: string;
+}
+
+export interface Acknowledgement {
+  fault: string;
+  why?: string;
+}
+
 export interface Agreement {
   with_stage: string;
   angle_deg: number;
@@ -124,6 +139,7 @@ export interface AuditEntry {
   method: string;
   path: string;
   outcome: "done" | "refused";
+  change?: Record<string, unknown> | null;
 }
 
 export interface AuditPage {
@@ -316,6 +332,9 @@ export interface Capture {
   timestamps_s?: number[] | null;
   pose_track?: TimedPose[] | null;
   excluded?: boolean;
+  excluded_because?: Excluded | null;
+  taken?: string | null;
+  environment?: Environment | null;
   side?: 1 | -1 | null;
   board_of?: string | null;
   scanner?: string | null;
@@ -384,6 +403,8 @@ export interface Cell {
   merge?: MergeSettings;
   verification?: Verification;
   findings?: Record<string, "error" | "warning" | "note"> | null;
+  equipment?: Equipment[] | null;
+  release?: Policy | null;
   wanted_mm?: number | null;
   workpiece_in_laser_mm?: number[] | null;
   workpiece_in_turntable_mm?: number[] | null;
@@ -627,8 +648,6 @@ export interface DeviceEntry {
   connected_for: string | null;
   status: "off" | "connecting" | "live" | "silent" | "nonsense" | "lost";
   problem: string;
-  fresh: boolean;
-  why: string;
   since: string | null;
   readings: number;
   refused: number;
@@ -676,6 +695,36 @@ export interface EncoderScaleError {
   error: number;
   sigma: number;
   applied: boolean;
+}
+
+export interface Environment {
+  ball_c?: number | null;
+  air_c?: number | null;
+  arm_c?: number | null;
+}
+
+export interface Equipment {
+  kind: string;
+  name?: string | null;
+  model?: string | null;
+  serial?: string | null;
+  certificate?: EquipmentCertificate | null;
+  expansion_per_k?: number | null;
+  reference_c?: number | null;
+}
+
+export interface EquipmentCertificate {
+  number?: string | null;
+  laboratory?: string | null;
+  issued?: string | null;
+  due?: string | null;
+  file?: string | null;
+}
+
+export interface Excluded {
+  who?: string;
+  when?: string;
+  why?: string | null;
 }
 
 export interface ExportFormat {
@@ -1071,7 +1120,7 @@ export interface LoginRequest {
 export interface MadeToken {
   id: string;
   name: string;
-  role: "read" | "capture" | "admin";
+  role: "read" | "capture" | "release" | "admin";
   created: string;
   expires: string | null;
   revoked: string | null;
@@ -1091,7 +1140,7 @@ export interface MadeWebhook {
 
 export interface Me {
   name: string;
-  role: "read" | "capture" | "admin" | null;
+  role: "read" | "capture" | "release" | "admin" | null;
   login: "token" | "cookie" | "not-needed" | "missing";
 }
 
@@ -1292,7 +1341,7 @@ export interface NewSweep {
 
 export interface NewToken {
   name: string;
-  role: "read" | "capture" | "admin";
+  role: "read" | "capture" | "release" | "admin";
   days?: number | null;
 }
 
@@ -1410,6 +1459,12 @@ export interface Plot {
   y: Axis;
   series: Series[];
   band?: Band | null;
+}
+
+export interface Policy {
+  needs?: "verify"[];
+  interval_days?: number | null;
+  four_eyes?: boolean;
 }
 
 export interface PoseConventionEntry {
@@ -1800,6 +1855,8 @@ export interface Session {
   format?: "scancell-session/1";
   name?: string;
   archived?: boolean;
+  documentation?: Record<string, string> | null;
+  environment?: Environment | null;
   cell: Cell;
   captures?: Capture[];
 }
@@ -1828,6 +1885,8 @@ export interface SessionAnswer {
   decision?: string | null;
   limits_changed?: string[];
   workpiece_sigma_mm?: number | null;
+  verified?: string | null;
+  equipment?: Equipment[];
 }
 
 export interface SessionChanges {
@@ -2010,6 +2069,9 @@ export interface StoredCapture {
   timestamps_s?: number[] | null;
   pose_track?: TimedPose[] | null;
   excluded?: boolean;
+  excluded_because?: Excluded | null;
+  taken?: string | null;
+  environment?: Environment | null;
   side?: 1 | -1 | null;
   board_of?: string | null;
   scanner?: string | null;
@@ -2214,6 +2276,8 @@ export interface StoredSession {
   format?: "scancell-session/1";
   name?: string;
   archived?: boolean;
+  documentation?: Record<string, string> | null;
+  environment?: Environment | null;
   cell: Cell;
   captures?: Capture[];
   id: string;
@@ -2322,7 +2386,7 @@ export interface StoredVerifyResult {
   degrees_of_freedom: number;
   chance: number | null;
   checks?: VerifyCheck[];
-  decision?: "pass" | "conditional-pass" | "conditional-fail" | "fail" | null;
+  decision?: "pass" | "conditional-pass" | "undecided" | "conditional-fail" | "fail" | null;
   limits_changed?: string[];
   residuals: VerifyResidual[];
 }
@@ -2492,7 +2556,7 @@ export interface TimelineItem {
 export interface TokenRecord {
   id: string;
   name: string;
-  role: "read" | "capture" | "admin";
+  role: "read" | "capture" | "release" | "admin";
   created: string;
   expires: string | null;
   revoked: string | null;
@@ -2646,7 +2710,7 @@ export interface VerifyCheck {
   value_mm: number;
   uncertainty_mm: number;
   limit_mm?: number | null;
-  decision?: "pass" | "conditional-pass" | "conditional-fail" | "fail" | null;
+  decision?: "pass" | "conditional-pass" | "undecided" | "conditional-fail" | "fail" | null;
   reason?: string;
 }
 
@@ -2689,7 +2753,7 @@ export interface VerifyResult {
   degrees_of_freedom: number;
   chance: number | null;
   checks?: VerifyCheck[];
-  decision?: "pass" | "conditional-pass" | "conditional-fail" | "fail" | null;
+  decision?: "pass" | "conditional-pass" | "undecided" | "conditional-fail" | "fail" | null;
   limits_changed?: string[];
   residuals: VerifyResidual[];
 }

@@ -9,6 +9,8 @@ from calib_core.graph.stage import Stage
 from calib_core.records import Session
 from calib_core.steps import steps_that_show
 
+_LATER = {"taken", "excluded_because", "environment"}
+
 
 def inputs_sha256_of_0_1_0(session: Session, stage: Stage, digest: Callable[[str], str]) -> str:
     """Return the hash over the whole cell and the whole captures of a stage and of those it rests on.
@@ -32,7 +34,9 @@ def inputs_sha256_of_0_1_0(session: Session, stage: Stage, digest: Callable[[str
     inputs = {
         "stage": stage.name,
         "cell": session.cell.model_dump(mode="json", exclude_defaults=True, exclude={"findings"}),
-        "captures": [capture.model_dump(mode="json", exclude_defaults=True) for capture in captures],
+        "captures": [
+            capture.model_dump(mode="json", exclude_defaults=True, exclude=_LATER) for capture in captures
+        ],
         "files": {name: digest(name) for name in names},
     }
     text = json.dumps(inputs, sort_keys=True, separators=(",", ":"), ensure_ascii=False)

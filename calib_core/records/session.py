@@ -21,6 +21,7 @@ from calib_core.records.base import (
 )
 from calib_core.records.findings import Severity
 from calib_core.records.planning import FieldOfView, Limits, Nominal
+from calib_core.records.policy import Environment, Equipment, Excluded, Policy
 
 SphereClass = Literal["certified", "bearing", "coated", "turned"]
 """Of a sphere: with a certificate, a bearing ball, coated so that it is matt (assumed), turned or printed."""
@@ -217,7 +218,8 @@ class Cell(WrittenRecord):
     `scanner` is the one scanner, `scanners` are several by name: a capture says which of them saw it.  `id` is
     what sessions of one cell share; left out, it is made from the session's name.
 
-    `findings` are severities of this cell's own, by code: applied where its results are read.
+    `findings` are severities of this cell's own, by code: applied where its results are read.  `equipment` is what
+    it was found with, `release` what a folder's cell asks of an answer (a server has a policy of its own).
 
     `wanted_mm` is the ± (k = 2) that is wanted at the workpiece, `workpiece_in_laser_mm` where the scanner sees it
     and `workpiece_in_turntable_mm` where it stands; `limits` and `nominal` are for planning poses.
@@ -238,6 +240,8 @@ class Cell(WrittenRecord):
     merge: MergeSettings = Field(default_factory=MergeSettings)
     verification: Verification = Field(default_factory=Verification)
     findings: dict[str, Severity] | None = None
+    equipment: list[Equipment] | None = None
+    release: Policy | None = None
     wanted_mm: Positive | None = None
     workpiece_in_laser_mm: Vector3 | None = None
     workpiece_in_turntable_mm: Vector3 | None = None
@@ -259,6 +263,7 @@ class Capture(WrittenRecord):
     `scanner` is a name in the cell's `scanners`; `joints_deg` are the robot's joints at `pose`, in order, those of
     prismatic ones in `joints_mm`; `active_tool` and `active_frame` are those that the controller gave `pose` in;
     `moving` says that the robot was; `source` is the file and line, or the device, that it came from.
+    `taken` is when (ISO 8601 with offset), `excluded_because` who left it out, when and why.
     `format` names the files' format where it is not recognised, `format_settings` says what they do not.
     """
 
@@ -274,6 +279,9 @@ class Capture(WrittenRecord):
     timestamps_s: list[Finite] | None = None
     pose_track: list[TimedPose] | None = None
     excluded: bool = False
+    excluded_because: Excluded | None = None
+    taken: str | None = None
+    environment: Environment | None = None
     side: Literal[1, -1] | None = None
     board_of: Identifier | None = None
     scanner: Identifier | None = None
@@ -307,11 +315,16 @@ class Capture(WrittenRecord):
 
 
 class Session(WrittenRecord):
-    """A session: the cell and its captures; one that is `archived` is kept, no longer in use."""
+    """A session: the cell and its captures; one that is `archived` is kept, no longer in use.
+
+    `documentation` is printed: operator, place, procedure, report number, customer and what else there is.
+    """
 
     format: Literal["scancell-session/1"] = FORMAT
     name: str = ""
     archived: bool = False
+    documentation: dict[str, str] | None = None
+    environment: Environment | None = None
     cell: Cell
     captures: list[Capture] = Field(default_factory=list)
 

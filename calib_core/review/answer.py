@@ -16,6 +16,7 @@ from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Finite, Matrix4, Record, Session, Verdict
 from calib_core.records.base import Rows
 from calib_core.records.callbacks import ReadFile
+from calib_core.records.policy import Equipment
 
 _FORMAT: Final = "scancell-answer/1"
 
@@ -39,7 +40,8 @@ class SessionAnswer(Record):
     its stages were solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of
     error contributes, where the stage says it; `decision` that of the latest verification,
     `limits_changed` which of its limits were changed after its first capture; `workpiece_sigma_mm` how well a
-    point at the workpiece is known in its worst direction (one sigma).
+    point at the workpiece is known in its worst direction (one sigma); `verified` is when the latest verification
+    was solved, `equipment` what it was found with.
     """
 
     format: str = _FORMAT
@@ -65,6 +67,8 @@ class SessionAnswer(Record):
     decision: str | None = None
     limits_changed: list[str] = Field(default_factory=list[str])
     workpiece_sigma_mm: float | None = None
+    verified: str | None = None
+    equipment: list[Equipment] = Field(default_factory=list[Equipment])
 
 
 def cell_id(session: Session) -> str:
@@ -90,7 +94,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
         stage=answer.stage,
         verdict=_verdict(answer),
         stale=answer.stale,
-        faults=list(answer.faults),
+        faults=list(answer.all_faults),
         warnings=list(answer.warnings),
         undetermined=list(result.get("undetermined", [])),
         solved=answer.date or None,
@@ -107,6 +111,8 @@ def answer_record(answer: Answer) -> SessionAnswer:
         decision=answer.decision,
         limits_changed=answer.results.get("verify", {}).get("limits_changed") or [],
         workpiece_sigma_mm=_workpiece_sigma_mm(answer),
+        verified=answer.results.get("verify", {}).get("solved"),
+        equipment=session.cell.equipment or [],
     )
 
 

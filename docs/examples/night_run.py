@@ -191,7 +191,9 @@ def main() -> None:
                 f"{number:3} {night.did}{' (after a recheck)' if night.rechecked else ''} {night.why}", flush=True
             )
             if night.did == "alarm":  # in the morning somebody looks, finds the dent, and says so
-                api.cells_release(night.session, {"why": "the scanner was hit; new place confirmed"})
+                why = "the scanner was hit; new place confirmed"
+                api.cells_acknowledge_fault(cell.cell["id"], {"fault": "drift", "why": why})
+                api.cells_release(night.session, {"why": why})
 
 
 if __name__ == "__main__":

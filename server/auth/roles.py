@@ -15,7 +15,8 @@ class Role(IntEnum):
     NOBODY = 0
     READ = 1
     CAPTURE = 2
-    ADMIN = 3
+    RELEASE = 3
+    ADMIN = 4
 
     @property
     def word(self) -> str:
@@ -23,7 +24,7 @@ class Role(IntEnum):
         return self.name.lower()
 
 
-ROLES = ("read", "capture", "admin")
+ROLES = ("read", "capture", "release", "admin")
 """The names of the roles that a token may have."""
 
 
@@ -109,6 +110,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_API}/cells",
         f"GET {_API}/cells/{{cell_id}}/history",
         f"GET {_API}/cells/{{cell_id}}/answer",
+        f"GET {_API}/cells/{{cell_id}}/policy",
         f"GET {_SESSION}/report",
         f"GET {_SESSION}/archive",
         f"GET {_API}/jobs/{{job_id}}",
@@ -176,16 +178,20 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"POST {_API}/archives",
         f"POST {_API}/archives/verify",
     ),
+    Role.RELEASE: (
+        f"POST {_SESSION}/release",
+        f"POST {_API}/cells/{{cell_id}}/rollback",
+        f"POST {_API}/cells/{{cell_id}}/acknowledge",
+    ),
     Role.ADMIN: (
         f"DELETE {_SESSION}",
-        f"POST {_SESSION}/release",
+        f"PUT {_API}/cells/{{cell_id}}/policy",
         # Devices are addresses in the cell's network that this server is made to speak to.
         f"PUT {_SESSION}/devices/{{device}}",
         f"DELETE {_SESSION}/devices/{{device}}",
         f"PUT {_SESSION}/robot-port",
         f"PUT {_SESSION}/table-mover",
         f"DELETE {_SESSION}/robot-port",
-        f"POST {_API}/cells/{{cell_id}}/rollback",
         f"GET {_API}/tokens",
         f"GET {_API}/tokens/{{token_id}}",
         f"POST {_API}/tokens",

@@ -1,10 +1,10 @@
 """What the routes about tokens, logins and the log take and give; these are the names in the API's schema."""
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-RoleName = Literal["read", "capture", "admin"]
+RoleName = Literal["read", "capture", "release", "admin"]
 
 
 class Me(BaseModel):
@@ -76,6 +76,7 @@ class AuditEntry(BaseModel):
     method: str
     path: str
     outcome: Literal["done", "refused"]
+    change: dict[str, Any] | None = None
 
 
 class AuditPage(BaseModel):

@@ -15,6 +15,7 @@ from server.http.strict_json import parse_object, plain_json
 from server.routes.dependencies import LoadedSession, SessionId, StoreDep
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
+from server.store.standing import with_moment
 
 router = api_router("answers", f"{API}/sessions/{{session_id}}")
 
@@ -57,6 +58,7 @@ def get_answer(session_id: SessionId, store: StoreDep) -> Response:
 
     with store.read() as db:
         answer = session_answer(db, load_session(db, store.blobs, session_id))
+        answer = with_moment(db, answer, session_id)
     headers = answer_headers(answer)
     return JSONResponse(plain_json(answer_record(answer).to_json()), headers=dict(headers))
 
@@ -104,6 +106,7 @@ def export_results(
     chosen = parse_object(settings, "settings")
     with store.read() as db:
         answer = session_answer(db, load_session(db, store.blobs, session_id))
+        answer = with_moment(db, answer, session_id)
     content, entry = write_export(answer, name, allowed, chosen)
     headers = dict(answer_headers(answer))
     return Response(content, media_type=entry.media_type, headers=headers)

@@ -44,6 +44,7 @@ from server.store.captures import (
     remove_capture,
 )
 from server.store.database import Store
+from server.store.releases import require_not_in_force
 from server.store.sessions import empty_session, etag, locked_session, require_revision, session_row
 from server.store.unreferenced import remove_unreferenced
 
@@ -172,6 +173,7 @@ def delete(session_id: SessionId, capture_id: CaptureId, store: StoreDep, if_mat
         session = locked_session(db, session_id)
         row = capture_row(db, session_id, capture_id)
         require_revision(row, if_match)
+        require_not_in_force(db, session)
         digests = remove_capture(db, session, row)
     remove_unreferenced(store, digests)
 

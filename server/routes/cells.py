@@ -1,6 +1,7 @@
 """Cells: their sessions, and the answer that was released for each, by whom, when and why."""
 
 import json
+from collections.abc import Sequence
 from typing import Annotated, Literal
 from urllib.parse import quote
 
@@ -11,6 +12,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.records import Record, Verdict
 from calib_core.records.faults import MOST_TEXT, allowed_faults, refuse_faults
+from calib_core.records.policy import Policy
 from calib_core.records.strict_fields import require_known_fields
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.drift import CellDrift
@@ -18,6 +20,7 @@ from server.http.api_router import api_router
 from server.http.created import created
 from server.http.strict_json import plain_json
 from server.routes.dependencies import IdempotencyDep, SessionId, StoreDep
+from server.store.database import Store
 from server.store.models import Data
 from server.store.releases import (
     add_release,
@@ -31,6 +34,15 @@ from server.store.releases import (
 )
 from server.store.session_answer import headers_of, session_answer
 from server.store.sessions import load_session
+from server.store.standing import (
+    acknowledge,
+    in_force_faults,
+    moment_faults,
+    policy_of,
+    require_four_eyes,
+    set_policy,
+    with_moment,
+)
 
 router = api_router("cells")
 
@@ -98,6 +110,29 @@ class NewRelease(Record):
     allow: str = Field(default="", max_length=MOST_TEXT)
 
 
+class Acknowledgement(Record):
+    """A fault of the moment, `drift` or `equipment-changed`, and why it needs nothing more."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"fault": "drift", "why": "the scanner was remounted on Monday"}]}
+    )
+
+    fault: str = Field(max_length=40)
+    why: str = Field(default="", max_length=1000)
+
+
+class Acknowledged(BaseModel):
+    """What was acknowledged: `of` are the sessions with which the cell changed, or the changes of equipment."""
+
+    number: int
+    cell: str
+    fault: str
+    of: list[str]
+    who: str
+    why: str
+    created: str
+
+
 class Rollback(Record):
     """Why an earlier release is put in force again, and its number; left out, the one before."""
 
@@ -137,10 +172,39 @@ def get_released(cell_id: CellId, store: StoreDep) -> Response:
     """Return the answer that was released last for a cell, as it was then: later changes do not touch it."""
     with store.read() as db:
         row = released(db, cell_id)
-        answer, release = row.answer, row
-        tag = f'"{release.number}"'
-    headers = {**headers_of(answer["verdict"], answer["stale"], answer["faults"]), "ETag": tag}
-    return JSONResponse(answer, headers=headers)
+        answer, number = row.answer, row.number
+        faults = in_force_faults(db, answer, cell_id)
+    headers = {**headers_of(answer["verdict"], answer["stale"], faults), "ETag": _tag(number, faults, answer)}
+    return JSONResponse({**answer, "faults": list(faults)}, headers=headers)
+
+
+@router.get("/cells/{cell_id}/policy", response_model=Policy, response_model_exclude_unset=True)
+def get_policy(cell_id: CellId, store: StoreDep) -> Policy:
+    """Return what the cell asks for before an answer is released."""
+    with store.read() as db:
+        return policy_of(db, cell_id)
+
+
+@router.put("/cells/{cell_id}/policy", response_model=Policy, response_model_exclude_unset=True)
+def put_policy(cell_id: CellId, body: Policy, store: StoreDep) -> Policy:
+    """Set what the cell asks for before an answer is released; the audit log keeps what it was before."""
+    require_known_fields(body, "request")
+    with store.write() as db:
+        set_policy(db, cell_id, body)
+    return body
+
+
+@router.post("/cells/{cell_id}/acknowledge", status_code=201, response_model=Acknowledged)
+def acknowledge_fault(
+    cell_id: CellId, body: Acknowledgement, request: Request, idempotency: IdempotencyDep, store: StoreDep
+) -> Response:
+    """End `drift` or `equipment-changed` of a cell as it stands now, by name and with a reason."""
+    require_known_fields(body, "request")
+
+    def act(db: Transaction) -> Data:
+        return acknowledge(db, cell_id, body.fault, _who(request), body.why.strip())
+
+    return idempotency.run(store, body.to_json(), 201, act)[0]
 
 
 @router.post("/sessions/{session_id}/release", status_code=201, response_model=Release)
@@ -155,11 +219,13 @@ def release(
 
     def act(db: Transaction) -> Data:
         answer = session_answer(db, load_session(db, store.blobs, session_id))
-        answer.require_usable(allowed)
         record = plain_json(answer_record(answer).to_json())
+        faults = with_moment(db, answer, session_id).all_faults
+        refuse_faults(faults, allowed, answer.stage)
+        require_four_eyes(db, record["cell"], session_id, _who(request))
         return release_data(add_release(db, session_id, record, _who(request), body.why.strip()))
 
-    return _in_force(idempotency.run(store, body.to_json(), 201, act)[0])
+    return _in_force(store, idempotency.run(store, body.to_json(), 201, act)[0])
 
 
 @router.post("/cells/{cell_id}/rollback", status_code=201, response_model=Release)
@@ -172,16 +238,27 @@ def rollback(
 
     def act(db: Transaction) -> Data:
         earlier = earlier_release(db, cell_id, body.number)
-        refuse_faults(earlier.answer["faults"], allowed, cell_id)
+        moment = moment_faults(db, earlier.answer, cell_id, earlier.session_id)
+        refuse_faults((*earlier.answer["faults"], *moment), allowed, cell_id)
+        require_four_eyes(db, cell_id, earlier.session_id, _who(request))
         return release_data(roll_back(db, earlier, _who(request), body.why.strip()))
 
-    return _in_force(idempotency.run(store, body.to_json(), 201, act)[0])
+    return _in_force(store, idempotency.run(store, body.to_json(), 201, act)[0])
 
 
-def _in_force(answer: Response) -> Response:
+def _in_force(store: Store, answer: Response) -> Response:
     """Return the answer with the place and the tag of what it put in force."""
     release = json.loads(bytes(answer.body))
-    return created(answer, f"/api/v1/cells/{quote(release['cell'], safe='')}/answer", f'"{release["number"]}"')
+    cell = release["cell"]
+    with store.read() as db:
+        row = released(db, cell)
+        tag = _tag(row.number, in_force_faults(db, row.answer, cell), row.answer)
+    return created(answer, f"/api/v1/cells/{quote(cell, safe='')}/answer", tag)
+
+
+def _tag(number: int, faults: Sequence[str], answer: Data) -> str:
+    """Return the entity tag of what is in force: its number, and the faults of the moment."""
+    return f'"{".".join([str(number), *(name for name in faults if name not in answer["faults"])])}"'
 
 
 def _who(request: Request) -> str:

@@ -22,6 +22,7 @@ from server.http.strict_json import parse_object, plain_json
 from server.routes.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import load_session
+from server.store.standing import with_moment
 
 router = api_router("machines")
 
@@ -347,6 +348,7 @@ async def export_into_backup(
         def written() -> tuple[str, bytes, dict[str, str]]:
             with store.read() as db:
                 answer = session_answer(db, load_session(db, store.blobs, session_id))
+                answer = with_moment(db, answer, session_id)
             chosen = parse_object(settings, "settings")
             file, content = write_into(contents, answer, name, allowed_faults(allow), chosen)
             return file, content, dict(answer_headers(answer))

@@ -48,6 +48,7 @@ from server.routes.dependencies import (
 from server.routes.tokens import IdentityDep
 from server.sources.simulated import simulated_session
 from server.store.models import Data
+from server.store.releases import require_not_in_force
 from server.store.sessions import (
     STORE_FIELDS,
     create_session,
@@ -135,9 +136,11 @@ def change(
 def delete(
     session_id: SessionId, store: StoreDep, jobs: JobsDep, intake: IntakeDep, if_match: IfMatch = None
 ) -> None:
-    """Remove a session with its captures and results, for good."""
+    """Remove a session with its captures and results, for good; one whose answer is in force is kept."""
     with store.write() as db:
-        require_revision(locked_session(db, session_id), if_match)
+        row = locked_session(db, session_id)
+        require_revision(row, if_match)
+        require_not_in_force(db, row)
         unfinished = unfinished_jobs(db, session_id)
         digests = delete_session(db, session_id)
     for job_id in unfinished:

@@ -3,7 +3,7 @@
 from sqlalchemy import ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column
 
-from server.store.models import Base
+from server.store.models import Base, Data
 
 
 class TokenRow(Base):
@@ -42,3 +42,4 @@ class AuditRow(Base):
     method: Mapped[str] = mapped_column(String(16))
     path: Mapped[str] = mapped_column(String(500))
     outcome: Mapped[str] = mapped_column(String(16))
+    change: Mapped[Data | None]

@@ -28,6 +28,7 @@ class Act:
     method: str
     path: str
     noted: bool = field(default=False, compare=False)
+    change: Data | None = field(default=None, compare=False)
 
 
 acting: ContextVar[Act | None] = ContextVar("acting", default=None)
@@ -43,6 +44,13 @@ def note_acts(db: Transaction, acts: Iterable[Act | None]) -> None:
             rows.append(_values(act, "done"))
     if rows:
         db.connection().execute(_ADD, rows)  # each request pays for it: no unit of work
+
+
+def note_change(change: Data) -> None:
+    """Keep in the log what is being changed: `before` and `after`."""
+    act = acting.get()
+    if act is not None:
+        act.change = change
 
 
 def note_refusal(db: Transaction, act: Act) -> None:
@@ -67,7 +75,7 @@ def newest_audit(db: Transaction, limit: int) -> Iterator[Data]:
 
 def audit_data(row: AuditRow) -> Data:
     """Return a row as REST and the command line show it."""
-    told = row.fields("number", "who", "role", "address", "method", "path", "outcome")
+    told = row.fields("number", "who", "role", "address", "method", "path", "outcome", "change")
     return told | {"at": row.created, "token": row.token_id}
 
 
@@ -81,4 +89,5 @@ def _values(act: Act, outcome: str) -> Data:
         "method": act.method[:16],
         "path": "".join(c if c.isprintable() else "?" for c in act.path[:_LONGEST_PATH]),
         "outcome": outcome,
+        "change": act.change,
     }

@@ -210,6 +210,29 @@ class ReleaseRow(Base):
     __table_args__ = (Index("releases_by_cell", "cell", "number"),)
 
 
+class PolicyRow(Base):
+    """A cell's policy; it lies outside of the sessions that it judges."""
+
+    __tablename__ = "policies"
+    cell: Mapped[str] = mapped_column(String(64), primary_key=True)
+    record: Mapped[Data]
+
+
+class AcknowledgedRow(Base):
+    """A fault of the moment that somebody acknowledged; `of` are the steps, or the changes of equipment."""
+
+    __tablename__ = "acknowledged"
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=True)
+    cell: Mapped[str] = mapped_column(String(64))
+    fault: Mapped[str] = mapped_column(String(32))
+    of: Mapped[list[str]] = mapped_column(JSON)
+    who: Mapped[str]
+    why: Mapped[str]
+    created: Mapped[str] = mapped_column(String(32))
+
+    __table_args__ = (Index("acknowledged_by_cell", "cell", "number"),)
+
+
 class DeviceRow(Base):
     """A live device of a cell, its settings without secrets, and the session that it is connected for."""
 

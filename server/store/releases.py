@@ -50,6 +50,20 @@ def cell_sessions(db: Transaction, cell: str, most: int = 100) -> list[SolvedSes
     ]
 
 
+def sessions_of_cell(db: Transaction, cell: str) -> list[str]:
+    """Return the ids of a cell's sessions, the oldest first."""
+    return [session["id"] for name, session in _sessions(db, cell) if name == cell]
+
+
+def require_not_in_force(db: Transaction, session: SessionRow) -> None:
+    """Refuse to remove what the answer in force was solved from."""
+    rows = _releases(db, session.cell_id, 1)
+    if rows and rows[0].session_id == session.id:
+        to_do = "Set `archived`, or leave captures out with `excluded`; or release another answer first."
+        got = f"evidence of the answer in force for cell {session.cell_id}"
+        raise ConflictError("a session whose answer is not in force", got, to_do, session.id)
+
+
 def released(db: Transaction, cell: str) -> ReleaseRow:
     """Return what is in force for a cell; raises NotFoundError where nothing was released."""
     rows = _releases(db, cell, 1)

@@ -8,8 +8,8 @@ from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.stages.verify.decision import Estimate, decided, tool_error
 from calib_core.stages.verify.held_out import Tool, held_out
 
-_POSITION_MM, _TURNING_RAD, _CENTER_MM = 0.05, 2e-4, 0.02
-_SPHERE = SphereSize(40.0, 0.0)
+POSITION_MM, TURNING_RAD, _CENTER_MM = 0.05, 2e-4, 0.02
+SPHERE = SphereSize(40.0, 0.0)
 
 
 def run(full: bool) -> list[Row]:
@@ -40,24 +40,31 @@ def figures(seeds: range) -> list[Row]:
 def verified(seed: int, off_mm: float) -> tuple[Estimate, float]:
     """Return what a verification of a tool that is off says of it, and by how much it truly is."""
     rng = np.random.default_rng([seed, 26])
-    truth = RigidTransform.of(rng.uniform(-1, 1, 3), np.array([35.0, -120.0, 140.0]), "tool0", "laser")
-    center = np.array([900.0, 150.0, 420.0])
-    observations = [_observed(k, truth, center, rng) for k in range(12)]
+    truth, observations = observations_of(rng, 12)
     direction = rng.normal(size=3)
     shift = off_mm * direction / np.linalg.norm(direction)
     given = RigidTransform.of(truth.rotation, truth.translation_mm + shift, "tool0", "laser")
-    tool = Tool(given, np.zeros((6, 6)), _POSITION_MM, _TURNING_RAD)
-    found = held_out(observations, _SPHERE, tool)
-    return tool_error(observations, _SPHERE.radius_mm, found.center_in_base_mm, tool), off_mm
+    tool = Tool(given, np.zeros((6, 6)), POSITION_MM, TURNING_RAD)
+    found = held_out(observations, SPHERE, tool)
+    return tool_error(observations, SPHERE.radius_mm, found.center_in_base_mm, tool), off_mm
+
+
+def observations_of(
+    rng: np.random.Generator, count: int, turned_rad: float = 0.6
+) -> tuple[RigidTransform, list[SphereObservation]]:
+    """Return a tool, and captures of a still sphere with it."""
+    truth = RigidTransform.of(rng.uniform(-1, 1, 3), np.array([35.0, -120.0, 140.0]), "tool0", "laser")
+    center = np.array([900.0, 150.0, 420.0])
+    return truth, [_observed(k, truth, center, rng, turned_rad) for k in range(count)]
 
 
 def _observed(
-    number: int, truth: RigidTransform, center: np.ndarray, rng: np.random.Generator
+    number: int, truth: RigidTransform, center: np.ndarray, rng: np.random.Generator, turned_rad: float
 ) -> SphereObservation:
-    rotation = rotation_from_vector(rng.uniform(-0.6, 0.6, 3))
+    rotation = rotation_from_vector(rng.uniform(-turned_rad, turned_rad, 3))
     seen = np.array([rng.uniform(-20, 20), rng.uniform(-16, 16), rng.uniform(150, 230)])
     true = RigidTransform.of(rotation, center - rotation @ truth.apply(seen), "base", "tool0")
-    recorded = true.perturbed(np.concatenate([rng.normal(0, _TURNING_RAD, 3), rng.normal(0, _POSITION_MM, 3)]))
+    recorded = true.perturbed(np.concatenate([rng.normal(0, TURNING_RAD, 3), rng.normal(0, POSITION_MM, 3)]))
     measured = seen + rng.normal(0, _CENTER_MM, 3)
     return SphereObservation(
         f"v{number}", recorded, "center", np.empty((0, 3)), measured, _CENTER_MM**2 * np.eye(3)

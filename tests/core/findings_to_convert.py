@@ -19,7 +19,6 @@ VERDICTS: set[str] = {
     "calib_core/stages/turntable/play.py",
     "calib_core/stages/turntable/solve.py",
     "calib_core/stages/turntable/verdict.py",
-    "calib_core/stages/verify/decision.py",
     "calib_core/stages/verify/solve.py",
     "server/captures/measuring_queue.py",
     "server/commands/export/formats.py",

@@ -1,5 +1,8 @@
 """The verification's decision: its rule, its figures against the truth, and limits in a session."""
 
+from dataclasses import replace
+
+import bench_sign
 import bench_verify
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from calib_core.simulation import simulate
 from calib_core.stages.pipeline import run
 from calib_core.stages.verify.decision import decided, probing
 from calib_core.stages.verify.record import VerifyResult
+from tests.verified import shifted, solved, verified_session
 
 
 @pytest.mark.parametrize(
@@ -60,7 +64,9 @@ def test_a_tool_that_the_user_brings_is_decided_on_by_the_limit() -> None:
     good, bad = verified(0.0), verified(2.0)
     assert (good.decision, good.verdict) == ("pass", "pass")
     assert (bad.decision, bad.verdict) == ("fail", "fail")
-    assert "limit 1 mm" in bad.warnings[0]
+    assert "beyond the limit of 1 mm" in bad.warnings[0]
+    assert bad.findings[0].code == "verify-fail"
+    assert "more captures" not in " ".join(bad.warnings)  # a clear fail is no lack of captures
     assert bad.checks[0].value_mm == pytest.approx(2.0, abs=1.5 * bad.checks[0].uncertainty_mm)
 
 
@@ -156,3 +162,44 @@ def test_a_limit_that_the_captures_cannot_be_held_to_is_no_pass() -> None:
     assert result.verdict == "warn"
     assert any("limit of the probing form, 0.2 mm, was not checked" in said for said in result.warnings)
     assert any("limit of the sphere spacing, 0.5 mm, was not checked" in said for said in result.warnings)
+
+
+def test_two_captures_decide_nothing() -> None:
+    result = solved(verified_session(3, of_sphere=2, limits={"tool_mm": 2.0}))["verify"]
+    assert (result["decision"], result["verdict"]) == ("undecided", "warn")
+    assert "verify-undecided" in {one["code"] for one in result["findings"]}
+
+
+def test_captures_that_calibrated_do_not_verify() -> None:
+    made = verified_session(3)
+    own = [c for c in made.session.captures if c.step == "tcp"]
+    copies = [c.model_copy(update={"id": f"w{k}", "step": "verify"}) for k, c in enumerate(own[:8])]
+    held_out = [c for c in made.session.captures if c.step == "verify"]
+    # The same files alone; then the same poses with files of their own.
+    session = made.session.model_copy(update={"captures": [*own, *copies]})
+    result = solved(replace(made, session=session))["verify"]
+    assert (result["decision"], result["verdict"]) == ("undecided", "warn")
+    (said,) = (one for one in result["findings"] if one["code"] == "verify-not-held-out")
+    assert said["captures"] == [c.id for c in copies]
+    assert [row["used"] for row in result["residuals"]] == [False] * 8
+    there = [c.model_copy(update={"pose": own[k].pose}) if k < 2 else c for k, c in enumerate(held_out)]
+    session = made.session.model_copy(update={"captures": [*own, *there]})
+    result = solved(replace(made, session=session))["verify"]
+    (said,) = (one for one in result["findings"] if one["code"] == "verify-not-held-out")
+    assert (said["captures"], said["values"]["same"]) == ([c.id for c in held_out[:2]], "poses")
+    assert sum(row["used"] for row in result["residuals"]) == 12
+
+
+def test_the_one_wrong_pose_is_named() -> None:
+    made = verified_session(5)
+    wrong = made.session.captures[-3]
+    captures = [shifted(made.session, c, [0.7, 0.7, 0.0]) if c is wrong else c for c in made.session.captures]
+    result = solved(replace(made, session=made.session.model_copy(update={"captures": captures})))["verify"]
+    (said,) = (one for one in result["findings"] if one["code"] == "verify-captures-disagree")
+    assert said["captures"] == [wrong.id]
+    assert result["verdict"] != "pass"
+
+
+def test_figures_of_signing_hold_on_a_fifth_of_them() -> None:
+    rows = bench_sign.run(full=False)
+    assert [f"{r.what}: {r.measured}, target {r.target}" for r in rows if not r.holds] == []

@@ -15,7 +15,7 @@ from server.store.database import Store
 from server.store.tokens import revoke_token
 from tests.server.live_server import serving
 
-ROLES = ("read", "capture", "admin")
+ROLES = ("read", "capture", "release", "admin")
 
 
 def make_tokens(settings: Settings) -> dict[str, str]:

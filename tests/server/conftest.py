@@ -35,6 +35,7 @@ def client(shared_client: httpx.Client) -> httpx.Client:
 def solved(shared_client: httpx.Client) -> str:
     """A solved session of the simulated cell; who changes it changes it back."""
     session = simulated_session(shared_client, captures=14)
+    shared_client.patch(f"/sessions/{session}", json={"cell": {"id": "solved-cell"}})
     job = shared_client.post(f"/sessions/{session}/solve/tcp").json()["id"]
     assert wait_for(shared_client, job)["status"] == "done"
     return session

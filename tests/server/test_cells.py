@@ -54,8 +54,8 @@ def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: h
     with Scancell(str(client.base_url).removesuffix("/").removesuffix("/api/v1"), trust_env=False) as api:
         releases = (event.data for event in api.events(session, after=0) if event.kind == "release")
         assert list(islice(releases, 4)) == [first.json(), second, back, again]
-    client.delete(f"/sessions/{session}")
-    assert client.get(f"/cells/{cell}/answer").json()["stage"] == "tcp"  # it outlives its session
+    for evidence in (f"/sessions/{session}", f"/sessions/{session}/captures/p04"):
+        assert_problem(client.delete(evidence), 409, "archived")  # what is in force keeps its evidence
 
 
 def test_a_cell_s_drift_has_its_solved_sessions_and_says_what_changed(

@@ -34,6 +34,7 @@ def test_the_client_calibrates(api: Scancell) -> None:
     cell = simulate("tcp", 7)
     session_record = cell.session.to_json()
     captures = session_record.pop("captures")
+    session_record["cell"]["id"] = "cell-of-the-client"
     session = api.sessions_create(session_record)["id"]
     for capture in captures:
         files = {name: cell.files[name] for name in capture["files"]}

@@ -7,8 +7,9 @@ from typing import Any
 
 import httpx
 import numpy as np
+import pytest
 
-from scancell_client import Scancell
+from scancell_client import ProblemError, Scancell
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "night_run.py"
 
@@ -38,6 +39,9 @@ def go_through(address: str, count: int, hit_in: int, knocked_in: int) -> list[A
             if number == hit_in:
                 assert night.did == "alarm", night
                 assert nights.in_force() == before
+                with pytest.raises(ProblemError, match="acknowledge"):
+                    api.cells_release(night.session, {"why": "looked at"})
+                api.cells_acknowledge_fault(cell.cell["id"], {"fault": "drift", "why": "the scanner was hit"})
                 api.cells_release(night.session, {"why": "looked at"})
             elif number == knocked_in:
                 assert (night.did, night.rechecked) == ("approve", True), night

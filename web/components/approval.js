@@ -72,6 +72,16 @@ function ownRelease(sessionId, answer, releases) {
   return releases.find((one) => sameAnswer(one, { session: sessionId, solved: answer.solved, inputs_sha256: answer.inputs_sha256 }));
 }
 
+/** Faults of the moment that somebody may acknowledge by name. */
+const ACKNOWLEDGED = ["drift", "equipment-changed"];
+
+/** @param {string} cell @param {string} fault */
+function acknowledging(cell, fault) {
+  const ask = () => whyDialog({ title: t("release.acknowledge"), words: [faultWords(fault)], go: t("release.acknowledge"), act: (why) => api.acknowledge(cell, fault, why),
+    after: () => { const shown = document.querySelector("sc-approval"); return shown instanceof ApprovalElement ? shown.load() : undefined; } });
+  return h("button", { type: "button", "aria-label": `${t("release.acknowledge")}: ${faultWords(fault)}`, onclick: ask }, t("release.acknowledge"));
+}
+
 /** @param {string} name of a fault */
 const faultWords = (name) => maybe(`release.fault.${name}`, name);
 
@@ -80,13 +90,14 @@ function offer(sessionId, answer, releases) {
   const own = ownRelease(sessionId, answer, releases);
   if (own && own === releases[0]) return [];
   const faults = answer.faults.map((name) => h("p", { class: "soft" }, mark("fail", faultWords(name))));
-  if (!may("admin")) return [...faults, h("p", { class: "soft" }, t("release.no_right"))];
+  if (!may("release")) return [...faults, h("p", { class: "soft" }, t("release.no_right"))];
   const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
   const title = t(faults.length ? "release.approve_despite" : "release.approve");
   const known = answer.faults.map(faultWords);
   const ask = () => whyDialog({ title, words: [...known, words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
     act: (why) => api.release(sessionId, why, answer.faults), after: approved });
-  return [...faults, h("div", { class: "row" }, h("button", { type: "button", onclick: ask }, title))];
+  const deeds = [h("button", { type: "button", onclick: ask }, title), ...answer.faults.filter((name) => ACKNOWLEDGED.includes(name)).map((name) => acknowledging(answer.cell, name))];
+  return [...faults, h("div", { class: "row" }, ...deeds)];
 }
 
 /** The result may have been drawn again while the dialog was open: what is shown now is told. @param {Release} release */

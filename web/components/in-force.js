@@ -37,7 +37,7 @@ function rows([current, ...earlier], nameOf, after) {
   if (!current || !earlier.length) return [h("li", { class: "soft small" }, t("release.earlier_none"))];
   // One way back to each answer: that of its last release.
   const offered = earlier.filter((one, index) => !sameAnswer(one, current) && earlier.findIndex((other) => sameAnswer(one, other)) === index);
-  return earlier.map((one) => h("li", {}, ...told(one, nameOf), may("admin") && offered.includes(one) && back(one, nameOf(one.session) ?? t("release.removed"), after)));
+  return earlier.map((one) => h("li", {}, ...told(one, nameOf), may("release") && offered.includes(one) && back(one, nameOf(one.session) ?? t("release.removed"), after)));
 }
 
 /** @param {Release} release @param {string} session its name @param {() => Promise<void>} after */

@@ -11,7 +11,7 @@ import { attempt, notify } from "./toasts.js";
 
 /** @import {TokenRecord} from "../state/model.js" */
 
-const ROLES = /** @type {const} */ (["read", "capture", "admin"]);
+const ROLES = /** @type {const} */ (["read", "capture", "release", "admin"]);
 const HEADS = /** @type {const} */ (["name", "tokens.role", "tokens.created", "tokens.expires", "column.state"]);
 
 export class TokensElement extends HTMLElement {

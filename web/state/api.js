@@ -211,6 +211,9 @@ export const api = {
   /** Put the session's answer in force for its cell. @param {string} id @param {string} why @param {readonly string[]} allow names of faults @returns {Promise<Release>} */
   release: async (id, why, allow) => (await request(`${session(id)}/release`, json("POST", { why, allow: allow.join(",") }))).json(),
 
+  /** End a fault of the moment as it stands now. @param {string} cell @param {string} fault @param {string} why */
+  acknowledge: async (cell, fault, why) => (await request(`/cells/${encodeURIComponent(cell)}/acknowledge`, json("POST", { fault, why }))).json(),
+
   /** @param {string} cell @param {number} number of the release that is put in force again @param {string} why @returns {Promise<Release>} */
   rollBack: async (cell, number, why) => (await request(`/cells/${encodeURIComponent(cell)}/rollback`, json("POST", { number, why }))).json(),
 

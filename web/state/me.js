@@ -5,9 +5,9 @@ import { toLogin } from "./http.js";
 import { t } from "../texts.js";
 
 /** @import {Me} from "./model.js" */
-/** @typedef {"capture" | "admin"} Role */
+/** @typedef {"capture" | "release" | "admin"} Role */
 
-const RANKS = { read: 1, capture: 2, admin: 3 };
+const RANKS = { read: 1, capture: 2, release: 3, admin: 4 };
 
 /** @type {Me} */
 let known = { name: "", role: "admin", login: "not-needed" };

@@ -1,28 +1,33 @@
 """The verification's decision: figures held against limits that were set before, with a guard band.
 
-Four answers, as in ILAC-G8 with the guard band w = U (k = 2): pass up to the limit less w, conditional pass up to
-the limit, conditional fail up to the limit plus w, fail beyond.
+Four answers, as in ISO 14253-1 and ILAC-G8 with the guard band w = U (k = 2): pass up to the limit less w,
+conditional pass up to the limit, conditional fail up to the limit plus w, fail beyond.  Where U is above the
+limit, or too few captures count, nothing is decided.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from calib_core.chain.observations import SphereObservation
 from calib_core.estimation import covariance_of
+from calib_core.findings import Code
+from calib_core.findings.codes import verify as codes
 from calib_core.frames import FloatArray, skew
-from calib_core.records import Verdict
+from calib_core.records.findings import Finding
 from calib_core.stages.verify.held_out import Tool, linearised
 from calib_core.stages.verify.record import Decision, VerifyCheck
 
-_ORDER: tuple[Decision, ...] = ("pass", "conditional-pass", "conditional-fail", "fail")
-_VERDICTS: dict[Decision, Verdict] = {
-    "pass": "pass",
-    "conditional-pass": "warn",
-    "conditional-fail": "warn",
-    "fail": "fail",
+_ORDER: tuple[Decision, ...] = ("pass", "conditional-pass", "undecided", "conditional-fail", "fail")
+_SAID: dict[Decision, Code] = {
+    "conditional-pass": codes.VERIFY_CONDITIONAL_PASS,
+    "conditional-fail": codes.VERIFY_CONDITIONAL_FAIL,
+    "fail": codes.VERIFY_FAIL,
 }
+LEAST_DECIDING = 4
+"""Fewer captures leave nothing over from which to tell how far they scatter about the tool's stated error."""
 _QUARTER = 0.25
 _PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
 _BAND = 0.95  # the share of the points that the band of a form holds
@@ -39,6 +44,8 @@ class Estimate:
 def decided(value_mm: float, uncertainty_mm: float, limit_mm: float) -> Decision:
     """Return the answer of the decision rule."""
     value = abs(value_mm)
+    if not uncertainty_mm <= limit_mm:
+        return "undecided"
     if value <= limit_mm - uncertainty_mm:
         return "pass"
     if value <= limit_mm:
@@ -46,13 +53,17 @@ def decided(value_mm: float, uncertainty_mm: float, limit_mm: float) -> Decision
     return "conditional-fail" if value <= limit_mm + uncertainty_mm else "fail"
 
 
-def checked(name: str, title: str, estimate: Estimate, limit_mm: float | None) -> VerifyCheck:
-    """Return a figure held against its limit, None where none was set."""
-    decision = None if limit_mm is None else decided(estimate.value_mm, estimate.uncertainty_mm, limit_mm)
+def checked(
+    name: str, title: str, estimate: Estimate, limit_mm: float | None, count: int = LEAST_DECIDING
+) -> VerifyCheck:
+    """Return a figure of `count` captures held against its limit, None where none was set."""
+    decision: Decision | None = None
     reason = ""
     if limit_mm is not None:
+        enough = count >= LEAST_DECIDING
+        decision = decided(estimate.value_mm, estimate.uncertainty_mm, limit_mm) if enough else "undecided"
         reason = f"{title}: {estimate.value_mm:.3f} ± {estimate.uncertainty_mm:.3f} mm, limit {limit_mm:g} mm"
-        if estimate.uncertainty_mm > _QUARTER * limit_mm:
+        if decision not in ("pass", "fail") and not (enough and estimate.uncertainty_mm <= _QUARTER * limit_mm):
             reason += "; its uncertainty is more than a quarter of the limit: take more captures, turned further"
         reason += "."
     return VerifyCheck(
@@ -66,13 +77,32 @@ def checked(name: str, title: str, estimate: Estimate, limit_mm: float | None) -
     )
 
 
-def overall(checks: Sequence[VerifyCheck]) -> tuple[Decision, Verdict, list[str]] | None:
-    """Return the worst decision, its verdict and the reasons of what did not pass; None where no limit was set."""
-    judged = [check for check in checks if check.decision is not None]
-    if not judged:
-        return None
-    worst: Decision = _ORDER[max(_ORDER.index(check.decision) for check in judged if check.decision)]
-    return worst, _VERDICTS[worst], [check.reason for check in judged if check.decision != "pass"]
+def overall(checks: Sequence[VerifyCheck], unchecked: int = 0) -> Decision | None:
+    """Return the worst decision; `unchecked` limits could not be looked at. None where no limit was set."""
+    judged: list[Decision] = [check.decision for check in checks if check.decision is not None]
+    if unchecked:
+        judged.append("undecided")
+    return max(judged, key=_ORDER.index, default=None)
+
+
+def decision_findings(checks: Sequence[VerifyCheck], count: int) -> list[Finding]:
+    """Return what is said of each figure that did not pass its limit, `count` captures having been of use."""
+    findings: list[Finding] = []
+    for check in checks:
+        if check.decision is None or check.decision == "pass":
+            continue
+        figures: dict[str, Any] = {
+            "title": check.title,
+            "value_mm": check.value_mm,
+            "uncertainty_mm": check.uncertainty_mm,
+            "limit_mm": check.limit_mm or 0.0,
+        }
+        if check.decision != "undecided":
+            findings.append(_SAID[check.decision](**figures))
+        else:
+            why = "captures" if count < LEAST_DECIDING else "uncertainty"
+            findings.append(codes.VERIFY_UNDECIDED(**figures, count=count, why=why))
+    return findings
 
 
 def tool_error(

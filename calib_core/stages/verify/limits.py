@@ -24,6 +24,8 @@ _NAMES: Final = {
     "ball_bar_sigma_mm": "uncertainty of the ball bar's length",
 }
 _REFERENCES: Final = ("ball_bar_mm", "ball_bar_sigma_mm")
+LIMITS: Final = tuple(name for name in _NAMES if name not in _REFERENCES)
+"""The fields of `cell.verification` that are limits."""
 
 
 def changes_between(

@@ -29,7 +29,7 @@ class VerifyResidual(CaptureResidual):
     plane_offset_mm: float | None = None
 
 
-Decision = Literal["pass", "conditional-pass", "conditional-fail", "fail"]
+Decision = Literal["pass", "conditional-pass", "undecided", "conditional-fail", "fail"]
 
 
 class VerifyCheck(Record):
@@ -54,8 +54,9 @@ class VerifyResult(Result):
     the stage whose answer it is, or "known".
 
     `checks` are the figures that limits may be set for (`cell.verification`), 2634-style; `decision` is the worst
-    of theirs, null where no limit was set; `limits_changed` says in sentences which limits were changed after the
-    first capture: where they let more pass now, a decision of `pass` has the verdict `warn`.
+    of theirs, `undecided` where too few captures count or U is above a limit, null where no limit was set.
+    `limits_changed` says in sentences which limits were changed after the first capture: where they let more pass
+    now, a decision of `pass` has the verdict `warn`.
     """
 
     stage: Literal["verify"] = "verify"

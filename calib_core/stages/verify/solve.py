@@ -2,26 +2,33 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from calib_core.captures.content import sphere_of
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
+from calib_core.findings import judgement, reasons_of
+from calib_core.findings.codes import verify as codes
 from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
-from calib_core.graph.stage_input import StageInput
+from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.records import Capture, Verdict, Verification
+from calib_core.records.findings import Finding
 from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.tcp.solve import observe_stage
-from calib_core.stages.verify.decision import checked, overall, probing, tool_error
+from calib_core.stages.verify.agreement import disagreeing
+from calib_core.stages.verify.calibrated import that_calibrated
+from calib_core.stages.verify.decision import checked, decision_findings, overall, probing, tool_error
 from calib_core.stages.verify.flatness import Plate, plate
 from calib_core.stages.verify.held_out import HeldOut, Tool, held_out, together
-from calib_core.stages.verify.limits import late_limits
+from calib_core.stages.verify.limits import LIMITS, late_limits
 from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
 
 _ANSWER_SHARE = 0.6
+_VERDICTS: tuple[Verdict, ...] = ("pass", "warn", "fail")
 _LEAST_PROBED = 4
 _NO_LIMIT = "No limit of the flatness is set, and a plate alone has nothing else to be judged by."
 _PLATE_ALONE = "Only a flat plate was captured: how far the tool is off at a sphere was not looked at."
@@ -50,67 +57,114 @@ def solve(given: StageInput) -> VerifyResult:
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
     of_sphere = [capture for capture in given.captures if capture.step == "verify"]
     observed = observe_stage(replace(given, captures=of_sphere))
-    if len({o.capture for o in observed.observations}) < LEAST_CAPTURES:
+    same = [] if verified == "known" else _that_calibrated(given, of_sphere, observed.observations)
+    observed = _without(observed, reasons_of(same))
+    limits = given.session.cell.verification
+    count = len({o.capture for o in observed.observations})
+    if count < LEAST_CAPTURES and not (same and _limited(limits)):
         raise MotionError(
             f"{LEAST_CAPTURES} captures with step 'verify' that show the sphere, ten are good",
-            f"{len(observed.observations)}",
+            f"{count}",
             "Capture the sphere, standing still, from poses that were not used for the TCP.",
             "captures",
         )
     spheres = by_sphere(observed.observations, of_sphere)
     alone = [mount for mount, seen in spheres.items() if len({o.capture for o in seen}) < LEAST_CAPTURES]
-    if alone:
+    if alone and count >= LEAST_CAPTURES:
         to_do = f"Capture sphere '{alone[0]}' again, or give its capture the right `mount`."
         raise MotionError(f"{LEAST_CAPTURES} captures of each sphere", f"one of '{alone[0]}'", to_do, "captures")
-    ordered = [o for seen in spheres.values() for o in seen]
-    observed = replace(observed, observations=ordered)
-    found = together([held_out(seen, sphere, tool) for seen in spheres.values()])
-    knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
-    verdict, warnings = _judged(found, knows_uncertainty)
-    checks = [
-        *_checks(given, next(iter(spheres.values())), sphere, tool, found),
-        *_spacing(given, spheres, sphere, tool),
-    ]
     flat = plate(
         given.session, [c for c in given.captures if c.step == "plate"], given.read, tool.tool0_from_laser
     )
-    checks += _flatness(given.session.cell.verification, flat)
-    judged = overall(checks)
-    if judged is not None:
-        _, verdict, reasons = judged
-        warnings = [*reasons, *(said for said in warnings if knows_uncertainty)]
-    doubts = [*doubts, *_unchecked(given.session.cell.verification, checks, flat)]
-    doubts += flat.doubts if flat is not None else []
-    late = late_limits(given.session.cell.verification)
-    doubts += late.doubts
-    if doubts and verdict == "pass":
-        verdict = "warn"
-    surfaces = found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
+    late = late_limits(limits)
+    checks = _flatness(limits, flat)
+    findings, warnings, found = [*same], [*doubts, *(flat.doubts if flat is not None else []), *late.doubts], None
+    knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
+    if count >= LEAST_CAPTURES:
+        observed = replace(observed, observations=[o for seen in spheres.values() for o in seen])
+        found = together([held_out(seen, sphere, tool) for seen in spheres.values()])
+        first = next(iter(spheres.values()))
+        checks = [*_checks(given, first, sphere, tool, found), *_spacing(given, spheres, sphere, tool), *checks]
+        findings += _disagreeing(first, sphere, tool, found)
+    unchecked = _unchecked(limits, checks, flat)
+    warnings += unchecked
+    decision = overall(checks, len(unchecked))
+    findings += decision_findings(checks, count)
+    scatter, said = _judged(found, knows_uncertainty) if found is not None else ("warn", [])
+    warnings += said if decision is None or knows_uncertainty else []
+    told = judgement(findings)
+    verdicts: list[Verdict] = [told["verdict"]]
+    if warnings:
+        verdicts.append("warn")
+    if decision is None:
+        verdicts.append(scatter)
+    surfaces = np.empty(0) if found is None else found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
     return VerifyResult(
         method="centre of a still sphere over held-out captures, by their and the answer's covariance",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict=verdict,
-        warnings=[*doubts, *warnings],
+        verdict=max(verdicts, key=_VERDICTS.index),
+        findings=told["findings"],
+        warnings=[*told["warnings"], *warnings],
         notes=[*(flat.notes if flat is not None else []), *late.notes],
         verified=verified,
         tool0_from_laser=tool.tool0_from_laser.to_rows(),
-        sphere_center_in_base_mm=found.center_in_base_mm.tolist(),
-        sphere_center_covariance=found.covariance.tolist(),
         surface_rms_mm=float(np.sqrt(np.mean(surfaces**2))) if len(surfaces) else None,
-        held_out_scatter_rms_mm=found.scatter_rms_mm,
-        expected_scatter_rms_mm=found.expected_scatter_rms_mm if knows_uncertainty else None,
-        chi_squared=found.chi_squared if knows_uncertainty else None,
-        degrees_of_freedom=found.degrees_of_freedom,
-        chance=found.chance if knows_uncertainty else None,
+        **_figures(found, knows_uncertainty),
         checks=checks,
-        decision=None if judged is None else judged[0],
+        decision=decision,
         limits_changed=late.sentences,
         residuals=[
             *_rows(of_sphere, observed.observations, observed.unused, found, sphere.radius_mm),
             *(flat.residuals if flat is not None else []),
         ],
     )
+
+
+def _figures(found: HeldOut | None, knows_uncertainty: bool) -> dict[str, Any]:
+    """Return the fields that are of the sphere; all null where too few captures count."""
+    knows = found is not None and knows_uncertainty
+    return {
+        "sphere_center_in_base_mm": None if found is None else found.center_in_base_mm.tolist(),
+        "sphere_center_covariance": None if found is None else found.covariance.tolist(),
+        "held_out_scatter_rms_mm": None if found is None else found.scatter_rms_mm,
+        "expected_scatter_rms_mm": found.expected_scatter_rms_mm if found and knows else None,
+        "chi_squared": found.chi_squared if found and knows else None,
+        "degrees_of_freedom": 0 if found is None else found.degrees_of_freedom,
+        "chance": found.chance if found and knows else None,
+    }
+
+
+def _that_calibrated(
+    given: StageInput, held_out: Sequence[Capture], seen: Sequence[SphereObservation]
+) -> list[Finding]:
+    """Return which captures of the verification are those of the calibration."""
+    used = [c for c in given.session.captures if c.step in ("tcp", "turntable") and not c.excluded]
+    own = [capture for capture in held_out if not capture.excluded]
+    still = [capture for capture in used if capture.step == "tcp"]
+    before = observe_stage(replace(given, captures=still)).observations if still else []
+    return that_calibrated(own, used, seen, before, given.read)
+
+
+def _without(observed: Observed, unused: Mapping[str, str]) -> Observed:
+    """Return what was observed without captures that do not count, each with its reason."""
+    if not unused:
+        return observed
+    kept = [o for o in observed.observations if o.capture not in unused]
+    return replace(observed, observations=kept, unused={**observed.unused, **unused})
+
+
+def _disagreeing(
+    observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool, found: HeldOut
+) -> list[Finding]:
+    """Return which captures the others contradict."""
+    named = disagreeing(observations, sphere.radius_mm, found.center_in_base_mm, tool)
+    each = {name: {"sigmas": round(sigmas, 1)} for name, sigmas in named.items()}
+    return [codes.CAPTURES_DISAGREE(list(named), each=each)] if named else []
+
+
+def _limited(limits: Verification) -> bool:
+    return any(value is not None for name, value in limits.model_dump().items() if name in LIMITS)
 
 
 def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[str]) -> VerifyResult:
@@ -122,14 +176,19 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[s
     if flat is None or not checks:
         to_do = "" if flat is None else flat.why_not
         raise MotionError("captures of a plate that tell its flatness", "too few of use", to_do, "captures")
-    judged, late = overall(checks), late_limits(limits)
-    verdict, reasons = ("warn", [_NO_LIMIT]) if judged is None else judged[1:]
-    doubts = [*doubts, *_unchecked(limits, checks, flat), *flat.doubts, *late.doubts]
+    late, unchecked = late_limits(limits), _unchecked(limits, checks, flat)
+    decision = overall(checks, len(unchecked))
+    count = sum(row.used for row in flat.residuals)
+    findings = decision_findings(checks, count)
+    told = judgement(findings)
+    verdict, reasons = ("warn", [_NO_LIMIT]) if decision is None else (told["verdict"], told["warnings"])
+    doubts = [*doubts, *unchecked, *flat.doubts, *late.doubts]
     return VerifyResult(
         method="flatness of a plate over held-out captures, with the answer's tool",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         verdict="warn" if doubts and verdict == "pass" else verdict,
+        findings=told["findings"],
         warnings=[*doubts, *reasons],
         notes=[_PLATE_ALONE, *flat.notes, *late.notes],
         verified=verified,
@@ -143,7 +202,7 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[s
         degrees_of_freedom=0,
         chance=None,
         checks=checks,
-        decision=None if judged is None else judged[0],
+        decision=decision,
         limits_changed=late.sentences,
         residuals=flat.residuals,
     )
@@ -155,7 +214,8 @@ def _checks(
     """Return the figures that limits may be set for, each with its limit."""
     limits = given.session.cell.verification
     error = tool_error(observations, sphere.radius_mm, found.center_in_base_mm, tool)
-    checks = [checked("tool", "Tool's error at the sphere", error, limits.tool_mm)]
+    count = len({o.capture for o in observations})
+    checks = [checked("tool", "Tool's error at the sphere", error, limits.tool_mm, count)]
     points = [
         (o.base_from_tool0 @ tool.tool0_from_laser).apply(o.points_in_laser_mm)
         for o in observations
@@ -254,7 +314,7 @@ def _rows(
     captures: Sequence[Capture],
     observations: Sequence[SphereObservation],
     unused: dict[str, str],
-    found: HeldOut,
+    found: HeldOut | None,
     radius_mm: float,
 ) -> list[VerifyResidual]:
     """Return one row a capture; of a sweep the root mean squares over its profiles, and their mean offset."""
@@ -264,7 +324,7 @@ def _rows(
     rows: list[VerifyResidual] = []
     for capture in captures:
         own = places.get(capture.id)
-        if own is None:
+        if own is None or found is None:
             rows.append(VerifyResidual(capture=capture.id, used=False, reason=unused.get(capture.id)))
             continue
         offsets, surfaces = found.offsets_in_base_mm[own], found.surface_rms_mm[own]

@@ -27,6 +27,7 @@ export const texts = {
   "tokens.ended": "Token von {name} widerrufen",
   "role.read": "read: alles ansehen",
   "role.capture": "capture: ansehen, aufnehmen und lösen",
+  "role.release": "release: aufnehmen und Ergebnisse freigeben",
   "role.admin": "admin: alles",
   "audit.what": "Aktionen und abgewiesene Anfragen, die neuesten zuerst.",
   "audit.when": "Wann",

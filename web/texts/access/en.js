@@ -29,6 +29,7 @@ export const texts = {
 
   "role.read": "read: view everything",
   "role.capture": "capture: view, capture and solve",
+  "role.release": "release: capture, and approve answers",
   "role.admin": "admin: everything",
 
   "audit.what": "Actions and refused requests, newest first.",

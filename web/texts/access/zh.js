@@ -27,6 +27,7 @@ export const texts = {
   "tokens.ended": "已撤销 {name} 的令牌",
   "role.read": "read：查看全部",
   "role.capture": "capture：查看、采集和求解",
+  "role.release": "release：采集并批准结果",
   "role.admin": "admin：全部权限",
   "audit.what": "操作和被拒绝的请求，最新的在前。",
   "audit.when": "时间",

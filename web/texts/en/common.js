@@ -29,7 +29,7 @@ export const common = {
   "menu.who_machine": "No login: this server only answers its own machine.",
   "menu.role_read": "can view everything",
   "menu.role_capture": "can view, capture and solve",
-  "menu.role_admin": "can do everything",
+  "menu.role_release": "can view, capture, solve and approve", "menu.role_admin": "can do everything",
   "menu.docs": "API",
   "menu.log_out": "Log out",
 

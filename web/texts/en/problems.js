@@ -24,6 +24,7 @@ export const problems = {
   "captures.redo_failed": "The new capture {new} was refused, too: {reason} {old} is still used.",
 
   "may.capture": "Your login can only view. Capturing, changing and solving need the role capture.",
+  "may.release": "Approving and rolling back need the role release.",
   "may.admin": "Deleting sessions and managing access need the role admin.",
 
   "lost.title": "Page not found",

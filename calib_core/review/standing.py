@@ -1,0 +1,74 @@
+"""Faults of the moment: how an answer stands today, by its cell's history, its policy and its equipment."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from calib_core.records.faults import in_order
+from calib_core.records.policy import Equipment, Policy
+
+_VERIFIED = ("pass", "conditional-pass")
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What is known of a cell at this moment.
+
+    Attributes
+    ----------
+    policy : Policy
+    steps : frozenset of str
+        Sessions with which the cell's figures changed, and that nobody has acknowledged.
+    serials : mapping
+        Of the equipment that an answer is held against, by kind and name: of the answer in force for a new one, of
+        the newest session for the one in force.
+    acknowledged : frozenset of str
+        Changes of equipment that were acknowledged since.
+    """
+
+    policy: Policy = field(default_factory=Policy)
+    steps: frozenset[str] = frozenset()
+    serials: Mapping[str, str] = field(default_factory=dict[str, str])
+    acknowledged: frozenset[str] = frozenset()
+
+
+def faults_of_moment(
+    answer: Mapping[str, Any], standing: Standing, now: datetime | None = None
+) -> tuple[str, ...]:
+    """Return the faults of the moment of an answer, a `SessionAnswer` as JSON data."""
+    decision = answer.get("decision")
+    changed = changed_equipment(standing.serials, serials_of(answer.get("equipment") or ()))
+    needed = "verify" in standing.policy.needs and decision not in ("fail", "conditional-fail")
+    holds = {
+        "drift": bool(standing.steps),
+        "overdue": _is_overdue(answer, standing.policy, now or datetime.now(UTC)),
+        "equipment-changed": bool(changed - standing.acknowledged),
+        "verify-undecided": needed and decision not in _VERIFIED,
+    }
+    return in_order(name for name, held in holds.items() if held)
+
+
+def serials_of(equipment: Iterable[Equipment | Mapping[str, Any]]) -> dict[str, str]:
+    """Return the serial numbers of equipment by kind and name; pieces without one say nothing."""
+    pieces = [Equipment.model_validate(one) if isinstance(one, Mapping) else one for one in equipment]
+    return {f"{one.kind} {one.name or ''}".strip(): one.serial for one in pieces if one.serial}
+
+
+def changed_equipment(before: Mapping[str, str], now: Mapping[str, str]) -> frozenset[str]:
+    """Return what has another serial number, each as "kind name: serial → serial"."""
+    return frozenset(
+        " → ".join(sorted((f"{name} {before[name]}", f"{name} {serial}")))
+        for name, serial in now.items()
+        if name in before and before[name] != serial
+    )
+
+
+def _is_overdue(answer: Mapping[str, Any], policy: Policy, now: datetime) -> bool:
+    """Return whether the interval has passed since the answer was solved, or last verified with success."""
+    if policy.interval_days is None:
+        return False
+    dates = [answer.get("solved"), answer.get("verified") if answer.get("decision") in _VERIFIED else None]
+    told = [datetime.fromisoformat(date) for date in dates if date]
+    newest = max((one if one.tzinfo else one.replace(tzinfo=UTC) for one in told), default=None)
+    return newest is None or now - newest > timedelta(days=policy.interval_days)

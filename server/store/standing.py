@@ -1,0 +1,158 @@
+"""How a cell stands at this moment: its policy, its drift, its equipment, and what somebody acknowledged."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.errors import ConflictError, InputError, NotFoundError
+from calib_core.exports.answer import Answer
+from calib_core.moment import now
+from calib_core.records.faults import ACKNOWLEDGED, in_order
+from calib_core.records.policy import Policy
+from calib_core.review.answer import SessionAnswer, answer_record
+from calib_core.review.standing import Standing, changed_equipment, faults_of_moment, serials_of
+from server.store.access import AuditRow
+from server.store.audit import note_change
+from server.store.models import AcknowledgedRow, Data, PolicyRow, SessionRow
+from server.store.releases import cell_history, cell_sessions, released, sessions_of_cell
+
+_CAPTURING = ("/captures", "/captures/batch", "/sources/simulated/capture", "/live/capture", "/live/sweep")
+_NOBODY = "this machine"  # without a login nobody knows who it is
+_MOST_KNOWN = 200
+_steps_known: dict[tuple[Any, ...], frozenset[str]] = {}
+
+
+def policy_of(db: Transaction, cell: str) -> Policy:
+    """Return a cell's policy; one that asks for nothing where none was set."""
+    row = db.get(PolicyRow, cell)
+    return Policy() if row is None else Policy.model_validate(row.record)
+
+
+def set_policy(db: Transaction, cell: str, policy: Policy) -> None:
+    """Set a cell's policy; the audit log keeps what it was before."""
+    row, record = db.get(PolicyRow, cell), policy.to_json()
+    note_change({"before": None if row is None else row.record, "after": record})
+    if row is None:
+        db.add(PolicyRow(cell=cell, record=record))
+    else:
+        row.record = record
+
+
+def with_moment(db: Transaction, answer: Answer, session_id: str) -> Answer:
+    """Return a session's answer with its faults of the moment."""
+    record = answer_record(answer)
+    return replace(answer, of_moment=moment_faults(db, record.to_json(), record.cell, session_id))
+
+
+def moment_faults(
+    db: Transaction, answer: Mapping[str, Any], cell: str, session_id: str | None
+) -> tuple[str, ...]:
+    """Return the faults of the moment of a cell's answer: of a session, or (None) of the one in force."""
+    return faults_of_moment(answer, _standing(db, cell, new=session_id is not None))
+
+
+def in_force_faults(db: Transaction, answer: Mapping[str, Any], cell: str) -> tuple[str, ...]:
+    """Return all faults of the answer in force: its own, and those of the moment."""
+    return in_order((*answer["faults"], *moment_faults(db, answer, cell, None)))
+
+
+def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> Data:
+    """Acknowledge a fault of the moment by name, as it stands now.
+
+    Raises
+    ------
+    InputError
+        If it is none that can be acknowledged.
+    ConflictError
+        If the cell does not have it.
+    """
+    if fault not in ACKNOWLEDGED:
+        raise InputError(f"one of {', '.join(ACKNOWLEDGED)}", f"'{fault[:40]}'", "Name one of these.", "fault")
+    cell_history(db, cell)
+    found = open_steps(db, cell) if fault == "drift" else _changes(db, cell) - _acknowledged(db, cell, fault)
+    if not found:
+        raise ConflictError(f"a cell with the fault {fault}", "one without", "Nothing has to be done.", cell)
+    row = AcknowledgedRow(cell=cell, fault=fault, of=sorted(found), who=who, why=why, created=now())
+    db.add(row)
+    db.flush()
+    return row.fields("number", "cell", "fault", "of", "who", "why", "created")
+
+
+def open_steps(db: Transaction, cell: str) -> frozenset[str]:
+    """Return the sessions with which the cell changed, and that nobody has acknowledged."""
+    return _steps(db, cell) - _acknowledged(db, cell, "drift")
+
+
+def require_four_eyes(db: Transaction, cell: str, session_id: str, who: str) -> None:
+    """Refuse, where the cell asks for four eyes, who captured the session; and where that is not known."""
+    if not policy_of(db, cell).four_eyes:
+        return
+    captured = _who_captured(db, session_id)
+    if not captured or _NOBODY in (*captured, who):
+        to_do = "Capture with a login of one's own, or ask the administrator for the cell's policy."
+        raise ConflictError(
+            "a session of which it is known who captured it", "one of which it is not", to_do, cell
+        )
+    if who in captured:
+        to_do = "Ask somebody else: the cell's policy asks for four eyes."
+        raise ConflictError("somebody who did not capture the session", f"'{who}', who did", to_do, cell)
+
+
+def _who_captured(db: Transaction, session_id: str) -> set[str]:
+    paths = [f"/api/v1/sessions/{session_id}{end}" for end in _CAPTURING]
+    query = select(AuditRow.who).where(AuditRow.path.in_(paths), AuditRow.outcome == "done")
+    return set(db.scalars(query.where(AuditRow.method == "POST").distinct()))
+
+
+def _standing(db: Transaction, cell: str, *, new: bool) -> Standing:
+    return Standing(
+        policy=policy_of(db, cell),
+        steps=open_steps(db, cell),
+        serials=_serials_in_force(db, cell) if new else _serials_now(db, cell),
+        acknowledged=_acknowledged(db, cell, "equipment-changed"),
+    )
+
+
+def _acknowledged(db: Transaction, cell: str, fault: str) -> frozenset[str]:
+    query = select(AcknowledgedRow.of).where(AcknowledgedRow.cell == cell, AcknowledgedRow.fault == fault)
+    return frozenset(one for of in db.scalars(query) for one in of)
+
+
+def _changes(db: Transaction, cell: str) -> frozenset[str]:
+    return changed_equipment(_serials_in_force(db, cell), _serials_now(db, cell))
+
+
+def _serials_in_force(db: Transaction, cell: str) -> dict[str, str]:
+    try:
+        return serials_of(SessionAnswer.model_validate(released(db, cell).answer).equipment)
+    except NotFoundError:
+        return {}
+
+
+def _serials_now(db: Transaction, cell: str) -> dict[str, str]:
+    """Return the serial numbers of the newest session that tells its equipment."""
+    for session_id in reversed(sessions_of_cell(db, cell)):
+        told = db.get_one(SessionRow, session_id).record["cell"].get("equipment")
+        if told:
+            return serials_of(told)
+    return {}
+
+
+def _steps(db: Transaction, cell: str) -> frozenset[str]:
+    """Return the sessions with which the cell's figures changed; kept until something happens in one of them."""
+    from calib_core.review.drift import cell_drift
+
+    ids = sessions_of_cell(db, cell)
+    if len(ids) < 2:
+        return frozenset()
+    query = select(SessionRow.id, SessionRow.last_event, SessionRow.revision).where(SessionRow.id.in_(ids))
+    state = (cell, *sorted(map(tuple, db.execute(query))))
+    if state not in _steps_known:
+        if len(_steps_known) >= _MOST_KNOWN:
+            _steps_known.clear()
+        series = cell_drift(cell_sessions(db, cell)).series
+        _steps_known[state] = frozenset(p.session for one in series for p in one.points if p.flagged)
+    return _steps_known[state]

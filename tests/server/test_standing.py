@@ -1,0 +1,82 @@
+"""Faults of the moment: drift, policy, equipment, four eyes; and the evidence of what is in force."""
+
+from pathlib import Path
+
+import httpx
+
+from tests.server.access import bearer, guarded
+from tests.server.live_server import assert_problem, simulated_session
+
+
+def solved_in(client: httpx.Client, cell: str, seed: int = 7, **more: object) -> str:
+    """Return a solved session of a cell; another seed is a scanner elsewhere."""
+    session = simulated_session(client, seed=seed, captures=14)
+    changed = client.patch(f"/sessions/{session}", json={"cell": {"id": cell, **more}})
+    assert changed.status_code == 200, changed.text
+    client.post(f"/sessions/{session}/solve/tcp", params={"wait": 120}).raise_for_status()
+    return session
+
+
+def test_a_step_is_told_and_refuses_a_release_until_somebody_acknowledges_it(client: httpx.Client) -> None:
+    cell = "stepping"
+    first = solved_in(client, cell)
+    released = client.post(f"/sessions/{first}/release", json={"why": "set up"})
+    assert released.status_code == 201, released.text
+    before = client.get(f"/cells/{cell}/answer")
+    second = solved_in(client, cell, seed=8)
+    in_force = client.get(f"/cells/{cell}/answer")
+    assert (before.json()["faults"], in_force.json()["faults"]) == ([], ["drift"])
+    assert before.headers["ETag"] != in_force.headers["ETag"]
+    assert in_force.headers["Scancell-Faults"] == "drift"
+    assert client.get(f"/sessions/{second}/answer").json()["faults"] == ["drift"]
+    assert_problem(client.post(f"/sessions/{second}/release", json={}), 409, "allow=drift")
+    given = client.get(f"/sessions/{first}/exports/abb")  # exports go on, marked
+    assert (given.status_code, given.headers["Scancell-Faults"]) == (200, "drift")
+    assert "ATTENTION" in given.text
+    assert_problem(client.post(f"/cells/{cell}/acknowledge", json={"fault": "stale"}), 422, "drift")
+    told = client.post(f"/cells/{cell}/acknowledge", json={"fault": "drift", "why": "remounted"})
+    assert (told.status_code, told.json()["of"], told.json()["why"]) == (201, [second], "remounted")
+    assert_problem(client.post(f"/cells/{cell}/acknowledge", json={"fault": "drift"}), 409, "without")
+    assert client.get(f"/cells/{cell}/answer").json()["faults"] == []
+    assert client.post(f"/sessions/{second}/release", json={"why": "new place"}).status_code == 201
+    client.delete(f"/sessions/{first}").raise_for_status()  # no longer in force
+    assert_problem(client.delete(f"/sessions/{second}"), 409, "archived")
+
+
+def test_policy_and_equipment(client: httpx.Client) -> None:
+    cell, scanner = "policed", {"kind": "scanner", "serial": "S-1"}
+    first = solved_in(client, cell, equipment=[scanner])
+    assert client.get(f"/cells/{cell}/policy").json() == {}
+    policy = {"needs": ["verify"], "interval_days": 0.000001}
+    assert client.put(f"/cells/{cell}/policy", json=policy).json() == policy
+    assert_problem(client.put(f"/cells/{cell}/policy", json={"need": []}), 422, "need")
+    log = client.get("/audit").json()["items"]
+    entry = next(one for one in log if one["method"] == "PUT" and cell in one["path"])
+    assert entry["change"] == {"before": None, "after": policy}
+    assert client.get(f"/sessions/{first}/answer").json()["faults"] == ["overdue", "verify-undecided"]
+    assert_problem(client.post(f"/sessions/{first}/release", json={}), 409, "policy")
+    allowed = {"allow": "overdue,verify-undecided"}
+    assert client.post(f"/sessions/{first}/release", json=allowed).status_code == 201
+    client.put(f"/cells/{cell}/policy", json={})
+    assert client.get(f"/cells/{cell}/answer").json()["faults"] == []
+    second = solved_in(client, cell, equipment=[{**scanner, "serial": "S-2"}])
+    assert client.get(f"/cells/{cell}/answer").json()["faults"] == ["equipment-changed"]
+    assert_problem(client.post(f"/sessions/{second}/release", json={}), 409, "equipment-changed")
+    acknowledged = client.post(f"/cells/{cell}/acknowledge", json={"fault": "equipment-changed", "why": "spare"})
+    assert acknowledged.json()["of"] == ["scanner S-1 → scanner S-2"]
+    assert client.post(f"/sessions/{second}/release", json={}).status_code == 201
+
+
+def test_four_eyes_and_the_role_release(tmp_path: Path) -> None:
+    with guarded(tmp_path) as (client, tokens):
+        admin, release, capture = (bearer(tokens[role]) for role in ("admin", "release", "capture"))
+        client.headers.update(release)
+        session = solved_in(client, "seen-by-two")
+        del client.headers["Authorization"]
+        policy = "/cells/seen-by-two/policy"
+        assert_problem(client.put(policy, json={"four_eyes": True}, headers=release), 403, "admin")
+        client.put(policy, json={"four_eyes": True}, headers=admin).raise_for_status()
+        here = f"/sessions/{session}/release"
+        assert_problem(client.post(here, json={}, headers=capture), 403, "release")
+        assert_problem(client.post(here, json={}, headers=release), 409, "four eyes")
+        assert client.post(here, json={"why": "second pair"}, headers=admin).status_code == 201
