@@ -648,6 +648,8 @@ export interface DeviceEntry {
   connected_for: string | null;
   status: "off" | "connecting" | "live" | "silent" | "nonsense" | "lost";
   problem: string;
+  fresh: boolean;
+  why: string;
   since: string | null;
   readings: number;
   refused: number;
