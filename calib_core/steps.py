@@ -46,6 +46,8 @@ class StageDeclaration:
     ----------
     name, title : str
         As records and as people call it.
+    method_revision : int
+        Raised where the same inputs give other numbers or another verdict on purpose.
     place : int
         Where it stands among the stages; what it rests on stands before it.
     step : CaptureStep or None
@@ -85,6 +87,7 @@ class StageDeclaration:
     name: str
     title: str
     place: int
+    method_revision: int = 1
     step: CaptureStep | None = None
     further_steps: tuple[CaptureStep, ...] = ()
     takes: ClassVar[Mapping[str, tuple[str, ...]]]

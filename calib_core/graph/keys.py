@@ -20,6 +20,14 @@ from calib_core.records.callbacks import ReadFile
 
 Digest = Callable[[str], str]
 
+_NULL_IN_KEYS = frozenset({
+    "board", "robot.arm", "robot.orientation_sigma_deg", "robot.position_sigma_mm", "scanner.errors",
+    "scanner.point_sigma_mm", "scanner.z_axis", "scanners", "sphere_class", "sphere_diameter_mm",
+    "sphere_diameter_sigma_mm", "turntable.angle_sigma_deg", "turntable.angles", "turntable.direction",
+    "turntable.encoder", "known.tool0_from_laser", "known.base_from_turntable",
+})  # fmt: skip
+"""Fields that stood in keys as null before 2026-12, and do so for ever; any other that is not told is left out."""
+
 _ALWAYS_KEPT = ("id", "step", "kind", "files")  # without which a capture is none
 
 
@@ -132,13 +140,13 @@ class Graph:
         """Return all that a stage reads, as JSON data."""
         session = self.session
         if stage.is_brought(session):
-            known = session.cell.known
-            return {"brought": {name: _plain(getattr(known, name)) for name in stage.known}}
+            brought = _told(session.cell, (f"known.{name}" for name in stage.known))
+            return {"brought": {path.removeprefix("known."): value for path, value in brought.items()}}
         read = [pair for pair in stage.reads_of_captures(session) if not pair[0].excluded]
         names = {name for capture, fields in read if "files" in fields for name in capture.files}
         return {
             "stage": stage.name,
-            "cell": {path: _value(session.cell, path) for path in sorted(stage.reads_of_cell(session))},
+            "cell": _told(session.cell, sorted(stage.reads_of_cell(session))),
             "captures": [
                 {"id": capture.id, "step": capture.step}
                 | {name: value for name in fields if (value := _plain(getattr(capture, name))) is not None}
@@ -163,6 +171,12 @@ def inputs_sha256(session: Session, stage: str, read: ReadFile) -> str:
 def _sha256(data: Any) -> str:
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _told(cell: Cell, paths: Iterable[str]) -> dict[str, Any]:
+    """Return the cell's fields at dotted names as JSON data, without those that are not told."""
+    values = {path: _value(cell, path) for path in paths}
+    return {path: value for path, value in values.items() if value is not None or path in _NULL_IN_KEYS}
 
 
 def _value(record: Any, path: str) -> Any:

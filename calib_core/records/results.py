@@ -24,6 +24,7 @@ class CaptureResidual(Record):
 class Result(Record):
     """What every stage's result has, beside the name of its `stage`.
 
+    `method_revision` is the stage's when it was solved: a later one gives other numbers or verdicts on purpose.
     `findings` are what was noticed, errors first. All of the judgement is made of them, in
     `calib_core.findings.judgement`: `verdict`; `warnings`, doubts, one sentence a cause; `notes`, what else is
     worth knowing; `causes`, the root causes that were found, the likeliest first, with what would mend them.
@@ -32,6 +33,7 @@ class Result(Record):
     """
 
     method: str
+    method_revision: int = 1
     software: str
     inputs_sha256: str
     verdict: Verdict

@@ -30,8 +30,8 @@ deviations of their row and column: a zero is never quite zero."""
 
 MAX_LISTED: Final = 100
 
-_ABOUT: Final = ("software", "method", "inputs_sha256")  # they explain a difference, and are none
-_WORDS: Final = ("warnings", "notes", "evidence")  # they tell the numbers, which are compared themselves
+_ABOUT: Final = ("software", "method", "method_revision", "inputs_sha256")  # they explain a difference
+_WORDS: Final = ("findings", "warnings", "notes", "evidence", "frames")  # they tell the numbers
 _MISSING: Final = object()
 
 
@@ -183,6 +183,9 @@ def _why(
         reasons.append(f"It was computed by {software}; this is {SOFTWARE}.")
     if fresh and method != fresh.get("method"):
         reasons.append(f"The method was {method!r}; it is {fresh.get('method')!r} now.")
+    before, revision = stored.get("method_revision", 1), fresh.get("method_revision", 1)
+    if before != revision:
+        reasons.append(f"Its method was of revision {before}; revision {revision} changed it on purpose.")
     graph, inputs_sha256 = Graph.of_files(session, read), stored.get("inputs_sha256")
     if fresh and not reasons and graph.is_of_first_release(stage, inputs_sha256):
         reasons.append(

@@ -80,7 +80,11 @@ def guide(
             waits = waits or statuses[step] not in _ENDED
         blocked = blocked if stage.optional else waits
     view = GuideView(session, measured, data, statuses)
-    steps = [GuideStep(step=s, status=status, note=_note(session, s, status)) for s, status in statuses.items()]
+    revised = {step for stage in stages() if _is_revised(stage, data) for step in stage.guided}
+    steps = [
+        GuideStep(step=s, status=status, note=_note(session, s, status, revised=s in revised))
+        for s, status in statuses.items()
+    ]
     return Guide(steps=steps, current=_now(view), last_capture=_last(session, measured))
 
 
@@ -117,7 +121,15 @@ def _answer(stage: Stage, data: Mapping[str, dict[str, Any]]) -> dict[str, Any] 
     return result
 
 
-def _note(session: Session, step: str, status: GuideStatus) -> str | None:
+def _is_revised(stage: Stage, data: Mapping[str, dict[str, Any]]) -> bool:
+    """Return whether the method has been revised since a stage was solved: its result stays valid."""
+    result = data.get(stage.name)
+    return result is not None and result.get("method_revision", 1) < stage.method_revision
+
+
+def _note(session: Session, step: str, status: GuideStatus, *, revised: bool) -> str | None:
+    if revised:
+        return "the method was revised since; the answer stays valid, solve anew to use the new one"
     if status == "not-needed":
         return f"the scanner delivers {'centres' if session.cell.scanner.kind == 'center' else 'points'} already"
     if status == "known":

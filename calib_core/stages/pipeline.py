@@ -105,7 +105,8 @@ def solve_stage(
     """
     given = stage_input(session, stage, read, progress, store, kept, crew)
     try:
-        result = STAGES.get(stage, "stage").solve(given)
+        entry = STAGES.get(stage, "stage")
+        result = entry.solve(given).model_copy(update={"method_revision": entry.method_revision})
     except LinAlgError:
         to_do = "Correct sigmas that are far too large or too small; `scancell check` names doubtful captures."
         raise MotionError(

@@ -244,3 +244,17 @@ def test_a_file_that_cannot_be_read_any_more_makes_its_results_stale() -> None:
         raise InputError("a file", "no such file", "Copy it there.", name)
 
     assert Graph.of_files(simulated.session, gone).stale(stored) == {"tcp", "unheard-of"}
+
+
+def test_a_new_field_that_is_not_told_changes_no_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    untold, told = session_of(), session_of(nominal={"standoff_mm": 180.0})
+    before = keys(untold)
+    tcp = STAGES.get("tcp")
+    monkeypatch.setattr(type(tcp), "reads", (*tcp.reads, "nominal"))
+    assert keys(untold) == before
+    assert keys(told)["tcp"] != before["tcp"]
+    identity = [[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    brought = session_of(known={"tool0_from_laser": identity})
+    before = keys(brought)
+    monkeypatch.setattr(type(tcp), "known", (*tcp.known, "camera"))
+    assert keys(brought)["turntable"] == before["turntable"]

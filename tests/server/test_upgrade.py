@@ -21,14 +21,13 @@ from calib_core.library.archives import replay
 from tests.server.live_server import wait_for
 
 RELEASES = Path(__file__).resolve().parents[1] / "releases"
-VERSIONS = sorted(path.name for path in RELEASES.iterdir())
 SIGMAS = 1.0
 """How far a newer solver's answer may lie from the stored one: it is of the same captures."""
 
 
-@pytest.fixture(params=VERSIONS)
-def release(request: pytest.FixtureRequest) -> Path:
-    return RELEASES / request.param
+@pytest.fixture
+def release() -> Path:
+    return RELEASES / "0.1.0"
 
 
 def stored_result(release: Path) -> dict[str, Any]:
@@ -104,3 +103,45 @@ def require_all_there(client: httpx.Client, session: str, release: Path) -> None
     assert client.get(f"/sessions/{session}/report").status_code == 200
     history = client.get(f"/sessions/{session}/results/tcp/history")
     assert history.status_code == 200
+
+
+STORED = RELEASES / "2026-11"
+CELL = "cell-of-2026-11"
+
+
+@pytest.fixture
+def data_of_2026_11(tmp_path: Path) -> None:
+    with zipfile.ZipFile(STORED / "data.zip") as data:
+        data.extractall(tmp_path / "data")
+
+
+@pytest.mark.usefixtures("data_of_2026_11")
+def test_a_data_folder_of_2026_11_is_served_with_its_cell_s_history(start: Callable[..., Any]) -> None:
+    with start() as client:
+        sessions = client.get("/sessions", params={"limit": 50}).json()["items"]
+        assert len(sessions) == 11
+        assert {item["name"]: item["stale"] for item in sessions if item["stale"]} == {"tcp-mixed": ["tcp"]}
+        history = client.get(f"/cells/{CELL}/history").json()
+        assert [(one["action"], one["why"]) for one in history["releases"]] == [
+            ("rollback", "scans are off"),
+            ("release", "without the table"),
+            ("release", "p03 was bumped"),
+            ("release", "set up"),
+        ]
+        assert len(history["sessions"]) == 11
+        by_name = {item["name"]: item["id"] for item in sessions}
+        table = by_name["turntable"]
+        in_force = client.get(f"/cells/{CELL}/answer").json()
+        answer = client.get(f"/sessions/{table}/answer").json()
+        assert in_force["tool0_from_laser"] == answer["tool0_from_laser"]
+        assert (answer["stage"], answer["stale"], answer["faults"]) == ("chain", False, [])
+        assert len(client.get(f"/sessions/{table}/results/chain/history").json()["items"]) == 3
+        for name in ("tcp", "turntable-untold", "merge", "verify", "recheck"):
+            exported = client.get(f"/sessions/{by_name[name]}/exports/json")
+            assert exported.status_code == 200, name
+            assert client.get(f"/sessions/{by_name[name]}/report").status_code == 200
+        refused = client.get(f"/sessions/{by_name['tcp-mixed']}/exports/json")
+        assert (refused.status_code, "stale" in refused.text) == (409, True)
+        released = client.post(f"/sessions/{by_name['verify']}/release", json={"why": "as before"})
+        assert released.status_code == 201, released.text
+        assert client.get(f"/cells/{CELL}/drift").status_code == 200

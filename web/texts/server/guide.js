@@ -80,6 +80,7 @@ export const sentences = {
   "the scanner delivers points already": { "de": "der Scanner liefert schon Punkte", "zh": "扫描仪已输出点" },
   "{} capture": { "de": "{} Aufnahme", "zh": "{} 个采集" },
   "{} captures": { "de": "{} Aufnahmen", "zh": "{} 个采集" },
+  "the method was revised since; the answer stays valid, solve anew to use the new one": { "de": "das Verfahren wurde seither überarbeitet; die Antwort bleibt gültig, für das neue erneut lösen", "zh": "方法此后已修订；结果仍然有效，重新求解即可采用新方法" },
   "given with the cell": { "de": "mit der Zelle gegeben", "zh": "随单元给定" },
   "Nothing shows a lag that is always in one direction yet: drive to an earlier pose again from the other side, let the arm come to rest, and capture the sphere once more.": { "de": "Ein Nachlauf, der immer in eine Richtung geht, zeigt sich noch nicht: Fahren Sie eine frühere Pose von der anderen Seite wieder an, lassen Sie den Arm zur Ruhe kommen, und nehmen Sie die Kugel noch einmal auf.", "zh": "始终同向的滞后尚无法显示：请从另一侧再次到达先前的位姿，让机械臂静止，再采集一次球。" },
   "no pose is left that the limits allow: {}": { "de": "keine Pose ist übrig, die die Grenzen erlauben: {}", "zh": "没有限值允许的剩余位姿：{}" },

@@ -1,0 +1,115 @@
+"""What the product of 2026-11 stored: it opens, stays fresh, and solving anew gives the same numbers."""
+
+import json
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import calib_core as cc
+from calib_core.archive.archive import verify
+from calib_core.archive.folder import load_session
+from calib_core.archive.stored_results import stored_results
+from calib_core.graph.keys import Graph
+from calib_core.graph.registry import STAGES
+from calib_core.library.archives import replay
+from calib_core.stages.guide import guide
+
+STORED = Path(__file__).resolve().parents[1] / "releases" / "2026-11"
+ARCHIVES = sorted(path.stem for path in (STORED / "archives").iterdir())
+FRAMES = {
+    "tcp": {"tool0_from_laser": "covariance"},
+    "turntable": {"base_from_turntable": "covariance"},
+    "chain": {"tool0_from_laser": "covariance", "base_from_turntable": "turntable_covariance"},
+}
+SIGMAS = 1e-3
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("stored")
+    with zipfile.ZipFile(STORED / "folders.zip") as stored:
+        stored.extractall(place)
+    return place
+
+
+@pytest.fixture(params=[name for name in ARCHIVES if name != "frames"])
+def folder(request: pytest.FixtureRequest, folders: Path) -> Path:
+    return folders / request.param
+
+
+def rows(result: dict[str, Any]) -> Iterator[tuple[str, bool]]:
+    return ((row["capture"], row["used"]) for row in result["residuals"])
+
+
+def test_every_archive_is_whole() -> None:
+    assert len(ARCHIVES) == 12
+    for name in ARCHIVES:
+        assert verify(STORED / "archives" / f"{name}.zip").captures > 0
+
+
+def test_a_folder_is_fresh_and_solved_anew_gives_the_same(folder: Path) -> None:
+    session, read = load_session(folder)
+    stored = stored_results(folder)
+    assert stored
+    assert Graph.stale_of(session, read, stored) == frozenset()
+    solved = cc.load(folder).run()
+    assert set(solved) == set(stored)
+    for stage, before in stored.items():
+        now = json.loads(solved[stage].model_dump_json())
+        assert now["verdict"] == before["verdict"], stage
+        assert len(now["warnings"]) == len(before["warnings"]), (stage, now["warnings"])
+        assert now["method_revision"] == before.get("method_revision", 1)
+        if "residuals" in before:
+            assert list(rows(now)) == list(rows(before)), stage
+        for name, covariance in FRAMES.get(stage, {}).items():
+            assert apart(before[name], now[name], before[covariance]) < SIGMAS, (stage, name)
+
+
+def apart(before: Any, now: Any, covariance: Any) -> float:
+    """Return by how many sigmas two frames differ at most."""
+    sigmas, one, other = np.sqrt(np.diag(covariance)), np.array(before), np.array(now)
+    turned = one[:3, :3].T @ other[:3, :3]
+    vector = 0.5 * np.array(
+        [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
+    )
+    return float(np.abs(np.concatenate([vector, other[:3, 3] - one[:3, 3]]) / sigmas).max())
+
+
+def test_an_answer_of_before_is_exported_and_reported(folder: Path) -> None:
+    opened = cc.load(folder)
+    failed = [name for name, result in opened.results.items() if result.verdict == "fail"]
+    if failed:
+        with pytest.raises(cc.CalibrationError, match="fail"):
+            opened.export("json")
+    else:
+        answer = json.loads(opened.export("json"))
+        last = opened.results.get("chain") or opened.results["tcp"]
+        assert np.allclose(answer["tool0_from_laser"], last.tool0_from_laser)
+
+
+def test_frames_of_before_replay_to_the_same_numbers() -> None:
+    replayed = replay(STORED / "archives" / "frames.zip")
+    assert {stage.stage for stage in replayed.stages} == {"camera", "laser-plane", "tcp"}
+    for stage in replayed.stages:
+        assert stage.largest_relative < 1e-5, stage
+
+
+def test_an_answer_of_an_older_revision_stays_fresh_and_solving_anew_is_offered(
+    folders: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, read = load_session(folders / "tcp")
+    stored = stored_results(folders / "tcp")
+    assert "method_revision" not in stored["tcp"]
+    assert not any("revised" in (step.note or "") for step in guide(session, [], stored).steps)
+    monkeypatch.setattr(type(STAGES.get("tcp")), "method_revision", 2)
+    assert Graph.stale_of(session, read, stored) == frozenset()
+    (step,) = [step for step in guide(session, [], stored).steps if step.step == "tcp"]
+    assert step.status == "done"
+    assert "solve anew" in str(step.note)
+    replayed = replay(folders / "tcp")
+    assert replayed.equal
+    assert cc.load(folders / "tcp").run()["tcp"].method_revision == 2
