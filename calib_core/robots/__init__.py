@@ -1,4 +1,4 @@
-"""Controllers' pose conventions: their numbers to `base_from_tool0`, and back.
+"""Robot brands, one folder each: pose convention, readers of controllers' files, writers, read-back.
 
 ``parse_pose("fanuc", [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635])`` gives a `RigidTransform`, `to_pose`
 gives the numbers again, and `CONVENTIONS` has every convention with its formula, units and source.

@@ -1,1 +1,1 @@
-"""The calibrations of the paper, one folder each, and the graph that they form."""
+"""The calibrations of the paper and what is made with them, one folder each."""

@@ -13,6 +13,7 @@ from calib_core.archive.folder import load_session, save_session
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.causes.apply import applied, cause_named, changes_for, merge_patch, patch_back
+from calib_core.causes.incidents import incident_record
 from calib_core.causes.poses import pose_causes
 from calib_core.causes.session import session_causes
 from calib_core.errors import InputError
@@ -162,7 +163,7 @@ def test_a_moved_sphere_leaves_out_the_smaller_part(cell: Measured) -> None:
         for o, shift in zip(cell.observations, [np.zeros(3)] * 9 + [np.array([4.0, 0.0, 1.0])] * 5, strict=True)
     ]
     options = TcpOptions(position_sigma_mm=0.05, orientation_sigma_rad=2e-4, point_sigma_mm=0.02)
-    found = solve_tcp(moved, cell.sphere, options).causes[0].record(cell.session.captures)
+    found = incident_record(solve_tcp(moved, cell.sphere, options).causes[0], cell.session.captures)
     assert found.kind == "moved-sphere"
     assert found.changes is not None
     assert found.changes.captures == {c.id: {"excluded": True} for c in cell.session.captures[9:]}

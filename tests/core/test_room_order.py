@@ -1,5 +1,6 @@
 """The rooms stand in one order: each imports only rooms listed before it, also for types and within functions."""
 
+import ast
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
@@ -69,3 +70,15 @@ def test_a_room_imports_only_rooms_listed_before_it(top: str) -> None:
 def test_no_file_stands_in_a_circle_even_for_types(top: str) -> None:
     modules = files_of(top)
     assert in_circles({name: set(imported(file, modules)) for name, file in modules.items()}) == set()
+
+
+@pytest.mark.parametrize("top", ORDERS)
+def test_every_folder_says_in_one_line_what_it_is_for(top: str) -> None:
+    folders = {file.parent for file in files_of(top).values() if "migrations" not in file.parts}
+    purposes: dict[str, Path] = {}
+    for folder in folders:
+        text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+        line = text.partition("\n")[0]
+        assert line.endswith("."), folder
+        assert purposes.setdefault(line, folder) == folder
+    assert len(purposes) == len(folders) > 20
