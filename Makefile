@@ -66,6 +66,20 @@ catalogues: setup
 
 # One thing in four files, without names of hosts: what is developed with; what the demo runs; what the image has; the installer.
 COMPILE = $(BIN)/python -m uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --quiet
+# All wheels for a machine without a network: PLATFORM is windows, linux, linux-arm or macos-arm.
+PLATFORM ?= windows
+PYTHON_VERSION ?= 3.12
+OUT ?= dist
+wheelhouse: setup
+	$(BIN)/python .ci/wheelhouse.py $(PLATFORM) $(OUT)/wheelhouse-$(PLATFORM)-$(PYTHON_VERSION) --python $(PYTHON_VERSION)
+
+# A folder in a zip that runs on Windows without an installation: PYTHON_ZIP is the embeddable Python of python.org.
+portable: setup
+	$(BIN)/python .ci/portable.py "$(PYTHON_ZIP)" $(OUT)
+
+release: setup
+	$(BIN)/python .ci/release.py $(OUT) $(if $(PYTHON_ZIP),--python-zip "$(PYTHON_ZIP)") $(if $(SIGNING_KEY),--signing-key "$(SIGNING_KEY)")
+
 lock: runtime
 	$(COMPILE) --all-extras --group dev --group build --group installer --output-file requirements.lock
 	$(COMPILE) --group build --constraint requirements.lock --output-file requirements-runtime.lock

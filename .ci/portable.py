@@ -1,0 +1,104 @@
+"""One zip that runs on Windows without an installation: `make portable PYTHON_ZIP=python-3.12.8-embed-amd64.zip`.
+
+PYTHON_ZIP is the official embeddable Python for Windows x64, from python.org.
+"""
+
+import argparse
+import re
+import shutil
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import wheelhouse
+
+_PACKAGES = "packages"
+_START = r"""@echo off
+rem Starts the workbench and shows it in the browser. Its data lie in the folder data beside this file.
+title scancell
+set PYTHONUTF8=1
+"%~dp0python\python.exe" -m server.cli serve --open --data "%~dp0data" %*
+if errorlevel 1 pause
+"""
+_COMMAND = r"""@echo off
+set PYTHONUTF8=1
+"%~dp0python\python.exe" -m server.cli %*
+"""
+_README = """scancell {version}, for Windows x64
+
+Start.cmd         the workbench in the browser; its window ends it
+scancell.cmd      the command line, as in: scancell.cmd run FOLDER
+data              what you capture; it is made at the first start
+
+Nothing else on this computer is changed: to remove it, remove this folder. The first start compiles the numerical
+kernels, up to some minutes, once. To update, put the new version's folder beside this one and move `data` into it.
+"""
+_NEEDLESS = re.compile(r"(^|/)(__pycache__|tests?)/|\.(pyi|lib|pdb|h)$")
+
+
+def unpack(python_zip: Path, into: Path) -> str:
+    """Unpack Windows' Python and name the packages to it; return its version, such as `3.12`.
+
+    Raises
+    ------
+    SystemExit
+        If it is no embeddable Python.
+    """
+    with zipfile.ZipFile(python_zip) as archive:
+        named = [re.fullmatch(r"python(3)(\d+)\.dll", name) for name in archive.namelist()]
+        found = next((match for match in named if match), None)
+        if found is None or "python.exe" not in archive.namelist():
+            sys.exit(f"{python_zip}: need the embeddable Python of Windows x64, with python.exe in it.")
+        archive.extractall(into)
+    digits = f"{found[1]}{found[2]}"
+    paths = [f"python{digits}.zip", ".", *(["Lib"] if (into / "lib").is_dir() or (into / "Lib").is_dir() else [])]
+    for old in into.glob("python*._pth"):
+        old.unlink()
+    (into / f"python{digits}._pth").write_text("\n".join([*paths, f"..\\{_PACKAGES}", "import site", ""]))
+    return f"{found[1]}.{found[2]}"
+
+
+def install(wheels: list[Path], into: Path) -> None:
+    """Unpack wheels into a folder, without what only builds and tests need."""
+    for wheel in wheels:
+        with zipfile.ZipFile(wheel) as archive:
+            for name in archive.namelist():
+                place = re.sub(r"^[^/]+\.data/(?:purelib|platlib)/", "", name)
+                if name.endswith("/") or _NEEDLESS.search(name) or re.match(r"^[^/]+\.data/", place):
+                    continue
+                (into / place).parent.mkdir(parents=True, exist_ok=True)
+                (into / place).write_bytes(archive.read(name))
+
+
+def make(python_zip: Path, out: Path, house: Path | None) -> Path:
+    """Write the portable zip; `house` is a wheelhouse for Windows, else one is made."""
+    with tempfile.TemporaryDirectory() as temporary:
+        top = Path(temporary) / "scancell"
+        version = unpack(python_zip, top / "python")
+        wheels = (
+            sorted(house.glob("*.whl")) if house else wheelhouse.make("windows", version, Path(temporary) / "w")
+        )
+        install(wheels, top / _PACKAGES)
+        own = next(wheel.name.split("-")[1] for wheel in wheels if wheel.name.startswith("scancell-"))
+        for name, text in {"Start.cmd": _START, "scancell.cmd": _COMMAND, "README.txt": _README}.items():
+            (top / name).write_bytes(text.replace("{version}", own).replace("\n", "\r\n").encode())
+        out.mkdir(parents=True, exist_ok=True)
+        made = shutil.make_archive(str(out / f"scancell-{own}-windows-x64"), "zip", temporary, "scancell")
+        return Path(made)
+
+
+def main() -> None:
+    """Read the arguments, and make it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("python_zip", type=Path)
+    parser.add_argument("out", type=Path, help="the folder to write it to")
+    parser.add_argument("--wheelhouse", type=Path, help="one for Windows that is there already")
+    options = parser.parse_args()
+    made = make(options.python_zip, options.out, options.wheelhouse)
+    print(f"{made}: {made.stat().st_size / 1e6:.0f} MB")
+
+
+if __name__ == "__main__":
+    main()

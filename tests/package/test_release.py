@@ -1,0 +1,136 @@
+"""What a release is made of: the list of parts, hashes, a signature, notes, and the portable zip's folder."""
+
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / ".ci"))
+
+import portable  # noqa: E402
+import release  # noqa: E402
+import wheelhouse  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return wheelhouse.build(tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture
+def python_zip(tmp_path: Path) -> Path:
+    """What stands for the embeddable Python: its names alone."""
+    file = tmp_path / "python.zip"
+    with zipfile.ZipFile(file, "w") as archive:
+        for name in ("python.exe", "python3.dll", "python312.dll", "python312.zip"):
+            archive.writestr(name, b"MZ")
+        archive.writestr("python312._pth", "python312.zip\n.\n#import site\n")
+    return file
+
+
+def test_the_list_of_parts_is_the_locks_each_with_its_hashes(wheel: Path) -> None:
+    parts = release.list_of_parts(wheel)
+    lock = wheelhouse.LOCK.read_text(encoding="utf-8")
+    listed = {(part["name"], part["version"]) for part in parts["components"]}
+    assert listed == set(re.findall(r"^([\w.-]+)==(\S+?)(?:\s|;|$)", lock, re.MULTILINE))
+    assert len(listed) > 80
+    hashes = [one["content"] for part in parts["components"] for one in part["hashes"]]
+    assert hashes == re.findall(r"sha256:([0-9a-f]{64})", lock)
+    assert all(part["hashes"] for part in parts["components"])
+    own = parts["metadata"]["component"]
+    assert own["hashes"][0]["content"] == hashlib.sha256(wheel.read_bytes()).hexdigest()
+    assert set(parts["dependencies"][0]["dependsOn"]) == {part["bom-ref"] for part in parts["components"]}
+
+
+def test_what_is_installed_stands_in_the_list(wheel: Path) -> None:
+    """Of what a wheel asks for here, with all that those ask for."""
+    from importlib.metadata import PackageNotFoundError, requires, version
+
+    listed = {part["name"].lower().replace("_", "-") for part in release.list_of_parts(wheel)["components"]}
+    todo, seen = ["scancell"], set[str]()
+    while todo:
+        name = todo.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        try:
+            version(name)
+        except PackageNotFoundError:
+            continue
+        asked = [line for line in requires(name) or [] if ";" not in line]
+        todo += [re.split(r"[\s<>=!~\[(;]", line)[0].lower().replace("_", "-") for line in asked]
+        assert name == "scancell" or name in listed, name
+    assert len(seen) > 20
+
+
+def test_a_release_is_hashed_and_signed_and_read_again(tmp_path: Path) -> None:
+    if shutil.which("ssh-keygen") is None:
+        pytest.skip("no ssh-keygen here")
+    key, out = tmp_path / "key", tmp_path / "dist"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
+    release.make(out, None, key, None)
+    names = {path.name for path in out.iterdir()}
+    assert {"SHA256SUMS", "SHA256SUMS.sig", "NOTES.md", "parts.cdx.json"} <= names
+    (built,) = out.glob("*.whl")
+    assert built.name in (out / "SHA256SUMS").read_text()
+    assert json.loads((out / "parts.cdx.json").read_text(encoding="utf-8"))["bomFormat"] == "CycloneDX"
+    (out / "NOTES.md").write_text("altered")
+    with pytest.raises(AssertionError, match=r"NOTES\.md"):
+        release.check(out)
+
+
+def test_the_notes_are_one_page_of_the_newest_section() -> None:
+    changes = (
+        "# Changes\n\n## 2.0\n\n"
+        + "".join(f"- change {k}\n  more of it\n" for k in range(50))
+        + "\n## 1.0\n\n- old\n"
+    )
+    text = release.notes(changes)
+    assert text.startswith("# 2.0\n")
+    assert len(text.splitlines()) <= 63
+    assert "old" not in text
+    assert "CHANGELOG.md" in text
+    assert text.rstrip().splitlines()[-3].strip() == "more of it"  # no half of a change
+
+
+def test_the_portable_folder_finds_its_packages_and_starts(python_zip: Path, wheel: Path, tmp_path: Path) -> None:
+    house = tmp_path / "house"
+    house.mkdir()
+    shutil.copy(wheel, house)
+    made = portable.make(python_zip, tmp_path / "out", house)
+    assert re.fullmatch(r"scancell-[\d.]+-windows-x64\.zip", made.name)
+    with zipfile.ZipFile(made) as archive:
+        names = archive.namelist()
+        paths = archive.read("scancell/python/python312._pth").decode().split("\n")
+        start = archive.read("scancell/Start.cmd").decode()
+    assert paths == ["python312.zip", ".", "..\\packages", "import site", ""]
+    assert '"%~dp0python\\python.exe" -m server.cli serve --open --data "%~dp0data" %*\r\n' in start
+    assert "\n" not in start.replace("\r\n", "")
+    assert "scancell/packages/server/web/index.html" in names
+    assert "scancell/packages/calib_core/kernels/__init__.py" in names
+    assert not any("__pycache__" in name for name in names)
+
+
+def test_another_zip_is_no_python_of_windows(tmp_path: Path) -> None:
+    file = tmp_path / "other.zip"
+    zipfile.ZipFile(file, "w").close()
+    with pytest.raises(SystemExit, match="need the embeddable Python"):
+        portable.unpack(file, tmp_path / "python")
+
+
+def test_files_of_a_wheels_data_land_where_python_looks(tmp_path: Path) -> None:
+    wheel = tmp_path / "a-1.whl"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for name in ("a-1.data/purelib/a/__init__.py", "a-1.data/scripts/a.exe", "a/tests/test_a.py", "a/b.pyi"):
+            archive.writestr(name, b"")
+    portable.install([wheel], tmp_path / "packages")
+    assert [p.relative_to(tmp_path / "packages").as_posix() for p in (tmp_path / "packages").rglob("*.*")] == [
+        "a/__init__.py"
+    ]
