@@ -13,6 +13,8 @@ from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
+from calib_core import __version__
+
 _MARK = "~"
 _FOR_GOOD = "public, max-age=31536000, immutable"
 _COMMENTS = re.compile(r"^[ \t]*(?:/\*(?:[^*]|\*(?!/))*\*/[ \t]*|//[^\n]*)$", re.MULTILINE)
@@ -45,9 +47,10 @@ class PageFiles(StaticFiles):
         self._mark = ""
 
     def document(self, name: str) -> Response:
-        """Return an HTML file that names the others by the mark of their present state."""
+        """Return an HTML file that names the others by the mark of their present state, and says what runs."""
         self._mark = _mark_of(self._folder)
         text = (self._folder / name).read_text(encoding="utf-8").replace('"/web/', f'"/web/{self._mark}/')
+        text = text.replace("</title>", f'</title>\n  <meta name="version" content="{__version__}">', 1)
         return HTMLResponse(text, headers={"Cache-Control": "no-cache"})
 
     async def get_response(self, path: str, scope: Scope) -> Response:

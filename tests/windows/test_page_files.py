@@ -9,6 +9,7 @@ import pytest
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from calib_core import __version__
 from server.http.page_files import PageFiles
 
 
@@ -16,7 +17,7 @@ from server.http.page_files import PageFiles
 def files(tmp_path: Path) -> PageFiles:
     folder = tmp_path / "web"
     (folder / "elements" / "vendor").mkdir(parents=True)
-    (folder / "index.html").write_text('<script src="/web/app.js"></script>', encoding="utf-8")
+    (folder / "index.html").write_text('<title>t</title><script src="/web/app.js"></script>', encoding="utf-8")
     (folder / "app.js").write_text("// a comment\nlet a = 1\n", encoding="utf-8")
     (folder / "elements" / "part.css").write_text("a { }\n", encoding="utf-8")
     (tmp_path / "secret.txt").write_text("mine", encoding="utf-8")
@@ -30,6 +31,10 @@ def answer(files: PageFiles, path: str) -> Response:
 
 def mark(files: PageFiles) -> str:
     return bytes(files.document("index.html").body).decode().split("/web/")[1].split("/")[0]
+
+
+def test_the_page_says_which_version_runs(files: PageFiles) -> None:
+    assert f'<meta name="version" content="{__version__}">' in bytes(files.document("index.html").body).decode()
 
 
 @pytest.mark.parametrize("name", ["app.js", "elements\\part.css"])

@@ -36,12 +36,18 @@ function shopFloor() {
     h("div", { class: "row shop-choice shop-only" }, heard, h("label", { for: "heard" }, t("menu.sound")))];
 }
 
+/** What runs, as the server has written it into the page. */
+function version() {
+  const written = document.querySelector('meta[name="version"]')?.getAttribute("content");
+  return written && h("p", { class: "soft small" }, `scancell ${written}`);
+}
+
 /** The button and what it opens. */
 export function menu() {
   const panel = h("div", { id: "menu", class: "menu", popover: "auto", role: "group", "aria-label": t("menu.open") },
     ...who(), h("button", { type: "button", class: "plain", onclick: async () => (await import("./keys.js")).keysDialog() }, t("menu.keys"), h("kbd", { "aria-hidden": "true" }, "?")),
     languages(), ...shopFloor(),
-    may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));
+    version(), may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));
   const button = h("button", { type: "button", class: "plain icon", popovertarget: "menu", "aria-label": t("menu.open"), title: t("menu.open") }, icon("more"));
   return [button, panel];
 }
