@@ -10,6 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 from weakref import finalize
 
+from calib_core.disk import remove_file
+
 OWN_FOLDER = ".scancell"
 """In a session folder: what is no part of the session."""
 
@@ -89,7 +91,7 @@ class KeptObservations:
                 self._failed = True
                 if type(error) is sqlite3.DatabaseError:  # damaged: the next process begins it anew
                     with suppress(OSError):
-                        path.unlink()
+                        remove_file(path)
         return self._file
 
 

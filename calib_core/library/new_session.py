@@ -3,10 +3,12 @@
 import os
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from calib_core.disk import remove_folder
 from calib_core.errors import ConflictError, InputError
 from calib_core.recognition.taken import GivenFile, TakenFor
 
@@ -84,7 +86,8 @@ def new_session(
             shutil.copyfile(root / name, target / copy, follow_symlinks=False)
         save_session(target, made.session, {})
     except OSError as error:
-        shutil.rmtree(target, ignore_errors=True)
+        with suppress(OSError):
+            remove_folder(target)
         got = (error.strerror or type(error).__name__).lower()
         to_do = "Check the disk and its permissions."
         raise InputError("a folder that can be written", got, to_do, str(target)) from None

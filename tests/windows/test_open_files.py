@@ -1,5 +1,6 @@
 """Files that are open are neither renamed nor removed, and one that is held for a moment is tried again."""
 
+import ast
 import time
 from pathlib import Path
 
@@ -11,6 +12,8 @@ from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_atomically, write_pieces
 from server.store.blob_folder import FolderBlobs
 from server.store.devices import DeviceSecrets
+
+ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="open files are not told here")
 
@@ -84,3 +87,25 @@ def test_other_errors_are_told_at_once(tmp_path: Path, monkeypatch: pytest.Monke
         disk.replace_file(tmp_path / "none", tmp_path / "target")
     with pytest.raises(FileNotFoundError):
         disk.remove_folder(tmp_path / "none")
+
+
+def changing(file: Path) -> list[str]:
+    """Return the calls of a file that rename or remove: of paths, of `os`, of `shutil`."""
+    found: list[str] = []
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+            continue
+        of = node.func.value.id if isinstance(node.func.value, ast.Name) else ""
+        name = node.func.attr
+        path_replaced = name == "replace" and len(node.args) == 1 and not node.keywords  # a text's has two
+        of_module = of in ("os", "shutil") and name in ("replace", "rename", "remove", "unlink", "rmtree", "move")
+        if name in ("unlink", "rename") or path_replaced or of_module:
+            found.append(f"{file.relative_to(ROOT)}:{node.lineno}: {of}.{name}")
+    return found
+
+
+def test_all_that_renames_and_removes_tries_again() -> None:
+    files = [file for top in ("calib_core", "server") for file in (ROOT / top).rglob("*.py")]
+    helper = ROOT / "calib_core" / "disk.py"
+    assert len(changing(helper)) == 4
+    assert [line for file in files if file != helper for line in changing(file)] == []
