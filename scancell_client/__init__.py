@@ -9,7 +9,7 @@ with Scancell("http://127.0.0.1:8000") as api:
     print(result.verdict, result.tool0_from_laser)
 """
 
-from scancell_client.connection import Event, ProblemError
-from scancell_client.scancell import Scancell
+from .connection import Event, ProblemError
+from .scancell import Scancell
 
 __all__ = ["Event", "ProblemError", "Scancell"]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import quote
 
-from scancell_client.connection import Connection
+from .connection import Connection
 
 
 class Operations(Connection):
@@ -305,6 +305,11 @@ class Operations(Connection):
     def machines_read_controller(self, files: Mapping[str, bytes], brand: Any, as_written: Any, told: Any) -> Any:
         """Return poses, tools and frames of a controller's files, before they are used; stores nothing."""
         return self.request("POST", "/api/v1/controller-files", files=[*_files("files", files), *_text("brand", brand), *_text("as_written", as_written), *_text("told", told)])
+
+    def machines_recognise_files(self, files: Mapping[str, bytes], told: Any) -> Any:
+        """Return what each file is taken for and why, and measurements paired with their poses; stores
+        nothing."""
+        return self.request("POST", "/api/v1/recognised-files", files=[*_files("files", files), *_text("told", told)])
 
     def machines_read_scanner_file(self, file: Mapping[str, bytes], kind: Any, format: Any, settings: Any) -> Any:
         """Return what a reader takes from a file: columns, unit, points, and how sure it is; stores

@@ -1,15 +1,12 @@
 """What programs do with a workbench, in a few calls: solve and wait, results as records, safe changes."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 from urllib.parse import quote
 
-from scancell_client.connection import ProblemError
-from scancell_client.operations import Operations
-
-if TYPE_CHECKING:
-    from calib_core.records import Result
-    from calib_core.review.answer import SessionAnswer
+from .connection import ProblemError
+from .models import RESULTS, Record, SessionAnswer
+from .operations import Operations
 
 _LONGEST_WAIT_S = 60
 _ATTEMPTS = 20
@@ -29,7 +26,7 @@ class Scancell(Operations):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def solve(self, session_id: str, stage: str = "all") -> "dict[str, Result]":
+    def solve(self, session_id: str, stage: str = "all") -> dict[str, Any]:
         """Solve a stage, or all that there are captures for; return the session's results by stage.
 
         Raises
@@ -49,17 +46,17 @@ class Scancell(Operations):
             raise ProblemError(job["error"] or {"detail": f"the job was {job['status']}: {job['message']}"})
         return job
 
-    def results(self, session_id: str) -> "dict[str, Result]":
-        """Return the latest result of each stage as its record; `stale` says whether its inputs have changed."""
-        from calib_core.archive.stored_results import result_record
+    def results(self, session_id: str) -> dict[str, Any]:
+        """Return the latest result of each stage as its record; `stale` says whether its inputs have changed.
 
+        The records are those of `scancell_client.models`, such as `TcpResult`; a stage that a newer server has
+        comes as a plain `Record`.
+        """
         found: dict[str, Any] = self.solves_list_results(session_id)
-        return {stage: result_record(stage).model_validate(data) for stage, data in found.items()}
+        return {stage: RESULTS.get(stage, Record).model_validate(data) for stage, data in found.items()}
 
-    def answer(self, session_id: str) -> "SessionAnswer":
+    def answer(self, session_id: str) -> SessionAnswer:
         """Return the frames to act on; `faults` is empty where nothing speaks against it."""
-        from calib_core.review.answer import SessionAnswer
-
         return SessionAnswer.model_validate(self.answers_get_answer(session_id))
 
     def change_capture(

@@ -33,6 +33,7 @@ from server.http.security_headers import SecurityHeaders
 from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
+from server.jobs.kernels import KernelCompiler
 from server.jobs.measuring_processes import Measuring
 from server.jobs.page_process import PageProcess
 from server.live.armed_table import ArmedTables
@@ -88,6 +89,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         jobs = Jobs(settings, store, hub, measuring_queue.wake)
         if settings.dask is not None:
             measuring_queue.measure_far(ClusterMeasuring(jobs.submit_measuring, measuring, settings))
+        kernels = app.state.kernels = KernelCompiler()
         page_process = app.state.page_process = PageProcess(settings.warm_up)
         guides = app.state.guides = Guides(stored_texts(store), page_process)
         past_scenes = PastScenes(store, SceneAdviser(page_process))
@@ -121,12 +123,13 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             sender.start()
             health_watch.start()
             if settings.warm_up:
-                threading.Thread(target=measuring.warm_up, daemon=True).start()
+                threading.Thread(target=_get_ready, args=(measuring, kernels), daemon=True).start()
             yield
         finally:
             hub.close()
             await run_in_threadpool(scenes.stop)
             guides.stop()
+            kernels.stop()
             await run_in_threadpool(page_process.stop)
             await run_in_threadpool(jobs.stop)
             await run_in_threadpool(watcher.stop)
@@ -170,6 +173,12 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(Disconnects)
     app.add_middleware(AccessLog, metrics=app.state.metrics)
     return app
+
+
+def _get_ready(measuring: Measuring, kernels: KernelCompiler) -> None:
+    """Have a process that measures first; then what nobody waits for."""
+    measuring.warm_up()
+    kernels.start()
 
 
 def _start(store: Store, jobs: Jobs) -> None:

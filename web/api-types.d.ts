@@ -284,6 +284,7 @@ export interface CameraResidual {
 
 export interface CameraResult {
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -491,6 +492,7 @@ export interface ChainResult {
   axial_rms_mm: number;
   angle_rms_deg: number;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -942,6 +944,7 @@ export interface HandEyeResidual {
 
 export interface HandEyeResult {
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -969,6 +972,7 @@ export interface HandEyeResult {
 export interface Health {
   status: "ready" | "starting" | "degraded" | "stopping";
   version: string;
+  kernels?: "ready" | "compiling";
   reasons?: Record<string, string>;
 }
 
@@ -1036,6 +1040,7 @@ export interface LaserPlaneResidual {
 
 export interface LaserPlaneResult {
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -1202,6 +1207,7 @@ export interface MergeResidual {
 
 export interface MergeResult {
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -1601,6 +1607,7 @@ export interface RecheckResidual {
 
 export interface RecheckResult {
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2029,6 +2036,7 @@ export interface StoredCameraResult {
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2110,6 +2118,7 @@ export interface StoredChainResult {
   axial_rms_mm: number;
   angle_rms_deg: number;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2156,6 +2165,7 @@ export interface StoredHandEyeResult {
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2185,6 +2195,7 @@ export interface StoredLaserPlaneResult {
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2213,6 +2224,7 @@ export interface StoredMergeResult {
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2255,6 +2267,7 @@ export interface StoredRecheckResult {
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2295,6 +2308,7 @@ export interface StoredTcpResult {
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2345,6 +2359,7 @@ export interface StoredTurntableResult {
   axial_rms_mm: number;
   angle_rms_deg: number;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2367,6 +2382,7 @@ export interface StoredVerifyResult {
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2503,6 +2519,7 @@ export interface TcpResidual {
 
 export interface TcpResult {
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2641,6 +2658,7 @@ export interface TurntableResult {
   axial_rms_mm: number;
   angle_rms_deg: number;
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
@@ -2734,6 +2752,7 @@ export interface VerifyResidual {
 
 export interface VerifyResult {
   method: string;
+  method_revision?: number;
   software: string;
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";

@@ -54,7 +54,7 @@ def _of_store(options: argparse.Namespace) -> "tuple[list[Old], int]":
 
 
 def _of_server(options: argparse.Namespace) -> "tuple[list[Old], int]":
-    from scancell_client import ProblemError
+    from server.console.client import ProblemError
     from server.console.remote import connected
     from server.store.retention import Old
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from calib_core.errors import CalibrationError
     from calib_core.records import Result, RootCause, Session
     from calib_core.records.callbacks import ReadFile
-    from scancell_client import Scancell
+    from server.console.client import Scancell
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -185,6 +185,7 @@ def _causes_text(options: argparse.Namespace, results: "Mapping[str, Result]") -
 def _run_there(options: argparse.Namespace) -> int:
     """Solve a session on the server, where a folder or archive is sent to first; print its results."""
     from calib_core.archive.folder import result_data, write_result
+    from calib_core.archive.stored_results import result_record
     from server.console.progress import progress_bar
     from server.console.remote import connected, session_id
 
@@ -199,8 +200,10 @@ def _run_there(options: argparse.Namespace) -> int:
             _sent(api, options.session) if options.session.exists() else session_id(api, str(options.session))
         )
         progress(0.1, f"solving {options.stage} of session {session}")
-        results = api.solve(session, options.stage)
+        api.solve(session, options.stage)
+        found: dict[str, Any] = api.solves_list_results(session)
         record = api.sessions_get(session)
+    results = {stage: result_record(stage).model_validate(result) for stage, result in found.items()}
     if options.stage != "all":
         results = {options.stage: results[options.stage]}
     out: Path | None = options.out

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scancell_client import Scancell
+    from server.console.client import Scancell
 
 _TOKEN = "SCANCELL_TOKEN"
 _PATIENCE_S = 5.0  # somebody waits before the terminal, and the address may be wrong
@@ -27,7 +27,7 @@ def connected(options: argparse.Namespace) -> Generator["Scancell"]:
     import httpx
 
     from calib_core.errors import InputError
-    from scancell_client import ProblemError, Scancell
+    from server.console.client import ProblemError, Scancell
 
     address: str = options.server
     if not address.startswith(("http://", "https://")):
@@ -82,7 +82,7 @@ def session_id(api: "Scancell", name: str) -> str:
         If there is none, or several have this name.
     """
     from calib_core.errors import InputError
-    from scancell_client import ProblemError
+    from server.console.client import ProblemError
 
     try:
         return str(api.sessions_get(name)["id"])

@@ -294,8 +294,12 @@ class ReferenceMesh(BaseModel):
 
 
 class Health(BaseModel):
-    """Whether the server answers, and whether it is ready to solve; `reasons` say what is `degraded`."""
+    """Whether the server answers, and whether it is ready to solve; `reasons` say what is `degraded`.
+
+    `kernels` are `compiling` after a fresh installation: what needs one meanwhile takes some seconds longer.
+    """
 
     status: Literal["ready", "starting", "degraded", "stopping"]
     version: str
+    kernels: Literal["ready", "compiling"] = "ready"
     reasons: dict[str, str] = Field(default_factory=dict)

@@ -59,7 +59,7 @@ def initialize(tell: Callable[[Message], None], settings: "Settings") -> None:
     """Prepare a fresh worker process."""
     begin(settings, os.getpid(), tell)
     leave_interrupts_to_the_server()
-    threading.Thread(target=_end_with_the_server, daemon=True).start()
+    threading.Thread(target=end_with_the_server, daemon=True).start()
     if settings.warm_up:
         try:
             warm_up()
@@ -76,7 +76,8 @@ def begin(
     _settings, _place, _tell, _crew = settings, place, tell, crew
 
 
-def _end_with_the_server() -> None:
+def end_with_the_server() -> None:
+    """Wait for the end of the server, and end too."""
     server = parent_process()
     if server is not None:
         server.join()

@@ -13,6 +13,7 @@ from server.http.events import Hub
 from server.http.idempotency import NO_KEY, Idempotency
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
+from server.jobs.kernels import KernelCompiler
 from server.jobs.measuring_processes import Measuring
 from server.jobs.page_process import PageProcess
 from server.metrics import Metrics
@@ -32,6 +33,7 @@ MetricsDep = Annotated[Metrics, of_app("metrics")]
 UploadMemoryDep = Annotated[UploadMemory, of_app("upload_memory")]
 MeasuringQueueDep = Annotated[MeasuringQueue, of_app("measuring_queue")]
 HealthDep = Annotated[HealthWatch, of_app("health")]
+KernelsDep = Annotated[KernelCompiler, of_app("kernels")]
 WebhooksDep = Annotated[WebhookSender, of_app("webhooks")]
 IntakeDep = Annotated[Intake, of_app("intake")]
 

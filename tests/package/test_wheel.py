@@ -17,13 +17,26 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("wheel")
+def built(source: Path, out: Path) -> Path:
     build = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(out)]
-    subprocess.run(build, cwd=ROOT, capture_output=True, check=True)
+    subprocess.run(build, cwd=source, capture_output=True, check=True)
     (file,) = out.glob("*.whl")
     return file
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(ROOT, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def client_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built(ROOT / "scancell_client", tmp_path_factory.mktemp("client"))
+
+
+def folders(wheel: Path) -> set[str]:
+    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    return {name.partition("/")[0] for name in names}
 
 
 @pytest.fixture(scope="module")
@@ -71,9 +84,29 @@ def test_it_holds_every_file_and_no_names_of_nobody(wheel: Path) -> None:
     command = ["git", "ls-files", "calib_core", "scancell_client", "server", "web"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     files = [name for name in listed.stdout.split() if (ROOT / name).is_file()]
-    assert {re.sub("^web/", "server/web/", name) for name in files} <= names
-    assert {name.partition("/")[0] for name in names} == {"calib_core", "scancell_client", "server"}
+    assert {re.sub("^(web|scancell_client)/", r"server/\1/", name) for name in files} <= names
+    assert folders(wheel) == {"calib_core", "server"}
     assert "calib_core/py.typed" in names
+
+
+def test_the_client_stands_alone(wheel: Path, client_wheel: Path, tmp_path: Path) -> None:
+    """Nothing of the other wheel is there, and no file belongs to both."""
+    assert folders(client_wheel) == {"scancell_client"}
+    assert not folders(client_wheel) & folders(wheel)
+    zipfile.ZipFile(client_wheel).extractall(tmp_path)
+    assert (tmp_path / "scancell_client" / "py.typed").is_file()
+    (metadata,) = tmp_path.glob("*.dist-info/METADATA")
+    asked = re.findall(r"^Requires-Dist: ([\w-]+)", metadata.read_text(encoding="utf-8"), re.MULTILINE)
+    assert asked == ["httpx", "pydantic"]
+    code = """
+import sys
+sys.modules.update(dict.fromkeys(("calib_core", "server", "numpy", "fastapi")))  # as where they are not installed
+from scancell_client import Scancell
+from scancell_client.models import RESULTS, TcpResult
+assert RESULTS["tcp"] is TcpResult
+Scancell("http://127.0.0.1:9").close()
+"""
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=outside(), check=True)
 
 
 def test_the_library_is_imported(installed: Path, tmp_path: Path) -> None:
@@ -89,6 +122,9 @@ def test_a_session_is_simulated_solved_and_reported(installed: Path, tmp_path: P
     ran(scancell, "simulate", "tcp", "--seed", "3", "--out", "cell", cwd=tmp_path)
     solved = json.loads(ran(scancell, "run", "cell", "--json", cwd=tmp_path))
     assert solved["results"]["tcp"]["verdict"] == "pass"
+    command = [scancell, "run", "cell", "--server", "http://127.0.0.1:9"]
+    done = subprocess.run(command, cwd=tmp_path, env=outside(), capture_output=True, text=True, check=False)
+    assert (done.returncode, "a server that answers" in done.stderr) == (2, True), done.stderr  # it has its client
     ran(scancell, "report", "cell", "--out", "report.html", cwd=tmp_path)
     assert "<html" in (tmp_path / "report.html").read_text(encoding="utf-8")
 

@@ -10,13 +10,13 @@ import httpx
 import pytest
 
 from calib_core.simulation import simulate
-from calib_core.stages.tcp.record import TcpResult
 from scancell_client import ProblemError, Scancell
+from scancell_client.models import TcpResult
 from server.commands.schema.records import schema_text
 from tests.server.live_server import make_session, simulated_session, upload
 from tests.server.test_captures import arc_csv, record
 
-OPERATIONS = Path(__file__).resolve().parents[2] / "scancell_client" / "operations.py"
+CLIENT = Path(__file__).resolve().parents[2] / "scancell_client"
 
 
 @pytest.fixture
@@ -25,9 +25,10 @@ def api(client: httpx.Client) -> Iterator[Scancell]:
         yield api
 
 
-def test_the_client_is_current() -> None:
-    to_do = "scancell schema python-client > scancell_client/operations.py"
-    assert OPERATIONS.read_text(encoding="utf-8") == schema_text("python-client"), to_do
+@pytest.mark.parametrize(("schema", "file"), [("client", "operations.py"), ("models", "models.py")])
+def test_the_client_is_current(schema: str, file: str) -> None:
+    to_do = f"scancell schema python-{schema} > scancell_client/{file}"
+    assert (CLIENT / file).read_text(encoding="utf-8") == schema_text(f"python-{schema}"), to_do
 
 
 def test_the_client_calibrates(api: Scancell) -> None:

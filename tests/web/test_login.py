@@ -7,7 +7,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.server.access import bearer, guarded, site_of
 from tests.server.live_server import simulated_session
@@ -75,6 +75,47 @@ def test_the_login_leads_nowhere_else(profile: SharedProfile, served) -> None:
     expect(page).to_have_url(f"{site_of(client)}/")
     page.goto(f"{site_of(client)}/login?next=/docs")  # who is logged in already goes on at once
     expect(page).to_have_url(f"{site_of(client)}/docs")
+
+
+def test_a_request_from_before_the_login_ends_nothing(profile: SharedProfile, served, watch: Watch) -> None:
+    watch.allow("status of 401")
+    client, tokens, session = served
+    site = site_of(client)
+    page = profile.open(f"{site}/login?next=/sessions/{session}")
+    log_in(page, tokens["capture"])
+    rows = page.locator(".captures tbody tr")
+    expect(rows.first).to_be_visible()
+    before = rows.count()
+    refused: list[str] = []
+
+    def refuse(route: Route) -> None:
+        refused.append(route.request.url)
+        route.fulfill(status=401, content_type="application/problem+json", body='{"status": 401, "detail": "no"}')
+
+    page.route(re.compile("/sources/simulated/capture"), refuse, times=1)
+    page.keyboard.press("Space")  # refused, as if it had been sent before the login: it is sent again
+    expect(rows).to_have_count(before + 1)
+    expect(page).to_have_url(f"{site}/sessions/{session}")
+    assert len(refused) == 1
+
+
+def test_a_page_that_is_being_left_does_not_turn_the_way(profile: SharedProfile, served, watch: Watch) -> None:
+    watch.allow("status of 401")
+    client, tokens, session = served
+    site = site_of(client)
+    page = profile.open(f"{site}/login?next=/sessions/{session}")
+    log_in(page, tokens["capture"])
+    expect(page.locator(".captures tbody tr").first).to_be_visible()
+
+    def come_late(route: Route) -> None:
+        page.context.clear_cookies()
+        page.keyboard.press("Space")  # the page that is still there asks, and is refused
+        page.wait_for_timeout(500)
+        route.continue_()
+
+    page.route(f"{site}/docs", come_late)
+    page.evaluate("() => { window.location.assign('/docs'); }")
+    expect(page).to_have_url(f"{site}/login?next=%2Fdocs")
 
 
 def test_accessible_and_for_one_who_may_look(profile: SharedProfile, served, axe: str, watch: Watch) -> None:

@@ -104,6 +104,7 @@ def test_an_answer_is_approved_stands_at_its_cell_and_is_rolled_back(
     expect(page.get_by_role("dialog")).to_contain_text("Inputs changed since it was solved.")
     page.get_by_role("button", name="Cancel").click()
 
+    page.goto("about:blank")  # an open page whose login ends goes to the login itself
     page.context.clear_cookies()
     log_in(page, client, tokens["read"], "/")
     at_cell.get_by_text("Earlier approvals").click()

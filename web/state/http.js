@@ -9,6 +9,8 @@ export const LOGIN = "/login";
 const PATIENCE_MS = [400, 1200, 3000];
 /** Who is asked to wait for longer than this is told so. */
 const LONGEST_WAIT_S = 5;
+/** So long another page may take to come; a download leaves this one where it is. */
+const LEAVING_MS = 5000;
 
 /** As a sentence begins; a file's name stays as it is. @param {string} text */
 const sentence = (text) => (/^\S+\.\w+[:：]/u.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1));
@@ -56,10 +58,21 @@ async function problemOf(response) {
   return new Problem({ ...fallback, ...(await (await learned(response)).json()) });
 }
 
+/** When this page was last about to be left: what it asked before must not turn the way somebody goes. */
+let leaving_ms = -Infinity;
+window.addEventListener("beforeunload", () => (leaving_ms = performance.now()));
+
 /** The login is over, or there was none: the login page leads back to here. */
 export function toLogin() {
+  if (performance.now() - leaving_ms < LEAVING_MS) return;
   const { pathname, search, hash } = window.location;
   window.location.assign(`/login?ended=1&next=${encodeURIComponent(pathname + search + hash)}`);
+}
+
+/** Whether somebody is logged in now: a request may have been sent before that, and refused. */
+async function isLoggedIn() {
+  const answer = await fetch(`${ROOT}/me`, { cache: "no-store" });
+  return answer.ok && (await answer.json()).role !== null;
 }
 
 /**
@@ -72,6 +85,7 @@ export function toLogin() {
 export async function request(path, init = {}, root = ROOT) {
   const headers = new Headers(init.headers);
   if (init.method === "POST") headers.set("Idempotency-Key", idempotencyKey());
+  let wasRefused = false;
   for (const wait of [...PATIENCE_MS, 0]) {
     try {
       const response = await fetch(root + path, { ...init, headers });
@@ -81,7 +95,10 @@ export async function request(path, init = {}, root = ROOT) {
         await pause(1000 * rest_s);
         continue;
       }
-      if (response.status === 401 && path !== LOGIN) toLogin();
+      if (response.status === 401 && path !== LOGIN) {
+        if (wait && !wasRefused && (wasRefused = await isLoggedIn())) continue;
+        toLogin();
+      }
       throw await problemOf(response);
     } catch (error) {
       if (error instanceof Problem) throw error;

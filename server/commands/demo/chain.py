@@ -21,6 +21,7 @@ from calib_core.stages.turntable.record import TurntableResult
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.output import print_result, remark
 from server.console.progress import progress_bar
+from server.jobs.kernels import OF_SCANS, compiling_beside
 
 
 def demo(options: argparse.Namespace) -> int:
@@ -39,7 +40,8 @@ def demo(options: argparse.Namespace) -> int:
     def store(name: str, pieces: Iterable[bytes | memoryview]) -> None:
         made[name] = b"".join(pieces)
 
-    with progress_bar(options) as progress:
+    # What merging needs is compiled while the steps before it run.
+    with progress_bar(options) as progress, compiling_beside(OF_SCANS):
         results = run(simulated.session, simulated.files.__getitem__, "all", progress, store)
     lines = [line for result in results.values() for line in _lines(result, results, simulated.truth, made)]
     data = {"truth": simulated.truth, "results": {name: result_data(result) for name, result in results.items()}}

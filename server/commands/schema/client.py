@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import quote
 
-from scancell_client.connection import Connection
+from .connection import Connection
 
 
 class Operations(Connection):

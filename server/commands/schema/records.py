@@ -11,12 +11,12 @@ _RECORDS: dict[str, tuple[type[Record], str]] = {
     "session": (Session, "scancell session record, format scancell-session/1"),
     **{f"result-{stage.name}": (stage.result, f"scancell result of the stage {stage.name}") for stage in stages()},
 }
-PYTHON_CLIENT = "python-client"
-SCHEMAS = (*_RECORDS, PYTHON_CLIENT)
+PYTHON_CLIENT, PYTHON_MODELS = "python-client", "python-models"
+SCHEMAS = (*_RECORDS, PYTHON_CLIENT, PYTHON_MODELS)
 
 
 def schema_text(name: str) -> str:
-    """Return the JSON Schema (draft 2020-12) of a record as text, or the API's client in Python.
+    """Return the JSON Schema (draft 2020-12) of a record as text, or the API's client in Python, or its models.
 
     Raises
     ------
@@ -27,6 +27,10 @@ def schema_text(name: str) -> str:
         from server.commands.schema.client import client_source
 
         return client_source()
+    if name == PYTHON_MODELS:
+        from server.commands.schema.client_models import models_source
+
+        return models_source()
     if name not in _RECORDS:
         raise InputError("a record among " + ", ".join(SCHEMAS), repr(name), "Name one of these.", "schema")
     record, title = _RECORDS[name]

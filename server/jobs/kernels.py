@@ -1,0 +1,166 @@
+"""Compiling the kernels: what each part of the work needs, all of them, and whether all of them are there."""
+
+import hashlib
+import os
+import sys
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from calib_core.compiled import KERNELS, on_compiling
+from server.jobs.child_processes import ignoring_interrupts
+
+_OTHERS: Final = "16 bits, E57, depths"
+_REGISTRATION: Final = "registration"
+PARTS: Final = ("laser-plane", "tcp-mixed", "tcp-centers", "part", "ball", _REGISTRATION, _OTHERS, "frames-tcp")
+"""Simulated sessions that run through the kernels of the stages, and what no simulated session needs.
+
+Two processes that take them in this order compile hardly a kernel twice.
+"""
+OF_SCANS: Final = "part"
+"""The part that has what merging scans needs, and little else."""
+
+
+def compiled_for(part: str) -> int:
+    """Run one part in this process; return how many kernels were compiled for it."""
+    compiled: list[str] = []
+
+    def count() -> None:
+        compiled.append(part)
+
+    on_compiling.append(count)
+    try:
+        if part == _OTHERS:
+            _run_others()
+        else:
+            _solve(part)
+    finally:
+        on_compiling.remove(count)
+    return len(compiled)
+
+
+def _solve(part: str) -> None:
+    from calib_core.simulation import simulate
+    from calib_core.stages.pipeline import run
+
+    simulated = simulate("part" if part == _REGISTRATION else part, 1)
+    session = simulated.session
+    if part == _REGISTRATION:
+        merge = session.cell.merge.model_copy(update={"registration": True, "mesh": "none"})
+        session = session.model_copy(update={"cell": session.cell.model_copy(update={"merge": merge})})
+    run(session, simulated.files.__getitem__, "all", None, lambda _name, pieces: [*pieces])
+
+
+def _run_others() -> None:
+    """Find a stripe in a frame of 16 bits, write an E57, see through a lens by depth, put stored voxels together.
+
+    Frames of 16 bits are as cameras send them, or as is left where a dark frame is taken off.
+    """
+    import numpy as np
+
+    from calib_core.formats.e57 import e57_pieces
+    from calib_core.fusion.bricks import BrickTable
+    from calib_core.kernels.project import undistort_over_depth
+    from calib_core.optics.camera_model import CameraModel
+    from calib_core.optics.stripe import find_stripe
+
+    rows = np.arange(240.0)[:, None] - np.linspace(110.0, 130.0, 320)
+    find_stripe((2000 + 40_000 * np.exp(-0.5 * (rows / 2) ** 2)).astype(np.uint16))
+    list(e57_pieces([np.zeros((4, 3))], 4))
+    camera = CameraModel(np.diag([1000.0, 1000.0, 1.0]))
+    for normals in (False, True):
+        table = BrickTable(normals, 16)
+        table.add_voxels(table.voxels())
+    undistort_over_depth(np.zeros((1, 2)), camera.rays_from_pixels, *camera.bands, np.zeros((1, 3)))
+
+
+@contextmanager
+def compiling_beside(part: str) -> Generator[None]:
+    """Compile what a part needs in another process while something else is done, unless all kernels are there."""
+    if _all_are_compiled():
+        yield
+        return
+    process = get_context("spawn").Process(target=compiled_for, args=(part,), daemon=True, name="kernels")
+    with ignoring_interrupts():
+        process.start()
+    try:
+        yield
+    finally:
+        process.kill()
+        process.join()
+
+
+def _all_are_compiled() -> bool:
+    file = stamp_file()
+    return file is not None and file.exists()
+
+
+def stamp_file() -> Path | None:
+    """Return the file that says that all kernels are compiled for this machine; None where none can be kept."""
+    import llvmlite.binding
+    import numba
+
+    digest = hashlib.sha256()
+    for source in sorted(KERNELS.glob("*.py")):
+        digest.update(source.read_bytes())
+    cpu = llvmlite.binding.get_host_cpu_name()
+    digest.update(f"{PARTS} {numba.__version__} {sys.version_info[:2]} {cpu}".encode())
+    place = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(place) if place else KERNELS / "__pycache__"
+    return folder / f"all-{digest.hexdigest()[:16]}.compiled" if os.access(folder, os.W_OK) else None
+
+
+def note_that_all_are_compiled() -> None:
+    """Leave word for later starts."""
+    file = stamp_file()
+    if file is not None:
+        file.touch()
+
+
+def _compile_all() -> None:
+    """Compile what is missing, after everything else that the machine has to do."""
+    from server.jobs.request_process import leave_interrupts_to_the_server
+    from server.jobs.worker import end_with_the_server
+
+    leave_interrupts_to_the_server()
+    threading.Thread(target=end_with_the_server, daemon=True).start()
+    if hasattr(os, "nice"):  # not on Windows
+        os.nice(19)
+    if _all_are_compiled():
+        return
+    for part in PARTS:
+        compiled_for(part)
+    note_that_all_are_compiled()
+
+
+class KernelCompiler:
+    """Compiles the kernels that are missing in a process of its own, at low priority, while the server serves."""
+
+    def __init__(self) -> None:
+        self._process: Any = None
+        self._stopping = threading.Event()
+
+    @property
+    def state(self) -> Literal["ready", "compiling"]:
+        """Whether kernels are still being compiled: what needs one meanwhile takes some seconds longer."""
+        process = self._process
+        return "compiling" if process is not None and process.is_alive() else "ready"
+
+    def start(self) -> None:
+        """Begin."""
+        process = get_context("spawn").Process(target=_compile_all, daemon=True, name="kernels")
+        with (
+            suppress(OSError),
+            ignoring_interrupts(),
+        ):  # without it each kernel is compiled when it is needed first
+            process.start()
+            self._process = process
+
+    def stop(self) -> None:
+        """End; what was compiled is kept."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
