@@ -10,8 +10,9 @@ so that whoever prints or sends it can say it in another language (`Catalogue.sa
     )
 
 A place takes Python's format (`{shift_mm:.2f}`) and its unit stands in the text.  A number without a format is
-shown with three digits, a list as "a, b and c" (`{names:or}`: "a, b or c"), captures with their runs ("p03–p07"),
-a message within a message in the same language.  Write whole sentences: no fragment that is glued to another.
+shown with three digits, a list as "a, b and c" (`{names:or}`: "a, b or c"; `{names:,}`: "a, b, c"), captures with
+their runs ("p03–p07"), a message within a message in the same language.  Write whole sentences: no fragment that
+is glued to another.
 """
 
 import math
@@ -134,7 +135,7 @@ class _Filler(Formatter):
         if isinstance(value, Names):
             return said.captures(value)
         if isinstance(value, list | tuple):
-            return said.listed(value, said.or_ if format_spec == "or" else "")  # pyright: ignore[reportUnknownArgumentType]
+            return said.listed(value, {"or": said.or_, ",": said.comma}.get(format_spec, ""))  # pyright: ignore[reportUnknownArgumentType]
         if isinstance(value, float) and not math.isfinite(value):
             return "–"
         return format(value, format_spec) if format_spec or isinstance(value, int) else _three_digits(value)

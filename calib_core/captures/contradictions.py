@@ -8,9 +8,16 @@ import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.errors import InputError
+from calib_core.findings import Finding, about
+from calib_core.findings.codes import captures as codes
+from calib_core.findings.codes import tcp as tcp_codes
 from calib_core.frames import RigidTransform, vector_from_rotation
-from calib_core.poses.identity import AGREE_DEG, AGREE_MM, identity_by_joints
+from calib_core.messages import Value, message
+from calib_core.poses.identity import AGREE_DEG, AGREE_MM
 from calib_core.records import Capture, Cell
+
+EXCLUDED = message("excluded by the user")
+"""The reason of a capture that the user left out."""
 
 
 def require_arrangement(cell: Cell) -> None:
@@ -24,8 +31,8 @@ def require_arrangement(cell: Cell) -> None:
         )
 
 
-def unfit(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
-    """Return by id why captures of one step are not used: taken while moving, or otherwise than most.
+def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
+    """Return which captures of one step are not used: taken while moving, or otherwise than most.
 
     Poses are of one tool in one frame only where the controller had the same ones active; those of the minority
     are of another.  Joints that do not give the pose of a named arm mean that one of the two is another capture's;
@@ -37,32 +44,55 @@ def unfit(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
         If the arrangement is not supported yet, or the arm is unknown.
     """
     require_arrangement(cell)
-    found: dict[str, str] = {}
+    found: list[Finding] = []
+    moving = [c.id for c in captures if c.moving and c.kind != "sweep"]
+    if moving:
+        found.append(codes.CAPTURE_MOVING(moving))
+    known = ", ".join(sorted(cell.scanners or {}))
+    others: dict[str, list[str]] = {}
     for capture in captures:
-        if capture.moving and capture.kind != "sweep":
-            found[capture.id] = "the robot was moving, and a single capture needs it to stand still"
-        elif capture.scanner is not None and cell.scanners and capture.scanner not in cell.scanners:
-            names = ", ".join(sorted(cell.scanners))
-            found[capture.id] = f"its scanner {capture.scanner} is none of the cell's ({names})"
-    for field, name in (("active_tool", "tool"), ("active_frame", "frame"), ("scanner", "scanner")):
-        for one, (own, usual) in _minority(captures, field).items():
-            found.setdefault(one, f"its {name} is {own}, that of most captures of its step {usual}")
-    for one, apart in _not_by_joints(cell, captures).items():
-        found.setdefault(one, apart)
-    return found
+        if capture.scanner is not None and cell.scanners and capture.scanner not in cell.scanners:
+            others.setdefault(capture.scanner, []).append(capture.id)
+    found += [
+        codes.CAPTURE_OF_OTHER_SCANNER(names, scanner=scanner, known=known) for scanner, names in others.items()
+    ]
+    for field, setting in (("active_tool", "tool"), ("active_frame", "frame"), ("scanner", "scanner")):
+        for (own, usual), names in _minority(captures, field).items():
+            found.append(codes.CAPTURE_OF_OTHER_TOOL(names, setting=setting, own=str(own), usual=str(usual)))
+    if apart := _not_by_joints(cell, captures):
+        found.append(codes.CAPTURE_NOT_BY_JOINTS(list(apart), each=apart))
+    return first_reasons(found)
 
 
-def _minority(captures: Sequence[Capture], field: str) -> dict[str, tuple[Any, Any]]:
-    """Return the captures whose value of a field is not that of most, with both; those without one are left."""
+def first_reasons(found: Sequence[Finding]) -> list[Finding]:
+    """Return findings with each capture in the first that names it alone; those that are left without are gone."""
+    seen: set[str] = set()
+    kept: list[Finding] = []
+    for finding in found:
+        own = [name for name in finding.captures if name not in seen]
+        seen.update(own)
+        if own == finding.captures:
+            kept.append(finding)
+        elif own:
+            kept.append(about(finding, own))
+    return kept
+
+
+def _minority(captures: Sequence[Capture], field: str) -> dict[tuple[Any, Any], list[str]]:
+    """Return the captures whose value of a field is not that of most, by both; those without one are left."""
     values = {c.id: getattr(c, field) for c in captures if getattr(c, field) is not None}
     if len(set(values.values())) < 2:
         return {}
     usual = Counter(values.values()).most_common(1)[0][0]
-    return {name: (value, usual) for name, value in values.items() if value != usual}
+    found: dict[tuple[Any, Any], list[str]] = {}
+    for name, value in values.items():
+        if value != usual:
+            found.setdefault((value, usual), []).append(name)
+    return found
 
 
-def told_by_joints(cell: Cell, captures: Sequence[Capture]) -> str | None:
-    """Return whose the poses are, or that joints and poses contradict each other, where they are not the flange's.
+def joints_contradict(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
+    """Return that joints and poses of most captures contradict each other, where they do.
 
     Raises
     ------
@@ -70,40 +100,28 @@ def told_by_joints(cell: Cell, captures: Sequence[Capture]) -> str | None:
         If the arm is unknown, or a capture lacks a joint.
     """
     told = _with_joints(cell, captures)
-    pairs = list(told.values())
-    found = identity_by_joints([pose for pose, _ in pairs], [by_joints for _, by_joints in pairs])
-    if found is None and 2 * len(apart := _apart_by_joints(told)) > len(told):
-        return (
-            f"The joints of {len(apart)} of {len(told)} captures do not give their poses. Check the arm "
-            "(cell.robot.arm), the joints' order and signs, and the pose convention."
-        )
-    if found is None or found.of_flange:
-        return None
-    to_do = (
-        "The answer is of these poses: give those of the flange, or enter the tool in the controller as they do."
-    )
-    return f"{found.sentence} {to_do}"
+    apart = _apart_by_joints(told)
+    if 2 * len(apart) <= len(told):
+        return []
+    return [tcp_codes.JOINTS_CONTRADICT(list(apart), apart=len(apart), count=len(told))]
 
 
-def _not_by_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
+def _not_by_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, dict[str, Value]]:
     """Return the captures whose joints give another pose than theirs; none where that is so of most."""
     told = _with_joints(cell, captures)
     found = _apart_by_joints(told)
     return found if 2 * len(found) <= len(told) else {}
 
 
-def _apart_by_joints(told: dict[str, tuple[RigidTransform, RigidTransform]]) -> dict[str, str]:
+def _apart_by_joints(told: dict[str, tuple[RigidTransform, RigidTransform]]) -> dict[str, dict[str, Value]]:
     """Return by capture how far its joints put the flange from its pose, where that is not an arm's error."""
-    found: dict[str, str] = {}
+    found: dict[str, dict[str, Value]] = {}
     for name, (pose, by_joints) in told.items():
         shift_mm = float(np.linalg.norm(pose.translation_mm - by_joints.translation_mm))
         turn = vector_from_rotation(by_joints.rotation.T @ pose.rotation)
         turn_deg = float(np.rad2deg(np.linalg.norm(turn)))
         if shift_mm > AGREE_MM or turn_deg > AGREE_DEG:
-            found[name] = (
-                f"its joints put the flange {shift_mm:.0f} mm and {turn_deg:.1f}° from its pose: "
-                "one of the two is another capture's"
-            )
+            found[name] = {"shift_mm": shift_mm, "turn_deg": turn_deg}
     return found
 
 

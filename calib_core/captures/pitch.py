@@ -6,6 +6,7 @@ the sphere's centres lie closest together tells the pitch.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from calib_core.captures.stripe_frames import read_profile_frame
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, MeasurementError
+from calib_core.findings import Finding
+from calib_core.findings.codes.tcp import BOARD_PITCH
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import fit_arc
@@ -27,8 +30,8 @@ _LEAST_DIFFERENCE = 0.005
 _MUCH_CLOSER = 0.5
 
 
-def suspected_pitch(session: Session, captures: Sequence[Capture], read: ReadFile) -> str | None:
-    """Return in a sentence what frames of the sphere say of the board's pitch; None where no board gave lengths.
+def suspected_pitch(session: Session, captures: Sequence[Capture], read: ReadFile) -> Finding | None:
+    """Return what frames of the sphere say of the board's pitch; None where no board gave lengths.
 
     Parameters
     ----------
@@ -41,19 +44,11 @@ def suspected_pitch(session: Session, captures: Sequence[Capture], read: ReadFil
     frames = [c for c in captures if c.kind == "frame" and not c.excluded]
     if cell.known.laser_plane is not None or cell.board is None or not frames:
         return None
-    rests = f"The frames' lengths rest on the board's pitch, {cell.board.pitch_mm:g} mm"
-    factor = _factor(_observed(session, frames, read), sphere_of(cell, frames))
+    factor, told_mm = _factor(_observed(session, frames, read), sphere_of(cell, frames)), cell.board.pitch_mm
     if factor is None:
-        return (
-            f"{rests}: if it is wrong, arcs of the sphere come out too large or too small. Which pitch would be "
-            "right cannot be told from these captures. Check cell.board.pitch_mm."
-        )
-    pitch = cell.board.pitch_mm / factor
-    return (
-        f"{rests}: sphere and robot motions fit together at {1 / factor:.3f} times these lengths, so the pitch "
-        f"looks like {_rounded(pitch)} mm, you said {cell.board.pitch_mm:g} mm. Check cell.board.pitch_mm and "
-        "cell.sphere_diameter_mm."
-    )
+        return BOARD_PITCH(likely="open", pitch_mm=told_mm)
+    likely_mm = _rounded(told_mm / factor)
+    return BOARD_PITCH(likely="told", pitch_mm=told_mm, factor=1 / factor, likely_mm=likely_mm)
 
 
 def _observed(session: Session, frames: Sequence[Capture], read: ReadFile) -> list[SphereObservation]:
@@ -93,7 +88,7 @@ def _factor(observed: list[SphereObservation], sphere: SphereSize) -> float | No
     costs = np.array([scatter_mm(f) for f in factors])
     best = int(np.argmin(costs))
     ends = np.log(factors[max(best - 1, 0)]), np.log(factors[min(best + 1, len(factors) - 1)])
-    found = minimize_scalar(scatter_of, bounds=ends, method="bounded", options={"xatol": _SETTLED})
+    found: Any = minimize_scalar(scatter_of, bounds=ends, method="bounded", options={"xatol": _SETTLED})
     factor = float(np.exp(found.x))
     clear = scatter_mm(factor) < _MUCH_CLOSER * scatter_mm(1.0)
     return factor if clear and abs(factor - 1) > _LEAST_DIFFERENCE else None

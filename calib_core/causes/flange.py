@@ -6,15 +6,18 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.content import pose_of
+from calib_core.captures.contradictions import joints_contradict
 from calib_core.errors import InputError
+from calib_core.findings import Finding
+from calib_core.findings.codes import tcp as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.poses.identity import AGREE_DEG, AGREE_MM, identity_by_joints
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import BeforeAfter, Capture, Cell, Changes, FlangeReading, RootCause
 
 
-def flange_causes(cell: Cell, captures: Sequence[Capture]) -> list[RootCause]:
-    """Return the tool or the frame that poses are of, none where joints say that they are the flange's.
+def flange_findings(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
+    """Return the tool or the frame that poses are of, with the way back; none where they are the flange's.
 
     Parameters
     ----------
@@ -29,33 +32,28 @@ def flange_causes(cell: Cell, captures: Sequence[Capture]) -> list[RootCause]:
     """
     pairs = [pair for capture in captures if (pair := _by_joints(cell, capture)) is not None]
     found = identity_by_joints([pose for pose, _ in pairs], [flange for _, flange in pairs])
-    if found is None or found.of_flange:
+    if found is None:
+        return joints_contradict(cell, captures)
+    if found.of_flange:
         return []
     reading = FlangeReading(
         tool0_from_tool=None if found.tool0_from_tool is None else found.tool0_from_tool.tolist(),
         base_from_frame=None if found.base_from_frame is None else found.base_from_frame.tolist(),
     )
-    title = "Poses are of a tool, not of the flange"
-    if reading.tool0_from_tool is None:
-        title = "Poses are in another frame, not in the base"
-    elif reading.base_from_frame is not None:
-        title = "Poses are of a tool in another frame, not of the flange"
+    of = "frame" if reading.tool0_from_tool is None else "both" if reading.base_from_frame is not None else "tool"
     before = [_apart_mm(pose, flange) for pose, flange in pairs]
     after = [_apart_mm(brought(reading, pose), flange) for pose, flange in pairs]
     label = "Poses off those of the joints, median"
     evidence = BeforeAfter(label=label, unit="mm", before=float(np.median(before)), after=float(np.median(after)))
-    return [
-        RootCause(
-            id="not-the-flange",
-            kind="not-the-flange",
-            title=title,
-            sentence=f"{found.sentence} Applied, all poses become those of the flange in the base.",
-            evidence=[evidence],
-            captures=[capture.id for capture in captures],
-            changes=brought_back(reading, cell, captures),
-            flange_reading=reading,
-        )
-    ]
+    remedy = RootCause(
+        id="not-the-flange",
+        kind="not-the-flange",
+        evidence=[evidence],
+        captures=[capture.id for capture in captures],
+        changes=brought_back(reading, cell, captures),
+        flange_reading=reading,
+    )
+    return [codes.NOT_THE_FLANGE(whose=found.sentence, of=of, remedy=remedy)]
 
 
 def brought(reading: FlangeReading, pose: RigidTransform) -> RigidTransform:

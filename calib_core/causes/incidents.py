@@ -1,39 +1,41 @@
-"""Incidents that one cause explains, as root causes with their remedy."""
+"""What happened to the captures, as a finding with its remedy: a part left out, or two poses exchanged."""
 
 from collections.abc import Sequence
+from typing import cast
 
 from calib_core.causes.readings import moved_poses
 from calib_core.chain.incidents import Happened
-from calib_core.records import BeforeAfter, Capture, Changes, RootCause
+from calib_core.findings import Finding
+from calib_core.findings.codes import causes as codes
+from calib_core.records import BeforeAfter, Capture, CauseKind, Changes, RootCause
 
 
-def incident_record(incident: Happened, captures: Sequence[Capture]) -> RootCause:
-    """Return an incident with its remedy: the smaller part of the session left out, or two poses exchanged."""
-    if incident.kind == "swapped-poses":
-        one, other = incident.captures
+def incident_finding(happened: Happened, captures: Sequence[Capture] = ()) -> Finding:
+    """Return a cause with its remedy: the smaller part of the session left out, or two poses exchanged."""
+    return happened.code(list(happened.captures), remedy=_remedy(happened, captures), **happened.values)
+
+
+def _remedy(happened: Happened, captures: Sequence[Capture]) -> RootCause:
+    since = happened.captures[0]
+    given: dict[str, str] = {}
+    if happened.code is codes.SWAPPED_POSES:
+        one, other = happened.captures
         given = {one: other, other: one}
-        return RootCause(
-            id=f"swapped-poses-{one}"[:64],
-            kind=incident.kind,
-            title=f"Poses of {one} and {other} are swapped",
-            sentence=incident.sentence,
-            captures=list(incident.captures),
-            changes=moved_poses(given, (), captures),
-            poses_from=given,
-        )
-    used = [capture.id for capture in captures if not capture.excluded]
-    after = [name for name in used if name in incident.captures]
-    before = [name for name in used if name not in incident.captures]
-    fewer = after if len(after) <= len(before) else before
-    since = incident.captures[0]
+    shift = happened.values.get("shift_mm")
+    evidence = [BeforeAfter(label="Moved by", unit="mm", before=shift, after=None)] if shift is not None else []
     return RootCause(
-        id=f"{incident.kind}-{since}"[:64],
-        kind=incident.kind,
-        title=f"The sphere moved before {since}"
-        if incident.kind == "moved-sphere"
-        else f"The scanner moved on the flange before {since}",
-        sentence=incident.sentence,
-        evidence=[BeforeAfter(label="Moved by", unit="mm", before=incident.distance_mm, after=None)],
-        captures=list(incident.captures),
-        changes=Changes(captures={name: {"excluded": True} for name in fewer}) if fewer else None,
+        id=f"{happened.kind}-{since}"[:64],
+        kind=cast(CauseKind, happened.kind),
+        evidence=evidence,
+        captures=list(happened.captures),
+        changes=moved_poses(given, (), captures) if given else _fewer(happened, captures),
+        poses_from=given,
     )
+
+
+def _fewer(happened: Happened, captures: Sequence[Capture]) -> Changes | None:
+    used = [capture.id for capture in captures if not capture.excluded]
+    after = [name for name in used if name in happened.captures]
+    before = [name for name in used if name not in happened.captures]
+    fewer = after if len(after) <= len(before) else before
+    return Changes(captures={name: {"excluded": True} for name in fewer}) if fewer else None

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any, cast
 
 import numpy as np
 
@@ -12,9 +13,11 @@ from calib_core.causes.search import Posed, best_starts, misfits_mm, resettled
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import Centers, Start, badness, centers_of, find_start
 from calib_core.chain.start_search import random_rotations
+from calib_core.findings import Finding
+from calib_core.findings.codes import causes as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.poses.conventions import CONVENTIONS
-from calib_core.records import BeforeAfter, Capture, Cell, RootCause
+from calib_core.records import BeforeAfter, Capture, CauseKind, Cell, RootCause
 
 LEAST_CAPTURES = 7
 """With fewer, a wrong reading may fit well by chance."""
@@ -45,7 +48,7 @@ class _Tried:
 
 def pose_causes(
     cell: Cell, captures: Sequence[Capture], observations: Sequence[SphereObservation], sphere: SphereSize
-) -> list[RootCause]:
+) -> list[Finding]:
     """Return what would make the captures fit far better: another reading of all poses, or poses handed out anew.
 
     Parameters
@@ -59,8 +62,9 @@ def pose_causes(
 
     Returns
     -------
-    list of RootCause
-        The likeliest first; none where the poses fit as they are, or fewer than seven captures show the sphere.
+    list of Finding
+        With their remedies, the likeliest first; none where the poses fit as they are, or fewer than seven
+        captures show the sphere.
     """
     by_id = {capture.id: capture for capture in captures}
     rows = [by_id[o.capture].pose for o in observations]
@@ -186,62 +190,63 @@ def _cause(
     cell: Cell,
     captures: Sequence[Capture],
     observations: Sequence[SphereObservation],
-) -> RootCause:
+) -> Finding:
     if one.reading == told:
         return _order_cause(one, captures, observations)
-    title, said = one.reading.words(told.convention)
+    said = one.reading.words(told.convention)
     before = None if now is None else now.start.scatter_mm
-    instead = "" if before is None else f" instead of {before:.1f} mm"
     name = one.reading.same_numbers()
-    do = f"set the cell's pose convention to '{name}'" if name else "convert them"
-    return RootCause(
+    remedy = RootCause(
         id=_slug("pose-reading", said),
         kind="pose-reading",
-        title=title,
-        sentence=f"The captures fit together, to {one.start.scatter_mm:.2f} mm{instead}, if the poses are "
-        f"{said}: {do}.",
         evidence=[_scatter(before, one.start.scatter_mm)],
         changes=changes_of(one.reading, cell, captures),
         pose_reading=None if name else one.reading.record(),
     )
+    return codes.POSE_READING(
+        remedy=remedy,
+        said=said,
+        compared="alone" if before is None else "instead",
+        after_mm=one.start.scatter_mm,
+        before_mm=before or 0.0,
+        way="convention" if name else "convert",
+        convention=name or "",
+    )
 
 
-def _order_cause(one: _Tried, captures: Sequence[Capture], observations: Sequence[SphereObservation]) -> RootCause:
+def _order_cause(one: _Tried, captures: Sequence[Capture], observations: Sequence[SphereObservation]) -> Finding:
     names = [o.capture for o in observations]
     places = one.order.pose_of.tolist()
     moved, lost = one.order.moved, one.order.lost
     given = {names[k]: names[places[k]] for k in moved}
-    listed = ", ".join(names[k] for k in moved[:8]) + (" and more" if len(moved) > 8 else "")
+    left = "-lost" if lost else ""
+    values: dict[str, Any] = {"lost": ", ".join(names[k] for k in lost)}
     if one.order.swapped and len(moved) == 2:
-        kind, title = "swapped-poses", f"Poses of {names[moved[0]]} and {names[moved[1]]} are swapped"
-        sentence = f"The poses of {names[moved[0]]} and {names[moved[1]]} seem to be swapped: exchange them."
+        code = codes.SWAPPED_POSES
+        values |= {"how": f"two{left}", "first": names[moved[0]], "second": names[moved[1]]}
     elif (step := one.order.step) is not None:
-        kind, title = "shifted-poses", f"Poses are shifted from {names[min(moved + lost)]} on"
-        where = "before" if step < 0 else "after"
-        sentence = (
-            f"From {names[min(moved + lost)]} to {names[max(moved + lost)]} the captures seem to have the "
-            f"pose of another one: each fits that of the capture {abs(step)} place{'s' if abs(step) > 1 else ''} "
-            f"{where} it."
-        )
+        code = codes.SHIFTED_POSES
+        values |= {"how": f"{'before' if step < 0 else 'after'}{left}", "places": abs(step)}
+        values |= {"first": names[min(moved + lost)], "last": names[max(moved + lost)]}
     else:
-        kind, title = "swapped-poses", f"Poses of {listed} are mixed up"
-        sentence = f"The poses of {listed} seem to be mixed up: each fits that of another of these captures."
-    if lost:
-        sentence += f" No pose fits {', '.join(names[k] for k in lost)}: take it again."
-    return RootCause(
+        code = codes.SWAPPED_POSES
+        listed = ", ".join(names[k] for k in moved[:8]) + (", …" if len(moved) > 8 else "")
+        values |= {"how": f"mixed{left}", "listed": listed}
+    about = [names[k] for k in sorted(moved + lost)]
+    kind = cast(CauseKind, code.name)
+    remedy = RootCause(
         id=_slug(kind, names[min(moved)]),
         kind=kind,
-        title=title,
-        sentence=sentence,
         evidence=[
             BeforeAfter(
                 label="Misfit of these captures, RMS", unit="mm", before=one.misfit_mm[0], after=one.misfit_mm[1]
             )
         ],
-        captures=[names[k] for k in sorted(moved + lost)],
+        captures=about,
         changes=moved_poses(given, [names[k] for k in lost], captures),
         poses_from=given,
     )
+    return code(about, remedy=remedy, **values)
 
 
 def _scatter(before: float | None, after: float) -> BeforeAfter:

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import Message, message
 from calib_core.poses.convention import Convention
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import parse_pose, to_pose
@@ -108,30 +109,29 @@ class Reading:
             and Reading.told(c).radians == self.radians
         ]
 
-    def words(self, now: Convention) -> tuple[str, str]:
-        """Return what is wrong with reading the numbers as `now` does: a title, and an instruction."""
+    def words(self, now: Convention) -> Message:
+        """Return how the numbers are to be read instead of as `now` does."""
         told = Reading.told(now)
-        found: list[str] = []
+        found: list[Message] = []
         if _form(self.convention) != _form(now):
-            *first, last = [f"'{c.name}'" for c in self._fitting() or [self.convention]]
-            names = f"{', '.join(first)} or {last}" if first else last
-            found.append(f"written as {names}")
+            names = [f"'{c.name}'" for c in self._fitting() or [self.convention]]
+            found.append(message("written as {names:or}", names=names))
         if self.way == "columns":
-            found.append("matrices written column by column")
+            found.append(message("matrices written column by column"))
         if self.mm_per_unit != told.mm_per_unit:
             unit = next(name for name, factor in MM_PER_UNIT.items() if factor == self.mm_per_unit)
-            found.append(f"in {unit}")
+            found.append(message("in {unit}", unit=unit))
         if self.convention.form != "quaternion" and self.convention.form != "matrix":
             usual = self.convention.form == "rotation-vector"
             if self.radians != usual:
-                found.append("with angles in radians" if self.radians else "with angles in degrees")
+                found.append(
+                    message("with angles in radians") if self.radians else message("with angles in degrees")
+                )
         if self.way == "inverted":
-            found.append("inverted (the base in the flange's frame)")
+            found.append(message("inverted (the base in the flange's frame)"))
         if self.way == "transposed":
-            found.append("with transposed rotations (the base's in the flange's frame)")
-        said = ", ".join(found)
-        written = said.removeprefix("written as ")
-        return f"Poses are written as {written}" if written != said else f"Poses are {said}", said
+            found.append(message("with transposed rotations (the base's in the flange's frame)"))
+        return Message("{parts:,}", {"parts": found})
 
 
 def _form(convention: Convention) -> tuple[str, str]:

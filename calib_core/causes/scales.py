@@ -20,6 +20,8 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import centers_of, find_start
 from calib_core.chain.start_search import Sought, random_rotations
 from calib_core.errors import MeasurementError
+from calib_core.findings import Finding
+from calib_core.findings.codes import causes as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import BeforeAfter, Capture, Cell, Changes, RootCause, Session
 from calib_core.records.callbacks import ReadFile
@@ -65,9 +67,7 @@ class _Lengths:
         return max(abs(np.log(self.x)), abs(np.log(self.z))) < _LEAST_SCALE and self.told
 
 
-def scale_causes(
-    session: Session, captures: Sequence[Capture], read: ReadFile, told: SphereSize
-) -> list[RootCause]:
+def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, told: SphereSize) -> list[Finding]:
     """Return what would make profiles of the still sphere fit far better: other lengths; the likeliest first.
 
     Parameters
@@ -289,44 +289,34 @@ def _diameters(seen: SeenArcs, told: SphereSize) -> list[_Lengths]:
     return [_Lengths(1.0, 1.0, diameter, False, float(found.fun), float(found.fun))]
 
 
-def _cause(one: _Lengths, now: float | None, told: SphereSize, captures: Sequence[Capture]) -> RootCause:
+def _cause(one: _Lengths, now: float | None, told: SphereSize, captures: Sequence[Capture]) -> Finding:
     before = now if now is not None and np.isfinite(now) else None
-    instead = "" if before is None else f" instead of {before:.1f} mm"
     label = "Scatter of the sphere's centre"
     evidence = [BeforeAfter(label=label, unit="mm", before=before, after=one.scatter_mm)]
+    values: dict[str, Any] = {
+        "compared": "alone" if before is None else "instead",
+        "after_mm": one.scatter_mm,
+        "before_mm": before or 0.0,
+    }
     if not one.told:
         diameter = _plain(one.diameter_mm)
-        return RootCause(
+        remedy = RootCause(
             id=f"sphere-diameter-{diameter:g}",
             kind="sphere-diameter",
-            title=f"Sphere's diameter is about {diameter:g} mm",
-            sentence=f"The captures fit together, to {one.scatter_mm:.2f} mm{instead}, if the sphere is "
-            f"{diameter:g} mm wide; told was {told.diameter_mm:g}: measure it.",
             evidence=evidence,
             changes=Changes(cell={"sphere_diameter_mm": diameter}),
         )
+        return codes.SPHERE_DIAMETER_WRONG(remedy=remedy, diameter_mm=diameter, told_mm=told.diameter_mm, **values)
     settings = {f"{axis}_scale": round(scale, 4) for axis, scale in (("x", one.x), ("z", one.z)) if scale != 1}
-    what = ", ".join(_off(name[0], scale) for name, scale in settings.items())
-    if len({round(scale, 2) for scale in settings.values()}) == 1 and len(settings) == 2:
-        what = _off("every length", one.z)
-    return RootCause(
+    remedy = RootCause(
         id=f"scaled-profile-{'-'.join(f'{name[0]}-{scale:g}' for name, scale in settings.items())}"[:64],
         kind="scaled-profile",
-        title=f"Profiles are scaled: {what}",
-        sentence=f"The captures fit together, to {one.scatter_mm:.2f} mm{instead}, if in the scanner's "
-        f"files {what}: check its calibration table and millimetres per count. Applied, "
-        "points are multiplied as they are read; the answer then belongs to files that are.",
         evidence=evidence,
         changes=settings_of(settings, captures),
         point_settings=settings,
     )
-
-
-def _off(length: str, scale: float) -> str:
-    """Return how far off a length is that has to be multiplied."""
-    if scale < 1:
-        return f"{length} is {1 / scale:.3f} times too large"
-    return f"{length} is {scale:.3f} times too small"
+    factors = ", ".join(f"{name[0]} × {scale:.3f}" for name, scale in settings.items())
+    return codes.SCALED_PROFILE(remedy=remedy, factors=factors, **values)
 
 
 def _plain(diameter_mm: float) -> float:

@@ -14,6 +14,8 @@ from calib_core.causes.table import table_causes
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, InputError, MeasurementError
+from calib_core.findings import causes_of
+from calib_core.findings.codes import causes as codes
 from calib_core.frames import RigidTransform
 from calib_core.records import BeforeAfter, Capture, Changes, RootCause, Session
 from calib_core.records.callbacks import ReadFile
@@ -22,8 +24,8 @@ _NO_POSE = np.eye(4).ravel().tolist()
 _ASKED = 12  # captures that a hypothesis on files is tried on
 _ENOUGH = 0.7
 _USUAL_DIAMETERS_MM = (3.0, 1000.0)
-_DIAMETERS = {2.0: "that is its radius", 1000.0: "that is in metres", 25.4: "that is in inches"}
-_UNITS = {"m": "metres", "cm": "centimetres", "in": "inches", "um": "micrometres"}
+_DIAMETERS = {2.0: "radius", 1000.0: "metres", 25.4: "inches"}
+_UNITS = ("m", "cm", "in", "um")
 
 
 def session_causes(
@@ -78,7 +80,8 @@ def unsolved_causes(session: Session, read: ReadFile) -> list[RootCause]:
     except CalibrationError:
         if any(capture.kind == "sweep" for capture in captures):
             return []
-        return pose_causes(session.cell, session.captures, observations, sphere_of(session.cell, captures))
+        sphere = sphere_of(session.cell, captures)
+        return causes_of(pose_causes(session.cell, session.captures, observations, sphere))
     return []
 
 
@@ -102,7 +105,7 @@ def unsolved_table_causes(session: Session, read: ReadFile) -> list[RootCause]:
         TableObservation(o, float(np.deg2rad(by_id[o.capture].table_deg or 0.0)), by_id[o.capture].mount or "")
         for o in turned
     ]
-    return table_causes(session.captures, observations, sphere, tool)
+    return causes_of(table_causes(session.captures, observations, sphere, tool))
 
 
 def _tool(session: Session, read: ReadFile, sphere: SphereSize) -> RigidTransform | None:
@@ -123,7 +126,7 @@ def _scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile)
     from calib_core.causes.scales import scale_causes
 
     try:
-        return scale_causes(session, captures, read, sphere_of(session.cell, captures))
+        return causes_of(scale_causes(session, captures, read, sphere_of(session.cell, captures)))
     except InputError:
         return []
 
@@ -178,19 +181,17 @@ def _is_usual(session: Session) -> bool:
 
 
 def _units(session: Session, captures: Sequence[Capture]) -> Iterator[RootCause]:
-    for unit, name in _UNITS.items():
+    for unit in _UNITS:
         patch = {"format_settings": {"unit": unit}}
         files = [c for c in session.captures if c.kind in ("profile", "cloud")]
         if not all(c.kind in ("profile", "cloud") for c in captures):
             return
-        yield RootCause(
+        remedy = RootCause(
             id=f"point-unit-{unit}",
             kind="point-unit",
-            title=f"Files are in {name}",
-            sentence=f"The sphere shows in the captures if the numbers in their files are {name}: say so in the "
-            "captures' format_settings.",
             changes=Changes(captures={capture.id: patch for capture in files}),
         )
+        yield from causes_of([codes.POINT_UNIT(remedy=remedy, unit=unit)])
 
 
 def _diameters(session: Session) -> Iterator[RootCause]:
@@ -199,10 +200,10 @@ def _diameters(session: Session) -> Iterator[RootCause]:
         return
     for factor, why in _DIAMETERS.items():
         diameter = round(told * factor, 6)
-        yield RootCause(
+        remedy = RootCause(
             id=f"sphere-diameter-{diameter:g}",
             kind="sphere-diameter",
-            title=f"Sphere's diameter is {diameter:g} mm",
-            sentence=f"The sphere shows in the captures if it is {diameter:g} mm wide; told was {told:g}: {why}.",
             changes=Changes(cell={"sphere_diameter_mm": diameter}),
         )
+        found = codes.SPHERE_DIAMETER_WRONG(remedy=remedy, compared=why, diameter_mm=diameter, told_mm=told)
+        yield from causes_of([found])

@@ -14,6 +14,8 @@ from calib_core.chain.table_angles import with_found_angles
 from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.table_start import TableStart, table_guess
 from calib_core.errors import CalibrationError
+from calib_core.findings import Finding
+from calib_core.findings.codes import causes as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import BeforeAfter, Capture, Cell, Changes, RootCause, TableReading
 
@@ -36,7 +38,7 @@ _LEAST_STEP_RAD = np.deg2rad(2.0)
 @dataclass(frozen=True)
 class _Tried:
     reading: TableReading
-    said: str
+    unit: str
     start: TableStart
 
 
@@ -45,7 +47,7 @@ def table_causes(
     observations: Sequence[TableObservation],
     sphere: SphereSize,
     tool0_from_laser: RigidTransform,
-) -> list[RootCause]:
+) -> list[Finding]:
     """Return what would make captures of the sphere on the table fit far better: angles read otherwise.
 
     Parameters
@@ -60,8 +62,8 @@ def table_causes(
 
     Returns
     -------
-    list of RootCause
-        None where the angles fit as they are, or nothing else fits.
+    list of Finding
+        With their remedies; none where the angles fit as they are, or nothing else fits.
     """
     if len(observations) < LEAST_CAPTURES:
         return []
@@ -74,10 +76,10 @@ def table_causes(
         return []
     angles = np.array([o.angle_rad for o in found])
     tried: list[_Tried] = []
-    for reading, said in (*_factors(observations, angles), *_lost_steps(observations, angles)):
+    for reading, unit in (*_factors(observations, angles), *_lost_steps(observations, angles)):
         start = _guess(read_anew(observations, reading), sphere, tool0_from_laser)
         if start is not None and _fits(start) and _explains(start, now):
-            tried.append(_Tried(reading, said, start))
+            tried.append(_Tried(reading, unit, start))
     tried.sort(key=lambda one: _cost(one.start.misfit_mm))
     return [_cause(one, now, captures) for one in tried[:1]]
 
@@ -91,28 +93,21 @@ def _guess(
         return None
 
 
-def direction_causes(cell: Cell, frame: TableFrame) -> list[RootCause]:
+def direction_findings(cell: Cell, frame: TableFrame) -> list[Finding]:
     """Return the wrong direction that the cell tells: with it, the table's axis would point down."""
     told = cell.turntable.direction
     if told is None or told == frame.direction:
         return []
     lean = float(np.rad2deg(np.arccos(np.clip(frame.axis[2], -1.0, 1.0))))
-    way = "right" if frame.direction > 0 else "left"
-    return [
-        RootCause(
-            id="table-direction",
-            kind="table-direction",
-            title="The table turns the other way round",
-            sentence=f"The table's angles count {way}-handed about the axis that points up: set "
-            f"turntable.direction to {frame.direction}, you said {told}.",
-            evidence=[
-                BeforeAfter(
-                    label="Axis off base's z, with the angles counted so", unit="°", before=180 - lean, after=lean
-                )
-            ],
-            changes=Changes(cell={"turntable": {"direction": frame.direction}}),
-        )
-    ]
+    label = "Axis off base's z, with the angles counted so"
+    remedy = RootCause(
+        id="table-direction",
+        kind="table-direction",
+        evidence=[BeforeAfter(label=label, unit="°", before=180 - lean, after=lean)],
+        changes=Changes(cell={"turntable": {"direction": frame.direction}}),
+    )
+    counts = "right" if frame.direction > 0 else "left"
+    return [codes.TABLE_DIRECTION(remedy=remedy, told=told, direction=frame.direction, counts=counts)]
 
 
 def read_anew(observations: Sequence[TableObservation], reading: TableReading) -> list[TableObservation]:
@@ -139,7 +134,7 @@ def angles_of(reading: TableReading, captures: Sequence[Capture]) -> Changes:
 
 
 def _factors(observations: Sequence[TableObservation], found_rad: FloatArray) -> list[tuple[TableReading, str]]:
-    """Return the factor of the told angles by which they turn as the sphere did, and in words what they are."""
+    """Return the factor of the told angles by which they turn as the sphere did, and the name of their unit."""
     told = np.array([o.angle_rad for o in observations])
     spread = float(np.ptp(told))
     if spread == 0:
@@ -152,12 +147,12 @@ def _factors(observations: Sequence[TableObservation], found_rad: FloatArray) ->
     for unit, name in _UNITS.items():
         near = good[np.abs(np.abs(good) / unit - 1) < _NEAR_UNIT]
         if any(abs(abs(_refined(float(one), told, found_rad, mounts)) / unit - 1) < _SAME_UNIT for one in near):
-            return [(TableReading(factor=unit), f"in {name}")]
+            return [(TableReading(factor=unit), name)]
     nearest = float(good[np.argmin(np.abs(np.log(np.abs(good))))])
     factor = _simple(_refined(nearest, told, found_rad, mounts))
     if abs(factor - 1) < 2 * _SAME_UNIT:
         return []
-    return [(TableReading(factor=factor), f"{factor:.4g} times as large as told")]
+    return [(TableReading(factor=factor), "factor")]
 
 
 def _lost_steps(observations: Sequence[TableObservation], found_rad: FloatArray) -> list[tuple[TableReading, str]]:
@@ -178,7 +173,7 @@ def _lost_steps(observations: Sequence[TableObservation], found_rad: FloatArray)
     degrees = round(float(np.rad2deg(best[2])), 2)
     nearest = round(degrees)
     degrees = float(nearest) if abs(nearest - degrees) < 0.25 else degrees
-    return [(TableReading(offset_deg=degrees, since=best[1]), f"off by {degrees:+g}° from {best[1]} on")]
+    return [(TableReading(offset_deg=degrees, since=best[1]), "step")]
 
 
 def _mounts(observations: Sequence[TableObservation]) -> list[np.ndarray]:
@@ -230,19 +225,27 @@ def _rms(misfit_mm: FloatArray) -> float:
     return float(np.sqrt(np.mean(misfit_mm**2)))
 
 
-def _cause(one: _Tried, now: TableStart | None, captures: Sequence[Capture]) -> RootCause:
+def _cause(one: _Tried, now: TableStart | None, captures: Sequence[Capture]) -> Finding:
     before = None if now is None or _rms(now.misfit_mm) > _TELLING_MM else _rms(now.misfit_mm)
     after = _rms(one.start.misfit_mm)
-    instead = "" if before is None else f" instead of {before:.1f} mm"
-    slug = "".join(c if c.isascii() and c.isalnum() else "-" for c in one.said.lower())
-    return RootCause(
+    reading = one.reading
+    told = {"factor": f"{reading.factor:.4g}", "step": f"{reading.offset_deg:+g} from {reading.since}"}
+    slug = "".join(c if c.isascii() and c.isalnum() else "-" for c in told.get(one.unit, one.unit).lower())
+    about = [] if reading.since is None else list(angles_of(reading, captures).captures)
+    remedy = RootCause(
         id=f"table-angles-{'-'.join(part for part in slug.split('-') if part)}"[:64],
         kind="table-angles",
-        title=f"Table angles are {one.said}",
-        sentence=f"The captures on the table fit, to {after:.2f} mm{instead}, if the table's "
-        f"angles are {one.said}: convert them.",
         evidence=[BeforeAfter(label="Sphere off its circle, RMS", unit="mm", before=before, after=after)],
-        captures=[] if one.reading.since is None else list(angles_of(one.reading, captures).captures),
-        changes=angles_of(one.reading, captures),
-        table_reading=one.reading,
+        captures=about,
+        changes=angles_of(reading, captures),
+        table_reading=reading,
+    )
+    return codes.TABLE_ANGLES(
+        about,
+        remedy=remedy,
+        unit=one.unit,
+        after_mm=after,
+        factor=reading.factor,
+        offset_deg=reading.offset_deg,
+        since=reading.since or "",
     )

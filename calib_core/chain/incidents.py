@@ -5,10 +5,10 @@ moved, six for a tool that was changed.  How much likelier all captures get with
 equations at the answer (a score test), for every place of the change at once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged, judge_these
 from calib_core.chain.variance import GivenSigmas
 from calib_core.estimation import covariance_of
+from calib_core.findings import Code
+from calib_core.findings.codes import causes as codes
 from calib_core.frames import FloatArray
 
 _LEAST_AFTER = 3
@@ -34,12 +36,16 @@ _MOST_SWAPS = 8
 
 @dataclass(frozen=True)
 class Happened:
-    """One cause: its kind, the captures that it is about, a sentence, and how far what moved has gone."""
+    """One cause: its code, the captures that it is about, and what its texts say."""
 
-    kind: Literal["moved-sphere", "changed-tool", "swapped-poses"]
+    code: Code
     captures: tuple[str, ...]
-    sentence: str
-    distance_mm: float | None = None
+    values: Mapping[str, Any]
+
+    @property
+    def kind(self) -> str:
+        """Which cause it is, as its remedy names it."""
+        return self.code.name
 
 
 def named_causes(
@@ -89,20 +95,15 @@ def _moved_at_an_end(
         return None
     names = [o.capture for o in observations]
     if rejected[-1] == len(names) - 1:
-        return _moved(names, int(rejected[0]), distance, f"before {names[rejected[0]]}")
+        return _moved(names, int(rejected[0]), distance, "before", names[rejected[0]])
     if rejected[0] == 0:
-        return _moved(names, int(rejected[-1]) + 1, distance, f"after {names[rejected[-1]]}")
+        return _moved(names, int(rejected[-1]) + 1, distance, "after", names[rejected[-1]])
     return None
 
 
-def _moved(names: Sequence[str], since: int, distance_mm: float, when: str) -> Happened:
-    return Happened(
-        "moved-sphere",
-        tuple(names[since:]),
-        f"The sphere seems to have moved by {distance_mm:.2f} mm {when}. "
-        "Fix it firmly and repeat the captures before or after that.",
-        distance_mm,
-    )
+def _moved(names: Sequence[str], since: int, distance_mm: float, when: str, capture: str) -> Happened:
+    values: dict[str, Any] = {"shift_mm": distance_mm, "when": when, "capture": capture, "since": names[since]}
+    return Happened(codes.MOVED_SPHERE, tuple(names[since:]), values)
 
 
 def _change(observations: Sequence[SphereObservation], judged: Judged) -> Happened | None:
@@ -121,15 +122,11 @@ def _change(observations: Sequence[SphereObservation], judged: Judged) -> Happen
         if best is not None and gain[k] < best[0] + _BY_CHANCE:
             continue
         if kind == "moved-sphere":
-            cause = _moved(names, k, shift_mm, f"before {names[k]}")
+            cause = _moved(names, k, shift_mm, "before", names[k])
         else:
-            cause = Happened(
-                "changed-tool",
-                tuple(names[k:]),
-                f"The scanner seems to sit otherwise on the flange from {names[k]} on (by {shift_mm:.2f} mm and "
-                f"{np.rad2deg(turn_rad):.2f}°). Fix it firmly and take the captures before or after that again.",
-                shift_mm,
-            )
+            turn_deg = float(np.rad2deg(turn_rad))
+            values: dict[str, Any] = {"since": names[k], "shift_mm": shift_mm, "turn_deg": turn_deg}
+            cause = Happened(codes.CHANGED_TOOL, tuple(names[k:]), values)
         best = float(gain[k]), cause
     return best[1] if best else None
 
@@ -187,8 +184,8 @@ def _swapped(observations: Sequence[SphereObservation], judged: Judged) -> list[
         ):
             taken |= {i, j}
             names = observations[i].capture, observations[j].capture
-            sentence = f"The poses of {names[0]} and {names[1]} seem to be swapped. Exchange them and solve again."
-            found.append(Happened("swapped-poses", names, sentence))
+            values: dict[str, Any] = {"first": names[0], "second": names[1], "how": "two-rejected"}
+            found.append(Happened(codes.SWAPPED_POSES, names, values))
     return found
 
 

@@ -74,12 +74,10 @@ class SphereObservation:
 
 
 def named(captures: Sequence[str], used: NDArray[np.bool_]) -> str:
-    """Return the ids of captures that are not used, each once; of a sweep, how many of its profiles those are."""
+    """Return the ids of captures that are not used, each once; of a sweep, of how many profiles, too."""
     left_out = [name for name, good in zip(captures, used, strict=True) if not good]
     total, count = Counter(captures), Counter(left_out)
-    return ", ".join(
-        name if total[name] == 1 else f"{name} ({n} of its {total[name]} profiles)" for name, n in count.items()
-    )
+    return ", ".join(name if total[name] == 1 else f"{name} ({n}/{total[name]})" for name, n in count.items())
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Why a capture was rejected, in a sentence that says what was measured and what to do."""
+"""Why a capture was rejected: what was measured, and what is likely."""
 
 from collections.abc import Sequence
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.chain.observations import SphereObservation
 from calib_core.frames import FloatArray
+from calib_core.messages import Value
 
 _SAME_PLACE_MM = 0.01
 
@@ -15,8 +16,8 @@ def rejection_reasons(
     used: np.ndarray,
     squared_distance: FloatArray,
     offset_in_base_mm: FloatArray,
-) -> list[str | None]:
-    """Return a sentence for each capture that is not used.
+) -> dict[str, dict[str, Value]]:
+    """Return what is to be said of each capture that is not used, by capture.
 
     Parameters
     ----------
@@ -28,28 +29,20 @@ def rejection_reasons(
         The capture's own sphere centre minus the solved one, in base.
     """
     positions = np.array([o.base_from_tool0.translation_mm for o in observations])
-    reasons: list[str | None] = []
-    for k in range(len(observations)):
-        if used[k]:
-            reasons.append(None)
-            continue
-        distance = float(np.linalg.norm(offset_in_base_mm[k]))
-        times = np.sqrt(squared_distance[k] / 3)
-        x, y, z = offset_in_base_mm[k]
-        seen = (
-            f"the sphere appears {distance:.2f} mm (x {x:+.2f}, y {y:+.2f}, z {z:+.2f} in base) from where the "
-            f"other captures see it, {times:.0f} times the expected scatter"
-        )
+    found: dict[str, dict[str, Value]] = {}
+    for k in np.flatnonzero(~used).tolist():
+        x, y, z = offset_in_base_mm[k].tolist()
         twin = _same_pose(positions, observations, k)
-        if twin is not None:
-            reasons.append(
-                f"{seen}; its pose is that of {twin}. Enter the pose of this capture, or take it again."
-            )
-        else:
-            reasons.append(
-                f"{seen}: the sphere was moved, or the pose is not this capture's. Check both and take it again."
-            )
-    return reasons
+        found[observations[k].capture] = {
+            "distance_mm": float(np.linalg.norm(offset_in_base_mm[k])),
+            "x_mm": x,
+            "y_mm": y,
+            "z_mm": z,
+            "times": float(np.sqrt(squared_distance[k] / 3)),
+            "likely": "moved" if twin is None else "twin",
+            "twin": twin or "",
+        }
+    return found
 
 
 def _same_pose(positions: FloatArray, observations: Sequence[SphereObservation], k: int) -> str | None:

@@ -13,6 +13,8 @@ from calib_core.chain.likelihood import without_pose_errors
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table import SCALE_COLUMN
 from calib_core.estimation import covariance_of
+from calib_core.findings import Finding
+from calib_core.findings.codes.turntable import AXIS_WOBBLES, ENCODER_ECCENTRIC
 from calib_core.frames import FloatArray
 
 _FAR_RAD = 5e-3
@@ -32,20 +34,12 @@ class Pattern:
     chance: float
 
     @property
-    def sentence(self) -> str:
-        """What to say of it."""
-        degrees = np.rad2deg(self.size_rad)
+    def finding(self) -> Finding:
+        """What is noticed of it."""
+        size_deg = float(np.rad2deg(self.size_rad))
         if self.kind == "wobble":
-            often = "twice" if self.times == 2 else "three times"
-            return (
-                f"The table's axis seems to wobble by {degrees:.3f}° {often} a turn: the stated axis is a mean, "
-                "and a scan at one angle may be off by as much. Check the bearing, or capture at more angles."
-            )
-        return (
-            f"The table's angle seems to err by {degrees:.3f}° once a turn, as of an eccentric encoder or an "
-            "axis that wobbles: scans at different angles are off by as much. Check the encoder's mounting and "
-            "the bearing."
-        )
+            return AXIS_WOBBLES(size_deg=size_deg, times=self.times)
+        return ENCODER_ECCENTRIC(size_deg=size_deg)
 
 
 def pattern_of(judged: Judged, table_column: int) -> Pattern | None:

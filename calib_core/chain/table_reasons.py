@@ -8,33 +8,35 @@ from calib_core.chain.observations import TableObservation
 from calib_core.chain.spread import spread_over
 from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.turntable import TurntableSolution
+from calib_core.findings import Finding
+from calib_core.findings.codes.turntable import REMOUNTED
 from calib_core.frames import FloatArray
+from calib_core.messages import Value
 
 _SAME_PLACE_MM = 2.0
 _FITS = 0.1  # of the residual: a capture that fits another label so much better belongs there
 
 
-def table_reasons(observations: Sequence[TableObservation], table: TurntableSolution) -> list[str | None]:
-    """Return a sentence for each capture that is not used."""
+def table_reasons(
+    observations: Sequence[TableObservation], table: TurntableSolution
+) -> dict[str, dict[str, Value]]:
+    """Return what is to be said of each capture that is not used, by capture."""
     residuals, frame = table.residuals, table.frame
     places = places_in_table(observations, residuals.both_in_base, frame)
-    reasons: list[str | None] = []
-    for k, o in enumerate(observations):
-        if table.used[k]:
-            reasons.append(None)
-            continue
-        distance = float(residuals.distance_mm[k])
-        seen = (
-            f"the sphere appears {distance:.2f} mm (along the axis {residuals.axial_mm[k]:+.2f}, away from it "
-            f"{residuals.radial_mm[k]:+.2f}, around it {np.rad2deg(residuals.angle_rad[k]):+.3f}°) from where the "
-            f"other captures expect it, {np.sqrt(table.squared_distance[k] / 3):.0f} times the expected scatter"
-        )
+    found: dict[str, dict[str, Value]] = {}
+    for k in np.flatnonzero(~table.used).tolist():
+        o, distance = observations[k], float(residuals.distance_mm[k])
         other = _other_mount(places[k], frame.mounts_mm, table.mounts, o.mount, distance)
-        if other is not None:
-            reasons.append(f"{seen}; it fits the mounting '{other}': correct its `mount`.")
-        else:
-            reasons.append(f"{seen}: check its table angle, its pose and its mounting, and take it again.")
-    return reasons
+        found[o.sphere.capture] = {
+            "distance_mm": distance,
+            "axial_mm": float(residuals.axial_mm[k]),
+            "radial_mm": float(residuals.radial_mm[k]),
+            "around_deg": float(np.rad2deg(residuals.angle_rad[k])),
+            "times": float(np.sqrt(table.squared_distance[k] / 3)),
+            "likely": "angle" if other is None else "mount",
+            "mount": other or "",
+        }
+    return found
 
 
 def places_in_table(
@@ -57,8 +59,8 @@ def _other_mount(
     return names[best] if names[best] != own and off[best] < max(_FITS * distance_mm, 1.0) else None
 
 
-def remounted(observations: Sequence[TableObservation], table: TurntableSolution) -> str | None:
-    """Return a sentence where three rejected captures or more agree on a place of their own on the table."""
+def remounted(observations: Sequence[TableObservation], table: TurntableSolution) -> Finding | None:
+    """Return where three rejected captures or more agree on a place of their own on the table."""
     rejected = np.flatnonzero(~table.used)
     if len(rejected) < 3:
         return None
@@ -69,9 +71,6 @@ def remounted(observations: Sequence[TableObservation], table: TurntableSolution
     middle, near = guesses[best], agree[best]
     if near.sum() < 3:
         return None
-    names = ", ".join(observations[int(k)].sphere.capture for k in rejected[near])
-    x, y, z = middle
-    return (
-        f"{names} agree on another place of the sphere on the table (x {x:.1f}, y {y:.1f}, z {z:.1f} mm): if it "
-        "was mounted anew, give these captures a `mount` of their own."
-    )
+    names = [observations[int(k)].sphere.capture for k in rejected[near]]
+    x, y, z = middle.tolist()
+    return REMOUNTED(list(dict.fromkeys(names)), x_mm=x, y_mm=y, z_mm=z)

@@ -15,6 +15,8 @@ from calib_core.chain.rejection import Judged, estimated
 from calib_core.chain.table_judging import TABLE_COLUMN
 from calib_core.chain.variance import fit_with_sigmas
 from calib_core.estimation import covariance_of
+from calib_core.findings import Finding
+from calib_core.findings.codes.turntable import TOOL_MOVED
 from calib_core.frames import FloatArray
 
 _ELSEWHERE = np.array([0.02] * 3 + [5.0] * 3)  # rad and mm: as far as a tool may be that still sees the sphere
@@ -51,16 +53,11 @@ class ToolMove:
         return float(np.linalg.norm(self.off[:3]))
 
     @property
-    def sentence(self) -> str | None:
-        """What to say of it; None where chance explains it."""
+    def finding(self) -> Finding | None:
+        """What is noticed of it; None where chance explains it."""
         if self.chance >= _RARE:
             return None
-        return (
-            f"The captures on the table see the scanner {self.shift_mm:.2f} mm and "
-            f"{np.rad2deg(self.turn_rad):.2f}° from where those of the still sphere do, beyond chance. "
-            "Check that the scanner sits firmly on the flange and that the sphere is the same, then take both "
-            "kinds of captures again."
-        )
+        return TOOL_MOVED(shift_mm=self.shift_mm, turn_deg=float(np.rad2deg(self.turn_rad)))
 
 
 def tool_move(judged: Judged) -> ToolMove | None:

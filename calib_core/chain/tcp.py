@@ -37,6 +37,7 @@ from calib_core.chain.undetermined import OpenDirection, open_directions
 from calib_core.chain.warm_up import WarmUp, warm_up_of
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray
+from calib_core.messages import Value
 
 Progress = Callable[[float, str], None]
 _LEAST_CAPTURES = 5
@@ -123,7 +124,7 @@ class TcpSolution:
     used: np.ndarray
     sides: np.ndarray
     zones: list[float | None]
-    reasons: list[str | None]
+    reasons: dict[str, dict[str, Value]]
     squared_distance: FloatArray
     excess: float
     undetermined: list[OpenDirection]

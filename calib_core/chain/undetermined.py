@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray
+from calib_core.messages import Message, message
 
 _TRANSLATION_LIMIT_MM = 5.0
 _ROTATION_LIMIT_RAD = np.deg2rad(2.0)
@@ -20,13 +21,42 @@ class OpenDirection:
         Unit vector rx ry rz tx ty tz.
     sigma : float
         Its standard deviation, rad or mm.
-    description : str
-        What it is and which motion fixes it.
+    axis : str
+        Along or about what: "x", or a direction in the frame.
+    across : str
+        Of a translation, the flange's axes about which it should be tilted.
     """
 
     direction: FloatArray
     sigma: float
-    description: str
+    axis: str
+    across: str = ""
+
+    @property
+    def is_rotation(self) -> bool:
+        """Whether it is a rotation of the scanner, about an axis of the laser; else a shift along the flange."""
+        return bool(np.any(self.direction[:3]))
+
+    @property
+    def told(self) -> str:
+        """Its axis, with how far it is open (k = 2)."""
+        return f"{self.axis} (±{_degrees(2 * self.sigma) if self.is_rotation else _millimetres(2 * self.sigma)})"
+
+    @property
+    def description(self) -> Message:
+        """What it is and which motion fixes it."""
+        if self.is_rotation:
+            return message(
+                "the scanner's rotation about laser {axis}: move the scanner sideways and towards the sphere "
+                "without turning it",
+                axis=self.told,
+            )
+        return message(
+            "the scanner's position along flange {axis}: no sufficient rotation about an axis across it yet; tilt "
+            "the flange about its axes {across}, one of them at least",
+            axis=self.told,
+            across=self.across,
+        )
 
 
 def open_directions(covariance: FloatArray, tolerance: float = 1.0) -> list[OpenDirection]:
@@ -44,49 +74,36 @@ def open_directions(covariance: FloatArray, tolerance: float = 1.0) -> list[Open
     for value, axis in zip(values, vectors.T, strict=True):
         sigma = float(np.sqrt(max(value, 0.0)))
         if sigma > _ROTATION_LIMIT_RAD * tolerance:
-            found.append(
-                OpenDirection(
-                    np.concatenate([_signed(axis), np.zeros(3)]),
-                    sigma,
-                    f"the scanner's rotation about {_axis_name(axis, 'laser')} (±{_degrees(2 * sigma)}): "
-                    "move the scanner sideways and towards the sphere without turning it",
-                )
-            )
+            direction = np.concatenate([_signed(axis), np.zeros(3)])
+            found.append(OpenDirection(direction, sigma, _axis_name(axis)))
     values, vectors = np.linalg.eigh(covariance[3:, 3:])
     for value, axis in zip(values, vectors.T, strict=True):
         sigma = float(np.sqrt(max(value, 0.0)))
         if sigma > _TRANSLATION_LIMIT_MM * tolerance:
-            found.append(
-                OpenDirection(
-                    np.concatenate([np.zeros(3), _signed(axis)]),
-                    sigma,
-                    f"the scanner's position along {_axis_name(axis, 'flange')} (±{_millimetres(2 * sigma)}): "
-                    f"no sufficient rotation about an axis across it yet; tilt the flange about {_across(axis)}",
-                )
-            )
+            direction = np.concatenate([np.zeros(3), _signed(axis)])
+            found.append(OpenDirection(direction, sigma, _axis_name(axis), _across(axis)))
     return found
 
 
 def _degrees(angle_rad: float) -> str:
-    return "90° or more" if angle_rad > np.pi / 2 else f"{np.rad2deg(angle_rad):.1f}°"
+    return "≥ 90°" if angle_rad > np.pi / 2 else f"{np.rad2deg(angle_rad):.1f}°"
 
 
 def _millimetres(length_mm: float) -> str:
-    return "more than a metre" if length_mm > 1000 else f"{length_mm:.0f} mm"
+    return "> 1 m" if length_mm > 1000 else f"{length_mm:.0f} mm"
 
 
 def _signed(axis: FloatArray) -> FloatArray:
     return axis * np.sign(axis[np.argmax(np.abs(axis))])
 
 
-def _axis_name(axis: FloatArray, frame: str) -> str:
+def _axis_name(axis: FloatArray) -> str:
     largest = int(np.argmax(np.abs(axis)))
     if abs(axis[largest]) > np.cos(np.deg2rad(20)):
-        return f"{frame} {'xyz'[largest]}"
+        return "xyz"[largest]
     signed = _signed(axis)
-    return f"{frame} ({signed[0]:.2f}, {signed[1]:.2f}, {signed[2]:.2f})"
+    return f"({signed[0]:.2f}, {signed[1]:.2f}, {signed[2]:.2f})"
 
 
 def _across(axis: FloatArray) -> str:
-    names = ["its " + "xyz"[i] + " axis" for i in np.argsort(np.abs(axis))[:2]]
-    return " or ".join(sorted(names))
+    return ", ".join(sorted("xyz"[i] for i in np.argsort(np.abs(axis))[:2]))

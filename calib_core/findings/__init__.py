@@ -46,7 +46,17 @@ Texts that are no findings (refusals, labels, guide) are messages: `message("…
 
 from calib_core.findings.catalogues import LANGUAGES, catalogue
 from calib_core.findings.code import Code, Plural
-from calib_core.findings.judgement import has, judged, judgement, reasons_of, sentence_of, verdict_of
+from calib_core.findings.judgement import (
+    about,
+    causes_of,
+    has,
+    has_code,
+    judged,
+    judgement,
+    reasons_of,
+    sentence_of,
+    verdict_of,
+)
 from calib_core.findings.reading import as_read, in_language, with_severities
 from calib_core.findings.table import CODES, code_named
 from calib_core.records.findings import Finding, Severity
@@ -58,10 +68,13 @@ __all__ = [
     "Finding",
     "Plural",
     "Severity",
+    "about",
     "as_read",
     "catalogue",
+    "causes_of",
     "code_named",
     "has",
+    "has_code",
     "in_language",
     "judged",
     "judgement",

@@ -38,8 +38,8 @@ class Code:
         The page: what it means, how it is decided (limit, odds), what usually causes it.
     since : str
         The first version that gave it.
-    by : str
-        The name of the value that chooses among several texts.
+    by, by_to_do : str
+        The name of the value that chooses among several texts; for what to do, where that is another one.
     reason : str
         What is said of a capture that is not used for it.
     title : str
@@ -48,6 +48,8 @@ class Code:
         Whether no cell may change its severity.
     behind : tuple of str
         The codes from which it only follows.
+    explains_all : bool
+        Whether all other errors and warnings only follow from it.
     """
 
     name: str
@@ -59,21 +61,27 @@ class Code:
     usual_causes: str = ""
     since: str = "0.2"
     by: str = ""
-    reason: str = ""
-    title: str = ""
+    by_to_do: str = ""
+    reason: Choice = ""
+    title: Choice = ""
     fixed: bool = False
     behind: tuple[str, ...] = ()
+    explains_all: bool = False
 
     def __call__(
         self,
         captures: Sequence[str] = (),
         *,
         where: str = "",
+        behind: str | None = None,
         remedy: RootCause | None = None,
         each: Mapping[str, Mapping[str, Value]] | None = None,
         **values: Value,
     ) -> Finding:
-        """Return a finding; where only `each` is given, its values are those of the first capture."""
+        """Return a finding; where only `each` is given, its values are those of the first capture.
+
+        `behind` is the code of another finding from which this one follows.
+        """
         by_capture = {name: _told(some) for name, some in (each or {}).items()}
         first = next(iter((each or {}).values()), {})
         filled = {**first, **values}
@@ -90,23 +98,32 @@ class Code:
             "values": _told(filled),
             "text": self.said(filled, captures, ENGLISH),
             "to_do": self.told_to_do(filled, captures, ENGLISH),
-            "remedy": remedy,
+            "remedy": remedy and self._titled(remedy, filled, captures),
         }
-        more: dict[str, Any] = {"where": where, "each": by_capture, "messages": parts}
+        more: dict[str, Any] = {"where": where, "behind": behind, "each": by_capture, "messages": parts}
         return Finding(**told, **{name: value for name, value in more.items() if value})
 
     def said(self, values: Mapping[str, Value], captures: Sequence[str], language: Catalogue) -> str:
         """Return what it says in a language; raises KeyError where a value is missing."""
-        return self._filled(self.text, values, captures, language)
+        return self.filled(self.text, values, captures, language)
 
     def told_to_do(self, values: Mapping[str, Value], captures: Sequence[str], language: Catalogue) -> str:
         """Return what to do in a language; raises KeyError where a value is missing."""
-        return self._filled(self.to_do, values, captures, language)
+        return self.filled(self.to_do, values, captures, language)
 
-    def _filled(
+    def _titled(self, remedy: RootCause, values: Mapping[str, Value], captures: Sequence[str]) -> RootCause:
+        texts = [self.said(values, captures, ENGLISH), self.told_to_do(values, captures, ENGLISH)]
+        title = self.filled(self.title, values, captures, ENGLISH)
+        return (
+            remedy.model_copy(update={"title": title, "sentence": ENGLISH.sentences(texts)}) if title else remedy
+        )
+
+    def filled(
         self, choice: Choice, values: Mapping[str, Value], captures: Sequence[str], language: Catalogue
     ) -> str:
-        text = choice[str(values[self.by])] if isinstance(choice, Mapping) else choice
+        """Return one of its texts in a language; raises KeyError where a value is missing."""
+        by = self.by_to_do if choice is self.to_do and self.by_to_do else self.by
+        text = choice[str(values[by])] if isinstance(choice, Mapping) else choice
         places = {"captures": Names(captures), **values}
         if isinstance(text, Plural):
             return language.fill(text.one, places, text.many, text.by)
@@ -126,7 +143,9 @@ class Code:
             for text in self.texts()
             for part in ((text.one, text.many) if isinstance(text, Plural) else (text,))
         ]
-        named = [name for text in texts for name in places_of(text)] + ([self.by] if self.by else [])
+        named = [name for text in texts for name in places_of(text)] + [
+            by for by in (self.by, self.by_to_do) if by
+        ]
         return [name for name in dict.fromkeys(named) if name != "captures"]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.errors import MeasurementError
 from calib_core.graph.registry import stages
-from calib_core.records import Capture, Result, Session
+from calib_core.records import Capture, Finding, Result, Session
 from calib_core.records.callbacks import Progress, ReadFile, StoreFile
 
 if TYPE_CHECKING:
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """A stage's captures as the solvers take them, and by id why others are of no use."""
+    """A stage's captures as the solvers take them, and why others are of no use."""
 
     observations: list[SphereObservation]
     failed: dict[str, MeasurementError]
-    unused: dict[str, str]
+    unused: list[Finding]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,12 @@ class SolvedTcp:
     solution: "TcpSolution"
     observations: list[SphereObservation]
     sphere: SphereSize
-    unused: dict[str, str]
+    unused: list[Finding]
+
+    @property
+    def left_out(self) -> set[str]:
+        """The captures that are of no use, but for those that the user excluded."""
+        return {name for finding in self.unused for name in finding.captures}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +48,7 @@ class SolvedTable:
 
     solution: "TurntableSolution"
     observations: list[TableObservation]
-    unused: dict[str, str]
+    unused: list[Finding]
 
 
 @dataclass(eq=False)

@@ -148,7 +148,7 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
         for o, sigma in zip(situation.taken, after_each, strict=True)
     ]
     covariance = design.tool(range(count))
-    still_open = [d.description for d in open_directions(covariance, _WEAK)]
+    still_open = [str(d.description) for d in open_directions(covariance, _WEAK)]
     now = stated_mm if stated_mm is not None else expanded(after_each[-1]) if count else None
     if stated_mm is not None and history:
         history[-1] = history[-1].model_copy(update={"uncertainty_mm": stated_mm})

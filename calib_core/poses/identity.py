@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import Message, message
 
 AGREE_MM, AGREE_DEG = 5.0, 1.0
 """A calibrated controller's lengths differ from an arm's nominal ones by less."""
@@ -28,14 +29,14 @@ class Identity:
     ----------
     of_flange : bool
         Whether they are of the flange, in the base.
-    sentence : str
+    sentence : Message
         Whose they are, for people.
     tool0_from_tool, base_from_frame : (4, 4) or None
         What they are of, or in, in mm, where it is not the flange or the base.
     """
 
     of_flange: bool
-    sentence: str
+    sentence: Message
     tool0_from_tool: FloatArray | None = None
     base_from_frame: FloatArray | None = None
 
@@ -55,25 +56,45 @@ def identity_by_joints(poses: Sequence[RigidTransform], by_joints: Sequence[Rigi
     given = [pose.matrix for pose in poses]
     flange = [pose.matrix for pose in by_joints]
     if _common(given, flange, lambda p, f: np.linalg.inv(f) @ p, np.eye(4)) is not None:
-        said = f"The joints of {len(poses)} captures give the poses of the flange in the robot's base."
+        count = len(poses)
+        said = message(
+            "The joints of {count} captures give the poses of the flange in the robot's base.", count=count
+        )
         return Identity(True, said)
-    for turned, where in ((np.eye(4), ""), (_HALF_TURN, _IN_TURNED_BASE)):
+    for turned in (np.eye(4), _HALF_TURN):
+        in_base = turned is not _HALF_TURN
         tool = _common(given, flange, lambda p, f, turned=turned: np.linalg.inv(turned @ f) @ p)
         if tool is None:
             continue
         if _near(tool, np.eye(4)):
-            return Identity(False, f"By the joints, the poses are {where}.", None, turned)
-        said = f"By the joints, the poses are not of the flange but of a tool on it at {_placed(tool)}"
-        return Identity(False, f"{said}{f', and {where}' if where else ''}.", tool, turned if where else None)
+            return Identity(
+                False,
+                message(
+                    "By the joints, the poses are in a base that is turned by half a turn about z (ROS's "
+                    "base_link, or the controller's base)."
+                ),
+                None,
+                turned,
+            )
+        place = _placed(tool)
+        said = (
+            message("By the joints, the poses are not of the flange but of a tool on it at {place}.", place=place)
+            if in_base
+            else message(
+                "By the joints, the poses are not of the flange but of a tool on it at {place}, and in a base "
+                "that is turned by half a turn about z (ROS's base_link, or the controller's base).",
+                place=place,
+            )
+        )
+        return Identity(False, said, tool, None if in_base else turned)
     base = _common(given, flange, lambda p, f: p @ np.linalg.inv(f))
     if base is not None:
         frame = np.array(np.linalg.inv(base), dtype=np.float64)
-        said = f"By the joints, the poses are not in the robot's base but in a frame at {_placed(frame)}."
+        said = message(
+            "By the joints, the poses are not in the robot's base but in a frame at {place}.", place=_placed(frame)
+        )
         return Identity(False, said, None, frame)
     return None
-
-
-_IN_TURNED_BASE = "in a base that is turned by half a turn about z (ROS's base_link, or the controller's base)"
 
 
 def _moved(by_joints: Sequence[RigidTransform]) -> bool:
@@ -113,4 +134,4 @@ def _turn_deg(one: FloatArray, other: FloatArray) -> float:
 def _placed(matrix: FloatArray) -> str:
     x, y, z = matrix[:3, 3]
     turn = _turn_deg(np.eye(4), matrix)
-    return f"x {x:.0f}, y {y:.0f}, z {z:.0f} mm, turned by {turn:.0f}°"
+    return f"x {x:.0f}, y {y:.0f}, z {z:.0f} mm, {turn:.0f}°"

@@ -70,8 +70,8 @@ class RootCause(Record):
 
     id: Identifier
     kind: CauseKind
-    title: str
-    sentence: str
+    title: str = ""
+    sentence: str = ""
     evidence: list[BeforeAfter] = Field(default_factory=list[BeforeAfter])
     captures: list[str] = Field(default_factory=list[str])
     changes: Changes | None = None

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
 from calib_core.captures.content import diameter_sigma_mm, pose_of, read_as, sphere_of
-from calib_core.captures.contradictions import told_by_joints, unfit
+from calib_core.captures.contradictions import unfit
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.poses import (
     angles_look_like_radians,
@@ -14,9 +14,11 @@ from calib_core.captures.poses import (
 )
 from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.sweep import sweep_poses
+from calib_core.causes.flange import flange_findings
 from calib_core.causes.likely import likely_columns, likely_convention
 from calib_core.errors import CalibrationError
 from calib_core.evidence.words import alike, captures_text, listed
+from calib_core.findings import reasons_of, sentence_of
 from calib_core.frames import RigidTransform
 from calib_core.graph.registry import stages
 from calib_core.graph.stage import Stage
@@ -69,7 +71,8 @@ def _unfit(session: Session) -> Iterator[CheckFinding]:
     """Name the captures that a stage keeps and doesn't use, since they contradict the others of their step."""
     for step in step_names():
         try:
-            left = unfit(session.cell, [c for c in session.captures if c.step == step and not c.excluded])
+            used = [c for c in session.captures if c.step == step and not c.excluded]
+            left = reasons_of(unfit(session.cell, used))
         except CalibrationError as error:
             yield _found(error)
             return
@@ -199,8 +202,8 @@ def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[CheckFindi
     if angles_look_like_radians(session.cell, captures):
         sentence = "All angles are below 3.15: if they are radians, convert them to degrees."
         yield _warning("captures: pose", sentence)
-    if whose := told_by_joints(session.cell, captures):
-        yield _warning("captures: pose", whose)
+    for finding in flange_findings(session.cell, captures):
+        yield _warning("captures: pose", sentence_of(finding))
     yield from _convention(session.cell, captures)
     motion = motion_of(poses)
     if not motion.turns_differ:

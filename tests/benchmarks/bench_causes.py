@@ -19,6 +19,7 @@ from calib_core.causes.table import table_causes
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.start import centers_of
 from calib_core.errors import InputError
+from calib_core.findings import causes_of
 from calib_core.frames import RigidTransform
 from calib_core.records import RootCause, Session
 from calib_core.robots import parse_pose
@@ -53,7 +54,7 @@ def scales(full: bool) -> Row:
         diameter = sphere.diameter_mm
         for x, z in SCALES if full else SCALES[::3]:
             wrong_files = scaled_files(files, x, z)
-            found = scale_causes(session, session.captures, wrong_files.__getitem__, sphere)
+            found = causes_of(scale_causes(session, session.captures, wrong_files.__getitem__, sphere))
             settings = found[0].point_settings if found else {}
             right = [abs(settings.get(f"{axis}_scale", 1.0) * s - 1) < 0.02 for axis, s in (("x", x), ("z", z))]
             count += 1
@@ -65,7 +66,7 @@ def scales(full: bool) -> Row:
                 )
         for wrong in (0.9, 1.2, 0.5):
             told = SphereSize(wrong * diameter, sphere.sigma_mm)
-            found = scale_causes(session, session.captures, files.__getitem__, told)
+            found = causes_of(scale_causes(session, session.captures, files.__getitem__, told))
             cell = found[0].changes.cell if found and found[0].changes else {}
             count += 1
             if not abs(cell.get("sphere_diameter_mm", 0.0) / diameter - 1) < 0.02:
@@ -136,7 +137,7 @@ def right_lengths(seeds: range) -> Row:
     for seed in seeds:
         session, files = _simulated_files(seed)
         sphere = sphere_of(session.cell, session.captures)
-        said += [c.id for c in scale_causes(session, session.captures, files.__getitem__, sphere)]
+        said += [c.id for c in causes_of(scale_causes(session, session.captures, files.__getitem__, sphere))]
         if seed % 4 == 0:
             table = simulate("turntable", seed)
             turned = [c for c in table.session.captures if c.step == "turntable"]
@@ -154,7 +155,7 @@ def _of_table(table: SimulatedSession, session: Session, spheres: list[SphereObs
         TableObservation(o, float(np.deg2rad(c.table_deg or 0.0)), c.mount or "")
         for c, o in zip(turned, spheres, strict=True)
     ]
-    return table_causes(session.captures, told, sphere_of(session.cell, turned), tool)
+    return causes_of(table_causes(session.captures, told, sphere_of(session.cell, turned), tool))
 
 
 def _simulated_files(seed: int) -> tuple[Session, dict[str, bytes]]:
@@ -239,7 +240,7 @@ def orders(name: str, cells: list[Measured], count: int) -> list[Row]:
 
 def judgement(cell: Measured, session: Session) -> str:
     """Return whether the first cause is right, by the poses after Apply; or what else is the matter."""
-    causes = pose_causes(session.cell, session.captures, cell.observations, cell.sphere)
+    causes = causes_of(pose_causes(session.cell, session.captures, cell.observations, cell.sphere))
     if causes:
         after, _ = applied(session, changes_for(session, causes[0]))
         if repaired(after, cell.poses):
@@ -270,5 +271,7 @@ def right(seeds: range) -> Row:
     said = 0
     for seed in seeds:
         cell = simulated(seed)
-        said += bool(pose_causes(cell.session.cell, cell.session.captures, cell.observations, cell.sphere))
+        said += bool(
+            causes_of(pose_causes(cell.session.cell, cell.session.captures, cell.observations, cell.sphere))
+        )
     return Row(f"{len(seeds)} right sessions: a cause said", "0", f"{said}", said == 0)

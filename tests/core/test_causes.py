@@ -13,10 +13,11 @@ from calib_core.archive.folder import load_session, save_session
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.causes.apply import applied, cause_named, changes_for, merge_patch, patch_back
-from calib_core.causes.incidents import incident_record
+from calib_core.causes.incidents import incident_finding
 from calib_core.causes.poses import pose_causes
 from calib_core.causes.session import session_causes
 from calib_core.errors import InputError
+from calib_core.findings import causes_of
 from calib_core.frames import RigidTransform
 from calib_core.records import RootCause, Session
 from calib_core.robots import to_pose
@@ -37,8 +38,8 @@ def cell(simulated: SimulatedSession) -> Measured:
     return Measured(session, observations, sphere_of(session.cell, session.captures))
 
 
-def causes_of(cell: Measured, session: Session) -> list[RootCause]:
-    return pose_causes(session.cell, session.captures, cell.observations, cell.sphere)
+def causes_found(cell: Measured, session: Session) -> list[RootCause]:
+    return causes_of(pose_causes(session.cell, session.captures, cell.observations, cell.sphere))
 
 
 def in_radians(pose: RigidTransform) -> list[float]:
@@ -68,7 +69,7 @@ READINGS = {
 def test_a_wrong_reading_is_named_first_and_apply_repairs_it(cell: Measured, name: str) -> None:
     told, write, said = READINGS[name]
     session = rewritten(cell.session, told, write)
-    causes = causes_of(cell, session)
+    causes = causes_found(cell, session)
     assert causes[0].kind == "pose-reading"
     assert said in causes[0].title
     mended, undo = applied(session, changes_for(session, causes[0]))
@@ -81,7 +82,7 @@ def test_poses_of_other_captures_are_named_and_handed_back(cell: Measured, draw:
     assert callable(draw)
     places = draw(len(cell.observations), np.random.default_rng(5))
     session = reordered(cell.session, places)
-    cause = causes_of(cell, session)[0]
+    cause = causes_found(cell, session)[0]
     assert cause.kind == kind
     assert set(cause.captures) == {c.id for k, c in enumerate(session.captures) if places[k] != k}
     mended, _ = applied(session, changes_for(session, cause))
@@ -93,8 +94,8 @@ def test_poses_of_other_captures_are_named_and_handed_back(cell: Measured, draw:
 
 
 def test_right_poses_are_not_doubted(cell: Measured) -> None:
-    assert causes_of(cell, cell.session) == []
-    assert causes_of(cell, rewritten(cell.session, "ur", writer("ur", 1000.0, False))) == []
+    assert causes_found(cell, cell.session) == []
+    assert causes_found(cell, rewritten(cell.session, "ur", writer("ur", 1000.0, False))) == []
 
 
 def test_the_stage_fails_says_it_first_and_is_right_once_it_is_applied(
@@ -116,7 +117,7 @@ def test_rewriting_reaches_the_captures_of_other_stages(cell: Measured) -> None:
     record["captures"].append({**record["captures"][0], "id": "s1", "step": "scan"})
     session = Session.model_validate(record)
     tcp_alone = session.model_copy(update={"captures": session.captures[:-1]})
-    cause = causes_of(cell, tcp_alone)[0]
+    cause = causes_found(cell, tcp_alone)[0]
     assert cause.changes is not None
     assert "s1" not in cause.changes.captures
     assert changes_for(session, cause).captures["s1"] == cause.changes.captures[session.captures[0].id]
@@ -141,7 +142,7 @@ def test_files_in_metres_and_a_radius_for_the_diameter_are_named_where_nothing_c
 
 
 def test_a_cause_is_named_by_its_id_kind_or_place(cell: Measured) -> None:
-    causes = causes_of(cell, reordered(cell.session, swapped(14, np.random.default_rng(5))))
+    causes = causes_found(cell, reordered(cell.session, swapped(14, np.random.default_rng(5))))
     for name in (causes[0].id, "swapped-poses", "1"):
         assert cause_named(causes, name) is causes[0]
     with pytest.raises(InputError, match="a root cause among 'swapped-poses-"):
@@ -163,7 +164,8 @@ def test_a_moved_sphere_leaves_out_the_smaller_part(cell: Measured) -> None:
         for o, shift in zip(cell.observations, [np.zeros(3)] * 9 + [np.array([4.0, 0.0, 1.0])] * 5, strict=True)
     ]
     options = TcpOptions(position_sigma_mm=0.05, orientation_sigma_rad=2e-4, point_sigma_mm=0.02)
-    found = incident_record(solve_tcp(moved, cell.sphere, options).causes[0], cell.session.captures)
+    found = solve_tcp(moved, cell.sphere, options).causes[0]
+    found = causes_of([incident_finding(found, cell.session.captures)])[0]
     assert found.kind == "moved-sphere"
     assert found.changes is not None
     assert found.changes.captures == {c.id: {"excluded": True} for c in cell.session.captures[9:]}

@@ -11,6 +11,7 @@ from calib_core.causes.scales import scale_causes
 from calib_core.causes.session import session_causes
 from calib_core.causes.table import table_causes
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.findings import causes_of
 from calib_core.frames import RigidTransform
 from calib_core.records import RootCause, Session
 from calib_core.simulation import SimulatedSession, simulate
@@ -39,7 +40,7 @@ def causes_of_table(
     tool = RigidTransform(np.array(table.truth["tool0_from_laser"]), "tool0", "laser")
     turned = [c for c in session.captures if c.step == "turntable"]
     told = [TableObservation(spheres[c.id], float(np.deg2rad(c.table_deg or 0.0)), c.mount or "") for c in turned]
-    return table_causes(session.captures, told, SphereSize(40.0), tool)
+    return causes_of(table_causes(session.captures, told, SphereSize(40.0), tool))
 
 
 @pytest.mark.parametrize("name", ANGLES)
@@ -78,7 +79,7 @@ def test_scaled_profiles_are_named_and_read_rightly_once_it_is_applied(
 ) -> None:
     files = scaled_files(still.files, x, z)
     told = sphere_of(still.session.cell, [])
-    cause = scale_causes(still.session, still.session.captures, files.__getitem__, told)[0]
+    cause = causes_of(scale_causes(still.session, still.session.captures, files.__getitem__, told))[0]
     assert cause.kind == "scaled-profile"
     assert cause.point_settings.get("x_scale", 1.0) * x == pytest.approx(1, abs=0.006)
     assert cause.point_settings.get("z_scale", 1.0) * z == pytest.approx(1, abs=0.006)
@@ -88,17 +89,17 @@ def test_scaled_profiles_are_named_and_read_rightly_once_it_is_applied(
 
 def test_another_diameter_is_named(still: SimulatedSession) -> None:
     read, captures = still.files.__getitem__, still.session.captures
-    cause = scale_causes(still.session, captures, read, SphereSize(44.0))[0]
+    cause = causes_of(scale_causes(still.session, captures, read, SphereSize(44.0)))[0]
     assert cause.changes is not None
     assert cause.changes.cell == {"sphere_diameter_mm": 40.0}
-    assert scale_causes(still.session, captures, read, SphereSize(40.0)) == []
+    assert causes_of(scale_causes(still.session, captures, read, SphereSize(40.0))) == []
 
 
 def test_the_stage_says_first_that_its_profiles_are_scaled(still: SimulatedSession) -> None:
     files = scaled_files(still.files, 0.8, 1.0)
     result = run(still.session, files.__getitem__, "tcp")["tcp"]
     assert result.verdict == "fail"
-    assert "x is 1.25" in result.warnings[0]
+    assert "multiplied by x × 1.25" in result.warnings[0]
     mended, _ = applied(still.session, changes_for(still.session, result.causes[0]))
     again = run(mended, files.__getitem__, "tcp")["tcp"]
     assert again.verdict != "fail"

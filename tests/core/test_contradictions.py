@@ -6,14 +6,24 @@ import numpy as np
 import pytest
 
 from calib_core.arms.kinematics import NAMED_ARMS, arm_of, flange_of_joints, links_mm
-from calib_core.captures.contradictions import told_by_joints, unfit
+from calib_core.captures.contradictions import unfit
+from calib_core.causes.flange import flange_findings
 from calib_core.errors import InputError
-from calib_core.records import ArmJoint, ArmTable, Capture, Session
+from calib_core.findings import reasons_of, sentence_of
+from calib_core.records import ArmJoint, ArmTable, Capture, Cell, Session
 from calib_core.robots import to_pose
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import run
 
 JOINTS = [[10.0 * k, -80.0 + 5 * k, 95.0 - 3 * k, -100.0, 85.0 + k, 20.0 * k] for k in range(6)]
+
+
+def left_out(cell: Cell, captures: list[Capture]) -> dict[str, str]:
+    return reasons_of(unfit(cell, captures))
+
+
+def told_by_joints(cell: Cell, captures: list[Capture]) -> str:
+    return " ".join(sentence_of(finding) for finding in flange_findings(cell, captures))
 
 
 def test_an_arm_at_zero_stands_where_its_lengths_say() -> None:
@@ -73,7 +83,7 @@ def test_one_that_contradicts_the_others_is_not_used(more: dict[str, Any], words
     cell = cell.model_copy(
         update={"pose_convention": "kuka", "robot": cell.robot.model_copy(update={"arm": "ur5e"})}
     )
-    found = unfit(cell, captures_of(**more))
+    found = left_out(cell, captures_of(**more))
     assert list(found) == (["p3"] if words else [])
     assert words in found.get("p3", "")
 
@@ -83,10 +93,9 @@ def test_where_no_joints_give_their_pose_the_arm_is_at_fault() -> None:
     cell = cell.model_copy(
         update={"pose_convention": "kuka", "robot": cell.robot.model_copy(update={"arm": "ur10e"})}
     )
-    assert unfit(cell, captures_of()) == {}
+    assert left_out(cell, captures_of()) == {}
     for some in (captures_of(), captures_of()[:1]):
         told = told_by_joints(cell, some)
-        assert told is not None
         assert f"The joints of {len(some)} of {len(some)} captures do not give their poses" in told
 
 
@@ -94,9 +103,9 @@ def test_a_scanner_that_the_cell_does_not_have_is_told() -> None:
     cell = simulate("tcp", 1).session.cell
     cell = cell.model_copy(update={"pose_convention": "kuka", "scanners": {"left": cell.scanner}})
     named = [capture.model_copy(update={"scanner": "left"}) for capture in captures_of()]
-    assert unfit(cell, named) == {}
+    assert left_out(cell, named) == {}
     named[1] = named[1].model_copy(update={"scanner": "lft"})
-    assert unfit(cell, named) == {named[1].id: "its scanner lft is none of the cell's (left)"}
+    assert left_out(cell, named) == {named[1].id: "its scanner lft is none of the cell's (left)"}
 
 
 def test_joints_tell_that_a_tool_was_active_and_the_answer_says_so() -> None:
@@ -112,14 +121,13 @@ def test_joints_tell_that_a_tool_was_active_and_the_answer_says_so() -> None:
             for c, joints in zip(captures_of(), JOINTS, strict=True)
         ]
 
-    assert told_by_joints(cell, posed(np.eye(4))) is None
+    assert told_by_joints(cell, posed(np.eye(4))) == ""
     told = told_by_joints(cell, posed(tool))
-    assert told is not None
-    assert "of a tool on it at x 30, y 0, z 120 mm, turned by 90°" in told
-    assert unfit(cell, posed(tool)) == {}
+    assert "of a tool on it at x 30, y 0, z 120 mm, 90°" in told
+    assert left_out(cell, posed(tool)) == {}
     assert (
         told_by_joints(cell.model_copy(update={"robot": robot.model_copy(update={"arm": None})}), posed(tool))
-        is None
+        == ""
     )
 
 

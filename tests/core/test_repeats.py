@@ -7,11 +7,13 @@ import pytest
 
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.repeated import repeats
+from calib_core.findings import has
+from calib_core.findings.codes.tcp import LAG_NOT_CHECKED
 from calib_core.frames import RigidTransform
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.guide import ASK_FOR_REPEAT, review
-from calib_core.stages.tcp.record import NOT_CHECKED, TcpResult
+from calib_core.stages.tcp.record import TcpResult
 from tests.trouble import Trouble, troubled
 from tests.trouble.cell import profile_csv
 
@@ -48,7 +50,7 @@ def solved(lag_mm: float) -> TcpResult:
 def test_a_repeat_that_agrees_takes_the_place_of_not_checked() -> None:
     result = solved(0.0)
     assert result.verdict == "pass", result.warnings
-    assert not any(note.startswith(NOT_CHECKED) for note in result.notes)
+    assert not has(result.findings, LAG_NOT_CHECKED)
     assert any(note.startswith("Poses taken again") and "p004 and again" in note for note in result.notes)
     assert ASK_FOR_REPEAT not in review(result.to_json()).why
 
@@ -62,5 +64,5 @@ def test_a_repeat_from_the_other_side_shows_a_lag() -> None:
 def test_without_a_repeat_the_verdict_says_not_checked_and_the_guide_asks() -> None:
     clean = troubled(CLEAN, 0)
     result = solve_stage(clean.session, "tcp", clean.files.__getitem__)
-    assert any(note.startswith(NOT_CHECKED) for note in result.notes)
+    assert has(result.findings, LAG_NOT_CHECKED)
     assert guide(clean.session, [], {"tcp": result.to_json()}).current.why.endswith(ASK_FOR_REPEAT)

@@ -5,8 +5,10 @@ from itertools import count
 import numpy as np
 import pytest
 
+from calib_core.findings import has, verdict_of
+from calib_core.findings.codes.turntable import PLAY_NOT_CHECKED
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.turntable.play import NOT_CHECKED, with_play
+from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.record import TurntableResult
 from tests.trouble import TableTrouble, troubled_table
 
@@ -38,13 +40,13 @@ def test_an_angle_captured_again_takes_the_place_of_not_checked(without_play: Tu
     assert without_play.verdict == "pass", without_play.warnings
     [note] = [note for note in without_play.notes if "Angles captured again" in note]
     assert "t000 and t006" in note or "t007 and t013" in note
-    assert not any(note.startswith(NOT_CHECKED) for note in without_play.notes)
+    assert not has(without_play.findings, PLAY_NOT_CHECKED)
 
 
 def test_without_one_it_is_said_as_not_checked(without_play: TurntableResult) -> None:
     once = [row for row in without_play.residuals if row.capture not in ("t006", "t013")]
-    found = with_play(without_play.model_copy(update={"residuals": once, "notes": []}))
-    assert [note.startswith(NOT_CHECKED) for note in found.notes] == [True]
+    found = play_findings(without_play.model_copy(update={"residuals": once}))
+    assert [finding.code for finding in found] == [PLAY_NOT_CHECKED.name]
 
 
 def test_an_angle_captured_from_the_other_side_shows_the_play(without_play: TurntableResult) -> None:
@@ -52,9 +54,9 @@ def test_an_angle_captured_from_the_other_side_shows_the_play(without_play: Turn
         row.model_copy(update={"angle_deg": row.angle_deg + 0.3}) if row.capture == "t006" else row
         for row in without_play.residuals
     ]
-    found = with_play(without_play.model_copy(update={"residuals": turned, "notes": []}))
-    assert found.verdict == "warn"
-    assert "t000 and t006 are one angle of the table" in found.warnings[-1]
+    found = play_findings(without_play.model_copy(update={"residuals": turned}))
+    assert verdict_of(found) == "warn"
+    assert "t000 and t006 are one angle of the table" in found[-1].text
 
 
 def test_play_of_a_whole_session_is_no_pass() -> None:

@@ -11,13 +11,20 @@ from cells import ESTIMATED, GIVEN, SPHERE, Cell
 from calib_core.chain.answer import surface_distances
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
+from calib_core.findings import judgement, reasons_of
 from calib_core.frames import FloatArray
-from calib_core.stages.tcp.verdict import tcp_verdict
+from calib_core.stages.tcp.verdict import tcp_findings
 
 CHI2_6_RARE = 27.9  # one in ten thousand
 
 
 cell = Cell.of
+
+
+def told(solution: TcpSolution) -> tuple[str, list[str]]:
+    """Return the verdict on a solution and its warnings."""
+    made = judgement(tcp_findings(solution))
+    return made["verdict"], made["warnings"]
 
 
 def squared(vector: FloatArray, covariance: FloatArray) -> float:
@@ -48,7 +55,7 @@ def test_every_kind_of_capture_gives_the_truth_within_its_uncertainty(scenario: 
         assert squared(off, solution.covariance[6:9, 6:9]) < 21.1  # χ² of 3 at 1e-4
         sides = of.simulated.truth["sides"]
         assert {c: int(s) for c, s in zip(solution.captures, solution.sides, strict=True) if s} == sides
-        assert tcp_verdict(solution)[0] != "fail"
+        assert told(solution)[0] != "fail"
 
 
 def test_the_stated_uncertainty_is_not_idle() -> None:
@@ -120,18 +127,18 @@ def test_a_wrong_pose_names_its_twin_and_a_moved_sphere_its_distance(options: Tc
     faults = of.simulated.truth["faults"]
     assert not solution.used[of.spoiled].any()
     assert solution.used[~of.spoiled].all()
-    reasons = dict(zip(solution.captures, solution.reasons, strict=True))
+    reasons = reasons_of(tcp_findings(solution))
     pose_of = {c.id: c.pose for c in of.simulated.session.captures}
     for name, fault in faults.items():
-        reason = reasons[name] or ""
+        reason = reasons[name]
         if fault == "wrong-pose":
             twins = [other for other, pose in pose_of.items() if pose == pose_of[name] and other != name]
             assert f"its pose is that of {twins[0]}." in reason
         else:
             stated = float(reason.split("appears ")[1].split(" mm")[0])
             assert stated == pytest.approx(3.0, abs=0.6)  # along y a profile tells less
-    assert all((reason is None) == used for reason, used in zip(solution.reasons, solution.used, strict=True))
-    verdict, warnings = tcp_verdict(solution)
+    assert all((name in reasons) != used for name, used in zip(solution.captures, solution.used, strict=True))
+    verdict, warnings = told(solution)
     assert verdict == "warn"
     assert all(name in " ".join(warnings) for name in faults)
     assert squared_error(of, solution) < CHI2_6_RARE
@@ -156,7 +163,7 @@ def test_a_sphere_that_moved_for_good_is_said_with_when(which: Sequence[int], sa
     moved = solution.causes[0].sentence
     assert said in moved
     assert float(moved.split("moved by ")[1].split(" mm")[0]) == pytest.approx(2.7, abs=0.5)
-    verdict, warnings = tcp_verdict(solution)
+    verdict, warnings = told(solution)
     assert verdict == "warn"
     assert warnings[0] == moved
 
@@ -174,7 +181,7 @@ def test_sigmas_given_far_too_small_make_nothing_too_certain(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [0, 33, 34])  # where one profile on its other side left the median as it was
 def test_clear_sides_are_not_doubted(seed: int) -> None:
-    verdict, warnings = tcp_verdict(cell("tcp", seed).solve(GIVEN))
+    verdict, warnings = told(cell("tcp", seed).solve(GIVEN))
     assert (verdict, warnings) == ("pass", [])
 
 
@@ -183,7 +190,7 @@ def test_five_captures_never_get_a_plain_pass() -> None:
     of = cell("tcp", 3)
     five = [of.observations[k] for k in (0, 1, 4, 7, 10)]
     for options in (GIVEN, ESTIMATED):
-        verdict, warnings = tcp_verdict(solve_tcp(five, SPHERE, options))
+        verdict, warnings = told(solve_tcp(five, SPHERE, options))
         assert verdict != "pass"
         assert any("Only 5 captures are used" in w for w in warnings)
 
@@ -211,7 +218,7 @@ def test_a_scale_error_of_two_per_cent_is_found(axis: int, name: str) -> None:
     solution = solve_tcp(scaled, SPHERE, GIVEN)
     found = {e.name: e.error for e in solution.held.errors}
     assert found[name] == pytest.approx(0.02, rel=0.35)
-    verdict, warnings = tcp_verdict(solution)
+    verdict, warnings = told(solution)
     assert verdict != "pass"
     assert any(f"{name[-1]} scale seems wrong" in w for w in warnings)
 

@@ -63,7 +63,7 @@ def test_a_scanner_that_warms_up_is_found_with_how_far_and_until_when(seed: int)
     assert 2 * 60 < (found.settling_s or 0) < 7 * 60
     assert found.again[0] == "p000"
     assert 2 <= len(found.again) <= 8
-    assert f"± {found.uncertainty_mm:.2f} mm, most of it in the first" in found.sentence
+    assert f"± {found.uncertainty_mm:.2f} mm. Most of it was in the first" in found.sentence
     assert "minutes" in found.sentence
 
 

@@ -7,46 +7,41 @@ import numpy as np
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.table_judging import TABLE_COLUMN
 from calib_core.chain.whole import ChainSolution
+from calib_core.findings import Code, Finding, judgement
+from calib_core.findings.codes import turntable as codes
 from calib_core.frames import FloatArray
-from calib_core.records import Result, Verdict
+from calib_core.records import Result
 from calib_core.records.results import ArmErrorsFound, OpticsShift, ScannerFound
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult, ToolResult
 from calib_core.stages.tcp.result import by_pose, tcp_result
-from calib_core.stages.tcp.verdict import beyond_told_sigma, doubts_about_two_steps
 from calib_core.stages.turntable.result import table_fields, table_rows, variance_components
-from calib_core.stages.turntable.verdict import scatters_by_table, turntable_verdict
 
 METHOD = (
     "joint maximum likelihood over all points of both kinds of captures, errors of poses and angles integrated out"
 )
 _CHI2_6_RARE, _CHI2_5_RARE = 22.5, 20.5  # 99.9 %
-_ORDER: tuple[Verdict, ...] = ("pass", "warn", "fail")
 
 
 def chain_result(
-    solution: ChainSolution, observations: Sequence[TableObservation], software: str, inputs_sha256: str
+    solution: ChainSolution,
+    observations: Sequence[TableObservation],
+    software: str,
+    inputs_sha256: str,
+    findings: Sequence[Finding],
 ) -> ChainResult:
-    """Return a solution as a record, with its verdict; `observations` are those of the table."""
+    """Return a solution as a record, with what was noticed; `observations` are those of the table."""
     table = solution.turntable
-    tcp = tcp_result(solution.tcp, software, inputs_sha256)
-    table_verdict, table_warnings = turntable_verdict(table, observations)
-    doubts, of_tcp = _disagreements(solution), tcp.warnings
-    if table.tool_move and table.tool_move.sentence:  # the rest follows from it
-        doubts = [table.tool_move.sentence]
-        of_tcp = [one for one in of_tcp if one not in doubts_about_two_steps(solution.tcp)]
-    verdicts: list[Verdict] = [tcp.verdict, table_verdict, "warn" if doubts else "pass"]
+    tcp = tcp_result(solution.tcp, software, inputs_sha256, findings)
     return ChainResult(
         stage="chain",
         method=METHOD,
         software=software,
         inputs_sha256=inputs_sha256,
-        verdict=max(verdicts, key=_ORDER.index),
-        warnings=list(dict.fromkeys([*doubts, *of_tcp, *table_warnings])),
-        notes=_notes(solution, tcp),
+        **judgement(findings),
         turntable_covariance=table.covariance.pose.tolist(),
         cross_covariance=solution.cross_covariance.tolist(),
-        residuals=[*tcp.residuals, *table_rows(observations, table)],
+        residuals=[*tcp.residuals, *table_rows(observations, table, findings)],
         **{name: getattr(tcp, name) for name in ToolResult.model_fields.keys() - Result.model_fields.keys()}
         | {
             "variance_components": variance_components(table),
@@ -56,13 +51,6 @@ def chain_result(
         },
         **table_fields(observations, table),
     )
-
-
-def _notes(solution: ChainSolution, tcp: TcpResult) -> list[str]:
-    """Return the tool's notes, but for what the table is doubted for."""
-    table, told_mm = solution.turntable, solution.turntable.options.position_sigma_mm
-    said = beyond_told_sigma(table.sigmas, told_mm) if scatters_by_table(table) else []
-    return [note for note in tcp.notes if note not in said]
 
 
 def _with_table(scanner: ScannerFound, solution: ChainSolution) -> ScannerFound:
@@ -91,21 +79,18 @@ def _optics(solution: ChainSolution, tcp: TcpResult) -> list[OpticsShift]:
     return [shift.model_copy(update={"turntable": move.tolist()}) for shift, move in pairs]
 
 
-def _disagreements(solution: ChainSolution) -> list[str]:
-    found: list[str] = []
+def disagreements(solution: ChainSolution) -> list[Finding]:
+    """Return where one kind of captures alone gives another answer than both."""
+    found: list[Finding] = []
     if solution.tcp_distance > _CHI2_6_RARE:
-        found.append(
-            f"The tcp stage alone gives a tool that differs {_words(solution.tcp_difference)}, more than its "
-            "uncertainty allows: the captures of the table contradict those of the still sphere. Check that "
-            "sphere, scanner mounting and robot are the same in both."
-        )
+        found.append(_differs(codes.CHAIN_TOOL_DIFFERS, solution.tcp_difference))
     if solution.turntable_distance > _CHI2_5_RARE:
-        found.append(
-            f"The turntable stage alone gives a frame that differs {_words(solution.turntable_difference)}, more "
-            "than its uncertainty allows: check the table's wobble, its angles, and that the scanner sits firmly."
-        )
+        found.append(_differs(codes.CHAIN_TABLE_DIFFERS, solution.turntable_difference))
     return found
 
 
-def _words(difference: FloatArray) -> str:
-    return f"by {np.linalg.norm(difference[3:]):.3f} mm and {np.rad2deg(np.linalg.norm(difference[:3])):.3f}°"
+def _differs(code: Code, difference: FloatArray) -> Finding:
+    return code(
+        shift_mm=float(np.linalg.norm(difference[3:])),
+        turn_deg=float(np.rad2deg(np.linalg.norm(difference[:3]))),
+    )

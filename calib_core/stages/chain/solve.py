@@ -1,14 +1,19 @@
 """The whole chain: tool and turntable from all captures of both together."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from calib_core.captures.lost_rays import with_lost_rays
+from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.errors import InputError
+from calib_core.findings import Finding, judged
 from calib_core.graph.stage import SOFTWARE
-from calib_core.graph.stage_input import StageInput
+from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.tcp.solve import with_unused
-from calib_core.stages.turntable.solve import part_of, table_of, table_options, tcp_of, tool_of, with_table_causes
+from calib_core.stages.tcp.solve import with_all_rows
+from calib_core.stages.turntable.solve import findings_of_table, part_of, table_of, table_options, tcp_of, tool_of
+
+if TYPE_CHECKING:
+    from calib_core.chain.whole import ChainSolution
 
 _TABLE_SHARE = 0.7
 
@@ -17,8 +22,7 @@ def solve(given: StageInput) -> ChainResult:
     """Return tool and turntable from all captures of both; raises as the two stages do."""
     from calib_core.chain.whole import solve_chain
     from calib_core.stages.chain.result import chain_result
-    from calib_core.stages.tcp.verdict import with_repeats
-    from calib_core.stages.turntable.play import with_play
+    from calib_core.stages.turntable.play import play_findings
 
     turning = [capture for capture in given.captures if capture.step == "turntable"]
     for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
@@ -47,10 +51,29 @@ def solve(given: StageInput) -> ChainResult:
         from calib_core.captures.frame_uncertainty import chain_with_calibration_uncertainty
 
         solution = chain_with_calibration_uncertainty(given.session, given.read, solution)
-    result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256)
-    result = with_repeats(result, solved.observations, solution.tcp.sigmas)
+    found = _findings(given, solved, table, solution)
+    result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256, found)
     if given.session.cell.turntable.angles != "unknown":
-        result = with_play(result)
-    result = with_lost_rays(result, [*solved.observations, *(one.sphere for one in table.observations)])
-    result = with_table_causes(result, given, table, solved.sphere, tool.tool0_from_laser)
-    return with_unused(result, given.captures, solved.unused | table.unused)
+        result = judged(result, play_findings(result))
+    return with_all_rows(result, given.captures, [*solved.unused, *table.unused])
+
+
+def _findings(
+    given: StageInput, solved: SolvedTcp, table: SolvedTable, solution: "ChainSolution"
+) -> list[Finding]:
+    """Return all that is noticed: of tool, table and captures, and where both kinds of these disagree."""
+    from calib_core.stages.chain.result import disagreements
+    from calib_core.stages.tcp.result import solution_findings
+    from calib_core.stages.tcp.verdict import lag_findings
+
+    tool = solved.solution.joint.tool0_from_laser
+    both = [*solved.observations, *(one.sphere for one in table.observations)]
+    return [
+        *disagreements(solution),
+        *findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere, tool),
+        *solution_findings(solution.tcp, given.captures),
+        *lag_findings(solved.observations, solution.tcp.sigmas),
+        *lost_rays_of(both),
+        *solved.unused,
+        *table.unused,
+    ]

@@ -9,11 +9,12 @@ from calib_core.captures.camera_source import camera_of
 from calib_core.captures.dark_boards import PlaneViews
 from calib_core.errors import InputError
 from calib_core.estimation import chance_of
+from calib_core.findings import Finding, judgement
+from calib_core.findings.codes import recheck as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.optics.hand_eye import HandEye
-from calib_core.records import Verdict
 from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.hand_eye.record import Agreement, HandEyeResidual, HandEyeResult
 
@@ -49,13 +50,11 @@ def solve(given: StageInput) -> HandEyeResult:
     residuals = _residuals(found, frames)
     tool, covariance = _with_plane(given, found)
     agreement = None if tool is None or covariance is None else _agreement(given, tool, covariance)
-    verdict, warnings = _judged(found, agreement)
     return HandEyeResult(
         method="A X = Z B in closed form, then by maximum likelihood of the robot's pose errors",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict=verdict,
-        warnings=warnings,
+        **judgement(_noticed(found, agreement)),
         tool0_from_camera=found.tool0_from_camera.to_rows(),
         covariance=found.covariance[:6, :6].tolist(),
         base_from_board=found.base_from_board.to_rows(),
@@ -150,15 +149,14 @@ def agreement_of(
     )
 
 
-def _judged(found: HandEye, agreement: Agreement | None) -> tuple[Verdict, list[str]]:
+def _noticed(found: HandEye, agreement: Agreement | None) -> list[Finding]:
     sigmas = np.sqrt(np.diag(found.covariance)[:6])
     if float(np.rad2deg(sigmas[:3].max())) > _WELL_SIGMA_DEG or float(sigmas[3:].max()) > _WELL_SIGMA_MM:
-        to_do = "Take the board from more robot poses, turned by 20° about different axes."
-        return "warn", [f"The camera on the flange is hardly determined by these frames. {to_do}"]
+        return [codes.CAMERA_WEAK()]
     if agreement is not None and agreement.chance < _RARE:
-        return "warn", [
-            f"Board and sphere give tools {agreement.shift_mm:.3f} mm and {agreement.angle_deg:.3f}° apart, "
-            f"{agreement.distance:.1f} of both uncertainties: check the board's pitch, the sphere's diameter, and "
-            "that neither board nor sphere nor scanner moved in between."
+        return [
+            codes.BOARD_AND_SPHERE_DIFFER(
+                shift_mm=agreement.shift_mm, turn_deg=agreement.angle_deg, times=agreement.distance
+            )
         ]
-    return "pass", []
+    return []

@@ -9,6 +9,7 @@ from calib_core.captures.lost_rays import lost_rays
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.evidence.words import not_used
+from calib_core.findings import sentence_of
 from calib_core.frames import FloatArray
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
@@ -192,7 +193,7 @@ def plane_failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str
 
 def _notes(solution: PlaneSolution) -> list[str]:
     dropped = sum(view.without_ray for view in solution.views)
-    found = lost_rays(dropped)
+    found = [sentence_of(finding) for finding in lost_rays(dropped)]
     if not solution.camera_held:
         return found
     return [

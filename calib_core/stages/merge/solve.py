@@ -13,6 +13,7 @@ from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
 from calib_core.errors import InputError
+from calib_core.findings import reasons_of
 from calib_core.formats.format import Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray, RigidTransform
@@ -111,7 +112,7 @@ def plan_merge(given: StageInput) -> MergePlan:
         raise InputError(
             "captures with step 'scan'", "none that is not excluded", "Scan the object from around.", "captures"
         )
-    unused = unfit(given.session.cell, captures)
+    unused = reasons_of(unfit(given.session.cell, captures))
     groups = scan_groups([capture for capture in captures if capture.id not in unused])
     calibration = _calibration(given, with_table=any(capture.table_deg is not None for capture in captures))
     settings = given.session.cell.merge

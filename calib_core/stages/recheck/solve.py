@@ -6,12 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.captures.content import sphere_of
+from calib_core.captures.contradictions import EXCLUDED
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MotionError
+from calib_core.findings import Finding, judgement, reasons_of, sentence_of
+from calib_core.findings.codes import recheck as codes
 from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
-from calib_core.records import Verdict
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.recheck.compare import Alike, Change, compared
 from calib_core.stages.recheck.record import Changed, RecheckResidual, RecheckResult, RecheckRound
@@ -22,17 +24,6 @@ from calib_core.stages.verify.held_out import Tool
 ENOUGH = 3
 _ANSWER_SHARE = 0.6
 _NEAR_MM, _NEAR_RAD = 20.0, float(np.deg2rad(3.0))
-_SENTENCES: dict[Changed, str] = {
-    "nothing": "The calibration still holds: a point is seen {change} mm from where it was seen, "
-    "which noise and the robot's repeatability explain.",
-    "tool": "The scanner sits differently on the flange: a point is seen {change} mm from where it was seen.",
-    "sphere": "The sphere or the robot's base moved by {change} mm; the tool may still hold: put the sphere back, "
-    "or calibrate again.",
-    "tool-or-sphere": "Scanner or sphere moved: a point is seen {change} mm from where it was seen. Poses turned "
-    "further apart tell which.",
-    "unclear": "The captures differ by {change} mm from those of the calibration in a way that neither a moved "
-    "sphere nor a moved scanner explains: see each capture, then calibrate again.",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,18 +76,19 @@ def solve(given: StageInput) -> RecheckResult:
         )
         told.append(_told(of_round, change))
         rows += _rows(of_round, change)
-    unused = {name: reason for name, reason in {**observed.unused, **alone}.items() if name in own}
+    out = {capture.id: str(EXCLUDED) for capture in given.captures if capture.excluded}
+    not_repeated = [codes.POSE_NOT_REPEATED(alone)] if alone else []
+    reasons = {**out, **reasons_of([*observed.unused, *not_repeated])}
+    unused = {name: reason for name, reason in reasons.items() if name in own}
     rows += [RecheckResidual(capture=name, used=False, reason=reason) for name, reason in unused.items()]
     order = [capture.id for capture in given.captures if capture.step == "recheck"]
     last = told[-1]
-    verdict, warnings = _judged(last, len({pair.now.capture for pair in pairs if pair.round == rounds[-1]}))
+    found = _noticed(last, len({pair.now.capture for pair in pairs if pair.round == rounds[-1]}))
     return RecheckResult(
         method="figures of repeated captures, now minus then, by their noise and the robot's repeatability",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict=verdict,
-        warnings=warnings,
-        notes=[last.sentence] if last.changed == "nothing" else [],
+        **judgement([*found, *not_repeated]),
         rechecked=stage,
         holds=last.changed == "nothing",
         changed=last.changed,
@@ -107,25 +99,22 @@ def solve(given: StageInput) -> RecheckResult:
     )
 
 
-def _paired(
-    now: Sequence[SphereObservation], then: Sequence[SphereObservation]
-) -> tuple[list[_Pair], dict[str, str]]:
+def _paired(now: Sequence[SphereObservation], then: Sequence[SphereObservation]) -> tuple[list[_Pair], list[str]]:
     """Return each capture with the nearest of the calibration; a pose that comes again begins a round."""
     pairs: list[_Pair] = []
-    alone: dict[str, str] = {}
+    alone: list[str] = []
     number, seen = 1, dict[str, str]()
     for one in now:
         nearest = min((o for o in then if o.kind == one.kind), key=lambda o: _distance(one, o), default=None)
         if nearest is None or _distance(one, nearest) > 1:
-            alone[one.capture] = (
-                "no capture of the calibration within 20 mm and 3° of its pose. Drive to a pose of the calibration"
-            )
+            alone.append(one.capture)
             continue
         if seen.get(nearest.capture, one.capture) != one.capture:
             number, seen = number + 1, {}
         seen[nearest.capture] = one.capture
         pairs.append(_Pair(nearest, one, number))
-    return pairs, {name: why for name, why in alone.items() if all(pair.now.capture != name for pair in pairs)}
+    paired = {pair.now.capture for pair in pairs}
+    return pairs, [name for name in dict.fromkeys(alone) if name not in paired]
 
 
 def is_repeated(one: RigidTransform, other: RigidTransform) -> bool:
@@ -144,7 +133,6 @@ def _apart(one: RigidTransform, other: RigidTransform) -> float:
 
 
 def _told(pairs: Sequence[_Pair], change: Change) -> RecheckRound:
-    text = f"{change.change_mm:.2f} ± {change.uncertainty_mm:.2f}"
     return RecheckRound(
         captures=list(dict.fromkeys(pair.now.capture for pair in pairs)),
         change_mm=change.change_mm,
@@ -152,7 +140,7 @@ def _told(pairs: Sequence[_Pair], change: Change) -> RecheckRound:
         change_in_laser_mm=change.shift_in_laser_mm.tolist(),
         chance=change.chance,
         changed=change.changed,
-        sentence=_SENTENCES[change.changed].format(change=text),
+        sentence=sentence_of(_finding(change.changed, change.change_mm, change.uncertainty_mm)),
     )
 
 
@@ -179,11 +167,15 @@ def _rows(pairs: Sequence[_Pair], change: Change) -> list[RecheckResidual]:
     return rows
 
 
-def _judged(last: RecheckRound, captures: int) -> tuple[Verdict, list[str]]:
-    if last.changed != "nothing":
-        return "fail", [last.sentence]
-    if captures < ENOUGH:
-        return "warn", [
-            f"{captures} of {ENOUGH} captures: repeat more poses of the calibration, turned differently."
-        ]
-    return "pass", []
+def _finding(changed: Changed, change_mm: float, uncertainty_mm: float) -> Finding:
+    if changed == "nothing":
+        return codes.STILL_HOLDS(change_mm=change_mm, uncertainty_mm=uncertainty_mm)
+    return codes.CALIBRATION_CHANGED(changed=changed, change_mm=change_mm, uncertainty_mm=uncertainty_mm)
+
+
+def _noticed(last: RecheckRound, captures: int) -> list[Finding]:
+    """Return whether the calibration holds, and whether so few captures can tell."""
+    found = [_finding(last.changed, last.change_mm, last.uncertainty_mm)]
+    if last.changed == "nothing" and captures < ENOUGH:
+        found.append(codes.FEW_REPEATED(count=captures, enough=ENOUGH))
+    return found

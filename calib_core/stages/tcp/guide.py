@@ -8,6 +8,8 @@ import numpy as np
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
 from calib_core.evidence.words import listed
+from calib_core.findings import has_code
+from calib_core.findings.codes.tcp import LAG_NOT_CHECKED
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
 from calib_core.guidance.sphere_guess import SeenCenter, probable_place
@@ -26,7 +28,6 @@ from calib_core.stages.tcp.motion import (
     next_turn,
     turn_between_deg,
 )
-from calib_core.stages.tcp.record import NOT_CHECKED
 
 ASK_FOR_REPEAT = (
     "Nothing shows a lag that is always in one direction yet: drive to an earlier pose again from the other side, "
@@ -326,7 +327,7 @@ def review(
     else:
         instruction = look
         why = _sentence(doubts[0]) if doubts else "An answer is as good as its evidence."
-        if any(note.startswith(NOT_CHECKED) for note in result.get("notes", [])):
+        if has_code(result, LAG_NOT_CHECKED):
             why += " " + ASK_FOR_REPEAT
     return GuideNow(
         step=step,

@@ -16,9 +16,6 @@ from calib_core.records.results import (
     VarianceComponents,
 )
 
-NOT_CHECKED = "Not checked: a lag that is always in one direction"
-"""How the note begins that stands where no pose was taken again from another side."""
-
 
 class TcpResidual(CaptureResidual):
     """Figures of one capture of the sphere, in millimetres unless the name says otherwise.

@@ -1,5 +1,7 @@
 """The TCP's solution as the record that is stored, sent and archived."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib_core.arms.alike import REACH_MM, REACH_RAD
@@ -9,36 +11,31 @@ from calib_core.chain.model import Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp import TcpSolution
+from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Undetermined, VarianceComponents
+from calib_core.records import Capture, Undetermined, VarianceComponents
 from calib_core.records.results import ArmErrorsFound, AtPoint, LeftInFiles, OpticsShift, ScannerFound
 from calib_core.stages.tcp.record import TcpResidual, TcpResult, TwoStep
-from calib_core.stages.tcp.verdict import tcp_notes, tcp_verdict
-from calib_core.stages.tcp.warm_up import is_covered, session_drift
+from calib_core.stages.tcp.verdict import tcp_findings
+from calib_core.stages.tcp.warm_up import drift_findings, session_drift
 
 METHOD = "joint maximum likelihood over points, pose errors integrated out"
 _NAMES = ("rx_deg", "ry_deg", "rz_deg", "tx_mm", "ty_mm", "tz_mm")
 
 
-def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpResult:
-    """Return a solution as a record, with its verdict."""
-    verdict, warnings = tcp_verdict(solution)
+def tcp_result(
+    solution: TcpSolution, software: str, inputs_sha256: str, findings: Sequence[Finding] | None = None
+) -> TcpResult:
+    """Return a solution as a record; its findings are what the solution itself shows, if none are given."""
+    found = solution_findings(solution) if findings is None else findings
     joint = solution.joint
     covariance = solution.covariance
-    notes = tcp_notes(solution)
-    drift = session_drift(solution)
-    if drift is not None and drift.found and is_covered(drift, solution):
-        notes = [drift.sentence, *notes]
-    elif drift is not None and drift.found:
-        verdict, warnings = ("warn" if verdict == "pass" else verdict), [*warnings, drift.sentence]
     return TcpResult(
         stage="tcp",
         method=METHOD,
         software=software,
         inputs_sha256=inputs_sha256,
-        verdict=verdict,
-        warnings=warnings,
-        notes=notes,
+        **judgement(found),
         tool0_from_laser=joint.tool0_from_laser.to_rows(),
         covariance=covariance[:6, :6].tolist(),
         sphere_center_in_base_mm=joint.center_in_base_mm.tolist(),
@@ -47,7 +44,8 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
         leave_one_out_surface_rms_mm=joint.leave_one_out_surface_rms_mm,
         center_scatter_rms_mm=joint.center_scatter_rms_mm,
         undetermined=[
-            Undetermined(direction=d.direction.tolist(), description=d.description) for d in solution.undetermined
+            Undetermined(direction=d.direction.tolist(), description=str(d.description))
+            for d in solution.undetermined
         ],
         two_step=_two_step(solution),
         variance_components=_variance_components(solution),
@@ -58,9 +56,14 @@ def tcp_result(solution: TcpSolution, software: str, inputs_sha256: str) -> TcpR
         ),
         arm_errors=_arm_errors(solution),
         confidence_95=_confidence(covariance),
-        warm_up=drift,
-        residuals=_residuals(solution),
+        warm_up=session_drift(solution),
+        residuals=_residuals(solution, found),
     )
+
+
+def solution_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> list[Finding]:
+    """Return what a solution shows, its drift too."""
+    return [*tcp_findings(solution, captures), *drift_findings(solution)]
 
 
 def _confidence(covariance: FloatArray) -> dict[str, float]:
@@ -186,13 +189,14 @@ def _two_step(solution: TcpSolution) -> TwoStep:
     )
 
 
-def _residuals(solution: TcpSolution) -> list[TcpResidual]:
+def _residuals(solution: TcpSolution, findings: Sequence[Finding]) -> list[TcpResidual]:
+    reasons = reasons_of(findings)
     joint, influence = solution.joint, solution.influence
     return [
         TcpResidual(
             capture=name,
             used=bool(solution.used[k]),
-            reason=solution.reasons[k],
+            reason=None if solution.used[k] else reasons.get(name),
             points=solution.points[k],
             surface_rms_mm=float(joint.capture_rms_mm[k]),
             center_distance_mm=float(np.linalg.norm(joint.offset_in_base_mm[k])),

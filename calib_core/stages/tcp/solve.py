@@ -1,18 +1,20 @@
 """The tcp stage: every capture of the sphere observed, the joint solve, one row of residuals a capture."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 from calib_core.captures.content import sphere_of
-from calib_core.captures.contradictions import told_by_joints, unfit
-from calib_core.captures.lost_rays import with_lost_rays
+from calib_core.captures.contradictions import EXCLUDED, first_reasons, unfit
+from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.chain.observations import SphereObservation
-from calib_core.errors import MeasurementError, MotionError
-from calib_core.evidence.words import not_used
+from calib_core.errors import CalibrationError, MeasurementError, MotionError
+from calib_core.findings import Finding, reasons_of, sentence_of, verdict_of
+from calib_core.findings.codes.captures import CAPTURE_DUPLICATE, CAPTURE_NOT_MEASURED
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, SolvedTcp, StageInput
+from calib_core.messages import Value
 from calib_core.records import Capture
 from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.stages.chain.record import ChainResult
@@ -23,7 +25,6 @@ from calib_core.stages.turntable.record import TurntableResidual, TurntableResul
 _MEASURING_SHARE = 0.3
 _SUSPICIOUS_SCATTER_MM = 1.0  # arms that are read rightly stay below
 _SUSPICIOUS_SCALE = 0.015  # scanners that are read rightly stay below
-_EXPLAINS_ALL = ("pose-reading", "scaled-profile", "sphere-diameter")
 
 
 def solve(given: StageInput) -> TcpResult:
@@ -39,57 +40,50 @@ def solve(given: StageInput) -> TcpResult:
         If the motions do not determine the answer.
     """
     from calib_core.stages.tcp.result import tcp_result
-    from calib_core.stages.tcp.verdict import with_repeats
 
     try:
         solved = solve_tcp_captures(given)
     except MeasurementError as error:
-        doubt = _doubt_of_pitch(given)
-        raise (error.adding(doubt) if doubt else error) from None
-    result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256)
-    result = with_repeats(result, solved.observations, solved.solution.sigmas)
-    result = with_lost_rays(result, solved.observations)
-    result = _with_causes(with_unused(result, given.captures, solved.unused), given, solved)
-    if whose := told_by_joints(given.session.cell, [c for c in given.captures if c.id not in solved.unused]):
-        verdict = "warn" if result.verdict == "pass" else result.verdict
-        from calib_core.causes.flange import flange_causes
-
-        causes = flange_causes(given.session.cell, [c for c in given.captures if c.id not in solved.unused])
-        told = {"verdict": verdict, "warnings": [whose, *result.warnings], "causes": [*result.causes, *causes]}
-        result = result.model_copy(update=told)
-    doubt = _doubt_of_pitch(given) if result.verdict == "fail" else None
-    return result.model_copy(update={"warnings": [*result.warnings, doubt]}) if doubt else result
+        doubts = _doubts_of_pitch(given)
+        raise (error.adding(sentence_of(doubts[0])) if doubts else error) from None
+    found = _findings(given, solved)
+    if verdict_of(found) == "fail":
+        found += _doubts_of_pitch(given)
+    result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256, found)
+    return with_all_rows(result, given.captures, solved.unused)
 
 
-def _with_causes(result: TcpResult, given: StageInput, solved: SolvedTcp) -> TcpResult:
-    """Return the result with its root causes; where poses do not belong to the scans, that is all that is said."""
-    from calib_core.causes.incidents import incident_record
+def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
+    """Return all that is noticed of solution and captures, and what would explain doubts about the poses."""
+    from calib_core.causes.flange import flange_findings
+    from calib_core.stages.tcp.result import solution_findings
+    from calib_core.stages.tcp.verdict import lag_findings
 
-    happened = [incident_record(cause, given.captures) for cause in solved.solution.causes]
-    if not _is_doubtful(result, solved):
-        return result.model_copy(update={"causes": happened})
+    found = solution_findings(solved.solution, given.captures)
+    found += lag_findings(solved.observations, solved.solution.sigmas)
+    found += lost_rays_of(solved.observations)
+    causes = _causes_of_poses(given, solved) if _is_doubtful(found, solved) else []
+    about_causes = {name for cause in causes for name in cause.captures}
+    told = [one for one in found if not (one.remedy is not None and about_causes & set(one.captures))]
+    fit = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
+    return [*flange_findings(given.session.cell, fit), *causes, *told, *solved.unused]
+
+
+def _causes_of_poses(given: StageInput, solved: SolvedTcp) -> list[Finding]:
+    """Return what would make doubtful captures fit: another reading of the poses, or other lengths."""
     from calib_core.causes.poses import pose_causes
 
     given.progress(0.97, "Trying other readings of the poses")
     found = pose_causes(given.session.cell, given.captures, solved.observations, solved.sphere)
-    if not found and not happened:
+    if not found and not solved.solution.causes:
         from calib_core.causes.scales import scale_causes
 
         given.progress(0.98, "Trying other lengths")
         found = scale_causes(given.session, given.captures, given.read, solved.sphere)
-    if not found:
-        return result.model_copy(update={"causes": happened})
-    about = {name for cause in found for name in cause.captures}
-    others = [cause for cause in happened if not about & set(cause.captures)]
-    if any(cause.kind in _EXPLAINS_ALL for cause in found):
-        return result.model_copy(update={"verdict": "fail", "warnings": [found[0].sentence], "causes": found})
-    explained = {cause.sentence for cause in happened if cause not in others}
-    warnings = [found[0].sentence, *(said for said in result.warnings if said not in explained)]
-    verdict = "warn" if result.verdict == "pass" else result.verdict
-    return result.model_copy(update={"verdict": verdict, "warnings": warnings, "causes": [*found, *others]})
+    return found
 
 
-def _is_doubtful(result: TcpResult, solved: SolvedTcp) -> bool:
+def _is_doubtful(found: Sequence[Finding], solved: SolvedTcp) -> bool:
     """Return whether the poses are to be doubted: nothing fits, or several captures contradict the others."""
     rejected = int((~solved.solution.used).sum())
     scaled = any(
@@ -98,17 +92,18 @@ def _is_doubtful(result: TcpResult, solved: SolvedTcp) -> bool:
         if error.name in ("scale_x", "scale_z", "arm_scale")
     )
     scattered = solved.solution.start_scatter_mm > _SUSPICIOUS_SCATTER_MM
-    return result.verdict == "fail" or scattered or scaled or rejected > 1
+    return verdict_of(found) == "fail" or scattered or scaled or rejected > 1
 
 
-def _doubt_of_pitch(given: StageInput) -> str | None:
-    """Return what frames that do not fit the sphere say of the board's pitch, None where no board gave lengths."""
+def _doubts_of_pitch(given: StageInput) -> list[Finding]:
+    """Return what frames that do not fit the sphere say of the board's pitch, where a board gave lengths."""
     if not any(capture.kind == "frame" for capture in given.captures):
-        return None
+        return []
     from calib_core.captures.pitch import suspected_pitch
 
     given.progress(0.99, "Asking the sphere for the board's pitch")
-    return suspected_pitch(given.session, given.captures, given.read)
+    doubt = suspected_pitch(given.session, given.captures, given.read)
+    return [doubt] if doubt else []
 
 
 def solve_tcp_captures(given: StageInput) -> SolvedTcp:
@@ -147,13 +142,25 @@ def observe_stage(given: StageInput) -> Observed:
     cell = given.session.cell
     captures = [capture for capture in given.captures if not capture.excluded]
     base_from_tool0_by_capture(cell, captures)
-    unused = {capture.id: "excluded by the user" for capture in given.captures if capture.excluded}
-    unused |= unfit(cell, captures)
-    unused |= copies_of(captures, given.read)
-    observations, failed = observe_all(given, [c for c in captures if c.id not in unused])
-    return Observed(
-        observations, failed, unused | {name: error.reason.removesuffix(".") for name, error in failed.items()}
-    )
+    unused = [*unfit(cell, captures), *copies_of(captures, given.read)]
+    out = {name for finding in unused for name in finding.captures}
+    observations, failed = observe_all(given, [c for c in captures if c.id not in out])
+    return Observed(observations, failed, first_reasons([*unused, *not_measured(failed)]))
+
+
+def not_measured(failed: Mapping[str, CalibrationError]) -> list[Finding]:
+    """Return captures that do not show what is measured, one finding a need."""
+    groups: dict[tuple[str, str], dict[str, dict[str, Value]]] = {}
+    for name, error in failed.items():
+        cause = getattr(error.need, "template", error.need), getattr(error.got, "template", _kind_of(error.got))
+        values: dict[str, Value] = {"need": error.need, "got": error.got, "to_do": error.to_do}
+        groups.setdefault(cause, {})[name] = values
+    return [CAPTURE_NOT_MEASURED(list(each), each=each, first=next(iter(each))) for each in groups.values()]
+
+
+def _kind_of(text: str) -> str:
+    """Return a text without its numbers, by which captures of one cause differ."""
+    return "".join(letter for letter in text if letter not in "-−+±0123456789.,")
 
 
 def observe_all(
@@ -192,14 +199,15 @@ def _observe(given: StageInput, capture: Capture) -> list[SphereObservation]:
     return [observe_capture(given.session, capture, given.read)]
 
 
-def copies_of(captures: Sequence[Capture], read: ReadFile) -> dict[str, str]:
-    """Return why captures that repeat another are left out; a copy at another pose is left to the solver."""
+def copies_of(captures: Sequence[Capture], read: ReadFile) -> list[Finding]:
+    """Return the captures that repeat another and are left out; a copy at another pose is left to the solver."""
     by_id = {capture.id: capture for capture in captures}
-    return {
-        copy: f"a duplicate of {original}: the same file and pose, counted once"
+    each: dict[str, dict[str, Value]] = {
+        copy: {"original": original}
         for copy, original in duplicates(captures, read).items()
         if same_place(by_id, copy, original)
     }
+    return [CAPTURE_DUPLICATE(list(each), each=each)] if each else []
 
 
 def _later(progress: Progress) -> Progress:
@@ -209,22 +217,14 @@ def _later(progress: Progress) -> Progress:
 _R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)
 
 
-def with_unused(result: _R, captures: Sequence[Capture], unused: dict[str, str]) -> _R:
-    """Return the result with a row for every capture, in their order, and a warning for those of no use."""
+def with_all_rows(result: _R, captures: Sequence[Capture], unused: Sequence[Finding]) -> _R:
+    """Return the result with a row for every capture, in their order, those of no use with their reasons."""
     rows: dict[str, TcpResidual | TurntableResidual] = one_row_each(result.residuals)
+    reasons = {capture.id: EXCLUDED for capture in captures if capture.excluded} | reasons_of(unused)
     for capture in captures:
-        if capture.id in unused:
+        if capture.id in reasons:
             row = TurntableResidual if capture.step == "turntable" else TcpResidual
-            rows[capture.id] = row(capture=capture.id, used=False, reason=unused[capture.id])
-    warnings = list(result.warnings)
-    order = [capture.id for capture in captures]
-    warnings += not_used({c.id: unused[c.id] for c in captures if c.id in unused and not c.excluded}, order)
+            rows[capture.id] = row(capture=capture.id, used=False, reason=str(reasons[capture.id]))
     return result.model_copy(
-        update={
-            "residuals": mark_sweeps([rows[capture.id] for capture in captures], captures),
-            "warnings": warnings,
-            "verdict": "warn"
-            if result.verdict == "pass" and len(warnings) > len(result.warnings)
-            else result.verdict,
-        }
+        update={"residuals": mark_sweeps([rows[capture.id] for capture in captures], captures)}
     )

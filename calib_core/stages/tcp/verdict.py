@@ -1,20 +1,22 @@
-"""Whether a TCP can be trusted: the verdict, and every reason for doubt as a sentence."""
+"""Whether a TCP can be trusted: everything that is noticed of a solution, as findings."""
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
+from calib_core.causes.incidents import incident_finding
 from calib_core.chain.held import ScannerError
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, named
 from calib_core.chain.repeated import repeats
 from calib_core.chain.tcp import TcpSolution
-from calib_core.evidence.words import by_to_do
-from calib_core.records import Result, Verdict
-from calib_core.stages.tcp.record import NOT_CHECKED
+from calib_core.chain.undetermined import OpenDirection
+from calib_core.findings import Finding
+from calib_core.findings.code import Code
+from calib_core.findings.codes import tcp as codes
+from calib_core.records import Capture
 
-Judged = TypeVar("Judged", bound=Result)
 _HOPELESS_SCATTER_MM = 5.0
 _HOPELESS_SIGMA_MM = 2.5  # inverted poses leave 2.9 mm and more; arms that are only untrue stay below 1 mm
 _LARGE_SIGMA_MM = 1.0
@@ -29,58 +31,75 @@ _LEAST_SCATTER_MM = 0.02
 _FEW_SPARE = 9  # of five captures six are left: the estimated scatter then may be small by chance alone
 
 
-def tcp_verdict(solution: TcpSolution) -> tuple[Verdict, list[str]]:
-    """Return the verdict on a solution and its warnings: root causes first, and not what follows from them."""
+def tcp_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> list[Finding]:
+    """Return what is noticed of a solution: root causes first, and not what follows from them.
+
+    Parameters
+    ----------
+    solution : TcpSolution
+    captures : sequence of Capture
+        Those of the session, of which the causes' remedies tell.
+    """
     misfit = _misfit(solution)
-    if misfit:
-        return "fail", [*misfit, *_doubts_about_captures(solution)]
-    failures = _failures(solution)
-    if failures:
-        return "fail", [*failures, *_doubts_about_captures(solution), *_doubts_about_noise(solution)]
-    warnings = _doubts(solution)
-    return ("warn" if warnings else "pass"), warnings
+    failures = [*(misfit or _undetermined(solution)), *_too_many_rejected(solution)]
+    found = [*failures, *_doubts_about_captures(solution, captures)]
+    if not failures:
+        found += _doubts_about_motion(solution)
+    if not misfit:
+        found += _doubts_about_noise(solution)
+    return [*found, *_notes(solution)]
 
 
-def _misfit(solution: TcpSolution) -> list[str]:
+def _misfit(solution: TcpSolution) -> list[Finding]:
     scatter = solution.joint.center_scatter_rms_mm
     if scatter <= _HOPELESS_SCATTER_MM and solution.sigmas.position_mm <= _HOPELESS_SIGMA_MM:
         return []
-    return [
-        f"Poses and scans do not fit together: the sphere's centre scatters by {scatter:.1f} mm in base. "
-        "Check the pose convention, the units, and that every capture has its own pose."
-    ]
+    return [codes.POSES_DO_NOT_FIT(scatter_mm=scatter)]
 
 
-def _failures(solution: TcpSolution) -> list[str]:
-    found = [f"Not determined: {text}." for text in by_to_do([d.description for d in solution.undetermined])]
-    rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
-    if len(rejected) > _MOST_REJECTED * len(solution.captures):
-        found.append(
-            f"{len(rejected)} of {len(solution.captures)} captures contradict the others "
-            f"({named(solution.captures, solution.used)}). "
-            "Check that the sphere stands firmly and that the poses belong to the captures, then repeat these."
-        )
+def _undetermined(solution: TcpSolution) -> list[Finding]:
+    return _open(solution.undetermined, codes.ROTATION_OPEN, codes.POSITION_OPEN)
+
+
+def _open(directions: Sequence[OpenDirection], rotation: Code, position: Code) -> list[Finding]:
+    """Return open directions, one finding each thing to do."""
+    groups: dict[tuple[bool, str], list[OpenDirection]] = {}
+    for one in directions:
+        groups.setdefault((one.is_rotation, one.across), []).append(one)
+    found: list[Finding] = []
+    for (is_rotation, across), some in groups.items():
+        axes = ", ".join(one.told for one in some)
+        largest = float(max(one.sigma for one in some))
+        if is_rotation:
+            found.append(rotation(axes=axes, uncertainty_deg=float(np.rad2deg(2 * largest))))
+        else:
+            found.append(position(axes=axes, across=across, uncertainty_mm=2 * largest))
     return found
 
 
-def _doubts(solution: TcpSolution) -> list[str]:
-    return [*_doubts_about_captures(solution), *_doubts_about_motion(solution), *_doubts_about_noise(solution)]
+def _rejected(solution: TcpSolution) -> list[str]:
+    return [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
 
 
-def _doubts_about_captures(solution: TcpSolution) -> list[str]:
-    found = [cause.sentence for cause in solution.causes]
+def _too_many_rejected(solution: TcpSolution) -> list[Finding]:
+    rejected, reasons = _rejected(solution), solution.reasons
+    if len(rejected) <= _MOST_REJECTED * len(solution.captures):
+        return []
+    count = len(solution.captures)
+    names = named(solution.captures, solution.used)
+    return [codes.MANY_CONTRADICT(list(reasons), each=reasons, rejected=len(rejected), count=count, names=names)]
+
+
+def _doubts_about_captures(solution: TcpSolution, captures: Sequence[Capture]) -> list[Finding]:
+    found = [incident_finding(cause, captures) for cause in solution.causes]
     explained = {name for cause in solution.causes for name in cause.captures}
-    rejected = [name for name, used in zip(solution.captures, solution.used, strict=True) if not used]
-    if 0 < len(rejected) <= _MOST_REJECTED * len(solution.captures) and not set(rejected) <= explained:
-        found.append(
-            f"Left out because they contradict the others: {named(solution.captures, solution.used)}; "
-            "see their reasons."
-        )
+    rejected, reasons = _rejected(solution), solution.reasons
+    if 0 < len(rejected) <= _MOST_REJECTED * len(solution.captures):
+        behind = found[0].code if set(rejected) <= explained else None
+        names = named(solution.captures, solution.used)
+        found.append(codes.CAPTURES_CONTRADICT(list(reasons), each=reasons, behind=behind, names=names))
     if _sides_are_open(solution):
-        found.append(
-            "Which side of the plane of light the sphere is on is hardly decided. Add captures with the plane "
-            "well off the sphere's middle, or tell each capture's side."
-        )
+        found.append(codes.SIDE_OPEN())
     return found
 
 
@@ -91,25 +110,21 @@ def _sides_are_open(solution: TcpSolution) -> bool:
     return rival is not None and rival < _RIVAL_NEAR * solution.start_scatter_mm
 
 
-def _doubts_about_motion(solution: TcpSolution) -> list[str]:
+def _doubts_about_motion(solution: TcpSolution) -> list[Finding]:
     undetermined = [d.direction for d in solution.undetermined]
     weak = [
-        d.description
-        for d in solution.weak
-        if not any(abs(float(d.direction @ known)) > 0.9 for known in undetermined)
+        one for one in solution.weak if not any(abs(float(one.direction @ known)) > 0.9 for known in undetermined)
     ]
-    found = [f"Weakly determined: {text}." for text in by_to_do(weak)]
-    spare = 3 * int(solution.used.sum()) - 9
+    found = _open(weak, codes.ROTATION_WEAK, codes.POSITION_WEAK)
+    count = int(solution.used.sum())
+    spare = 3 * count - 9
     if spare < _FEW_SPARE:
-        found.append(
-            f"Only {int(solution.used.sum())} captures are used, {spare} measured values more than unknowns: "
-            "errors can hide. Add a few orientations."
-        )
+        found.append(codes.FEW_CAPTURES(count=count, spare=spare))
     return found + doubts_about_two_steps(solution)
 
 
-def doubts_about_two_steps(solution: TcpSolution) -> list[str]:
-    """Return a sentence where the joint answer and the paper's two steps contradict each other."""
+def doubts_about_two_steps(solution: TcpSolution) -> list[Finding]:
+    """Return what is noticed where the joint answer and the paper's two steps contradict each other."""
     if solution.two_step is None or solution.two_step_covariance is None:
         return []
     if solution.held.errors:
@@ -119,88 +134,60 @@ def doubts_about_two_steps(solution: TcpSolution) -> list[str]:
     if distance <= _CHI2_6_RARE:
         return []
     return [
-        "The joint answer and the paper's two steps differ by more than their uncertainty "
-        f"({np.linalg.norm(difference[3:]):.2f} mm, {np.rad2deg(np.linalg.norm(difference[:3])):.2f}°): "
-        "the pure translations may not have kept their orientation."
+        codes.TWO_STEPS_DIFFER(
+            shift_mm=float(np.linalg.norm(difference[3:])),
+            turn_deg=float(np.rad2deg(np.linalg.norm(difference[:3]))),
+        )
     ]
 
 
-def _doubts_about_noise(solution: TcpSolution) -> list[str]:
-    found: list[str] = []
+def _doubts_about_noise(solution: TcpSolution) -> list[Finding]:
+    found: list[Finding] = []
     if solution.excess > 1:
-        found.append(
-            f"The captures scatter {np.sqrt(solution.excess):.1f} times more than the given sigmas explain: "
-            f"{_contradicted(solution)}"
-        )
+        options = solution.options
+        told = options.position_sigma_mm is not None or options.orientation_sigma_rad is not None
+        handled = "estimated" if told else "enlarged"
+        found.append(codes.SCATTER_BEYOND_TOLD(times=float(np.sqrt(solution.excess)), handled=handled))
     measured, given = solution.measured_point_sigma_mm, solution.options.point_sigma_mm
     if measured and given and not 0.5 < measured / given < 2:
-        found.append(
-            f"The points scatter by {measured:.3f} mm about their arcs, but scanner.point_sigma_mm says "
-            f"{given:.3f} mm."
-        )
+        found.append(codes.POINT_NOISE_DIFFERS(measured_mm=measured, told_mm=given))
     if solution.sigmas.position_mm > _LARGE_SIGMA_MM:
-        found.append(
-            f"The poses scatter by {solution.sigmas.position_mm:.2f} mm: more than a sound arm. "
-            "Check its mastering, its tool and the sphere's stand."
-        )
+        found.append(codes.POSES_SCATTER(scatter_mm=solution.sigmas.position_mm))
     found.extend(_about(error, solution) for error in solution.held.errors)
     return found
 
 
-def _contradicted(solution: TcpSolution) -> str:
-    if solution.options.position_sigma_mm is None and solution.options.orientation_sigma_rad is None:
-        return "the stated uncertainty is enlarged accordingly."
-    return "the robot's were estimated instead. Leave them out, or check the arm."
-
-
-def _about(error: ScannerError, solution: TcpSolution) -> str:
+def _about(error: ScannerError, solution: TcpSolution) -> Finding:
+    values: dict[str, Any] = {"error_percent": 100 * error.error, "uncertainty_percent": 200 * error.sigma}
     if error.name == "arm_scale":
-        return (
-            f"The robot's poses seem too long by {-100 * error.error:.2f} ± {200 * error.sigma:.2f} %, or the "
-            "scanner's lengths too short by as much: the captures hardly tell which. Check the arm's calibration, "
-            "the scanner's own and the sphere's diameter."
-        )
+        return codes.ARM_LENGTHS(error_percent=-100 * error.error, uncertainty_percent=200 * error.sigma)
     if error.name == "bow":
-        return (
-            "The scanner's z seems bent over its width: it hides in the TCP. Check the scanner's own calibration."
-        )
-    what = "x leans with z (shear)" if error.name == "shear" else f"{error.name[-1]} scale seems wrong"
-    done = (
-        "It is taken out of the points for the TCP"
-        if solution.held.applied
-        else "The TCP is that of the files as they are (cell.scanner.errors: apply takes it out)"
-    )
-    return (
-        f"The scanner's {what} by {100 * error.error:+.1f} ± {200 * error.sigma:.1f} %. {done}; check the "
-        "scanner's own calibration and the sphere's diameter."
-    )
+        return codes.SCANNER_BOW()
+    handled = "applied" if solution.held.applied else "left"
+    if error.name == "shear":
+        return codes.SCANNER_SHEAR(handled=handled, **values)
+    return codes.SCANNER_SCALE(handled=handled, axis=error.name[-1], **values)
 
 
-def tcp_notes(solution: TcpSolution) -> list[str]:
-    """Return what is worth knowing of a solution beside its doubts: what was assumed, and what was not checked."""
-    found: list[str] = []
+def _notes(solution: TcpSolution) -> list[Finding]:
+    """Return what is worth knowing of a solution beside its doubts: what was assumed, and what counts less."""
+    found: list[Finding] = []
     if any(solution.points):
-        found.append(
-            f"Sphere diameter {solution.sphere.diameter_mm:g} ± {2 * solution.sphere.sigma_mm:g} mm (95 %), as "
-            "told or, where only the diameter was told, as for its class (cell.sphere_class)."
-        )
-    light = [
-        f"{name} ({weight:.0%})"
+        sphere = solution.sphere
+        found.append(codes.SPHERE_DIAMETER(diameter_mm=sphere.diameter_mm, uncertainty_mm=2 * sphere.sigma_mm))
+    light = {
+        name: weight
         for name, used, weight in zip(solution.captures, solution.used, solution.weights, strict=True)
         if used and weight < _LIGHT
-    ]
+    }
     if light:
-        found.append(f"Counted less because they lie off: {', '.join(light)}.")
-    found += beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm)
-    found.append(
-        f"{NOT_CHECKED}, and errors of the arm that all captures share. "
-        "Approach some poses from another side and let the arm come to rest to show them."
-    )
-    return found
+        weights = ", ".join(f"{name} ({weight:.0%})" for name, weight in light.items())
+        found.append(codes.COUNT_LESS(list(light), weights=weights))
+    return found + beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm)
 
 
-def beyond_told_sigma(sigmas: Sigmas, told_mm: float | None) -> list[str]:
-    """Return a sentence where poses are less true than the sigma that was told of them.
+def beyond_told_sigma(sigmas: Sigmas, told_mm: float | None) -> list[Finding]:
+    """Return a note where poses are less true than the sigma that was told of them.
 
     No reason for doubt: makers tell how well an arm repeats, and what it errs beyond that, alike where poses are
     alike, is estimated whatever is told.  Arms that repeat to some hundredths of a millimetre are true to tenths.
@@ -215,10 +202,7 @@ def beyond_told_sigma(sigmas: Sigmas, told_mm: float | None) -> list[str]:
     found_mm = sigmas.largest_position_mm
     if told_mm is None or not is_beyond(found_mm, told_mm):
         return []
-    return [
-        f"The captures agree to {found_mm:.2f} mm where the robot's sigma says {told_mm:.2f} mm: an arm repeats "
-        "better than it is true. The stated uncertainty holds it."
-    ]
+    return [codes.ARM_LESS_TRUE(found_mm=found_mm, told_mm=told_mm)]
 
 
 def is_beyond(scatter_mm: float, expected_mm: float) -> bool:
@@ -226,34 +210,21 @@ def is_beyond(scatter_mm: float, expected_mm: float) -> bool:
     return scatter_mm > _MUCH_MORE * max(expected_mm, _LEAST_SCATTER_MM)
 
 
-def with_repeats(result: Judged, observations: Sequence[SphereObservation], sigmas: Sigmas) -> Judged:
-    """Return a result with what captures of a pose that was taken twice say of lag and play, if there are any.
+def lag_findings(observations: Sequence[SphereObservation], sigmas: Sigmas) -> list[Finding]:
+    """Return what captures of a pose that was taken twice say of lag and play, or that nothing says it.
 
     Parameters
     ----------
-    result : TcpResult or ChainResult
     observations : the captures of the still sphere, in the order in which they were taken
     sigmas : Sigmas
         A pose's own scatter counts twice in a difference.
     """
     found = repeats(observations)
     if not found:
-        return result
+        return [codes.LAG_NOT_CHECKED()]
     largest = max(found, key=lambda one: one.shift_mm)
+    names = [largest.first, largest.again]
     usual_mm = 3 * np.sqrt(2) * sigmas.position_mm
-    names = f"{largest.first} and {largest.again}"
     if largest.is_shift and largest.shift_mm > max(usual_mm, _LEAST_LAG_MM):
-        warning = (
-            f"{names} are one pose, reached twice, but see the sphere {largest.shift_mm:.2f} mm apart: the arm "
-            "lags or has play, or the sphere moved. By as much the TCP may be off in the direction of approach: "
-            "let the arm come to rest before each capture."
-        )
-        verdict = "warn" if result.verdict == "pass" else result.verdict
-        return result.model_copy(update={"verdict": verdict, "warnings": [*result.warnings, warning]})
-    checked = (
-        f"Poses taken again after the arm had been elsewhere differ by {largest.shift_mm:.3f} mm at most "
-        f"({names}): where they were reached from another side, a lag is no larger. Not checked: errors of the "
-        "arm that all captures share."
-    )
-    notes = [checked if note.startswith(NOT_CHECKED) else note for note in result.notes]
-    return result.model_copy(update={"notes": notes})
+        return [codes.LAG_NOT_CHECKED(), codes.ARM_LAGS(names, shift_mm=largest.shift_mm)]
+    return [codes.POSES_REPEAT(names, shift_mm=largest.shift_mm)]

@@ -1,21 +1,17 @@
 """What the TCP's result says of drift within its session: whether all had settled, and what to take again."""
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.warm_up import WarmUp
 from calib_core.evidence.numbers import quantity
-from calib_core.evidence.words import captures_text
+from calib_core.findings import Code, Finding, sentence_of
+from calib_core.findings.codes.tcp import DRIFT_COVERED, DRIFTED
 from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot, Series
 from calib_core.stages.tcp.record import SessionDrift, SessionDriftPoint, TcpResult
 
-_WHAT: Final = {
-    "scanner": "The scanner had not settled.",
-    "sphere": "The sphere, or the robot's base, had not settled.",
-    "scanner-or-sphere": "The scanner or the sphere had not settled.",
-}
 _LARGE_MM: Final = 0.5
 _MINUTE_S: Final = 60.0
 _WHOLE: Final = 3.0  # minutes from which on no tenths are told
@@ -36,7 +32,7 @@ def session_drift(solution: TcpSolution) -> SessionDrift | None:
         over_s=float(np.ptp(found.at)) if found.timed else None,
         settling_s=found.constant if found.timed else None,
         again=list(found.captures) if found.found and found.settled else [],
-        sentence=_sentence(found) if found.found else "",
+        sentence=sentence_of(_finding(DRIFTED, found)) if found.found else "",
         points=[
             SessionDriftPoint(
                 capture=name,
@@ -52,41 +48,41 @@ def session_drift(solution: TcpSolution) -> SessionDrift | None:
     )
 
 
-def is_covered(drift: SessionDrift, solution: TcpSolution) -> bool:
+def _is_covered(drift: WarmUp, solution: TcpSolution) -> bool:
     """Return whether the answer's uncertainty may have room for it: the answer is that of the session's middle."""
     stated_mm = 2 * float(np.sqrt(np.linalg.eigvalsh(solution.at_point)[-1]))
     surely_mm = drift.drift_mm - drift.uncertainty_mm
     return surely_mm <= min(2 * stated_mm, _LARGE_MM)
 
 
-def _sentence(found: WarmUp) -> str:
-    return f"{_WHAT[found.moved]} {_how_far(found)}"
+def drift_findings(solution: TcpSolution) -> list[Finding]:
+    """Return a drift that chance does not explain: a note where the answer's uncertainty has room for it."""
+    found = solution.warm_up
+    if found is None or not found.found:
+        return []
+    code = DRIFT_COVERED if _is_covered(found, solution) else DRIFTED
+    return [_finding(code, found)]
 
 
-def _how_far(found: WarmUp) -> str:
-    size, far, count = f"{found.drift_mm:.2f}", f"{found.uncertainty_mm:.2f}", len(set(found.names))
+def _finding(code: Code, found: WarmUp) -> Finding:
+    values: dict[str, Any] = {
+        "moved": found.moved,
+        "drift_mm": found.drift_mm,
+        "uncertainty_mm": found.uncertainty_mm,
+    }
     if found.settled and found.constant is not None:
-        first = len(found.captures)
-        if not found.timed:
-            return (
-                f"It drifted by {size} ± {far} mm, most of it in the first {first} captures: take them again, or "
-                "exclude them."
-            )
-        minutes, names = _minutes(_SETTLED_AFTER * found.constant), captures_text(found.captures)
-        return (
-            f"It drifted by {size} ± {far} mm, most of it in the first {minutes} minutes: take again what was "
-            f"captured until then, or exclude it: {names}."
+        how: dict[str, Any] = (
+            {"course": "first-minutes", "minutes": _minutes(_SETTLED_AFTER * found.constant)}
+            if found.timed
+            else {"course": "first-captures", "first": len(found.captures)}
         )
-    if not found.timed:
-        return (
-            f"It drifted by {size} ± {far} mm over {count} captures, to the end: let the scanner warm up, see "
-            "that the sphere stands firmly, and take the captures again."
-        )
-    minutes = _minutes(float(np.ptp(found.at)))
-    return (
-        f"It drifted by {size} ± {far} mm over {minutes} minutes, to the end: let the scanner warm up, see that "
-        "the sphere stands firmly, and take the captures again."
+        return code(found.captures, **values, **how)
+    how = (
+        {"course": "all-minutes", "minutes": _minutes(float(np.ptp(found.at)))}
+        if found.timed
+        else {"course": "all-captures", "count": len(set(found.names))}
     )
+    return code(**values, **how)
 
 
 def _minutes(seconds: float) -> str:

@@ -6,13 +6,15 @@ from typing import Any
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.findings import has_code
+from calib_core.findings.codes.turntable import PLAY_NOT_CHECKED
 from calib_core.guidance.advice import amount
 from calib_core.guidance.table_advice import TableAdvice, TableShot, table_advice
 from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, GuideNow, Meter, Session
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review, suggested
-from calib_core.stages.turntable.play import ASK_FOR_PLAY, NOT_CHECKED
+from calib_core.stages.turntable.play import ASK_FOR_PLAY
 
 WANTED_ANGLES, LEAST_ANGLES = 8, 3
 WANTED_MOUNTS = 2
@@ -285,7 +287,7 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
         exit_="You trust it: the table's frame is then ready for the controller and for merging scans.",
         drawings=("turntable-done", "turntable-height"),
     )
-    if now.action == "review" and any(note.startswith(NOT_CHECKED) for note in result.get("notes", [])):
+    if now.action == "review" and has_code(result, PLAY_NOT_CHECKED):
         return now.model_copy(update={"why": f"{now.why} {ASK_FOR_PLAY}"})
     return now
 

@@ -5,18 +5,18 @@ again after the table had been elsewhere, the sphere appears before or behind wh
 """
 
 from collections import defaultdict
-from typing import TypeVar
 
 import numpy as np
 
-from calib_core.records import Verdict
+from calib_core.findings import Finding
+from calib_core.findings.codes import turntable as codes
+from calib_core.messages import message
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
-NOT_CHECKED = "Not checked: play of the table that is always taken up from one side"
-ASK_FOR_PLAY = "To check the table's play, capture an angle again, approached from the other side."
+ASK_FOR_PLAY = message("To check the table's play, capture an angle again, approached from the other side.")
 
-TableLike = TypeVar("TableLike", TurntableResult, ChainResult)
+TableLike = TurntableResult | ChainResult
 _SAME_DEG = 0.01
 _CELLS = 18_000  # of a turn
 _BEYOND_CHANCE = 3.0
@@ -24,8 +24,8 @@ _LEAST_DEG = 0.01
 _BY_MEDIAN = 1.4826  # a normal distribution's standard deviation by its median deviation
 
 
-def with_play(result: TableLike) -> TableLike:
-    """Return a result with what angles that were captured twice say of the table's play, if there are any."""
+def play_findings(result: TableLike) -> list[Finding]:
+    """Return what angles that were captured twice say of the table's play, or that nothing says it."""
     rows = [row for row in result.residuals if isinstance(row, TurntableResidual) and row.used]
     found = [
         (abs(again.angle_deg - first.angle_deg), first, again)
@@ -33,24 +33,13 @@ def with_play(result: TableLike) -> TableLike:
         if again.angle_deg is not None and first.angle_deg is not None
     ]
     if not found:
-        note = f"{NOT_CHECKED}. Approach angles from that side when scanning too, or capture one from the other."
-        return result.model_copy(update={"notes": [*result.notes, note]})
+        return [codes.PLAY_NOT_CHECKED()]
     apart_deg, first, again = max(found, key=lambda one: one[0])
-    names = f"{first.capture} and {again.capture}"
+    names = [first.capture, again.capture]
     twice = {row.capture for _, *pair in found for row in pair}
     others = [row for row in rows if row.capture not in twice] or rows
-    if apart_deg > max(_BEYOND_CHANCE * np.sqrt(2) * _sigma_deg(result, others), _LEAST_DEG):
-        warning = (
-            f"{names} are one angle of the table, captured twice, but see the sphere {apart_deg:.3f}° apart: the "
-            "table has play, or the sphere moved. Approach every angle from the same side, in scans too."
-        )
-        verdict: Verdict = "warn" if result.verdict == "pass" else result.verdict
-        return result.model_copy(update={"verdict": verdict, "warnings": [*result.warnings, warning]})
-    note = (
-        f"Angles captured again after the table had been elsewhere differ by {apart_deg:.3f}° at most ({names}): "
-        "where they were approached from the other side, the table's play is no larger."
-    )
-    return result.model_copy(update={"notes": [*result.notes, note]})
+    beyond = apart_deg > max(_BEYOND_CHANCE * np.sqrt(2) * _sigma_deg(result, others), _LEAST_DEG)
+    return [(codes.TABLE_PLAY if beyond else codes.ANGLES_REPEAT)(names, apart_deg=apart_deg)]
 
 
 def _pairs(rows: list[TurntableResidual]) -> list[tuple[TurntableResidual, TurntableResidual]]:
@@ -102,7 +91,7 @@ def _is_same(one: TurntableResidual, other: TurntableResidual) -> bool:
     )
 
 
-def _sigma_deg(result: TurntableResult | ChainResult, rows: list[TurntableResidual]) -> float:
+def _sigma_deg(result: TableLike, rows: list[TurntableResidual]) -> float:
     """Return how far a capture errs around the axis by chance: as it must, and as most captures do.
 
     It must by its angle's own error and its pose's; the sphere's centre beside a profile errs by more.

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from calib_core.chain.observations import TableObservation
-from calib_core.chain.table_reasons import table_reasons
 from calib_core.chain.turntable import TurntableSolution
+from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.frames import FloatArray
 from calib_core.records import VarianceComponents
 from calib_core.stages.tcp.result import components, estimated_of_robot
-from calib_core.stages.tcp.verdict import beyond_told_sigma
 from calib_core.stages.turntable.record import (
     EncoderScaleError,
     TableCircle,
@@ -21,7 +20,7 @@ from calib_core.stages.turntable.record import (
     TurntableResidual,
     TurntableResult,
 )
-from calib_core.stages.turntable.verdict import scatters_by_table, turntable_verdict, undetermined_of_table
+from calib_core.stages.turntable.verdict import undetermined_of_table
 
 METHOD = "joint maximum likelihood over points, errors of poses and angles integrated out, tool held"
 
@@ -31,24 +30,20 @@ def turntable_result(
     observations: Sequence[TableObservation],
     software: str,
     inputs_sha256: str,
+    findings: Sequence[Finding],
 ) -> TurntableResult:
-    """Return a solution of captures as a record, with its verdict."""
-    verdict, warnings = turntable_verdict(solution, observations)
+    """Return a solution of captures as a record, with what was noticed."""
     return TurntableResult(
         stage="turntable",
         method=METHOD,
         software=software,
         inputs_sha256=inputs_sha256,
-        verdict=verdict,
-        warnings=warnings,
-        notes=[]
-        if scatters_by_table(solution)
-        else beyond_told_sigma(solution.sigmas, solution.options.position_sigma_mm),
+        **judgement(findings),
         tool0_from_laser=solution.state.tool0_from_laser.to_rows(),
         covariance=solution.covariance.pose.tolist(),
         undetermined=undetermined_of_table(solution.covariance),
         variance_components=variance_components(solution),
-        residuals=table_rows(observations, solution),
+        residuals=table_rows(observations, solution, findings),
         **table_fields(observations, solution),
     )
 
@@ -99,14 +94,16 @@ def table_fields(observations: Sequence[TableObservation], table: TurntableSolut
     }
 
 
-def table_rows(observations: Sequence[TableObservation], table: TurntableSolution) -> list[TurntableResidual]:
-    """Return one row a capture of the table."""
-    residuals, reasons = table.residuals, table_reasons(observations, table)
+def table_rows(
+    observations: Sequence[TableObservation], table: TurntableSolution, findings: Sequence[Finding]
+) -> list[TurntableResidual]:
+    """Return one row a capture of the table, those that are not used with the reasons that findings give."""
+    residuals, reasons = table.residuals, reasons_of(findings)
     return [
         TurntableResidual(
             capture=o.sphere.capture,
             used=bool(table.used[k]),
-            reason=reasons[k],
+            reason=None if table.used[k] else reasons.get(o.sphere.capture),
             mount=o.mount or None,
             table_deg=float(np.rad2deg(o.angle_rad)),
             points=len(o.sphere.points_in_laser_mm),

@@ -2,32 +2,29 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib_core.captures.content import sphere_of
-from calib_core.captures.lost_rays import with_lost_rays
+from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.errors import InputError, MotionError
+from calib_core.findings import Finding, judged, verdict_of
+from calib_core.findings.codes import turntable as codes
 from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
 from calib_core.records import Capture, Cell
 from calib_core.records.callbacks import Progress
-from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_unused
+from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_all_rows
+from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.record import TurntableResult
 
 if TYPE_CHECKING:
     from calib_core.chain.turntable import KnownTool, TurntableOptions
 
 _TCP_SHARE = 0.4
-_BY_TOOL_ALONE = (
-    "Camera and plane of light are counted here through the tool alone. What they do to the captures of the table "
-    "is counted by the whole chain: it knows the axis's place better and says more rightly how it may lean."
-)
-_R = TypeVar("_R", TurntableResult, ChainResult)
 
 
 def solve(given: StageInput) -> TurntableResult:
@@ -43,13 +40,12 @@ def solve(given: StageInput) -> TurntableResult:
         If the motions or the angles do not determine the answer.
     """
     from calib_core.chain.turntable import KnownTool
-    from calib_core.stages.turntable.play import with_play
+    from calib_core.stages.tcp.verdict import beyond_told_sigma
     from calib_core.stages.turntable.result import turntable_result
 
     cell = given.session.cell
     known = cell.known.tool0_from_laser
-    doubts: list[str] = []
-    notes: list[str] = []
+    found: list[Finding] = []
     if known is not None:
         tool, sphere = (
             KnownTool(RigidTransform.from_rounded(known, "tool0", "laser")),
@@ -58,34 +54,30 @@ def solve(given: StageInput) -> TurntableResult:
     else:
         solved = tcp_of(given)
         tool, sphere = tool_of(solved), solved.sphere
-        doubts = _doubts_about_tool(solved)
-        notes = [_BY_TOOL_ALONE] if solved.solution.optics else []
+        found = _about_tool(solved)
     table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
-    result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256)
-    verdict = "warn" if doubts and result.verdict == "pass" else result.verdict
-    told = {"warnings": [*doubts, *result.warnings], "verdict": verdict, "notes": [*result.notes, *notes]}
-    result = result.model_copy(update=told)
+    found += findings_of_table(given, table, sphere, tool.tool0_from_laser)
+    found += beyond_told_sigma(table.solution.sigmas, table.solution.options.position_sigma_mm)
+    found += [*lost_rays_of([one.sphere for one in table.observations]), *table.unused]
+    result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256, found)
     if cell.turntable.angles != "unknown":
-        result = with_play(result)
-    result = with_lost_rays(result, [one.sphere for one in table.observations])
-    result = with_table_causes(result, given, table, sphere, tool.tool0_from_laser)
-    return with_unused(result, given.captures, table.unused)
+        result = judged(result, play_findings(result))
+    return with_all_rows(result, given.captures, table.unused)
 
 
-def with_table_causes(
-    result: _R, given: StageInput, table: SolvedTable, sphere: SphereSize, tool0_from_laser: RigidTransform
-) -> _R:
-    """Return a result with the root causes of a table that is told wrongly, where it is doubtful."""
-    from calib_core.causes.table import direction_causes, table_causes
+def findings_of_table(
+    given: StageInput, table: SolvedTable, sphere: SphereSize, tool0_from_laser: RigidTransform
+) -> list[Finding]:
+    """Return what is noticed of a table, with what would explain doubts about its angles."""
+    from calib_core.causes.table import table_causes
+    from calib_core.stages.turntable.verdict import table_findings
 
-    if result.verdict == "pass" or given.session.cell.turntable.angles == "unknown":
-        return result
+    found = table_findings(table.solution, table.observations, given.session.cell)
+    if verdict_of(found) == "pass" or given.session.cell.turntable.angles == "unknown":
+        return found
     given.progress(0.99, "Trying other angles of the table")
     captures = [capture for capture in given.captures if capture.step == "turntable"]
-    found = table_causes(captures, table.observations, sphere, tool0_from_laser)
-    warnings = [*(cause.sentence for cause in found), *result.warnings]
-    found += direction_causes(given.session.cell, table.solution.frame)
-    return result.model_copy(update={"causes": [*result.causes, *found], "warnings": warnings})
+    return [*table_causes(captures, table.observations, sphere, tool0_from_laser), *found]
 
 
 def tcp_of(given: StageInput) -> SolvedTcp:
@@ -110,15 +102,13 @@ def tool_of(solved: SolvedTcp) -> "KnownTool":
     return KnownTool(solution.joint.tool0_from_laser, solution.held, two_step)
 
 
-def _doubts_about_tool(solved: SolvedTcp) -> list[str]:
-    from calib_core.stages.tcp.verdict import tcp_verdict
+def _about_tool(solved: SolvedTcp) -> list[Finding]:
+    """Return what is to be said of the tool that a table is solved by."""
+    from calib_core.stages.tcp.verdict import tcp_findings
 
-    verdict, _ = tcp_verdict(solved.solution)
-    if verdict == "fail":
-        return ["The tcp stage's own verdict is fail: fix that first."]
-    if verdict == "warn":
-        return ["The TCP that this rests on is to be used with care: see its warnings first."]
-    return []
+    verdict = verdict_of(tcp_findings(solved.solution))
+    found = [codes.TCP_FAILED()] if verdict == "fail" else [codes.TCP_DOUBTFUL()] if verdict == "warn" else []
+    return [*found, codes.BY_TOOL_ALONE()] if solved.solution.optics else found
 
 
 def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:

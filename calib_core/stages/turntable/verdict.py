@@ -1,16 +1,19 @@
-"""Whether a turntable can be trusted: the verdict, and every reason for doubt as a sentence."""
+"""Whether a turntable can be trusted: everything that is noticed of a solution, as findings."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.causes.table import direction_findings
 from calib_core.chain.observations import TableObservation, named
 from calib_core.chain.table_frame import TableCovariance
-from calib_core.chain.table_reasons import remounted
+from calib_core.chain.table_reasons import remounted, table_reasons
 from calib_core.chain.turntable import TurntableSolution
-from calib_core.evidence.words import by_to_do
+from calib_core.findings import Finding
+from calib_core.findings.codes import turntable as codes
 from calib_core.frames import FloatArray
-from calib_core.records import Undetermined, Verdict
+from calib_core.messages import message
+from calib_core.records import Cell, Undetermined
 from calib_core.stages.tcp.verdict import is_beyond
 
 _UNDETERMINED_RAD = np.deg2rad(0.5)
@@ -22,74 +25,86 @@ _LARGE_ANGLE_RAD = np.deg2rad(0.05)
 _HOPELESS_MM = 5.0
 
 
-def turntable_verdict(
-    table: TurntableSolution, observations: Sequence[TableObservation]
-) -> tuple[Verdict, list[str]]:
-    """Return the verdict on a turntable and its warnings: root causes first, and not what follows from them."""
-    undetermined = [one.description for one in undetermined_of_table(table.covariance)]
-    failures = [f"Not determined: {text}." for text in by_to_do(undetermined)]
-    failures += _failures(table)
-    doubts = [*_doubts_about_captures(table, observations), *_doubts_about_direction(table)]
-    if failures:
-        return "fail", failures + doubts
-    warnings = [*doubts, *_doubts_about_axis(table), *_doubts_about_encoder(table)]
-    return ("warn" if warnings else "pass"), warnings
+def table_findings(
+    table: TurntableSolution, observations: Sequence[TableObservation], cell: Cell
+) -> list[Finding]:
+    """Return what is noticed of a turntable: root causes first, and not what follows from them."""
+    failures = [*_undetermined(table.covariance), *_failures(table, observations)]
+    found = [*failures, *_doubts_about_captures(table, observations), *direction_findings(cell, table.frame)]
+    if not failures:
+        found += [*_doubts_about_axis(table), *_doubts_about_encoder(table)]
+    return found
+
+
+def _undetermined(covariance: TableCovariance) -> list[Finding]:
+    tilts, shifts = _open_tilts(covariance), _open_shifts(covariance)
+    found: list[Finding] = []
+    if tilts:
+        axes = ", ".join(f"{_words(axis)} (±{_degrees(value)})" for value, axis in tilts)
+        found.append(codes.AXIS_TILT_OPEN(axes=axes, uncertainty_deg=_two_sigma_deg(tilts[-1][0])))
+    if shifts:
+        axes = ", ".join(f"{_words(axis)} (±{2 * np.sqrt(value):.1f} mm)" for value, axis in shifts)
+        found.append(codes.AXIS_PLACE_OPEN(axes=axes, uncertainty_mm=float(2 * np.sqrt(shifts[-1][0]))))
+    return found
+
+
+def _open_tilts(covariance: TableCovariance) -> list[tuple[float, FloatArray]]:
+    values, vectors = np.linalg.eigh(covariance.axis_direction)
+    return [(float(v), axis) for v, axis in zip(values, vectors.T, strict=True) if v > _UNDETERMINED_RAD**2]
+
+
+def _open_shifts(covariance: TableCovariance) -> list[tuple[float, FloatArray]]:
+    values, vectors = np.linalg.eigh(covariance.axis_point)
+    return [(float(v), axis) for v, axis in zip(values, vectors.T, strict=True) if v > _UNDETERMINED_MM**2]
 
 
 def undetermined_of_table(covariance: TableCovariance) -> list[Undetermined]:
     """Return the directions in which the axis is not fixed: tilts beyond 0.5°, shifts beyond 3 mm."""
     found: list[Undetermined] = []
-    values, vectors = np.linalg.eigh(covariance.axis_direction)
-    for value, direction in zip(values, vectors.T, strict=True):
-        if value > _UNDETERMINED_RAD**2:
-            text = f"the axis may lean towards {_words(direction)} (±{_degrees(value)}): {_MORE}"
-            found.append(Undetermined(direction=direction.tolist(), description=text))
-    values, vectors = np.linalg.eigh(covariance.axis_point)
-    for value, direction in zip(values, vectors.T, strict=True):
-        if value > _UNDETERMINED_MM**2:
-            shift = 2 * np.sqrt(value)
-            text = f"the axis may lie further along {_words(direction)} (±{shift:.1f} mm): {_MORE}"
-            found.append(Undetermined(direction=direction.tolist(), description=text))
+    for value, axis in _open_tilts(covariance):
+        said = message(
+            "the axis may lean towards {axis} (±{tilt}): capture the sphere all around, well off the axis and at "
+            "two heights",
+            axis=_words(axis),
+            tilt=_degrees(value),
+        )
+        found.append(Undetermined(direction=axis.tolist(), description=str(said)))
+    for value, axis in _open_shifts(covariance):
+        said = message(
+            "the axis may lie further along {axis} (±{shift_mm:.1f} mm): capture the sphere all around, well off "
+            "the axis and at two heights",
+            axis=_words(axis),
+            shift_mm=float(2 * np.sqrt(value)),
+        )
+        found.append(Undetermined(direction=axis.tolist(), description=str(said)))
     return found
 
 
-_MORE = "capture the sphere all around, well off the axis and at two heights"
-
-
-def _failures(table: TurntableSolution) -> list[str]:
-    found: list[str] = []
-    rejected = int(np.count_nonzero(~table.used))
-    if rejected > _MOST_REJECTED * len(table.captures):
-        found.append(
-            f"{rejected} of {len(table.captures)} captures contradict the others "
-            f"({named(table.captures, table.used)}). Check table angles, mountings and poses, then repeat these."
-        )
+def _failures(table: TurntableSolution, observations: Sequence[TableObservation]) -> list[Finding]:
+    found: list[Finding] = []
+    rejected, count = int(np.count_nonzero(~table.used)), len(table.captures)
+    if rejected > _MOST_REJECTED * count:
+        each, names = table_reasons(observations, table), named(table.captures, table.used)
+        found.append(codes.MANY_CONTRADICT(list(each), each=each, rejected=rejected, count=count, names=names))
     scatter = float(np.sqrt(np.mean(table.residuals.distance_mm[table.used] ** 2)))
     if scatter > _HOPELESS_MM:
-        found.append(
-            f"Table angles and scans do not fit together: the sphere is {scatter:.1f} mm off its circle. "
-            "Check the angles, their unit, and that every capture has its own."
-        )
+        found.append(codes.ANGLES_DO_NOT_FIT(scatter_mm=scatter))
     return found
 
 
-def _doubts_about_captures(table: TurntableSolution, observations: Sequence[TableObservation]) -> list[str]:
-    moved = table.tool_move.sentence if table.tool_move else None
-    found = [sentence for sentence in (moved, remounted(observations, table)) if sentence]
+def _doubts_about_captures(table: TurntableSolution, observations: Sequence[TableObservation]) -> list[Finding]:
+    moved = table.tool_move.finding if table.tool_move else None
+    found = [finding for finding in (moved, remounted(observations, table)) if finding]
     if 0 < np.count_nonzero(~table.used) <= _MOST_REJECTED * len(table.captures):
+        each, names = table_reasons(observations, table), named(table.captures, table.used)
+        found.append(codes.CAPTURES_CONTRADICT(list(each), each=each, names=names))
+    scatter_mm, told_mm = table.sigmas.largest_position_mm, table.options.position_sigma_mm
+    handled = "enlarged" if table.excess > 1 else "held"
+    if table.excess > 1 or scatters_by_table(table):
         found.append(
-            f"Left out because they contradict the others: {named(table.captures, table.used)}; see their reasons."
-        )
-    if table.excess > 1:
-        found.append(
-            f"The captures scatter {np.sqrt(table.excess):.1f} times more than the given sigmas explain (wobble, "
-            "play or a robot less exact than stated); the stated uncertainty is enlarged by that."
-        )
-    if scatters_by_table(table) and table.excess <= 1:
-        found.append(
-            f"The captures scatter by {table.sigmas.largest_position_mm:.2f} mm where the robot's sigma says "
-            f"{table.options.position_sigma_mm:.2f} mm (wobble, play or a robot less exact than stated); the "
-            "stated uncertainty holds it."
+            codes.TABLE_SCATTER_BEYOND_TOLD(
+                handled=handled, scatter_mm=scatter_mm, told_mm=told_mm or 0.0, times=float(np.sqrt(table.excess))
+            )
         )
     return found
 
@@ -100,70 +115,51 @@ def scatters_by_table(table: TurntableSolution) -> bool:
     return told_mm is not None and is_beyond(table.sigmas.largest_position_mm, max(told_mm, table.by_arm_mm))
 
 
-def _doubts_about_axis(table: TurntableSolution) -> list[str]:
-    found: list[str] = []
+def _doubts_about_axis(table: TurntableSolution) -> list[Finding]:
+    found: list[Finding] = []
     values, vectors = np.linalg.eigh(table.covariance.axis_direction)
-    weakest = f"weakest towards {_words(vectors[:, -1])} (±{_degrees(values[-1])})"
+    weakest, tilt_deg = _words(vectors[:, -1]), _two_sigma_deg(values[-1])
     if table.options.angles_unknown:
-        sense = "" if table.options.direction else "; give turntable.direction before scanning by table angles"
+        place_mm = float(2 * np.sqrt(np.trace(table.covariance.axis_point)))
+        direction = "told" if table.options.direction else "open"
         found.append(
-            "The table's angles were not read: the axis rests on the shape of the circles alone, in direction "
-            f"{weakest}, in place known to {2 * np.sqrt(np.trace(table.covariance.axis_point)):.2f} mm. The sense "
-            f"of turning, angle zero and the encoder stay unknown{sense}."
+            codes.ANGLES_NOT_READ(weakest=weakest, tilt_deg=tilt_deg, place_mm=place_mm, direction=direction)
         )
     heights = table.frame.mounts_mm[:, 2]
     if np.ptp(heights) < _ONE_HEIGHT_MM:
-        found.append(
-            f"One height only: the axis's direction rests on the plane of one circle, {weakest}. Mount the sphere "
-            "100 mm or more higher and capture it all around again."
-        )
+        found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg))
     elif values[-1] > _WEAK_RAD**2:
-        found.append(f"The axis's direction is weakly determined, {weakest}. Add angles all around, and heights.")
+        found.append(codes.AXIS_WEAK(weakest=weakest, tilt_deg=tilt_deg))
     return found
 
 
-def _doubts_about_direction(table: TurntableSolution) -> list[str]:
-    if table.options.direction in (None, table.frame.direction):
-        return []
-    return [
-        f"The table turns the other way round than turntable.direction = {table.options.direction} says: its "
-        f"angles count {'right' if table.frame.direction > 0 else 'left'}-handed about the axis that points up. "
-        f"The answer has direction {table.frame.direction}; correct the cell."
-    ]
-
-
-def _doubts_about_encoder(table: TurntableSolution) -> list[str]:
-    found = [table.pattern.sentence] if table.pattern is not None else []
+def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
+    found = [table.pattern.finding] if table.pattern is not None else []
     scale = table.encoder
     if scale.significant and not table.options.encoder_scale:
-        done = (
-            "The answer accounts for it"
-            if scale.applied
-            else "The answer does not account for it, as turntable.encoder is 'exact'"
-        )
-        found.append(
-            f"The table turns by {100 * scale.error:+.3f} ± {200 * scale.sigma:.3f} % more than its angles say. "
-            f"{done}; check the encoder and the gear."
-        )
+        handled = "applied" if scale.applied else "left"
+        error, uncertainty = 100 * scale.error, 200 * scale.sigma
+        found.append(codes.ENCODER_SCALE(handled=handled, error_percent=error, uncertainty_percent=uncertainty))
     if (
         table.pattern is None
         and table.options.angle_sigma_rad is None
         and table.sigmas.angle_rad > _LARGE_ANGLE_RAD
     ):
-        found.append(
-            f"The table's angles scatter by {np.rad2deg(table.sigmas.angle_rad):.3f}°: check the encoder and the "
-            "table's brake."
-        )
+        found.append(codes.ANGLES_SCATTER(scatter_deg=float(np.rad2deg(table.sigmas.angle_rad))))
     return found
 
 
+def _two_sigma_deg(variance: float) -> float:
+    return float(np.rad2deg(2 * np.sqrt(variance)))
+
+
 def _degrees(variance: float) -> str:
-    return f"{np.rad2deg(2 * np.sqrt(variance)):.3f}°"
+    return f"{_two_sigma_deg(variance):.3f}°"
 
 
 def _words(direction: FloatArray) -> str:
     signed = direction * np.sign(direction[np.argmax(np.abs(direction))])
     largest = int(np.argmax(np.abs(signed)))
     if signed[largest] > np.cos(np.deg2rad(15)):
-        return f"base's {'xyz'[largest]}"
-    return f"({signed[0]:.2f}, {signed[1]:.2f}, {signed[2]:.2f}) in base"
+        return f"base {'xyz'[largest]}"
+    return f"base ({signed[0]:.2f}, {signed[1]:.2f}, {signed[2]:.2f})"

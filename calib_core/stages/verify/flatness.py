@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.captures.contradictions import unfit
+from calib_core.captures.contradictions import EXCLUDED, unfit
 from calib_core.captures.scans import Placement, ScanGroup, read_scan
 from calib_core.errors import MeasurementError
+from calib_core.findings import reasons_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
@@ -77,7 +78,7 @@ def plate(session: Session, captures: Sequence[Capture], read: ReadFile, tool: R
     used = [capture for capture in captures if not capture.excluded]
     if not used:
         return None
-    unused = {c.id: "excluded by the user" for c in captures if c.excluded} | unfit(session.cell, used)
+    unused = {c.id: str(EXCLUDED) for c in captures if c.excluded} | reasons_of(unfit(session.cell, used))
     points: dict[str, FloatArray] = {}
     rotations: list[FloatArray] = []
     for capture in used:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.content import sphere_of
+from calib_core.captures.contradictions import EXCLUDED
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.findings import judgement, reasons_of
@@ -115,7 +116,7 @@ def solve(given: StageInput) -> VerifyResult:
         decision=decision,
         limits_changed=late.sentences,
         residuals=[
-            *_rows(of_sphere, observed.observations, observed.unused, found, sphere.radius_mm),
+            *_rows(of_sphere, observed.observations, reasons_of(observed.unused), found, sphere.radius_mm),
             *(flat.residuals if flat is not None else []),
         ],
     )
@@ -325,7 +326,8 @@ def _rows(
     for capture in captures:
         own = places.get(capture.id)
         if own is None or found is None:
-            rows.append(VerifyResidual(capture=capture.id, used=False, reason=unused.get(capture.id)))
+            reason = str(EXCLUDED) if capture.excluded else unused.get(capture.id)
+            rows.append(VerifyResidual(capture=capture.id, used=False, reason=reason))
             continue
         offsets, surfaces = found.offsets_in_base_mm[own], found.surface_rms_mm[own]
         circles = [observations[k].circle_radius_mm for k in own]

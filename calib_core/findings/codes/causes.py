@@ -1,0 +1,215 @@
+"""Root causes: what is at fault with a session, with the remedy that Apply makes."""
+
+from calib_core.findings.code import Code
+
+MOVED_SPHERE = Code(
+    "moved-sphere",
+    "warning",
+    text={
+        "before": "The sphere seems to have moved by {shift_mm:.2f} mm before {capture}.",
+        "after": "The sphere seems to have moved by {shift_mm:.2f} mm after {capture}.",
+    },
+    to_do="Fix it firmly and repeat the captures before or after that.",
+    by="when",
+    title="The sphere moved before {since}",
+    meaning="From one capture on, the sphere stands elsewhere. Both parts fit well by themselves.",
+    decided="A place of its own for the captures from there on makes all of them likelier by a factor that chance "
+    "does not give, and lies at least 0.4 mm away; or the first or last captures are rejected and agree on one place.",
+    usual_causes="A sphere that was touched, a stand that is loose.",
+)
+
+CHANGED_TOOL = Code(
+    "changed-tool",
+    "warning",
+    text="The scanner seems to sit otherwise on the flange from {since} on (by {shift_mm:.2f} mm and {turn_deg:.2f}°).",
+    to_do="Fix it firmly and take the captures before or after that again.",
+    title="The scanner moved on the flange before {since}",
+    meaning="From one capture on, the scanner sits elsewhere on the flange.",
+    decided="A tool of its own for the captures from there on makes all of them likelier by a factor that chance does "
+    "not give, and differs by at least 0.4 mm or 0.05°.",
+    usual_causes="A collision, a loose screw, another tool.",
+)
+
+SWAPPED_POSES = Code(
+    "swapped-poses",
+    "warning",
+    text={
+        "two-rejected": "The poses of {first} and {second} seem to be swapped.",
+        "two": "The poses of {first} and {second} seem to be swapped.",
+        "mixed": "The poses of {listed} seem to be mixed up: each fits that of another of these captures.",
+        "two-lost": "The poses of {first} and {second} seem to be swapped. No pose fits {lost}: take it again.",
+        "mixed-lost": "The poses of {listed} seem to be mixed up: each fits that of another of these captures. No pose "
+        "fits {lost}: take it again.",
+    },
+    to_do={
+        "two-rejected": "Exchange them and solve again.",
+        "two": "Exchange them.",
+        "mixed": "Exchange them.",
+        "two-lost": "Exchange them.",
+        "mixed-lost": "Exchange them.",
+    },
+    by="how",
+    title={
+        "two-rejected": "Poses of {first} and {second} are swapped",
+        "two": "Poses of {first} and {second} are swapped",
+        "mixed": "Poses of {listed} are mixed up",
+        "two-lost": "Poses of {first} and {second} are swapped",
+        "mixed-lost": "Poses of {listed} are mixed up",
+    },
+    meaning="Captures have each other's poses.",
+    decided="Each of them fits with the other's pose, and not with its own.",
+    usual_causes="Poses that were typed or sorted by hand.",
+)
+
+SHIFTED_POSES = Code(
+    "shifted-poses",
+    "warning",
+    text={
+        "before": "From {first} to {last} the captures seem to have the pose of another one: each fits that of the "
+        "capture {places} before it.",
+        "after": "From {first} to {last} the captures seem to have the pose of another one: each fits that of the "
+        "capture {places} after it.",
+        "before-lost": "From {first} to {last} the captures seem to have the pose of another one: each fits that of "
+        "the capture {places} before it. No pose fits {lost}: take it again.",
+        "after-lost": "From {first} to {last} the captures seem to have the pose of another one: each fits that of the "
+        "capture {places} after it. No pose fits {lost}: take it again.",
+    },
+    by="how",
+    title="Poses are shifted from {first} on",
+    meaning="The list of poses is out of step with the captures.",
+    decided="With the list shifted, the captures fit far better.",
+    usual_causes="A capture or a pose that is missing in the list.",
+)
+
+POSE_READING = Code(
+    "pose-reading",
+    "error",
+    text={
+        "instead": "The captures fit together, to {after_mm:.2f} mm instead of {before_mm:.1f} mm, if the poses are "
+        "{said}.",
+        "alone": "The captures fit together, to {after_mm:.2f} mm, if the poses are {said}.",
+    },
+    to_do={
+        "convention": "Set the cell's pose convention to '{convention}'.",
+        "convert": "Convert them.",
+    },
+    by="compared",
+    by_to_do="way",
+    title="Poses are {said}",
+    explains_all=True,
+    meaning="The poses' numbers are read in a way that does not fit the scans; another way does.",
+    decided="With the other reading the sphere's centres lie less than half as far apart, in more captures than chance "
+    "gives.",
+    usual_causes="Another pose convention than told, metres for millimetres, radians for degrees, inverted poses.",
+)
+
+SPHERE_DIAMETER_WRONG = Code(
+    "sphere-diameter",
+    "error",
+    text={
+        "instead": "The captures fit together, to {after_mm:.2f} mm instead of {before_mm:.1f} mm, if the sphere is "
+        "{diameter_mm:g} mm wide; told was {told_mm:g}.",
+        "alone": "The captures fit together, to {after_mm:.2f} mm, if the sphere is {diameter_mm:g} mm wide; told was "
+        "{told_mm:g}.",
+        "radius": "The sphere shows in the captures if it is {diameter_mm:g} mm wide; told was {told_mm:g}: that is its "
+        "radius.",
+        "metres": "The sphere shows in the captures if it is {diameter_mm:g} mm wide; told was {told_mm:g}: that is in "
+        "metres.",
+        "inches": "The sphere shows in the captures if it is {diameter_mm:g} mm wide; told was {told_mm:g}: that is in "
+        "inches.",
+    },
+    to_do="Measure it.",
+    by="compared",
+    title="Sphere's diameter is about {diameter_mm:g} mm",
+    explains_all=True,
+    meaning="The sphere is not as large as told.",
+    decided="With another diameter the sphere's centres lie less than half as far apart, or most captures show it.",
+    usual_causes="A radius for a diameter, another unit, another sphere.",
+)
+
+SCALED_PROFILE = Code(
+    "scaled-profile",
+    "error",
+    text={
+        "instead": "The captures fit together, to {after_mm:.2f} mm instead of {before_mm:.1f} mm, if the scanner's "
+        "files are multiplied by {factors}.",
+        "alone": "The captures fit together, to {after_mm:.2f} mm, if the scanner's files are multiplied by {factors}.",
+    },
+    to_do="Check its calibration table and millimetres per count. Applied, points are multiplied as they are read; the "
+    "answer then belongs to files that are.",
+    by="compared",
+    title="Profiles are scaled: {factors}",
+    explains_all=True,
+    meaning="The scanner's lengths are off by a factor.",
+    decided="The sphere's arcs are ellipses, or with other lengths its centres lie less than half as far apart.",
+    usual_causes="Another unit or count, a scanner that was not calibrated.",
+)
+
+POINT_UNIT = Code(
+    "point-unit",
+    "error",
+    text={
+        "m": "The sphere shows in the captures if the numbers in their files are metres.",
+        "cm": "The sphere shows in the captures if the numbers in their files are centimetres.",
+        "in": "The sphere shows in the captures if the numbers in their files are inches.",
+        "um": "The sphere shows in the captures if the numbers in their files are micrometres.",
+    },
+    to_do="Say so in the captures' format_settings.",
+    by="unit",
+    title={
+        "m": "Files are in metres",
+        "cm": "Files are in centimetres",
+        "in": "Files are in inches",
+        "um": "Files are in micrometres",
+    },
+    explains_all=True,
+    meaning="The files of points are in another unit.",
+    decided="In the other unit most captures show the sphere.",
+    usual_causes="A file whose format does not say its unit.",
+)
+
+TABLE_DIRECTION = Code(
+    "table-direction",
+    "warning",
+    text={
+        "right": "The table turns the other way round than turntable.direction = {told} says: its angles count "
+        "right-handed about the axis that points up.",
+        "left": "The table turns the other way round than turntable.direction = {told} says: its angles count "
+        "left-handed about the axis that points up.",
+    },
+    to_do="The answer has direction {direction}; correct the cell.",
+    by="counts",
+    title="The table turns the other way round",
+    meaning="The sense in which the table's angles count is not the one that was told.",
+    decided="With the direction told, the table's axis would point down.",
+    usual_causes="A sign of the table's controller.",
+)
+
+TABLE_ANGLES = Code(
+    "table-angles",
+    "warning",
+    text={
+        "radians": "The captures on the table fit, to {after_mm:.2f} mm, if the table's angles are in radians.",
+        "gon": "The captures on the table fit, to {after_mm:.2f} mm, if the table's angles are in gon.",
+        "turns": "The captures on the table fit, to {after_mm:.2f} mm, if the table's angles are in turns.",
+        "minutes of arc": "The captures on the table fit, to {after_mm:.2f} mm, if the table's angles are in minutes of "
+        "arc.",
+        "factor": "The captures on the table fit, to {after_mm:.2f} mm, if the table's angles are {factor:.4g} times as "
+        "large as told.",
+        "step": "The captures on the table fit, to {after_mm:.2f} mm, if the table's angles are off by "
+        "{offset_deg:+g}° from {since} on.",
+    },
+    to_do="Convert them.",
+    by="unit",
+    title={
+        "radians": "Table angles are in radians",
+        "gon": "Table angles are in gon",
+        "turns": "Table angles are in turns",
+        "minutes of arc": "Table angles are in minutes of arc",
+        "factor": "Table angles are {factor:.4g} times as large as told",
+        "step": "Table angles are off by {offset_deg:+g}° from {since} on",
+    },
+    meaning="The table's angles are not in degrees, in steps of another size, or a step was lost.",
+    decided="With the other angles the sphere lies less than half as far off its circle.",
+    usual_causes="Another unit, a gear ratio, a table that slipped.",
+)

@@ -1,0 +1,277 @@
+"""What the captures of the sphere on the table tell of the table, and what they say beside those of the still sphere."""
+
+from calib_core.findings.code import Code
+
+AXIS_TILT_OPEN = Code(
+    "axis-tilt-undetermined",
+    "error",
+    text="Not determined: the axis may lean towards {axes}.",
+    to_do="Capture the sphere all around, well off the axis and at two heights.",
+    meaning="The captures leave the direction of the table's axis open.",
+    decided="A tilt's standard deviation is above 0.5°.",
+    usual_causes="Few angles, a sphere near the axis, one height.",
+    fixed=True,
+)
+
+AXIS_PLACE_OPEN = Code(
+    "axis-place-undetermined",
+    "error",
+    text="Not determined: the axis may lie further along {axes}.",
+    to_do="Capture the sphere all around, well off the axis and at two heights.",
+    meaning="The captures leave the place of the table's axis open.",
+    decided="A shift's standard deviation is above 3 mm.",
+    usual_causes="Few angles, a short arc of the circle.",
+    fixed=True,
+)
+
+_REASON = {
+    "mount": "the sphere appears {distance_mm:.2f} mm (along the axis {axial_mm:+.2f}, away from it {radial_mm:+.2f}, around it "
+    "{around_deg:+.3f}°) from where the other captures expect it, {times:.0f} times the expected scatter; it fits the mounting "
+    "'{mount}': correct its `mount`.",
+    "angle": "the sphere appears {distance_mm:.2f} mm (along the axis {axial_mm:+.2f}, away from it {radial_mm:+.2f}, around it "
+    "{around_deg:+.3f}°) from where the other captures expect it, {times:.0f} times the expected scatter: check its table angle, its "
+    "pose and its mounting, and take it again.",
+}
+
+MANY_CONTRADICT = Code(
+    "many-table-captures-contradict",
+    "error",
+    text="{rejected} of {count} captures contradict the others ({names}).",
+    to_do="Check table angles, mountings and poses, then repeat these.",
+    meaning="So many captures were rejected that it is not known which of them are right.",
+    decided="More than a third of the captures lie too far from where the others expect the sphere.",
+    usual_causes="Wrong table angles, a sphere that was mounted anew, poses that belong to other captures.",
+    reason=_REASON,
+    by="likely",
+    fixed=True,
+)
+
+CAPTURES_CONTRADICT = Code(
+    "table-captures-contradict",
+    "warning",
+    text="Left out because they contradict the others: {names}; see their reasons.",
+    meaning="These captures see the sphere elsewhere on the table than all others do. The answer rests on the others.",
+    decided="Their squared Mahalanobis distance from what the others expect is beyond the limit of rejection.",
+    usual_causes="A wrong angle or mounting, a sphere that was touched.",
+    reason=_REASON,
+    by="likely",
+)
+
+ANGLES_DO_NOT_FIT = Code(
+    "table-angles-do-not-fit",
+    "error",
+    text="Table angles and scans do not fit together: the sphere is {scatter_mm:.1f} mm off its circle.",
+    to_do="Check the angles, their unit, and that every capture has its own.",
+    meaning="No axis brings the captures to a circle.",
+    decided="The used captures lie more than 5 mm off their circles (RMS).",
+    usual_causes="Angles in another unit, angles of other captures.",
+    fixed=True,
+)
+
+TOOL_MOVED = Code(
+    "tool-seen-elsewhere-on-table",
+    "warning",
+    text="The captures on the table see the scanner {shift_mm:.2f} mm and {turn_deg:.2f}° from where those of the still sphere "
+    "do, beyond chance.",
+    to_do="Check that the scanner sits firmly on the flange and that the sphere is the same, then take both kinds of "
+    "captures again.",
+    meaning="Both kinds of captures tell the tool, and they do not agree.",
+    decided="Chance gives such a difference in fewer than three of a thousand cells.",
+    usual_causes="A scanner that was moved between them, another sphere.",
+)
+
+REMOUNTED = Code(
+    "sphere-remounted",
+    "warning",
+    text="{captures} agree on another place of the sphere on the table (x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm).",
+    to_do="If it was mounted anew, give these captures a `mount` of their own.",
+    meaning="The rejected captures agree with each other.",
+    decided="Three rejected captures or more lie within 2 mm of one place on the table.",
+    usual_causes="A sphere that was mounted anew, without a new name.",
+)
+
+TABLE_SCATTER_BEYOND_TOLD = Code(
+    "table-scatter-beyond-told",
+    "warning",
+    text={
+        "enlarged": "The captures scatter {times:.1f} times more than the given sigmas explain (wobble, play or a robot less "
+        "exact than stated); the stated uncertainty is enlarged by that.",
+        "held": "The captures scatter by {scatter_mm:.2f} mm where the robot's sigma says {told_mm:.2f} mm (wobble, play or a "
+        "robot less exact than stated); the stated uncertainty holds it.",
+    },
+    by="handled",
+    meaning="The captures of the table disagree by more than the sigmas that were given allow.",
+    decided="χ² of the captures is beyond what chance gives, or their scatter is 1.5 times what was told and what the arm "
+    "explains.",
+    usual_causes="A table that wobbles or has play, an arm that is less true than stated.",
+)
+
+ANGLES_NOT_READ = Code(
+    "table-angles-not-read",
+    "warning",
+    text="The table's angles were not read: the axis rests on the shape of the circles alone, in direction weakest towards "
+    "{weakest} (±{tilt_deg:.3f}°), in place known to {place_mm:.2f} mm. The sense of turning, angle zero and the encoder stay "
+    "unknown.",
+    to_do={
+        "told": "",
+        "open": "Give turntable.direction before scanning by table angles.",
+    },
+    by="direction",
+    meaning="Without angles, the captures tell the axis by the circles that they lie on.",
+    decided="The cell says that the angles are unknown.",
+    usual_causes="A table without an encoder.",
+)
+
+ONE_HEIGHT = Code(
+    "one-height",
+    "warning",
+    text="One height only: the axis's direction rests on the plane of one circle, weakest towards {weakest} "
+    "(±{tilt_deg:.3f}°).",
+    to_do="Mount the sphere 100 mm or more higher and capture it all around again.",
+    meaning="A circle tells its axis's direction by its plane alone; two heights tell it by their distance.",
+    decided="All mountings lie within 20 mm along the axis.",
+    usual_causes="One mounting.",
+)
+
+AXIS_WEAK = Code(
+    "axis-direction-weak",
+    "warning",
+    text="The axis's direction is weakly determined, weakest towards {weakest} (±{tilt_deg:.3f}°).",
+    to_do="Add angles all around, and heights.",
+    meaning="The axis's direction is known less well than usual. The stated uncertainty holds it.",
+    decided="Its standard deviation is above 0.1°.",
+    usual_causes="Few angles, heights that are near to each other.",
+)
+
+AXIS_WOBBLES = Code(
+    "axis-wobbles",
+    "warning",
+    text={
+        "2": "The table's axis seems to wobble by {size_deg:.3f}° twice a turn: the stated axis is a mean, and a scan at one "
+        "angle may be off by as much.",
+        "3": "The table's axis seems to wobble by {size_deg:.3f}° three times a turn: the stated axis is a mean, and a scan at "
+        "one angle may be off by as much.",
+    },
+    to_do="Check the bearing, or capture at more angles.",
+    by="times",
+    meaning="The axis leans with the table's angle, in a pattern that a bearing makes.",
+    decided="The pattern makes all captures likelier by a factor that chance gives in fewer than 3 of 1,000 tables, and leans "
+    "at least 0.2 mrad.",
+    usual_causes="A worn bearing, a table that is not fixed firmly.",
+)
+
+ENCODER_ECCENTRIC = Code(
+    "encoder-eccentric",
+    "warning",
+    text="The table's angle seems to err by {size_deg:.3f}° once a turn, as of an eccentric encoder or an axis that wobbles: "
+    "scans at different angles are off by as much.",
+    to_do="Check the encoder's mounting and the bearing.",
+    meaning="The angle errs with itself, once a turn.",
+    decided="The pattern makes all captures likelier by a factor that chance gives in fewer than 3 of 1,000 tables, and is at "
+    "least 0.02°.",
+    usual_causes="An encoder that is mounted off its centre.",
+)
+
+ENCODER_SCALE = Code(
+    "encoder-scale",
+    "warning",
+    text="The table turns by {error_percent:+.3f} ± {uncertainty_percent:.3f} % more than its angles say.",
+    to_do={
+        "applied": "The answer accounts for it; check the encoder and the gear.",
+        "left": "The answer does not account for it, as turntable.encoder is 'exact'; check the encoder and the gear.",
+    },
+    by="handled",
+    meaning="A full turn of the angles is not a full turn of the table.",
+    decided="The factor differs from one beyond chance.",
+    usual_causes="A gear ratio that is slightly wrong.",
+)
+
+ANGLES_SCATTER = Code(
+    "table-angles-scatter",
+    "warning",
+    text="The table's angles scatter by {scatter_deg:.3f}°.",
+    to_do="Check the encoder and the table's brake.",
+    meaning="The angles are less exact than those of tables in order.",
+    decided="Their estimated standard deviation is above 0.05°.",
+    usual_causes="A loose brake, a coarse encoder, play.",
+)
+
+PLAY_NOT_CHECKED = Code(
+    "play-not-checked",
+    "note",
+    text="Not checked: play of the table that is always taken up from one side.",
+    to_do="Approach angles from that side when scanning too, or capture one from the other.",
+    meaning="Play that is always taken up from one side shifts angle zero, and every capture agrees.",
+    decided="No angle was captured again after the table had been elsewhere.",
+)
+
+TABLE_PLAY = Code(
+    "table-play",
+    "warning",
+    text="{captures} are one angle of the table, captured twice, but see the sphere {apart_deg:.3f}° apart: the table has "
+    "play, or the sphere moved.",
+    to_do="Approach every angle from the same side, in scans too.",
+    meaning="An angle that was reached twice shows the sphere at two places.",
+    decided="They are further apart than three standard deviations of two captures, and than 0.01°.",
+    usual_causes="A worn gear, a sphere that was touched.",
+)
+
+ANGLES_REPEAT = Code(
+    "table-angles-repeat",
+    "note",
+    text="Angles captured again after the table had been elsewhere differ by {apart_deg:.3f}° at most ({captures}): where they "
+    "were approached from the other side, the table's play is no larger.",
+    meaning="Angles that were reached twice check the table's play.",
+    decided="They are no further apart than chance allows.",
+)
+
+TCP_FAILED = Code(
+    "tcp-failed-before",
+    "warning",
+    text="The tcp stage's own verdict is fail: fix that first.",
+    meaning="The table is solved by a tool that is not to be used.",
+    decided="The tcp stage has a finding of severity error.",
+    usual_causes="See the findings of the tcp stage.",
+)
+
+TCP_DOUBTFUL = Code(
+    "tcp-doubtful-before",
+    "warning",
+    text="The TCP that this rests on is to be used with care: see its warnings first.",
+    meaning="The table is solved by a tool that is doubted.",
+    decided="The tcp stage has a finding of severity warning.",
+    usual_causes="See the findings of the tcp stage.",
+)
+
+BY_TOOL_ALONE = Code(
+    "optics-by-tool-alone",
+    "note",
+    text="Camera and plane of light are counted here through the tool alone. What they do to the captures of the table is "
+    "counted by the whole chain: it knows the axis's place better and says more rightly how it may lean.",
+    meaning="How camera and plane of light err enters the table through the tool, not through the captures themselves.",
+    decided="The captures are frames, and camera and plane of light have uncertainties.",
+)
+
+CHAIN_TOOL_DIFFERS = Code(
+    "chain-tool-differs",
+    "warning",
+    text="The tcp stage alone gives a tool that differs by {shift_mm:.3f} mm and {turn_deg:.3f}°, more than its uncertainty "
+    "allows: the captures of the table contradict those of the still sphere.",
+    to_do="Check that sphere, scanner mounting and robot are the same in both.",
+    meaning="With the captures of the table, the tool is elsewhere than without them.",
+    decided="Chance gives such a difference in one cell of a thousand.",
+    usual_causes="A scanner that was moved between them, another sphere.",
+    behind=("tool-seen-elsewhere-on-table",),
+)
+
+CHAIN_TABLE_DIFFERS = Code(
+    "chain-table-differs",
+    "warning",
+    text="The turntable stage alone gives a frame that differs by {shift_mm:.3f} mm and {turn_deg:.3f}°, more than its "
+    "uncertainty allows.",
+    to_do="Check the table's wobble, its angles, and that the scanner sits firmly.",
+    meaning="With the captures of the still sphere, the table is elsewhere than by the tool held.",
+    decided="Chance gives such a difference in one cell of a thousand.",
+    usual_causes="A table that wobbles, a scanner that was moved.",
+    behind=("tool-seen-elsewhere-on-table",),
+)
