@@ -59,7 +59,7 @@ def solve(given: StageInput) -> VerifyResult:
     of_sphere = [capture for capture in given.captures if capture.step == "verify"]
     observed = observe_stage(replace(given, captures=of_sphere))
     same = [] if verified == "known" else _that_calibrated(given, of_sphere, observed.observations)
-    observed = _without(observed, reasons_of(same))
+    observed = _without(observed, same)
     limits = given.session.cell.verification
     count = len({o.capture for o in observed.observations})
     if count < LEAST_CAPTURES and not (same and _limited(limits)):
@@ -147,12 +147,11 @@ def _that_calibrated(
     return that_calibrated(own, used, seen, before, given.read)
 
 
-def _without(observed: Observed, unused: Mapping[str, str]) -> Observed:
-    """Return what was observed without captures that do not count, each with its reason."""
-    if not unused:
-        return observed
-    kept = [o for o in observed.observations if o.capture not in unused]
-    return replace(observed, observations=kept, unused={**observed.unused, **unused})
+def _without(observed: Observed, same: Sequence[Finding]) -> Observed:
+    """Return what was observed without captures that do not count."""
+    out = {name for finding in same for name in finding.captures}
+    kept = [o for o in observed.observations if o.capture not in out]
+    return replace(observed, observations=kept, unused=[*observed.unused, *same])
 
 
 def _disagreeing(
