@@ -40,7 +40,7 @@ export function t(key, values = {}) {
 }
 
 /** What the server says in English, in the chosen language: the sentences that were asked for so far. */
-const sayings = language === "en" ? null : new (await import("./said.js")).Sayings(language);
+const sayings = language === "en" ? null : new (await import("./sentences.js")).Sayings(language);
 
 /** Has words, and is no name of a capture, a file or a place. */
 const WORDS = /[a-z]{2}/i, NAME = /^\S*[\d_/\\]\S*$/;

@@ -1,7 +1,7 @@
 """What the server says, in the languages of the page: of two thousand sentences a page gets those that it shows.
 
 A page that loaded them all would load more words than code. Which of them stand in a text, alone, within another
-or one behind the other, is the page's to find out (`web/said.js`); what is sent is a little more than it needs.
+or one behind the other, is the page's to find out (`web/sentences.js`); a little more than it needs is sent.
 """
 
 import json

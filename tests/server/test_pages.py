@@ -46,7 +46,7 @@ def test_files_by_the_mark_of_their_state_are_kept_for_good(client: httpx.Client
 
 def test_files_by_the_mark_have_no_comments_and_the_same_lines(client: httpx.Client, site: str) -> None:
     script = re.findall(r'src="(/web/~[^"]+/)app\.js"', client.get(f"{site}/").text)[0]
-    source, kept = (client.get(f"{site}{folder}said.js").text for folder in ("/web/", script))
+    source, kept = (client.get(f"{site}{folder}sentences.js").text for folder in ("/web/", script))
     assert "@typedef" in source
     assert "@typedef" not in kept
     assert len(kept) < 0.75 * len(source)

@@ -25,6 +25,7 @@ _CORE = (
     "evidence",
     "formats",
     "fusion",
+    "graph",
     "guidance",
     "optics",
     "review",
@@ -41,6 +42,7 @@ _REFUSING: tuple[str, ...] = (
     "calib_core/frame_graph.py",
     "calib_core/frames.py",
     "calib_core/pose_track.py",
+    "calib_core/poses",
     "calib_core/records",
     "calib_core/registry.py",
     "calib_core/robots",
@@ -52,6 +54,7 @@ _REFUSING: tuple[str, ...] = (
     "server/http",
     "server/jobs",
     "server/live",
+    "server/measuring.py",
     "server/movers",
     "server/render",
     "server/routes",
@@ -63,8 +66,8 @@ _REFUSING: tuple[str, ...] = (
             "answers",
             "archived_history",
             "archives",
-            "arrivals",
             "blobs",
+            "capture_writes",
             "captures",
             "devices",
             "history",
@@ -80,9 +83,19 @@ _REFUSING: tuple[str, ...] = (
     ),
 )
 """Folders and files whose refusals a page shows; their other texts can be contents of files that they write."""
-_ROBOTS = ("asked", "identity", "phrases", "read_back", "resolve")
-_LIVE = ("armed_table", "clock_watch", "exposures", "link", "pictures", "sense", "standstill")
-_SCENE = ("answers", "deviation", "facts", "ghost", "layers", "legend", "optics", "turntable_layers", "views")
+_ROBOTS = ("joint_check", "phrases", "read_back", "resolve")
+_LIVE = ("armed_table", "clock_watch", "exposures", "link", "pictures", "plausibility", "standstill")
+_SCENE = (
+    "answers",
+    "deviation",
+    "ghost",
+    "layers",
+    "legend",
+    "optics",
+    "scene_model",
+    "turntable_layers",
+    "views",
+)
 _NOT_CHOSEN = {"folder", "simulated"}
 """Sources without a form in the page."""
 _OTHER_MEDIA = {"html.py", "style.py", "svg.py", "text.py"}
@@ -208,6 +221,7 @@ def told() -> set[str]:
 def _core() -> list[Path]:
     files = [file for name in _CORE for file in (ROOT / "calib_core" / name).rglob("*.py")]
     files += [ROOT / "calib_core" / "robots" / f"{name}.py" for name in _ROBOTS]
+    files.append(ROOT / "calib_core" / "poses" / "identity.py")
     files += [ROOT / "server" / "live" / f"{name}.py" for name in _LIVE]
     return [
         file for file in files if file != ROOT / "calib_core" / "review" / "compare.py"

@@ -1,4 +1,4 @@
-"""What a message of a result says in one line (`web/components/brief.js`)."""
+"""What a message of a result says in one line (`web/result/brief.js`)."""
 
 import json
 from pathlib import Path
@@ -40,7 +40,7 @@ _FOUND = {
 @pytest.fixture(scope="module")
 def said() -> dict[str, str]:
     script = (
-        'import { brief, found } from "./components/brief.js";'
+        'import { brief, found } from "./result/brief.js";'
         f"const all = [{json.dumps(list(_LINES))}.map(brief), {json.dumps(list(_FOUND))}.map(found)];"
         "console.log(JSON.stringify(all));"
     )

@@ -151,7 +151,7 @@ def spoken(sentences: list[str]) -> dict[str, list[str]]:
     few = [sentences[start : start + 40] for start in range(0, len(sentences), 40)]
     known = {language: [PageSentences(WEB).occurring(language, part) for part in few] for language in ("de", "zh")}
     script = """
-    import { Sayings } from "./said.js";
+    import { Sayings } from "./sentences.js";
     import { readFileSync } from "node:fs";
     const [sentences, few, all, known] = JSON.parse(readFileSync(0, "utf-8"));
     const said = (language, table, texts) => {

@@ -3,7 +3,7 @@
 
 import { h } from "../dom.js";
 import { said, t } from "../texts.js";
-import { plot } from "../components/plot.js";
+import { plot } from "../result/plot.js";
 import { figures } from "./figure.js";
 import { frame } from "./frame.js";
 import { note } from "./note.js";

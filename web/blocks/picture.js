@@ -1,6 +1,6 @@
 // A picture: one of the page's drawings, or a file of a capture.
 
-import { DrawingElement } from "../components/drawing.js";
+import { DrawingElement } from "../measure/drawing.js";
 import { h, make } from "../dom.js";
 import { api } from "../state/api.js";
 

@@ -2,8 +2,8 @@
 
 import { live, followPreviews } from "../state/live.js";
 import { StateElement } from "../components/base.js";
-import { zoneBar } from "../components/profile-plot.js";
-import { stepName } from "../components/rail.js";
+import { zoneBar } from "../measure/profile-plot.js";
+import { stepName } from "../measure/rail.js";
 import { attempt } from "../components/toasts.js";
 import { field, h, make, style } from "../dom.js";
 import { fixed, integer, small, typedNumber } from "../format.js";

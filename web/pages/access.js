@@ -1,7 +1,7 @@
 // Who may: an admin's page of tokens and of the log. The server answers nobody else.
 
-import { AuditLogElement } from "../components/audit-log.js";
-import { TokensElement } from "../components/tokens.js";
+import { AuditLogElement } from "../account/audit-log.js";
+import { TokensElement } from "../account/tokens.js";
 import { h, make } from "../dom.js";
 import { may, me } from "../state/me.js";
 import { learnTexts, t } from "../texts.js";

@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
-import { comparisonSections } from "../components/comparison.js";
+import { comparisonSections } from "../compare/comparison.js";
 import { attempt } from "../components/toasts.js";
 import { stages } from "../state/registries.js";
 import { field, h, style } from "../dom.js";

@@ -1,20 +1,20 @@
 // A session as it was: its time line on top, and below it what was known at the place that is chosen. Read-only.
 
 import { api } from "../state/api.js";
-import { KeptElement } from "../components/kept.js";
-import { RailElement } from "../components/rail.js";
-import { RecomputeElement } from "../components/recompute.js";
-import { ResultElement } from "../components/result.js";
-import { ReviewCapturesElement } from "../components/review-captures.js";
-import { ReviewLogElement } from "../components/review-log.js";
-import { SceneElement } from "../components/scene.js";
-import { TimelineElement } from "../components/timeline.js";
+import { KeptElement } from "../result/archived-files.js";
+import { RailElement } from "../measure/rail.js";
+import { RecomputeElement } from "../result/recompute.js";
+import { ResultElement } from "../result/result.js";
+import { ReviewCapturesElement } from "../compare/review-captures.js";
+import { ReviewLogElement } from "../compare/review-log.js";
+import { SceneElement } from "../measure/scene.js";
+import { TimelineElement } from "../compare/timeline.js";
 import { attempt } from "../components/toasts.js";
 import { h, make, style } from "../dom.js";
 import { mark } from "../icons.js";
 import { ReviewState } from "../state/review.js";
 import { learnTexts, said, t } from "../texts.js";
-import { cellWords } from "../components/cell-words.js";
+import { cellWords } from "../measure/cell-words.js";
 
 await learnTexts("timeline");
 

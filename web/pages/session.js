@@ -1,24 +1,24 @@
 // A session: what to do now, the evidence, and the scene beside it all.
 
-import { ActionsElement } from "../components/actions.js";
-import { CapturesElement } from "../components/captures.js";
-import { FolderWatchElement } from "../components/folder-watch.js";
-import { GuideElement } from "../components/guide.js";
-import { IntakeElement } from "../components/intake.js";
-import { LiveElement } from "../components/live.js";
-import { QualityElement } from "../components/quality.js";
-import { RailElement } from "../components/rail.js";
-import { SceneElement } from "../components/scene.js";
+import { ActionsElement } from "../measure/actions.js";
+import { CapturesElement } from "../measure/captures.js";
+import { FolderWatchElement } from "../measure/folder-watch.js";
+import { GuideElement } from "../measure/guide.js";
+import { IntakeElement } from "../measure/intake.js";
+import { LiveElement } from "../components/connection.js";
+import { QualityElement } from "../measure/quality.js";
+import { RailElement } from "../measure/rail.js";
+import { SceneElement } from "../measure/scene.js";
 import { attempt } from "../components/toasts.js";
 import { takeDrops } from "../components/drops.js";
 import { h, make } from "../dom.js";
 import { SessionState } from "../state/session.js";
 import { SAID, said, t } from "../texts.js";
-import { cellWords } from "../components/cell-words.js";
+import { cellWords } from "../measure/cell-words.js";
 import { forgetDeeds } from "../state/undo.js";
-import { redoLast, undoLast } from "../components/undo.js";
+import { redoLast, undoLast } from "../measure/undo.js";
 import { splitter } from "../components/splitter.js";
-import { viewTabs } from "../components/view-tabs.js";
+import { viewTabs } from "../measure/view-tabs.js";
 
 const LIVE = "scancell-live-";
 const INTERACTIVE = "a, button, input, select, textarea, summary, dialog, [role=button], [role=tab], [tabindex='0']";
@@ -55,7 +55,7 @@ export class SessionPage extends HTMLElement {
         if (/** @type {CustomEvent<Set<string>>} */ (event).detail.has("devices")) void this.#follow(state);
       });
       performance.mark("scancell:ready");
-      if (toured && state.session) void import("../components/tour.js").then(({ SESSION_STOPS, tour }) => tour(SESSION_STOPS));
+      if (toured && state.session) void import("../sessions/tour.js").then(({ SESSION_STOPS, tour }) => tour(SESSION_STOPS));
     });
   }
 
@@ -79,7 +79,7 @@ export class SessionPage extends HTMLElement {
       // A form that only a verification has is loaded with its step.
       if (limited || state.stageOf(state.step) !== "verify") return;
       limited = true;
-      void import("../components/limits.js").then(({ LimitsElement }) => limits.replaceChildren(make(LimitsElement, { state })));
+      void import("../measure/limits.js").then(({ LimitsElement }) => limits.replaceChildren(make(LimitsElement, { state })));
     });
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
       make(GuideElement, { state }), limits, this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
@@ -91,7 +91,7 @@ export class SessionPage extends HTMLElement {
       // What draws results is loaded with the first look at one.
       if (result.hidden || drawn) return;
       drawn = true;
-      void import("../components/result.js").then(({ ResultElement }) => result.append(make(ResultElement, { state })));
+      void import("../result/result.js").then(({ ResultElement }) => result.append(make(ResultElement, { state })));
     });
     const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result, actions);
     state.watch(["step", "view"], () => { work.scrollTop = 0; });
@@ -132,7 +132,7 @@ export class SessionPage extends HTMLElement {
 
   async #correct() {
     const session = this.#state?.session;
-    if (session) (await import("../components/cell-dialog.js")).cellDialog(session);
+    if (session) (await import("../measure/cell-dialog.js")).cellDialog(session);
   }
 
   /** What is open stands in the address: `#tcp`, `#tcp.result`, `#result`. @param {SessionState} state */
@@ -166,7 +166,7 @@ export class SessionPage extends HTMLElement {
     const free = target.closest(INTERACTIVE) === null;
     if (key === " " && free && state?.session?.simulated) act(event, () => void this.#actions?.capture());
     else if (key === "s" || (key === "enter" && free)) act(event, () => void this.#actions?.solve());
-    else if (key === "?") act(event, () => void import("../components/keys.js").then(({ keysDialog }) => keysDialog()));
+    else if (key === "?") act(event, () => void import("../measure/keys.js").then(({ keysDialog }) => keysDialog()));
     else if (key === "m") act(event, () => state?.show("measure"));
     else if (key === "r") act(event, () => state?.show("result"));
     else if (/^[1-9]$/.test(key) && state?.steps[Number(key) - 1]) act(event, () => state.open(state.steps[Number(key) - 1] ?? null));

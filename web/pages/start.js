@@ -1,13 +1,13 @@
 // The first page: the sessions there are, and the ways to begin one.
 
 import { api } from "../state/api.js";
-import { cellDialog, cellDialogFor } from "../components/cell-dialog.js";
+import { cellDialog, cellDialogFor } from "../measure/cell-dialog.js";
 import { copyButton } from "../components/copy.js";
-import { DrawingElement } from "../components/drawing.js";
+import { DrawingElement } from "../measure/drawing.js";
 import { ProgressElement } from "../components/progress.js";
-import { SessionCardsElement } from "../components/session-cards.js";
+import { SessionCardsElement } from "../sessions/session-cards.js";
 import { attempt, notify } from "../components/toasts.js";
-import { isFirstVisit, noteVisit } from "../components/tour.js";
+import { isFirstVisit, noteVisit } from "../sessions/tour.js";
 import { takeDrops } from "../components/drops.js";
 import { h, make, style } from "../dom.js";
 import { chosen, dropped, isArchive, sessionFolder } from "../state/files.js";

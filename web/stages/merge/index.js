@@ -4,7 +4,7 @@ import { api } from "../../state/api.js";
 import { h, make, style } from "../../dom.js";
 import { registry } from "../../state/registries.js";
 import { learnTexts, t } from "../../texts.js";
-import { later } from "../../components/later.js";
+import { later } from "../../components/lazy-parts.js";
 import { attempt } from "../../components/toasts.js";
 
 await learnTexts("merged");

@@ -1,0 +1,54 @@
+// Who did what, and who was refused what: read a page at a time.
+
+import { api } from "../state/api.js";
+import { h } from "../dom.js";
+import { when } from "../format.js";
+import { mark } from "../icons.js";
+import { t } from "../texts.js";
+import { attempt } from "../components/toasts.js";
+
+/** @import {AuditEntry} from "../state/model.js" */
+
+const HEADS = /** @type {const} */ (["audit.when", "audit.who", "audit.did", "audit.from", "audit.outcome"]);
+
+export class AuditLogElement extends HTMLElement {
+  #rows = h("tbody");
+  #none = h("p", { class: "soft", hidden: true }, t("audit.none"));
+  #more = h("button", { type: "button", hidden: true, onclick: () => void attempt(() => this.#read()) }, t("audit.more"));
+  /** @type {string | null} */ #next = null;
+
+  connectedCallback() {
+    if (this.firstChild) return;
+    this.append(h("section", { class: "panel audit", "aria-labelledby": "audit-title" },
+      h("h2", { id: "audit-title" }, t("review.log")), h("p", { class: "soft small" }, t("audit.what")),
+      h("table", { class: "compare" }, h("thead", {}, h("tr", {}, ...HEADS.map((head) => h("th", { scope: "col" }, t(head))))), this.#rows),
+      this.#none, h("div", { class: "row" }, this.#more)));
+    void attempt(() => this.refresh());
+  }
+
+  /** Begin with the newest again. */
+  async refresh() {
+    this.#next = null;
+    await this.#read(true);
+  }
+
+  async #read(afresh = false) {
+    const { items, next } = await api.audit(this.#next);
+    const lines = items.map(line);
+    if (afresh) this.#rows.replaceChildren(...lines);
+    else this.#rows.append(...lines);
+    this.#next = next;
+    this.#more.hidden = next === null;
+    this.#none.hidden = this.#rows.childElementCount > 0;
+  }
+}
+
+/** @param {AuditEntry} entry */
+function line({ at, who, role, method, path, address, outcome }) {
+  return h("tr", {},
+    h("td", { class: "number" }, h("time", { datetime: at }, when(at))), h("td", {}, `${who} `, h("span", { class: "soft" }, role)),
+    h("td", { class: "mono" }, `${method} ${path}`), h("td", { class: "number" }, address),
+    h("td", {}, mark(outcome === "done" ? "pass" : "fail", t(`audit.${outcome}`))));
+}
+
+customElements.define("sc-audit-log", AuditLogElement);

@@ -1,0 +1,203 @@
+// The two things one does here, again and again: capture and solve. The primary button says what will happen.
+
+import { api } from "../state/api.js";
+import { Problem } from "../state/http.js";
+import { h } from "../dom.js";
+import { allowed, may } from "../state/me.js";
+import { sound } from "../shop.js";
+import { learn, maybe, said, t } from "../texts.js";
+import { did } from "../state/undo.js";
+import { nextStep } from "../state/next-step.js";
+import { StateElement } from "../components/base.js";
+import { keep } from "./removed-captures.js";
+import { stepName } from "./rail.js";
+import { mendable, remedies } from "../result/remedy.js";
+import { attempt, notify, say } from "../components/toasts.js";
+
+/** @import {FolderWatchElement} from "./folder-watch.js" */
+/** @import {IntakeElement} from "./intake.js" */
+/** @import {Job, RootCause} from "../state/model.js" */
+
+export class ActionsElement extends StateElement {
+  /** @type {IntakeElement | null} */ intake = null;
+  /** @type {FolderWatchElement | null} */ watch = null;
+  devices = () => {};
+  #captureWords = h("span", {}, t("actions.capture"));
+  #solveWords = h("span", {}, t("actions.solve"));
+  #capture = h("button", { type: "button", class: "capture", needs: "capture", "aria-keyshortcuts": "Space", onclick: () => void this.capture() }, this.#captureWords, h("kbd", { "aria-hidden": "true" }, t("key.space")));
+  #solve = h("button", { type: "button", class: "solve", needs: "capture", "aria-keyshortcuts": "S", onclick: () => void this.solve() }, this.#solveWords, h("kbd", { "aria-hidden": "true" }, "S"));
+  #look = h("button", { type: "button", class: "primary", onclick: () => this.state.show("result") }, t("actions.look"));
+  #mend = h("button", { type: "button", class: "primary", needs: "capture", onclick: () => this.state.show("measure") }, t("actions.mend"));
+  #onWords = h("span", {});
+  #on = h("button", { type: "button", class: "primary", onclick: () => this.state.open(this.#next) }, this.#onWords);
+  #remedies = h("span", { class: "remedies row" });
+  #judged = "";
+  #progress = h("div", { class: "job", hidden: true });
+  #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
+  #folder = wayIn(t("actions.folder"), () => this.intake?.chooseFolder());
+  #watch = wayIn(t("actions.watch"), () => void this.watch?.open());
+  #waysIn = h("span", { class: "ways-in" }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch, wayIn(t("actions.devices"), () => this.devices()));
+  /** @type {string | null} */ #next = null;
+  #capturing = false;
+  #followed = "";
+
+  parts = /** @type {const} */ (["session", "guide", "job", "captures", "results", "step", "view"]);
+
+  build() {
+    this.intake?.addEventListener("solve", () => void this.solve());
+    // What sticks above these actions must know how high they are; told to it alone: all below take long to style anew.
+    new ResizeObserver(() => this.intake?.style.setProperty("--actions-height", `${this.offsetHeight}px`)).observe(this);
+    this.append(
+      h("div", { class: "row" }, this.#remedies, this.#mend, this.#on, this.#look, this.#capture, this.#solve,
+        this.#waysIn),
+      this.#progress,
+    );
+  }
+
+  update() {
+    const { session, job, captures, now, view } = this.state;
+    const simulated = session?.simulated === true;
+    const ready = now?.action === "solve";
+    const solved = now?.action === "review";
+    // What is not accepted is mended by captures; where all is well, the way leads on.
+    const result = this.state.resultOf(this.state.step);
+    const mends = (solved || !now) && result !== null && !result.stale && result.verdict !== "pass";
+    this.#next = nextStep(this.state);
+    const onward = this.#next !== null && !mends;
+    this.#onWords.textContent = t("guide.go_on", { step: stepName(this.state, this.#next ?? "") });
+    this.#on.hidden = this.#next === null;
+    this.#on.className = mends ? "plain wide" : "primary";
+    this.#captureWords.textContent = maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
+    this.#solveWords.textContent = maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
+    const status = this.state.guide?.steps.find(({ step }) => step === this.state.step)?.status ?? (this.state.now ? "working" : "");
+    this.#capture.hidden = !simulated || status === "" || status === "not-needed" || status === "known";
+    this.#watch.hidden = simulated;
+    this.#folder.hidden = simulated; // a folder brings a cell of its own; it may be dropped here all the same
+    this.#look.hidden = !solved || view === "result";
+    this.#look.classList.toggle("primary", !onward && !mends);
+    this.#solve.hidden = solved;
+    this.#capture.classList.toggle("primary", !ready && (!solved || mends) && !onward);
+    this.#solve.classList.toggle("primary", ready);
+    this.#mend.classList.add("primary");
+    this.#mend.hidden = !mends || simulated || view !== "result";
+    this.#waysIn.hidden = view === "result"; // new captures belong to measuring; files may be dropped all the same
+    this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
+    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working || !may("capture")));
+    this.#showJob();
+    this.#offerRemedies();
+    if (job && job.id === this.#followed) this.#ended();
+  }
+
+  /** What mends a failed result stands first, and nothing else is the main thing then. */
+  #offerRemedies() {
+    const { state } = this;
+    const stage = state.stageOf(state.step);
+    const result = state.results[stage];
+    const judged = `${stage} ${result?.inputs_sha256} ${result?.stale}`;
+    if (judged === this.#judged) return this.#quiet();
+    this.#judged = judged;
+    this.#offer(stage, result ? mendable(result) : []);
+  }
+
+  /** @param {string} stage @param {readonly RootCause[]} causes */
+  #offer(stage, causes) {
+    this.#remedies.replaceChildren(...remedies(this.state, stage, causes).map(({ name, words, mend }, index) =>
+      h("button", { type: "button", class: index ? "plain wide" : "primary", needs: "capture", title: words, onclick: () => void this.#apply(mend) }, name)));
+    this.#quiet();
+  }
+
+  /** Once is enough: what mends goes as it is applied, and comes back where that failed. @param {() => Promise<unknown>} mend */
+  async #apply(mend) {
+    const offered = [...this.#remedies.children];
+    this.#remedies.replaceChildren();
+    if (!await mend()) this.#remedies.replaceChildren(...offered);
+  }
+
+  #quiet() {
+    if (!this.#remedies.firstChild) return;
+    for (const button of [this.#mend, this.#on, this.#look, this.#capture, this.#solve]) button.classList.remove("primary");
+    this.#files.className = "plain wide";
+  }
+
+  /** The step that captures are taken for now; merging takes none of its own. */
+  get #step() {
+    const step = this.state.now?.step ?? this.state.step;
+    return step === this.state.stageOf(step) ? this.state.stages.find(({ name }) => name === step)?.steps?.[0] ?? step : step;
+  }
+
+  /** The stage that is solved now. */
+  get #stage() {
+    return this.state.now?.stage ?? this.state.stageOf(this.state.step);
+  }
+
+  #showJob() {
+    const { job, working } = this.state;
+    this.#progress.hidden = !working;
+    if (!job || !working) return;
+    const cancel = () => attempt(() => api.cancelJob(job.id));
+    const words = maybe(`actions.solving_${job.stage}`, t("actions.solving"));
+    this.#progress.replaceChildren(
+      h("progress", { max: 1, value: job.progress, "aria-label": words }),
+      h("span", { class: "small" }, said(job.message ?? "") || words),
+      h("button", { type: "button", needs: "capture", onclick: cancel }, t("cancel")),
+    );
+  }
+
+  /** The job that this page started has ended: say how. */
+  #ended() {
+    const { job } = this.state;
+    if (!job || this.state.working) return;
+    this.#followed = "";
+    if (job.status === "done") {
+      this.state.open(job.stage, "result");
+      sound(this.state.results[job.stage]?.verdict ?? "pass");
+      say(maybe(`actions.solved_${job.stage}`, t("actions.solved")));
+    } else if (job.status === "failed") void this.#failed(job);
+    else notify(maybe(`actions.cancelled_${job.stage}`, t("actions.cancelled")));
+  }
+
+  /** Say why nothing could be solved, and offer what would mend it. @param {Job} job */
+  async #failed({ stage, error }) {
+    await learn(error);
+    notify(error ? new Problem(error).message : t("actions.failed"), { bad: true });
+    const { items } = await api.causes(this.state.id).catch(() => ({ items: [] }));
+    if (!this.state.working) this.#offer(stage, items);
+  }
+
+  /** Let the simulated cell take its next capture. */
+  async capture() {
+    if (this.#capturing || this.#capture.hidden || !allowed("capture")) return;
+    this.#capturing = true;
+    this.#capture.setAttribute("aria-disabled", "true");
+    this.state.show("measure");
+    await attempt(async () => {
+      const { id } = this.state;
+      const capture = await api.captureSimulated(id, this.#step);
+      this.state.hurry();
+      const kept = keep(id, [capture]);
+      did(t("captures.added", { captures: capture.id }), kept.remove, { redo: kept.restore });
+      const { verdict, reason } = capture.measured;
+      sound(verdict);
+      say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: said(reason ?? "") }));
+      if (this.state.selected) this.state.select(null);
+    });
+    this.#capture.removeAttribute("aria-disabled");
+    this.#capturing = false;
+  }
+
+  async solve() {
+    if (this.state.working || !this.state.captures.length || !allowed("capture")) return;
+    await attempt(async () => {
+      const job = await api.solve(this.state.id, this.#stage);
+      this.#followed = job.id;
+      this.state.follows(job);
+    });
+  }
+}
+
+/** @param {string} text @param {() => void} action */
+function wayIn(text, action) {
+  return h("button", { type: "button", class: "plain wide", needs: "capture", onclick: action }, text);
+}
+
+customElements.define("sc-actions", ActionsElement);

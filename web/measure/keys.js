@@ -1,0 +1,20 @@
+// The keys that the session page knows.
+
+import { h } from "../dom.js";
+import { learnTexts, t } from "../texts.js";
+import { closeButton, openDialog } from "../components/dialog.js";
+
+await learnTexts("plots");
+
+/** @import {Text} from "../texts.js" */
+
+/** @type {readonly (readonly [string, Text])[]} */
+const KEYS = [
+  [t("key.space"), "keys.capture"], ["S · Enter", "actions.solve"], ["Ctrl+Z", "undo"], ["Ctrl+Shift+Z", "keys.redo"],
+  ["1 – 9", "keys.step"], ["M · R", "keys.view"], ["← →", "keys.dots"], ["Enter", "keys.pick"], ["X", "keys.exclude"], ["?", "keys.keys"],
+];
+
+export function keysDialog() {
+  const keys = KEYS.map(([key, words]) => h("div", {}, h("dt", {}, h("kbd", {}, key)), h("dd", {}, t(words))));
+  openDialog("keys", t("menu.keys"), [h("dl", { class: "keys" }, ...keys), h("div", { class: "row end" }, closeButton(t("close"), { autofocus: true }))]);
+}

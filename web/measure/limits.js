@@ -1,0 +1,58 @@
+// The verification's limits where its captures are taken: a form until the first one, then what is set; a change is kept and told.
+
+import { api } from "../state/api.js";
+import { h } from "../dom.js";
+import { did, patchBack } from "../state/undo.js";
+import { learnTexts, maybe, t } from "../texts.js";
+import { StateElement } from "../components/base.js";
+import { schemaForm } from "../components/schema-form.js";
+import { attempt } from "../components/toasts.js";
+
+await learnTexts("settings");
+
+const STAGE = "verify";
+const FIELD = "verification";
+
+/** Beside the limits `changes`, which the server keeps. @typedef {Record<string, unknown>} Limits */
+
+export class LimitsElement extends StateElement {
+  #shown = "";
+
+  parts = /** @type {const} */ (["session", "captures", "step"]);
+
+  update() {
+    const { state } = this;
+    const stage = state.stages.find(({ name }) => name === STAGE);
+    const limits = /** @type {Limits} */ (/** @type {Record<string, unknown>} */ (state.session?.cell ?? {})[FIELD] ?? {});
+    this.hidden = !stage || state.stageOf(state.step) !== STAGE;
+    const begun = state.captures.some(({ step }) => stage?.steps?.includes(step));
+    const now = JSON.stringify([this.hidden, begun, limits]);
+    if (this.hidden || now === this.#shown) return; // what is being typed stays
+    this.#shown = now;
+    this.replaceChildren(h("section", { class: "panel", "aria-labelledby": "limits-title" }, h("h2", { id: "limits-title" }, t("limits.title")),
+      ...(begun ? [...listed(limits), h("details", {}, h("summary", {}, t("limits.change")), h("p", { class: "soft" }, t("limits.late_words")), this.#form(stage, limits, t("limits.change_go")))]
+        : [h("p", { class: "soft" }, t("limits.words")), this.#form(stage, limits, t("limits.go"))])));
+  }
+
+  /** @param {{ settings?: unknown } | undefined} stage @param {Limits} limits @param {string} go */
+  #form(stage, limits, go) {
+    return schemaForm(stage?.settings ?? {}, limits, { prefix: FIELD, ids: "limits", go, submit: (chosen) => this.#set(limits, chosen) });
+  }
+
+  /** @param {Limits} before @param {Record<string, unknown>} chosen */
+  async #set(before, chosen) {
+    const { id } = this.state;
+    const to = (/** @type {unknown} */ limits) => api.changeSession(id, { cell: { [FIELD]: limits } });
+    const back = patchBack(before, chosen);
+    if (await attempt(() => to(chosen))) did(t("limits.set"), () => to(back), { tell: true, redo: () => to(chosen) });
+  }
+}
+
+/** @param {Limits} limits */
+function listed(limits) {
+  const set = Object.entries(limits).filter(([, value]) => typeof value === "number");
+  if (!set.length) return [h("p", { class: "soft" }, t("limits.none"))];
+  return [h("p", { class: "soft" }, t("limits.held")), h("dl", { class: "pairs" }, ...set.map(([name, value]) => h("div", {}, h("dt", {}, maybe(`settings.${FIELD}.${name}`, name)), h("dd", { class: "number" }, String(value)))))];
+}
+
+customElements.define("sc-limits", LimitsElement);

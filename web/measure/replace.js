@@ -1,0 +1,82 @@
+// Taking a capture again from where it was taken: the new one takes the old one's place, which is left out and kept.
+
+import { api } from "../state/api.js";
+import { h } from "../dom.js";
+import { kindOf } from "../state/files.js";
+import { said, t } from "../texts.js";
+import { did } from "../state/undo.js";
+import { keep } from "./removed-captures.js";
+import { attempt, notify } from "../components/toasts.js";
+
+/** @import {CaptureOut} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
+
+/**
+ * @param {SessionState} state
+ * @param {CaptureOut} capture
+ */
+export function replaceCapture(state, capture) {
+  if (state.session?.simulated) {
+    void attempt(async () => settle(state, capture, await api.captureAgain(state.id, capture.id)));
+    return;
+  }
+  const picker = h("input", { type: "file", class: "visually-hidden", "aria-label": t("captures.redo", { capture: capture.id }) });
+  picker.addEventListener("change", () => {
+    const file = picker.files?.[0];
+    picker.remove();
+    if (file) void attempt(() => replace(state, capture, file));
+  });
+  picker.addEventListener("cancel", () => picker.remove());
+  document.body.append(picker);
+  picker.click();
+}
+
+/**
+ * @param {SessionState} state
+ * @param {CaptureOut} capture
+ * @param {File} file
+ */
+async function replace(state, capture, file) {
+  const { id, captures, session } = state;
+  const { measured: _, excluded: _too, ...record } = capture;
+  const name = nextId(capture.id, new Set(captures.map((one) => one.id)));
+  const ending = file.name.slice(file.name.lastIndexOf(".")).toLowerCase();
+  const kind = kindOf(file.name, session?.cell.scanner?.kind);
+  await settle(state, capture, await api.addCapture(id, { ...record, id: name, kind, files: [`captures/${name}${ending}`] }, [file]));
+}
+
+/**
+ * Let the new capture take the old one's place, unless it is refused, too.
+ * @param {SessionState} state
+ * @param {CaptureOut} capture
+ * @param {CaptureOut} taken
+ */
+async function settle({ id }, capture, taken) {
+  const { id: name } = taken;
+  const { verdict, reason, to_do } = taken.measured;
+  const { excluded } = capture;
+  const added = keep(id, [taken]);
+  if (verdict === "fail") {
+    did(t("captures.added", { captures: name }), added.remove, { redo: added.restore });
+    notify(t("captures.redo_failed", { old: capture.id, new: name, reason: said(reason ?? to_do ?? "") }), { bad: true });
+    return;
+  }
+  await api.changeCapture(id, capture.id, { excluded: true });
+  const undo = async () => {
+    await api.changeCapture(id, capture.id, { excluded: excluded ?? null });
+    await added.remove();
+  };
+  const redo = async () => {
+    await added.restore();
+    await api.changeCapture(id, capture.id, { excluded: true });
+  };
+  did(t("captures.redone", { old: capture.id, new: name }), undo, { tell: true, redo });
+}
+
+/** `p05-again`, `p05-again2`, … @param {string} id @param {ReadonlySet<string>} taken */
+function nextId(id, taken) {
+  const first = `${id.replace(/-again\d*$/, "")}-again`;
+  let name = first;
+  for (let number = 2; taken.has(name); number++) name = `${first}${number}`;
+  return name;
+}

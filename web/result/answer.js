@@ -1,0 +1,95 @@
+// The answer first: how good it is, the verdict, what stands against it, and what comes next. Words on demand.
+
+import { figureWords } from "../blocks/figure.js";
+import { quantityWords } from "../blocks/quantity.js";
+import { h } from "../dom.js";
+import { mark } from "../icons.js";
+import { maybe, said, t } from "../texts.js";
+import { brief, found } from "./brief.js";
+import { glossed } from "../components/glossary.js";
+import { stepName } from "../measure/rail.js";
+import { causesOf, evidenceOfCause, mendable } from "./remedy.js";
+
+/** @import {Block, FigureBlock, StageResult} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
+
+const IN_SIGHT = 3;
+const BESIDE = 2;
+
+/** @param {StageResult} result @param {SessionState} state @param {string} stage */
+export function answer(result, state, stage) {
+  const verdict = result.stale ? "stale" : result.verdict;
+  return h(
+    "section", { class: `panel answer-card answer-${verdict}`, "aria-labelledby": "answer-title" },
+    h("div", { class: "row spread" }, h("h2", { id: "answer-title" }, stepName(state, stage)), mark(verdict, maybe(`verdict.${verdict}`, verdict))),
+    h("dl", { class: "headline number" }, ...shownFigures(result).map((figure, index) => h("div", { class: figure.headline && index < BESIDE ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${figure.limit_label ? `${said(figure.limit_label)} ${quantityWords(figure.limit)}` : t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(said(figure.label)))))),
+    ...messages(result),
+    next(state, stage),
+  );
+}
+
+/** @param {StageResult} result */
+export const evidenceOf = ({ evidence }) => /** @type {Block[]} */ (evidence ?? []);
+
+/** The blocks before the first title: they belong to the answer. @param {StageResult} result */
+export function leading(result) {
+  const blocks = evidenceOf(result);
+  const end = blocks.findIndex(({ title }) => title);
+  return end < 0 ? blocks : blocks.slice(0, end);
+}
+
+/** @param {StageResult} result */
+const figuresOf = (result) => /** @type {FigureBlock[]} */ (leading(result).filter(({ kind }) => kind === "figure"));
+
+/** The headline, and what stands beside it. @param {StageResult} result */
+function shownFigures(result) {
+  const all = figuresOf(result);
+  const first = all.filter(({ headline }) => headline).slice(0, 2);
+  return [...first, ...all.filter((figure) => !first.includes(figure)).slice(0, Math.max(0, BESIDE + 1 - first.length))];
+}
+
+/** What the answer has no room for; it opens the evidence. @param {StageResult} result @returns {FigureBlock[]} */
+export function otherFigures(result) {
+  const shown = shownFigures(result);
+  return figuresOf(result).filter((figure) => !shown.includes(figure));
+}
+
+/** At most three in sight: the causes where they are known, and what follows from them on demand. @param {StageResult} result */
+function messages(result) {
+  const { stale, warnings, notes } = result;
+  const causes = causesOf(result);
+  const told = (warnings ?? []).filter((text) => causes.every(({ sentence }) => sentence !== text)).map((text) => ({ text: said(text), short: brief(said(found(text))) }));
+  if (stale) told.unshift({ text: t("result.stale_words"), short: brief(t("result.stale_words")) });
+  const each = [...new Map(told.map((one) => [one.short, one])).values()];
+  const first = causes.length ? causes.map((cause) => message(said(cause.sentence), brief(said(cause.title)))) : each.slice(0, IN_SIGHT).map(({ text, short }) => message(text, short));
+  const rest = (causes.length ? each : each.slice(IN_SIGHT)).map(({ text }) => text);
+  return [
+    first.length > 0 && h("ul", { class: "messages" }, ...first.slice(0, IN_SIGHT)),
+    ...causes.slice(0, 1).flatMap(evidenceOfCause),
+    (rest.length > 0 || (notes ?? []).length > 0) && h("div", { class: "row" },
+      rest.length > 0 && more(t("answer.more", { count: rest.length }), rest),
+      (notes ?? []).length > 0 && more(t("answer.notes", { count: (notes ?? []).length }), (notes ?? []).map(said))),
+  ];
+}
+
+/** @param {string} text @param {string} short */
+const message = (text, short) => h("li", {}, short === text.replace(/[.。]$/u, "") ? short : h("details", {}, h("summary", {}, short), h("p", {}, text)));
+
+/** @param {string} title @param {readonly string[]} texts */
+function more(title, texts) {
+  return h("details", { class: "more" }, h("summary", { class: "small" }, title), h("ul", {}, ...texts.map((text) => h("li", {}, text))));
+}
+
+/** What the guide says comes next, in one line; a reviewed past has none. @param {SessionState} state @param {string} stage */
+function next(state, stage) {
+  const now = state.guide?.current;
+  const result = state.results[stage];
+  // What is not accepted is mended here first, and where the main button mends the cause, more captures would not.
+  if (result && !result.stale && result.verdict !== "pass" && now?.stage !== stage) return null;
+  if (stage === "merge" && result && !result.stale && result.verdict === "pass" && !("timeline" in state)) {
+    const go = () => document.getElementById("merge-files")?.scrollIntoView({ behavior: "smooth" });
+    return h("p", { class: "next" }, h("strong", {}, t("answer.next")), " ", h("button", { type: "button", class: "plain", onclick: go }, t("answer.save")));
+  }
+  if ("timeline" in state || !now || (now.action === "review" && now.stage === stage) || (result && mendable(result).length)) return null;
+  return h("p", { class: "next", title: said(now.instruction) }, h("strong", {}, t("answer.next")), " ", brief(said(now.instruction)));
+}
