@@ -1,8 +1,7 @@
-"""The sphere in a cloud beside scipy's robust least squares, and the arc in a profile."""
+"""The sphere in a cloud beside RANSAC and Gauss–Newton in numpy, and the arc in a profile."""
 
 import numpy as np
 from harness import Row, interleaved_medians_s
-from scipy.optimize import least_squares
 
 from calib_core.frames import FloatArray
 from calib_core.sphere.arc import fit_arc
@@ -11,6 +10,8 @@ from calib_core.sphere.cloud import fit_sphere
 CENTER_MM = np.array([10.0, 20.0, 300.0])
 RADIUS_MM = 20.0
 SIGMA_MM = 0.02
+ARRIVED_MM = 0.01
+"""A peer that ends further off has no time to compare with."""
 
 
 def cloud(count: int, seed: int) -> FloatArray:
@@ -25,18 +26,26 @@ def cloud(count: int, seed: int) -> FloatArray:
     return np.concatenate([sphere, stray])[rng.permutation(count)]
 
 
-def scipy_sphere(points: FloatArray) -> FloatArray:
-    """The peer: soft_l1 with the analytic Jacobian, from the points' median and a radius nearby."""
-
-    def residuals(x: FloatArray) -> FloatArray:
-        return np.linalg.norm(points - x[:3], axis=1) - x[3]
-
-    def jacobian(x: FloatArray) -> FloatArray:
-        offset = x[:3] - points
-        return np.column_stack([offset / np.linalg.norm(offset, axis=1)[:, None], -np.ones(len(points))])
-
-    start = np.array([*np.median(points, axis=0), 0.8 * RADIUS_MM])
-    return least_squares(residuals, start, jacobian, loss="soft_l1", f_scale=3 * SIGMA_MM).x
+def numpy_sphere(points: FloatArray) -> FloatArray:
+    """The peer, as an expert writes it: RANSAC on a sample, then three Gauss–Newton steps on all inliers."""
+    rng = np.random.default_rng(0)
+    sample = points[rng.integers(0, len(points), 2000)]
+    four = sample[rng.integers(0, len(sample), (100, 4))]
+    system = np.concatenate([2 * four, np.ones((100, 4, 1))], axis=2)
+    usable = np.abs(np.linalg.det(system)) > 1e-3
+    found = np.linalg.solve(system[usable], (four[usable] ** 2).sum(axis=2)[..., None])[..., 0]
+    radii = np.sqrt(np.maximum(found[:, 3] + (found[:, :3] ** 2).sum(axis=1), 0.0))
+    away = np.abs(np.linalg.norm(sample - found[:, None, :3], axis=2) - radii[:, None])
+    best = int((away < 10 * SIGMA_MM).sum(axis=1).argmax())
+    center, radius = found[best, :3], radii[best]
+    for limit in (30 * SIGMA_MM, 5 * SIGMA_MM, 3 * SIGMA_MM):
+        offset = center - points
+        length = np.sqrt(np.einsum("ni,ni->n", offset, offset))
+        near = np.abs(length - radius) < limit
+        jacobian = np.column_stack([offset[near] / length[near, None], -np.ones(int(near.sum()))])
+        step = np.linalg.solve(jacobian.T @ jacobian, jacobian.T @ (radius - length[near]))
+        center, radius = center + step[:3], radius + step[3]
+    return np.array([*center, radius])
 
 
 def profile(seed: int) -> FloatArray:
@@ -70,20 +79,24 @@ def run(full: bool) -> list[Row]:
     points, stripe = cloud(count, 0), profile(0)
     times = interleaved_medians_s(
         {
-            "scipy": lambda: scipy_sphere(points),
+            "numpy": lambda: numpy_sphere(points),
             "free": lambda: fit_sphere(points),
             "known": lambda: fit_sphere(points, 40),
         },
         rounds=3,
     )
     arc_s = interleaved_medians_s({"arc": lambda: fit_arc(stripe, 38.1)})["arc"]
-    rows: list[Row] = []
+    off_mm = float(np.linalg.norm(numpy_sphere(points)[:3] - CENTER_MM))
+    arrives = off_mm <= ARRIVED_MM
+    rows = [
+        Row("the peer, RANSAC and Gauss–Newton in numpy: off", f"≤ {ARRIVED_MM} mm", f"{off_mm:.4f} mm", arrives)
+    ]
     for name in ("free", "known"):
-        ratio = times["scipy"] / times[name]
-        measured = f"{ratio:.0f} × ({1e3 * times[name]:.1f} ms, scipy {1e3 * times['scipy']:.0f} ms)"
-        target = "≥ 100 × scipy soft_l1" if full else "(≥ 100 × at 1M points)"  # fixed costs weigh on fewer
+        ratio = times["numpy"] / times[name]
+        measured = f"{ratio:.0f} × ({1e3 * times[name]:.1f} ms, numpy {1e3 * times['numpy']:.0f} ms)"
+        target = "≥ 10 × the peer" if full else "(≥ 10 × at 1M points)"  # fixed costs weigh on fewer
         what = f"{count:,} points, 20 % stray, radius {name}"
-        rows.append(Row(what, target, measured, ratio >= 100 if full else None))
+        rows.append(Row(what, target, measured, arrives and ratio >= 10 if full else None))
     seeds = 30 if full else 20
     over = error_over_bound(count // 5, seeds)
     rows.append(
