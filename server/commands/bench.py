@@ -14,6 +14,7 @@ _FOLDER = Path(__file__).resolve().parents[2] / "tests" / "benchmarks"
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="which ones (default all)")
+    parser.add_argument("--write", action="store_true", help="keep the figures, in docs/figures.md")
     parser.add_argument("--full", action="store_true", help="with all seeds and sizes: takes minutes")
 
 
@@ -41,6 +42,12 @@ def _run(options: argparse.Namespace) -> int:
                 print_result(options, f"  {row.what:58} {row.target:>22} {row.measured:>26}  {mark}", None)
     if options.json:
         print_result(options, "", table)
+    if options.write:
+        figures = _load(_FOLDER / "figures.py")
+        kept = figures.read()
+        for name, rows in table.items():
+            kept = figures.measured_anew(kept, name, rows, options.full)
+        figures.write(kept)
     return NOT_ACCEPTED if any(row["holds"] is False for rows in table.values() for row in rows) else OK
 
 

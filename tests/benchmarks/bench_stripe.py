@@ -96,7 +96,7 @@ def _bound() -> np.ndarray:
 
 
 def _blur_and_parabola(image: np.ndarray) -> np.ndarray:
-    """Blur a band about each column's coarse peak by the stripe's width; a parabola through the three highest rows."""
+    """Blur a band about each column's coarse peak by the stripe's width; a parabola through its highest rows."""
     import cv2
 
     coarse = cv2.resize(image, (WIDTH, HEIGHT // COARSE), interpolation=cv2.INTER_AREA)
