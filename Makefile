@@ -61,6 +61,9 @@ unit: setup
 	echo "The tests above failed beside others. Each is run once more, alone; one that passes now depends on time: mend it."; \
 	$(BIN)/python -m pytest --last-failed --last-failed-no-failures none
 
+test-fast: setup
+	@$(BIN)/python -m pytest -n 4 --dist worksteal -p tests.fast -r fE tests/core tests/server
+
 catalogues: setup
 	$(BIN)/python -m tests.catalogues
 

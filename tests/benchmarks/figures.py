@@ -13,8 +13,8 @@ MOST_WORDS = 25
 
 _HEAD = """# Figures
 
-Made from `tests/benchmarks/figures.json` by `scancell bench NAME --write`, which measures a benchmark and replaces its
-rows; not to be edited. Two cores, other work beside: times are pessimistic, ratios are medians of
+Made from `tests/benchmarks/figures.json` by `scancell bench NAME --write`, which measures a benchmark and
+replaces its rows; not to be edited. Two cores, other work beside: times are pessimistic, ratios are medians of
 interleaved runs in one process.
 """
 

@@ -1,0 +1,44 @@
+"""`make test-fast`: a minute without a browser: tests of what was changed first, then as many others as fit."""
+
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+_LAST_BEGINS_S = 45.0
+_began_s = time.monotonic()
+
+
+def _changed() -> set[str]:
+    """Return names of modules that differ from main, or from the last commit where there is no main."""
+    root = Path(__file__).resolve().parents[1]
+    names: set[str] = set()
+    for command in (["git", "diff", "--name-only", "main"], ["git", "status", "--porcelain"]):
+        listed = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False).stdout
+        names |= {
+            Path(line.split()[-1]).stem.removeprefix("test_") for line in listed.splitlines() if line.strip()
+        }
+    return names
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    changed = _changed()
+    fast = [item for item in items if item.get_closest_marker("browser") is None]
+    config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("browser")])
+    items[:] = sorted(fast, key=lambda item: _place(item.path, changed))
+
+
+def _place(test: Path, changed: Sequence[str] | set[str]) -> int:
+    """Return 0 for a test of what was changed, 1 for others of the core, which are short, 2 for the rest."""
+    words = test.stem.removeprefix("test_")
+    if any(name and (name in words or words in name) for name in changed):
+        return 0
+    return 1 if test.parent.name == "core" else 2
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    if time.monotonic() - _began_s > _LAST_BEGINS_S:
+        pytest.skip("the minute is over")
