@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -104,3 +105,46 @@ def scan_set(
         actual.append(told @ error @ own)
         reported.append(told @ own)
     return ScanSet(part, scans, np.array(actual), np.array(reported))
+
+
+def pcd(points: np.ndarray) -> bytes:
+    """An organised PCD of a scan's grid."""
+    rows, columns = points.shape[:2]
+    head = (
+        "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+        f"WIDTH {columns}\nHEIGHT {rows}\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {rows * columns}\nDATA binary\n"
+    ).encode()
+    return head + np.ascontiguousarray(points, dtype=np.float32).tobytes()
+
+
+def in_one_frame(scan: Scan, reported: np.ndarray) -> np.ndarray:
+    """A sweep's points in the frame of its middle, as an area scanner would give them."""
+    steps = np.linalg.inv(reported) @ scan.turntable_from_laser
+    points = scan.points_in_laser_mm.astype(float)
+    return np.einsum("pij,pcj->pci", steps[:, :3, :3], points) + steps[:, None, :3, 3]
+
+
+def merge_session(there: ScanSet, table: bool = False, **merge: object) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """A session of the scans with known poses, and its files; `table`: poses are told by the table's angle."""
+    files, captures = {}, []
+    for number, (scan, pose) in enumerate(zip(there.scans, there.reported, strict=True)):
+        name = f"captures/{scan.name}.pcd"
+        files[name] = pcd(in_one_frame(scan, pose))
+        capture = {"id": scan.name, "step": "scan", "kind": "cloud", "files": [name]}
+        if table:
+            degrees = 360.0 * number / len(there.scans)
+            back = np.eye(4)
+            back[:3, :3] = turn(np.array([0, 0, np.deg2rad(degrees)]))
+            capture |= {"table_deg": degrees, "pose": (back @ pose).ravel().tolist()}
+        else:
+            capture |= {"pose": pose.ravel().tolist()}
+        captures.append(capture)
+    known = {"tool0_from_laser": np.eye(4).tolist()}
+    if table:
+        known["base_from_turntable"] = np.eye(4).tolist()
+    cell = {
+        "pose_convention": "matrix",
+        "known": known,
+        "merge": {"voxel_mm": 0.5, "mesh": "none", **merge},
+    }
+    return {"format": "scancell-session/1", "name": "part", "cell": cell, "captures": captures}, files

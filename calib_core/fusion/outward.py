@@ -63,7 +63,8 @@ class View(NamedTuple):
 class Sight(NamedTuple):
     """Patches of other scans that lie before and behind a scan's own along its line of sight, of those compared.
 
-    All are (S,) arrays.  Before it nothing can lie, where poses and directions are right.
+    All are (S, S) arrays: of scan j beside scan i at [i, j].  Before it nothing can lie, where poses and
+    directions are right.
     """
 
     before: FloatArray
@@ -90,6 +91,8 @@ class Outward:
         Of a closed surface: 0 where it was seen from all around, 1 of a flat one.
     contradicts : bool
         Whether who sees whom says the contrary of what decided.
+    sight : Sight or None
+        Of all scans, as they were taken to look.
     """
 
     sign: Literal[1, -1]
@@ -100,6 +103,13 @@ class Outward:
     volume: float
     missing: float
     contradicts: bool = False
+    sight: Sight | None = None
+
+    @property
+    def impossible(self) -> float:
+        """Share of patches one before the other that stand in another scan's line of sight: in rubble, a half."""
+        shares = (self.before, self.behind)
+        return shares[0 if self.sign > 0 else 1] / max(sum(shares), 1e-12)
 
 
 def view_of(scan: Scan) -> View:
@@ -161,22 +171,30 @@ def sight(seen: Patches, directions: FloatArray, tolerance_mm: float) -> Sight:
     """
     every = np.arange(0, len(seen.scans), max(1, len(seen.scans) // _MOST_LOOKED_AT))
     points, owners = seen.points_mm[every], seen.scans[every]
-    counts = np.zeros((3, len(seen.names)))
+    count = len(seen.names)
+    counts = np.zeros((3, count, count))
     for number, mine in enumerate(seen.rows_of_scans()):
         if not len(mine):
             continue
-        others = points[owners != number]
-        before, behind = _before_and_behind(
-            seen.points_mm[mine], seen.normals[mine], others, directions[number], seen.size_mm, tolerance_mm
+        of_others = owners != number
+        told = _before_and_behind(
+            seen.points_mm[mine],
+            seen.normals[mine],
+            points[of_others],
+            directions[number],
+            seen.size_mm,
+            tolerance_mm,
         )
-        counts[:, number] = before, behind, len(others)
+        whose = owners[of_others]
+        for kind, some in enumerate((*told, np.ones(len(whose), bool))):
+            counts[kind, number] = np.bincount(whose[some], minlength=count)
     return Sight(*counts)
 
 
 def _before_and_behind(
     own: FloatArray, normals: FloatArray, others: FloatArray, toward: FloatArray, cell: float, tolerance: float
-) -> tuple[int, int]:
-    """Return how many of the others lie before and behind a scan's own patches, in cells across its sight."""
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which of the others lie before and behind a scan's own patches, in cells across its sight."""
     first = np.eye(3)[np.argmin(np.abs(toward))]
     across = np.cross(toward, first)
     across /= np.linalg.norm(across)
@@ -189,9 +207,10 @@ def _before_and_behind(
     first_at, after = np.searchsorted(keys, wanted), np.searchsorted(keys, wanted, side="right")
     met = after > first_at
     q, nearest, farthest = q[met], first_at[met], after[met] - 1
-    before = _gap(p, n, q, nearest, cell) < -tolerance
-    behind = -_gap(p, n, q, farthest, cell, -1.0) > tolerance
-    return int(np.count_nonzero(before)), int(np.count_nonzero(behind))
+    before, behind = np.zeros(len(met), bool), np.zeros(len(met), bool)
+    before[met] = _gap(p, n, q, nearest, cell) < -tolerance
+    behind[met] = -_gap(p, n, q, farthest, cell, -1.0) > tolerance
+    return before, behind
 
 
 def _gap(
@@ -269,7 +288,7 @@ def outward(
         against = by_sight == -sign
         return Outward(
             1 if sign > 0 else -1, how, certain and not against, before / compared, behind / compared,
-            volume, missing, against,
+            volume, missing, against, looked,
         )  # fmt: skip
 
     if any(view.told for view in views):

@@ -85,23 +85,46 @@ class Patches:
         points = np.einsum("nij,nj->ni", ways[:, :3, :3], self.points_mm) + ways[:, :3, 3]
         return replace(self, points_mm=points, normals=np.einsum("nij,nj->ni", ways[:, :3, :3], self.normals))
 
-    def turned(self, angles_rad: FloatArray) -> "Patches":
-        """Return the patches after each scan's turn (S,) about T's z axis, put into voxels anew."""
-        moves = np.zeros((len(angles_rad), 6))
-        moves[:, 2] = angles_rad
-        there = self.moved(moves, np.zeros(3))
-        cells = np.floor(there.points_mm / self.size_mm).astype(np.int64)
-        _, voxels = np.unique(cells, axis=0, return_inverse=True)
-        order = np.argsort(voxels.ravel(), kind="stable")
-        bounds = np.concatenate([[0], np.flatnonzero(np.diff(voxels.ravel()[order])) + 1, [len(order)]])
+    def in_voxels(self) -> "Patches":
+        """Return the patches, wherever they are now, put into voxels anew."""
+        from calib_core.kernels.fusion import pack_keys
+
+        keys = pack_keys(np.floor(self.points_mm / self.size_mm).astype(np.int64))
+        order = np.argsort(keys, kind="stable")
+        bounds = np.concatenate([[0], np.flatnonzero(np.diff(keys[order])) + 1, [len(order)]])
         return replace(
-            there,
+            self,
             scans=self.scans[order],
-            points_mm=there.points_mm[order],
-            normals=there.normals[order],
+            points_mm=self.points_mm[order],
+            normals=self.normals[order],
             variances_mm2=self.variances_mm2[order],
             bounds=bounds.astype(np.int64),
         )
+
+    def coarser(self, size_mm: float) -> "Patches":
+        """Return the means of each scan's flat patches in larger voxels."""
+        from calib_core.kernels.fusion import pack_keys
+
+        flat = np.flatnonzero(self.normals.any(axis=1))
+        cells = pack_keys(np.floor(self.points_mm[flat] / size_mm).astype(np.int64))
+        order = np.lexsort((self.scans[flat], cells))
+        rows, cells = flat[order], cells[order]
+        change = (np.diff(cells) != 0) | (np.diff(self.scans[rows]) != 0)
+        starts = np.concatenate([[0], np.flatnonzero(change) + 1]) if len(rows) else np.zeros(0, np.int64)
+        counts = np.diff(np.append(starts, len(rows)))[:, None]
+        normals = np.add.reduceat(self.normals[rows], starts) if len(rows) else np.zeros((0, 3))
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        plain = (lengths > _ALIKE * counts)[:, 0]
+        points = np.add.reduceat(self.points_mm[rows], starts)[plain] / counts[plain] if len(rows) else normals
+        return replace(
+            self,
+            scans=self.scans[rows[starts]][plain],
+            points_mm=points,
+            normals=(normals / np.maximum(lengths, 1e-12))[plain],
+            variances_mm2=self.variances_mm2[rows[starts]][plain],
+            bounds=np.array([0, int(plain.sum())]),
+            size_mm=size_mm,
+        ).in_voxels()
 
 
 def transforms_of_moves(moves: FloatArray, centre: FloatArray) -> FloatArray:

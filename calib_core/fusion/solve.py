@@ -26,6 +26,36 @@ _POISSON_BYTES = 1000  # a point, about: the octree and its system of equations
 
 
 @dataclass(frozen=True, eq=False)
+class Looked:
+    """What scans show of how they fit together, before any of them is moved.
+
+    Parameters
+    ----------
+    used : tuple of str
+        Scans that are of use, in order.
+    failed : dict
+        The others, by name, and why.
+    patches : Patches
+    overlap : Overlap
+        Rows of `per_scan` as `used`.
+    outward : Outward
+        Which way is out, and how that was decided.
+    scatter : Scatter or None
+        Of the poses, found from the overlap where nobody told it.
+    directions : (S, 3)
+        Of sight.
+    """
+
+    used: tuple[str, ...]
+    failed: dict[str, MeasurementError]
+    patches: Patches
+    overlap: Overlap
+    outward: Outward
+    scatter: Scatter | None
+    directions: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class MergeSolution:
     """The merged cloud and its evidence.
 
@@ -35,12 +65,8 @@ class MergeSolution:
         All points, wherever they are, which must still be there to take them out.
     extent : Extent
     mesh : Mesh or None
-    overlap : Overlap
-        Before any registration; rows of `per_scan` as `used`.
-    outward : Outward
-        Which way is out, and how that was decided.
-    scatter : Scatter or None
-        Of the poses, found from the overlap where nobody told it.
+    looked : Looked
+        Before any registration.
     surface_sigma_mm : float
         Of a scan's surface along its normal, as it stands in T in the end.
     patches : Patches
@@ -49,30 +75,38 @@ class MergeSolution:
         What is left uncertain of the scans' places in the end.
     registration : Registration or None
     self_calibration : SelfCalibration or None
-    used : tuple of str
-        Scans that were merged, in order.
-    failed : dict
-        Scans of no use, by name, and why.
     counts : dict
         By scan.
-    warnings : tuple of str
+    no_mesh : str
+        Why there is none, though it was asked for.
     """
 
     grid: Crew
     extent: Extent
     mesh: Mesh | None
-    overlap: Overlap
-    outward: Outward
-    scatter: Scatter | None
+    looked: Looked
     surface_sigma_mm: float
     patches: Patches
     errors: PoseErrors
     registration: Registration | None
     self_calibration: SelfCalibration | None
-    used: tuple[str, ...]
-    failed: dict[str, MeasurementError]
     counts: dict[str, ScanCounts]
-    warnings: tuple[str, ...]
+    no_mesh: str
+
+    @property
+    def used(self) -> tuple[str, ...]:
+        """Scans that were merged, in order."""
+        return self.looked.used
+
+    @property
+    def failed(self) -> dict[str, MeasurementError]:
+        """Scans of no use, by name, and why."""
+        return self.looked.failed
+
+    @property
+    def overlap(self) -> Overlap:
+        """How far scans lie apart, before any registration."""
+        return self.looked.overlap
 
 
 def solve_merge(
@@ -82,6 +116,7 @@ def solve_merge(
     progress: Progress | None = None,
     crew: Crew | None = None,
     ball: Literal[1, -1] | None = None,
+    fits: Callable[[Looked], bool] | None = None,
 ) -> MergeSolution:
     """Return all scans in one cloud in T, how far they lie apart, and a mesh.
 
@@ -99,6 +134,8 @@ def solve_merge(
         Who does the work; this process, with all voxels in memory, if left out.
     ball : {1, -1}, optional
         Which way captures of the ball say that z grows: 1 away from the scanner.
+    fits : callable, optional
+        Says whether the scans fit together; where they do not, nothing is registered, and there is no mesh.
 
     Raises
     ------
@@ -147,12 +184,16 @@ def solve_merge(
     grid.facing = facing.sign
     if facing.sign < 0:
         sheets = [turned_round(one) for one in sheets]
+    directions = facing.sign * np.array([view.direction for view in views])
+    looked = Looked(tuple(counts), failed, seen, apart, facing, found, directions)
+    rubble = fits is not None and not fits(looked)
     registration, common, left = None, None, errors or PoseErrors.none(len(used))
     if moving:
         tell(0.6, "Registering the scans to each other")
-        registration = register(found.for_registration(seen) if found else seen, errors)
-        common = self_calibration(registration, left) if o.self_calibration and left.common.any() else None
-        if not o.registration:
+        registration = register(found.for_registration(seen) if found else seen, errors) if not rubble else None
+        self_calibrates = registration is not None and o.self_calibration and left.common.any()
+        common = self_calibration(registration, left) if registration and self_calibrates else None
+        if registration is None or not o.registration:
             ways, left = (common.turntable_from_scan, common.errors) if common else (_no_moves(len(used)), left)
             seen, registration = seen.transformed(ways), None
         else:
@@ -169,24 +210,20 @@ def solve_merge(
     tell(0.75, "Gathering the points")
     extent = grid.extent()
     tell(0.8, "Building the mesh")
-    mesh, warnings = _mesh(grid, extent, sheets, o)
+    mesh, no_mesh = (None, "") if rubble else _mesh(grid, extent, sheets, o)
     tell(1.0, "Merged")
     return MergeSolution(
         grid=grid,
         extent=extent,
         mesh=mesh,
-        overlap=apart,
-        outward=facing,
-        scatter=found,
+        looked=looked,
         surface_sigma_mm=surface_sigma_mm(seen, left),
         patches=seen,
         errors=left,
         registration=registration,
         self_calibration=common,
-        used=tuple(counts),
-        failed=failed,
         counts=counts,
-        warnings=tuple(warnings),
+        no_mesh=no_mesh,
     )
 
 
@@ -216,19 +253,17 @@ def _mesh_bytes(sheets: Sequence[Mesh]) -> int:
     return sum(one.points_mm.nbytes + one.triangles.nbytes for one in sheets)
 
 
-def _mesh(
-    grid: Crew, extent: Extent, sheets: Sequence[Mesh], options: MergeOptions
-) -> tuple[Mesh | None, list[str]]:
+def _mesh(grid: Crew, extent: Extent, sheets: Sequence[Mesh], options: MergeOptions) -> tuple[Mesh | None, str]:
     """Return the mesh that is asked for; without one, and why not, where the points do not give it."""
     if options.mesh == "none":
-        return None, []
+        return None, ""
     needed = _POISSON_BYTES * extent.points if options.mesh == "poisson" else _mesh_bytes(sheets)
     if grid.spills and needed > options.most_bytes:
         to_do = "Allow more memory (cell.merge.memory_mb), take larger voxels, or cell.merge.mesh = none."
-        return None, [f"No mesh: it would need more than the memory allowed. {to_do}"]
+        return None, f"it would need more than the memory allowed. {to_do}"
     try:
         if options.mesh == "grid":
-            return joined(sheets), []
-        return poisson_mesh(grid.cloud(), options.voxel_mm), []
+            return joined(sheets), ""
+        return poisson_mesh(grid.cloud(), options.voxel_mm), ""
     except CalibrationError as error:
-        return None, [f"No mesh: need {error.need}, got {error.got}. {error.to_do}"]
+        return None, f"need {error.need}, got {error.got}. {error.to_do}"

@@ -10,7 +10,6 @@ VERDICTS: set[str] = {
     "calib_core/records/faults.py",
     "calib_core/stages/camera/solve.py",
     "calib_core/stages/laser_plane/solve.py",
-    "calib_core/stages/merge/solve.py",
     "calib_core/stages/verify/decision.py",
     "calib_core/stages/verify/solve.py",
     "server/captures/measuring_queue.py",

@@ -86,7 +86,7 @@ def test_cloud_and_mesh_face_outward_though_depths_count_toward_the_scanner(
 ):
     there = scan_set("bracket", 3, views="around", toward=True, offset_mm=200.0)
     solution = solve_merge(there.scans, None, MergeOptions(voxel_mm=1.0, mesh=mesh))
-    assert (solution.outward.sign, solution.outward.how) == (-1, "visibility")
+    assert (solution.looked.outward.sign, solution.looked.outward.how) == (-1, "visibility")
     assert solution.mesh is not None
     corners = solution.mesh.points_mm[solution.mesh.triangles].astype(float)
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -276,7 +276,7 @@ def test_a_mesh_that_memory_does_not_allow_is_left_out_with_the_reason():
         (lambda data: data["cell"]["turntable"].update(direction=-1), "turned the other way round"),
         (
             lambda data: [c.update(table_deg=float(np.deg2rad(c["table_deg"]))) for c in data["captures"]],
-            "in radians",
+            "multiplied by 57.3",
         ),
         (lambda data: [c.update(table_deg=30.0) for c in data["captures"]], "All scans have the table angle 30°"),
     ],
@@ -286,7 +286,7 @@ def test_wrong_table_angles_of_scans_are_named(mistake, words: str):
     data = given.to_json()
     mistake(data)
     result = solve((Session.model_validate(data), files))
-    assert result.verdict == "warn"
+    assert result.verdict == "fail"
     assert words in result.warnings[0]
 
 
@@ -336,7 +336,6 @@ def test_the_cloud_says_which_scan_weighs_most_at_each_point(tmp_path: Path):
 
 
 def test_scans_with_each_others_table_angles_are_named():
-    """Most of their points are then so far from the others' that they count as other surfaces."""
     simulated = simulate("part", 1)
     data = simulated.session.to_json()
     data["cell"]["merge"] = {"mesh": "none"}
@@ -345,8 +344,5 @@ def test_scans_with_each_others_table_angles_are_named():
     second, fifth = data["captures"][1], data["captures"][4]
     second["table_deg"], fifth["table_deg"] = fifth["table_deg"], second["table_deg"]
     wrong = solve((Session.model_validate(data), dict(simulated.files)))
-    assert wrong.verdict == "warn"
-    far_off = next(warning for warning in wrong.warnings if warning.startswith("Far off"))
-    assert "v02" in far_off
-    assert "v05" in far_off
-    assert "v03" not in far_off
+    assert wrong.verdict == "fail"
+    assert (wrong.findings[0].code, sorted(wrong.findings[0].captures)) == ("merge-swapped-scans", ["v02", "v05"])

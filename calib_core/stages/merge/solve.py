@@ -13,7 +13,8 @@ from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
 from calib_core.errors import InputError
-from calib_core.findings import reasons_of
+from calib_core.findings import judgement, reasons_of
+from calib_core.findings.codes import merge as codes
 from calib_core.formats.format import Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray, RigidTransform
@@ -23,12 +24,13 @@ from calib_core.fusion.outward import Outward
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.scatter import Scatter
 from calib_core.fusion.self_calibration import SelfCalibration
-from calib_core.fusion.solve import MergeSolution, solve_merge
+from calib_core.fusion.solve import Looked, MergeSolution, solve_merge
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
-from calib_core.records import Cell, VarianceComponents, Verdict
+from calib_core.records import Cell, Finding, VarianceComponents
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.merge.doubts import merge_doubts
+from calib_core.stages.merge.mistakes import Mistakes
 from calib_core.stages.merge.record import Facing, MergeResidual, MergeResult, PoseScatter, SharedShift
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
@@ -46,7 +48,7 @@ class _Calibration:
     orientation_sigma_rad: float
     angle_sigma_rad: float
     by: str = "known"
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def tells_scatter(self) -> bool:
@@ -72,8 +74,14 @@ def solve(given: StageInput) -> MergeResult:
         given.progress(_CALIBRATION_SHARE + (1 - _CALIBRATION_SHARE) * fraction, what)
 
     with _crew(given, plan.options) as crew:
-        solution = solve_merge(plan.scans, plan.errors, plan.options, tell, crew, plan.ball)
-        result = _result(given, plan, solution)
+        mistakes: list[Finding] = []
+
+        def fits(looked: Looked) -> bool:
+            mistakes.extend(_mistakes(given, plan).find(looked))
+            return not has_error(mistakes)
+
+        solution = solve_merge(plan.scans, plan.errors, plan.options, tell, crew, plan.ball, fits)
+        result = _result(given, plan, solution, mistakes)
         if given.store is not None:
             given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names))
             if solution.mesh is not None:
@@ -184,12 +192,12 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
     covariance = np.zeros((12, 12))
     scatter = (cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0)
     angle_deg = cell.turntable.angle_sigma_deg or 0.0
-    warnings: list[str] = []
+    findings: list[Finding] = []
     if result is not None:
         parts: VarianceComponents = result.variance_components
         scatter = (parts.position_sigma_mm, parts.orientation_sigma_rad)
         if result.verdict == "fail":
-            warnings.append(f"The {result.stage} stage's own verdict is fail: fix that first.")
+            findings.append(codes.CALIBRATION_FAILED(stage=result.stage))
     if isinstance(result, TurntableResult | ChainResult):
         table, direction, angle_deg = result.base_from_turntable, result.direction, result.angle_sigma_deg
         scale += result.encoder_scale.error if result.encoder_scale.applied else 0.0
@@ -206,7 +214,7 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
         RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction, scale
     )
     by: str = "known" if result is None else result.stage
-    return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(warnings))
+    return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(findings))
 
 
 def _errors(given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibration) -> PoseErrors:
@@ -275,16 +283,29 @@ def _by_pose(into_from_added: FloatArray, pose: RigidTransform) -> FloatArray:
     return move_of_pose_change(pose.matrix, change)
 
 
-def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> MergeResult:
+def _mistakes(given: StageInput, plan: MergePlan) -> Mistakes:
+    known = given.session.cell.known.base_from_turntable is not None
+    return Mistakes(given.session, plan.groups, plan.calibration.placement, plan.scans, known)
+
+
+def has_error(findings: Sequence[Finding]) -> bool:
+    """Return whether one of them makes it a merge that is none."""
+    return any(finding.severity == "error" for finding in findings)
+
+
+def _result(
+    given: StageInput, plan: MergePlan, solution: MergeSolution, mistakes: Sequence[Finding]
+) -> MergeResult:
     apart, calibration = solution.overlap, plan.calibration
-    warnings = [
-        *calibration.warnings,
-        *solution.warnings,
+    findings = [
+        *calibration.findings,
+        *mistakes,
+        *([codes.NO_MESH(why=solution.no_mesh)] if solution.no_mesh else []),
         *_no_self_calibration(given, solution),
-        *(f"{name} is not used: {reason}." for name, reason in plan.unused.items()),
-        *merge_doubts(plan.groups, calibration.placement, solution),
+        *(codes.SCAN_OF_NO_USE([name], why=reason) for name, reason in plan.unused.items()),
+        *merge_doubts(solution, mistakes),
+        *_about_scatter(solution.looked.scatter),
     ]
-    verdict: Verdict = "warn" if warnings else "pass"
     registered, table = solution.registration, calibration.placement.base_from_turntable
     return MergeResult(
         method="chain, cleaning on the scan's grid, voxel means weighted by 1/σ²"
@@ -292,8 +313,7 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         + (", tool and table moved by the scans' overlap" if solution.self_calibration and not registered else ""),
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict=verdict,
-        warnings=warnings,
+        **judgement(findings),
         frame="base" if table is None else "turntable",
         cloud=CLOUD_FILE,
         points=solution.extent.points,
@@ -303,9 +323,9 @@ def _result(given: StageInput, plan: MergePlan, solution: MergeSolution) -> Merg
         overlap_rms_mm=_number(apart.rms_mm),
         expected_overlap_rms_mm=_number(apart.expected_rms_mm),
         overlap_expected_mm=_number(apart.expected_rms_mm),
-        normals_outward=solution.outward.how,
-        facing=_facing(solution.outward),
-        pose_scatter=_scatter(solution.scatter),
+        normals_outward=solution.looked.outward.how,
+        facing=_facing(solution.looked.outward),
+        pose_scatter=_scatter(solution.looked.scatter),
         overlap_pairs=apart.pairs,
         registered_overlap_rms_mm=_number(registered.after.rms_mm) if registered else None,
         registration_shift_rms_mm=float(np.sqrt(np.mean(registered.shift_mm**2))) if registered else None,
@@ -343,13 +363,21 @@ def _scatter(found: Scatter | None) -> PoseScatter | None:
     )
 
 
-def _no_self_calibration(given: StageInput, solution: MergeSolution) -> list[str]:
-    if not given.session.cell.merge.self_calibration or solution.self_calibration is not None:
+def _about_scatter(found: Scatter | None) -> list[Finding]:
+    if found is None:
         return []
     return [
-        "No self-calibration: tool and table are given as known exactly. Solve them from captures of this "
-        "session, or set cell.merge.self_calibration to false."
+        codes.SCATTER_OF_POSES(
+            position_sigma_mm=found.position_sigma_mm,
+            orientation_sigma_deg=float(np.rad2deg(found.turn_sigma_rad)),
+        )
     ]
+
+
+def _no_self_calibration(given: StageInput, solution: MergeSolution) -> list[Finding]:
+    if not given.session.cell.merge.self_calibration or solution.self_calibration is not None:
+        return []
+    return [codes.NO_SELF_CALIBRATION()]
 
 
 def _rows(given: StageInput, plan: MergePlan, solution: MergeSolution) -> list[MergeResidual]:

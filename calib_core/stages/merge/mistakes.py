@@ -1,0 +1,403 @@
+"""Scans that do not fit together: which mistake makes pairs of surfaces appear when it is taken back."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of
+from calib_core.causes.readings import Reading, changes_of, readings
+from calib_core.errors import CalibrationError
+from calib_core.findings.codes import merge as codes
+from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
+from calib_core.fusion.arrangement import Fit, coarse, fit
+from calib_core.fusion.clean import clean_scan
+from calib_core.fusion.outward import Outward, sight
+from calib_core.fusion.overlap import Patches, SeenBy, joined_patches, seen_by
+from calib_core.fusion.solve import Looked
+from calib_core.records import Capture, Changes, Finding, RootCause, Session
+from calib_core.robots import CONVENTIONS
+
+_MUDDLED = 0.03  # of the surfaces one before the other, those that stand in a line of sight: of right merges 0.01
+_RUBBLE = 0.25
+_MOST_CHECKED = 3
+_MORE, _MORE_BY_STEPS, _MORE_BY_TWO = 1.4, 1.15, 1.04  # of the score, when a mistake is taken back
+_LEAST_PAIRS = 50
+_ONE_SURFACE = 0.15  # of a patch
+_FACTORS = 1 + np.arange(-0.2, 0.2001, 0.004)
+_NEARBY, _NEAR = np.linspace(-0.016, 0.016, 33), 0.15
+_UNITS = (float(np.rad2deg(1)), float(np.deg2rad(1)), 0.9, 10 / 9, 360.0, 0.5, 2.0)
+_MOST_SCANS = 150
+_MOST_SUSPECTS = 6
+_SMALLER = 0.02  # of the others' size: metres
+_LEAST_MM = 2.0  # nobody scans so little of an object
+_MOST_READ_AGAIN = 24
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """One mistake taken back: how well the scans fit then, and the finding it would be."""
+
+    ways: FloatArray
+    fit: Fit
+    more: float
+    finding: Callable[[Fit, Fit], Finding]
+
+
+class Mistakes:
+    """Looks for what keeps scans from fitting together.
+
+    Parameters
+    ----------
+    session : Session
+    groups : sequence of ScanGroup
+    placement : Placement
+    scans : SessionScans
+    table_is_known : bool
+        Whether the user brings the table, so that its sense of turning is told and not found.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        groups: Sequence[ScanGroup],
+        placement: Placement,
+        scans: SessionScans,
+        table_is_known: bool,
+    ) -> None:
+        self._session, self._placement, self._scans, self._table_is_known = (
+            session,
+            placement,
+            scans,
+            table_is_known,
+        )
+        self._groups = {group.name: group for group in groups}
+        self._numbers = {group.name: number for number, group in enumerate(groups)}
+
+    def find(self, looked: Looked) -> list[Finding]:
+        """Return the mistakes, the one that explains most first; an error is among them where it is no merge."""
+        tiny = self._in_metres(looked)
+        if tiny:
+            return tiny
+        apart = looked.overlap
+        if len(looked.used) < 2 or len(looked.used) > _MOST_SCANS:
+            return []
+        impossible = looked.outward.impossible if looked.outward.before + looked.outward.behind > 0.002 else 0.0
+        alone = [k for k in range(len(looked.used)) if apart.per_scan[k, 0] == 0]
+        if not (impossible > _MUDDLED or alone or apart.pairs < _LEAST_PAIRS):
+            return []
+        angles = self._one_angle(looked)
+        if angles:
+            return angles
+        seen = coarse(looked.patches)
+        now = fit(seen)
+        tried = sorted(self._tried(looked, seen, now), key=lambda one: -one.fit.score)
+        for one in tried[:_MOST_CHECKED]:
+            if _impossible(seen, one.ways, looked.directions) < max(_MUDDLED, 0.5 * impossible):
+                return [one.finding(now, one.fit)]
+        elsewhere = self._elsewhere(looked, alone) if apart.pairs else []
+        if elsewhere:
+            return elsewhere
+        if impossible > _RUBBLE:
+            return [codes.SCANS_DO_NOT_FIT(pairs=apart.pairs, impossible_percent=100 * impossible)]
+        return []
+
+    def _tried(self, looked: Looked, seen: Patches, now: Fit) -> Iterator[_Tried]:
+        """Give the mistakes that make clearly more pairs when they are taken back."""
+        where = [self._way(name) for name in looked.used]
+        for one in (
+            *self._of_table(looked, seen),
+            *self._of_poses(looked, seen, where),
+            *self._of_two(looked, seen, now, where),
+        ):
+            if one.fit.pairs >= _LEAST_PAIRS and one.fit.score > one.more * max(now.score, 1.0):
+                yield one
+
+    def _captures(self, names: Sequence[str]) -> list[Capture]:
+        return [capture for name in names for capture in self._groups[name].captures]
+
+    def _way(self, name: str) -> FloatArray:
+        capture, pose = self._middle(name)
+        return (self._placement.turntable_from_base(capture) @ pose @ self._placement.tool0_from_laser).matrix
+
+    def _middle(self, name: str) -> tuple[Capture, RigidTransform]:
+        pairs = poses_of(self._session, self._groups[name])
+        return pairs[len(pairs) // 2]
+
+    def _degrees(self, looked: Looked) -> FloatArray | None:
+        told = [self._groups[name].captures[0].table_deg for name in looked.used]
+        if self._placement.base_from_turntable is None or any(one is None for one in told):
+            return None
+        return np.array(told, dtype=float)
+
+    def _one_angle(self, looked: Looked) -> list[Finding]:
+        degrees = self._degrees(looked)
+        if degrees is None or np.ptp(degrees) > 0:
+            return []
+        return [codes.ONE_TABLE_ANGLE(angle_deg=float(degrees[0]))]
+
+    # Angles of the table
+
+    def _of_table(self, looked: Looked, seen: Patches) -> Iterator[_Tried]:
+        degrees = self._degrees(looked)
+        if degrees is None or not np.ptp(degrees) > 0:
+            return
+        turned = self._placement.direction * self._placement.scale * np.deg2rad(degrees)
+
+        def by(factor: float) -> Fit:
+            return fit(seen, _about_z((1 - factor) * turned))
+
+        yield _Tried(_about_z(2 * turned), by(-1.0), _MORE, lambda now, then: self._direction(looked, now, then))
+        if len(degrees) < 4:
+            return
+        tried = {factor: by(factor) for factor in (*_FACTORS.tolist(), *_UNITS) if abs(factor - 1) > 1e-6}
+        best = max(tried, key=lambda factor: tried[factor].score)
+        if abs(best - 1) < 0.25:
+            near = {
+                factor: fit(looked.patches, _about_z((1 - factor) * turned), _NEAR)
+                for factor in (best + _NEARBY).tolist()
+            }
+            best = max(near, key=lambda factor: near[factor].score)
+            tried[best] = by(best)
+        ways = _about_z((1 - best) * turned)
+        yield _Tried(ways, tried[best], _MORE_BY_STEPS, lambda now, then: self._steps(looked, best, now, then))
+
+    def _direction(self, looked: Looked, now: Fit, then: Fit) -> Finding:
+        if self._table_is_known:
+            changes = Changes(cell={"turntable": {"direction": -self._placement.direction}})
+        else:
+            changes = self._angles_times(looked, -1.0)
+        remedy = _remedy("table-direction", changes)
+        return codes.TABLE_DIRECTION_OF_SCANS(remedy=remedy, pairs_before=now.pairs, pairs_after=then.pairs)
+
+    def _steps(self, looked: Looked, factor: float, now: Fit, then: Fit) -> Finding:
+        remedy = _remedy("table-angles", self._angles_times(looked, factor))
+        return codes.TABLE_STEPS_OF_SCANS(
+            remedy=remedy, factor=factor, pairs_before=now.pairs, pairs_after=then.pairs
+        )
+
+    def _angles_times(self, looked: Looked, factor: float) -> Changes:
+        captures = self._captures(list(self._groups))
+        return Changes(
+            captures={c.id: {"table_deg": factor * c.table_deg} for c in captures if c.table_deg is not None}
+        )
+
+    # Poses
+
+    def _of_poses(self, looked: Looked, seen: Patches, where: list[FloatArray]) -> Iterator[_Tried]:
+        captures = [self._groups[name].captures[0] for name in looked.used]
+        if any(capture.pose is None for capture in captures):
+            return
+        rows = [capture.pose or [] for capture in captures]
+        told = Reading.told(CONVENTIONS[self._session.cell.pose_convention])
+        ways = [replace(told, way="inverted"), replace(told, way="transposed")]
+        units = [
+            replace(one, mm_per_unit=told.mm_per_unit * factor) for one in (told, *ways) for factor in (1e3, 1e-3)
+        ]
+        seen_before: list[Reading] = [told]
+        for reading in (*ways, *units, *readings(self._session.cell, rows)):
+            if reading in seen_before:
+                continue
+            seen_before.append(reading)
+            try:
+                poses = [reading.pose(row) for row in rows]
+            except CalibrationError:
+                continue
+            anew = [
+                (self._placement.turntable_from_base(capture) @ pose @ self._placement.tool0_from_laser).matrix
+                for capture, pose in zip(captures, poses, strict=True)
+            ]
+            moves = np.array([new @ np.linalg.inv(old) for new, old in zip(anew, where, strict=True)])
+            if np.abs(moves[:, :3, 3]).max() > 1e5:
+                continue
+            yield _Tried(moves, fit(seen, moves), _MORE, self._reading_finding(reading))
+
+    def _reading_finding(self, reading: Reading) -> Callable[[Fit, Fit], Finding]:
+        def finding(now: Fit, then: Fit) -> Finding:
+            cell = self._session.cell
+            remedy = _remedy("pose-reading", changes_of(reading, cell, self._captures(list(self._groups))))
+            said = reading.words(CONVENTIONS[cell.pose_convention])[1]
+            return codes.POSES_READ_OTHERWISE(
+                remedy=remedy, reading=said, pairs_before=now.pairs, pairs_after=then.pairs
+            )
+
+        return finding
+
+    # Two scans that changed places
+
+    def _of_two(self, looked: Looked, seen: Patches, now: Fit, where: list[FloatArray]) -> Iterator[_Tried]:
+        patches_of = np.maximum(np.bincount(seen.scans, minlength=len(looked.used)), 1)
+        suspects = [
+            k
+            for k in np.argsort(now.by_scan / patches_of).tolist()
+            if _impossible_of(looked.outward, k) > _MUDDLED
+        ][:_MOST_SUSPECTS]
+        unmoved = np.tile(np.eye(4), (len(where), 1, 1))
+        degrees = self._degrees(looked)
+        for a, b in combinations(suspects, 2):
+            both = unmoved.copy()
+            both[a], both[b] = where[b] @ np.linalg.inv(where[a]), where[a] @ np.linalg.inv(where[b])
+            yield _Tried(
+                both, fit(seen, both), _MORE_BY_TWO, self._swap(looked, a, b, ("pose", "poses", "table_deg"))
+            )
+            if degrees is None or degrees[a] == degrees[b]:
+                continue
+            turn = self._placement.direction * self._placement.scale * np.deg2rad(degrees[a] - degrees[b])
+            turns = np.zeros(len(where))
+            turns[a], turns[b] = turn, -turn
+            yield _Tried(
+                _about_z(turns), fit(seen, _about_z(turns)), _MORE_BY_TWO, self._swap(looked, a, b, ("table_deg",))
+            )
+
+    def _swap(self, looked: Looked, a: int, b: int, fields: tuple[str, ...]) -> Callable[[Fit, Fit], Finding]:
+        one, other = (self._groups[looked.used[k]].captures[0] for k in (a, b))
+
+        def finding(now: Fit, then: Fit) -> Finding:
+            records = {capture.id: capture.to_json() for capture in (one, other)}
+            changes = {
+                mine.id: {
+                    field: records[theirs.id].get(field)
+                    for field in fields
+                    if records[theirs.id].get(field) != records[mine.id].get(field)
+                }
+                for mine, theirs in ((one, other), (other, one))
+            }
+            what = "angle" if fields == ("table_deg",) else "both" if one.table_deg is not None else "pose"
+            return codes.SWAPPED_SCANS(
+                [one.id, other.id],
+                remedy=_remedy("swapped-poses", Changes(captures=changes), [one.id, other.id]),
+                what=what,
+                pairs_before=now.pairs,
+                pairs_after=then.pairs,
+            )
+
+        return finding
+
+    # Scans elsewhere, and in metres
+
+    def _elsewhere(self, looked: Looked, alone: Sequence[int]) -> list[Finding]:
+        """Return scans that pair with none while the others do: beyond all of them, or in their lines of sight."""
+        rows = looked.patches.rows_of_scans()
+        others = np.concatenate([rows[k] for k in range(len(rows)) if k not in alone])
+        low, high = looked.patches.points_mm[others].min(axis=0), looked.patches.points_mm[others].max(axis=0)
+        reach = 0.5 * float(np.linalg.norm(high - low))
+        found: list[str] = []
+        for k in alone:
+            points = looked.patches.points_mm[rows[k]]
+            beyond = np.maximum(np.maximum(low - points, points - high), 0)
+            if _impossible_of(looked.outward, k) > _RUBBLE or np.linalg.norm(np.median(beyond, axis=0)) > reach:
+                found.append(looked.used[k])
+        if not found or 2 * len(found) > len(looked.used):
+            return []
+        ids = [capture.id for capture in self._captures(found)]
+        remedy = _remedy("scan-elsewhere", Changes(captures={name: {"excluded": True} for name in ids}), ids)
+        return [codes.SCAN_ELSEWHERE(ids, remedy=remedy)]
+
+    def _in_metres(self, looked: Looked) -> list[Finding]:
+        rows = looked.patches.rows_of_scans()
+        size = looked.patches.size_mm
+        across = {
+            name: float(np.ptp(looked.patches.points_mm[mine], axis=0).max()) + size if len(mine) else 0.0
+            for name, mine in zip(looked.used, rows, strict=True)
+        }
+        names = [*looked.used, *looked.failed]
+        usual = float(np.median(list(across.values())))
+        small = [name for name in names if across.get(name, 0.0) <= max(_SMALLER * usual, _LEAST_MM)]
+        if not small or size > 10.0 or len(small) > _MOST_READ_AGAIN:
+            return []
+        extents = {name: _extent_mm(self._scans[self._numbers[name]].points_in_laser_mm) for name in small}
+        small = [name for name in small if 0 < extents[name] <= max(_SMALLER * usual, _LEAST_MM)]
+        if not small:
+            return []
+        poses_too = all(self._pose_is_small(name) for name in small) and len(small) == len(names)
+        if not self._pairs_in_metres(looked, small, size, poses_too):
+            return []
+        captures = self._captures(small)
+        settings = {c.id: {"format_settings": {**(c.format_settings or {}), "unit": "m"}} for c in captures}
+        cell: dict[str, object] = {}
+        if poses_too:
+            told = Reading.told(CONVENTIONS[self._session.cell.pose_convention])
+            longer = changes_of(replace(told, mm_per_unit=1000 * told.mm_per_unit), self._session.cell, captures)
+            cell = longer.cell
+            settings = {name: {**patch, **longer.captures.get(name, {})} for name, patch in settings.items()}
+        ids = [capture.id for capture in captures]
+        remedy = _remedy("point-unit", Changes(cell=cell, captures=settings), ids)
+        return [codes.SCANS_IN_METRES(ids, remedy=remedy, extent_mm=max(extents[name] for name in small))]
+
+    def _pose_is_small(self, name: str) -> bool:
+        return float(np.linalg.norm(self._middle(name)[1].translation_mm)) < 50 * _LEAST_MM
+
+    def _pairs_in_metres(self, looked: Looked, small: Sequence[str], size: float, poses_too: bool) -> bool:
+        """Return whether these scans pair with others once their points are a thousand times larger."""
+        anew: list[tuple[str, SeenBy]] = []
+        for name in small:
+            scan = self._scans[self._numbers[name]]
+            ways = scan.turntable_from_laser.copy()
+            if poses_too and self._placement.base_from_turntable is None:
+                ways[:, :3, 3] *= 1000
+            try:
+                larger = replace(
+                    scan, points_in_laser_mm=1000 * scan.points_in_laser_mm, turntable_from_laser=ways
+                )
+                anew.append((name, seen_by(clean_scan(larger), size)))
+            except CalibrationError:
+                continue
+        if not anew:
+            return False
+        if len(small) == len(self._numbers):
+            together = joined_patches(anew, size)
+            return len(anew) == 1 or fit(coarse(together)).pairs >= _LEAST_PAIRS
+        kept = [name not in small for name in looked.used]
+        rows = [mine for mine, keep in zip(looked.patches.rows_of_scans(), kept, strict=True) if keep]
+        return any(_pairs_with(looked.patches, rows, one, size) for one in anew)
+
+
+def _impossible(seen: Patches, ways: FloatArray, directions: FloatArray) -> float:
+    """Return the share of surfaces one before the other that stand in a line of sight, after a transform."""
+    there = seen.transformed(ways).in_voxels()
+    looked = sight(there, np.einsum("sij,sj->si", ways[:, :3, :3], directions), _ONE_SURFACE * seen.size_mm)
+    before, behind = float(looked.before.sum()), float(looked.behind.sum())
+    return before / max(before + behind, 1.0)
+
+
+def _impossible_of(found: Outward, scan: int) -> float:
+    """Return the same share of those that one scan is part of; 0 where they are few."""
+    if found.sight is None:
+        return 0.0
+    sides = (found.sight.before, found.sight.behind)[:: found.sign]
+    before, behind = (float(one[scan].sum() + one[:, scan].sum()) for one in sides)
+    return before / (before + behind) if before + behind > _LEAST_PAIRS else 0.0
+
+
+def _pairs_with(seen: Patches, rows: Sequence[NDArray[np.int64]], one: tuple[str, SeenBy], size: float) -> bool:
+    mine = joined_patches([one], size)
+    others = np.concatenate(rows)
+    both = replace(
+        seen,
+        names=("others", "one"),
+        scans=np.concatenate([np.zeros(len(others), np.int64), np.ones(len(mine.scans), np.int64)]),
+        points_mm=np.concatenate([seen.points_mm[others], mine.points_mm]),
+        normals=np.concatenate([seen.normals[others], mine.normals]),
+        variances_mm2=np.concatenate([seen.variances_mm2[others], mine.variances_mm2]),
+        bounds=np.array([0, len(others) + len(mine.scans)]),
+    )
+    return fit(coarse(both.in_voxels())).pairs >= _LEAST_PAIRS
+
+
+def _extent_mm(points: NDArray[np.floating]) -> float:
+    known = points[np.isfinite(points).all(axis=-1)]
+    return float(np.ptp(known, axis=0).max()) if len(known) else 0.0
+
+
+def _about_z(angles_rad: FloatArray) -> FloatArray:
+    ways = np.tile(np.eye(4), (len(angles_rad), 1, 1))
+    for way, angle in zip(ways, angles_rad.tolist(), strict=True):
+        way[:3, :3] = rotation_from_vector(np.array([0.0, 0.0, angle]))
+    return ways
+
+
+def _remedy(kind: str, changes: Changes, captures: Sequence[str] = ()) -> RootCause:
+    data = {"id": f"merge-{kind}", "kind": kind, "title": "", "sentence": "", "captures": list(captures)}
+    return RootCause.model_validate({**data, "changes": changes})
