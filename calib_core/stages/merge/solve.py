@@ -110,6 +110,7 @@ class MergePlan:
     errors: PoseErrors | None
     options: MergeOptions
     unused: dict[str, str]
+    unfit: tuple[Finding, ...] = ()
     ball: Literal[1, -1] | None = None
 
 
@@ -120,7 +121,8 @@ def plan_merge(given: StageInput) -> MergePlan:
         raise InputError(
             "captures with step 'scan'", "none that is not excluded", "Scan the object from around.", "captures"
         )
-    unused = reasons_of(unfit(given.session.cell, captures))
+    found = unfit(given.session.cell, captures)
+    unused = reasons_of(found)
     groups = scan_groups([capture for capture in captures if capture.id not in unused])
     calibration = _calibration(given, with_table=any(capture.table_deg is not None for capture in captures))
     settings = given.session.cell.merge
@@ -134,7 +136,7 @@ def plan_merge(given: StageInput) -> MergePlan:
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
     errors = _errors(given, groups, calibration) if calibration.tells_scatter else None
     ball = None if calibration.by == "known" else side_of_ball(given.session, given.read)
-    return MergePlan(groups, calibration, scans, errors, options, unused, ball)
+    return MergePlan(groups, calibration, scans, errors, options, unused, tuple(found), ball)
 
 
 def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str]) -> Pieces:
@@ -302,7 +304,7 @@ def _result(
         *mistakes,
         *([codes.NO_MESH(why=solution.no_mesh)] if solution.no_mesh else []),
         *_no_self_calibration(given, solution),
-        *(codes.SCAN_OF_NO_USE([name], why=reason) for name, reason in plan.unused.items()),
+        *plan.unfit,
         *merge_doubts(solution, mistakes),
         *_about_scatter(solution.looked.scatter),
     ]
