@@ -17,8 +17,8 @@ from calib_core.fusion.clean import clean_scan
 from calib_core.fusion.outward import Outward, sight
 from calib_core.fusion.overlap import Patches, SeenBy, joined_patches, seen_by
 from calib_core.fusion.solve import Looked
+from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Capture, Changes, Finding, RootCause, Session
-from calib_core.robots import CONVENTIONS
 
 _MUDDLED = 0.03  # of the surfaces one before the other, those that stand in a line of sight: of right merges 0.01
 _RUBBLE = 0.25
