@@ -155,4 +155,4 @@ def test_where_the_captures_do_not_tell_the_pitch_that_is_said(simulated: Simula
     captures = [c for c in session.captures if c.step == "tcp"]
     words = suspected_pitch(session, captures, simulated.files.__getitem__)
     assert words is not None
-    assert "cannot be told from these captures" in words
+    assert "cannot be told from these captures" in words.text

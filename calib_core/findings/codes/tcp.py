@@ -342,7 +342,7 @@ BOARD_PITCH = Code(
         "open": "The frames' lengths rest on the board's pitch, {pitch_mm:g} mm: if it is wrong, arcs of the sphere "
         "come out too large or too small. Which pitch would be right cannot be told from these captures.",
         "told": "The frames' lengths rest on the board's pitch, {pitch_mm:g} mm: sphere and robot motions fit together "
-        "at {factor:.3f} times these lengths, so the pitch looks like {likely_mm} mm.",
+        "at {factor:.3f} times these lengths, so the pitch looks like {likely_mm} mm, you said {pitch_mm:g} mm.",
     },
     to_do={
         "open": "Check cell.board.pitch_mm.",
