@@ -206,7 +206,7 @@ def test_an_archive_of_linux_is_replayed_there_and_one_of_windows_here(program: 
 
 def test_the_page_and_all_its_modules_are_served(client: httpx.Client) -> None:
     site = str(client.base_url).removesuffix("/api/v1/")
-    page = httpx.get(site)
+    page = client.get(site)
     assert page.status_code == 200
     seen, todo = set[str](), re.findall(r'(?:src|href)="(/web/[^"]+)"', page.text)
     while todo:
@@ -214,7 +214,7 @@ def test_the_page_and_all_its_modules_are_served(client: httpx.Client) -> None:
         if name in seen:
             continue
         seen.add(name)
-        answer = httpx.get(site + name)
+        answer = client.get(site + name)
         assert answer.status_code == 200, name
         if name.endswith(".js"):
             assert answer.headers["content-type"].startswith("text/javascript")
@@ -237,11 +237,11 @@ def test_the_page_shows_a_solved_session_with_its_scene(client: httpx.Client, tm
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         page = browser.new_page()
         page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.goto(f"{site}/#/sessions/{session}")
-        page.get_by_text("PASS", exact=False).first.wait_for(timeout=120_000)
-        page.locator("iframe").first.wait_for(timeout=120_000)
-        frame = page.frame_locator("iframe").first
-        frame.locator("canvas").first.wait_for(timeout=120_000)
+        page.set_default_timeout(300_000)
+        page.goto(f"{site}/sessions/{session}", wait_until="commit")
+        page.locator("sc-guide h1").wait_for()
+        page.locator("iframe").first.wait_for()
+        page.frame_locator("iframe").first.locator("canvas").first.wait_for()
         page.screenshot(path=tmp_path / "page.png")
         browser.close()
     assert complaints == []
