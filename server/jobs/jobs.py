@@ -163,7 +163,7 @@ class Jobs:
                 self._renew(self._pool)
                 future = self._pool.submit(work)
             self._running[job_id] = _Running(self._pool, future, attempt, solved_from)
-        future.add_done_callback(lambda done: self._ended(job_id, done))
+        future.add_done_callback(lambda done: self._take_end(job_id, done))
 
     def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
         """Have a capture measured on the cluster; None where there is none that takes work."""
@@ -292,6 +292,17 @@ class Jobs:
     def _lost(self, job_id: str) -> None:
         self._fail(job_id, _worker_ended())
         self.end(job_id)
+
+    def _take_end(self, job_id: str, future: Future[worker.Solved]) -> None:
+        """Take a job's end; that of a broken pool in a thread of its own.
+
+        From Python 3.12 on the thread that tells it holds the lock without which that pool neither closes nor
+        refuses the next job.
+        """
+        if not future.cancelled() and isinstance(future.exception(), BrokenProcessPool):
+            threading.Thread(target=self._ended, args=(job_id, future), name="ended job", daemon=True).start()
+        else:
+            self._ended(job_id, future)
 
     def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
         with self._lock:
