@@ -293,6 +293,7 @@ export interface CameraResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "camera";
   model: "plain" | "rational" | "tilted" | "segmental";
@@ -501,10 +502,13 @@ export interface ChainResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  tool0_from_laser: number[][];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   covariance: number[][];
-  sphere_center_in_base_mm: number[];
+  sphere_center_in_base_mm?: number[] | null;
+  sphere_center_in_tool0_mm?: number[] | null;
   sphere_center_covariance: number[][];
   surface_rms_mm: number;
   leave_one_out_surface_rms_mm: number | null;
@@ -853,6 +857,14 @@ export interface FolderState {
   watch: Watch | null;
 }
 
+export interface FoundFrame {
+  into: string;
+  outof: string;
+  scanner?: string | null;
+  matrix: number[][];
+  covariance?: number[][] | null;
+}
+
 export interface Frame {
   id?: string | null;
   title?: string | null;
@@ -953,6 +965,7 @@ export interface HandEyeResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "hand-eye";
   tool0_from_camera: number[][];
@@ -1011,6 +1024,7 @@ export interface Known {
   camera?: KnownCamera | null;
   laser_plane?: KnownPlane | null;
   tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   base_from_turntable?: number[][] | null;
 }
 
@@ -1049,6 +1063,7 @@ export interface LaserPlaneResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "laser-plane";
   plane_in_camera: PlaneInCamera;
@@ -1216,6 +1231,7 @@ export interface MergeResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "merge";
   frame: "turntable" | "base";
@@ -1616,6 +1632,7 @@ export interface RecheckResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "recheck";
   rechecked: string;
@@ -1886,7 +1903,8 @@ export interface SessionAnswer {
   pose_convention: string;
   names: string[];
   units: string;
-  tool0_from_laser: AnsweredFrame;
+  tool0_from_laser: AnsweredFrame | null;
+  base_from_laser?: AnsweredFrame | null;
   base_from_turntable: AnsweredFrame | null;
   position_sigma_mm: number;
   rotation_sigma_deg: number;
@@ -2045,6 +2063,7 @@ export interface StoredCameraResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "camera";
   model: "plain" | "rational" | "tilted" | "segmental";
@@ -2127,10 +2146,13 @@ export interface StoredChainResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  tool0_from_laser: number[][];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   covariance: number[][];
-  sphere_center_in_base_mm: number[];
+  sphere_center_in_base_mm?: number[] | null;
+  sphere_center_in_tool0_mm?: number[] | null;
   sphere_center_covariance: number[][];
   surface_rms_mm: number;
   leave_one_out_surface_rms_mm: number | null;
@@ -2174,6 +2196,7 @@ export interface StoredHandEyeResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "hand-eye";
   tool0_from_camera: number[][];
@@ -2204,6 +2227,7 @@ export interface StoredLaserPlaneResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "laser-plane";
   plane_in_camera: PlaneInCamera;
@@ -2233,6 +2257,7 @@ export interface StoredMergeResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "merge";
   frame: "turntable" | "base";
@@ -2276,6 +2301,7 @@ export interface StoredRecheckResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "recheck";
   rechecked: string;
@@ -2317,10 +2343,13 @@ export interface StoredTcpResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  tool0_from_laser: number[][];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   covariance: number[][];
-  sphere_center_in_base_mm: number[];
+  sphere_center_in_base_mm?: number[] | null;
+  sphere_center_in_tool0_mm?: number[] | null;
   sphere_center_covariance: number[][];
   surface_rms_mm: number;
   leave_one_out_surface_rms_mm: number | null;
@@ -2368,6 +2397,7 @@ export interface StoredTurntableResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
@@ -2391,6 +2421,7 @@ export interface StoredVerifyResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "verify";
   verified: string;
@@ -2504,6 +2535,7 @@ export interface TcpResidual {
   surface_rms_mm?: number | null;
   center_distance_mm?: number | null;
   center_offset_in_base_mm?: number[] | null;
+  center_offset_in_tool0_mm?: number[] | null;
   leave_one_out_rms_mm?: number | null;
   two_step_surface_rms_mm?: number | null;
   mahalanobis?: number | null;
@@ -2528,10 +2560,13 @@ export interface TcpResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  tool0_from_laser: number[][];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   covariance: number[][];
-  sphere_center_in_base_mm: number[];
+  sphere_center_in_base_mm?: number[] | null;
+  sphere_center_in_tool0_mm?: number[] | null;
   sphere_center_covariance: number[][];
   surface_rms_mm: number;
   leave_one_out_surface_rms_mm: number | null;
@@ -2667,6 +2702,7 @@ export interface TurntableResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
@@ -2684,7 +2720,9 @@ export interface TwoResults {
 
 export interface TwoStep {
   tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   sphere_center_in_base_mm?: number[] | null;
+  sphere_center_in_tool0_mm?: number[] | null;
   surface_rms_mm?: number | null;
   leave_one_out_surface_rms_mm?: number | null;
   center_scatter_rms_mm?: number | null;
@@ -2761,6 +2799,7 @@ export interface VerifyResult {
   warnings?: string[];
   notes?: string[];
   causes?: RootCause[];
+  frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "verify";
   verified: string;

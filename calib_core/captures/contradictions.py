@@ -20,17 +20,6 @@ EXCLUDED = message("excluded by the user")
 """The reason of a capture that the user left out."""
 
 
-def require_arrangement(cell: Cell) -> None:
-    """Raise InputError where the cell's arrangement is one that nothing solves yet."""
-    if cell.arrangement != "scanner-on-robot":
-        raise InputError(
-            "a cell whose arrangement is 'scanner-on-robot'",
-            f"'{cell.arrangement}', which is not supported yet",
-            "Put the scanner on the robot and let the sphere stand still, or wait for a later version.",
-            "cell.arrangement",
-        )
-
-
 def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
     """Return which captures of one step are not used: taken while moving, or otherwise than most.
 
@@ -41,9 +30,8 @@ def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
     Raises
     ------
     InputError
-        If the arrangement is not supported yet, or the arm is unknown.
+        If the arm is unknown.
     """
-    require_arrangement(cell)
     found: list[Finding] = []
     moving = [c.id for c in captures if c.moving and c.kind != "sweep"]
     if moving:

@@ -10,6 +10,7 @@ from calib_core.captures.content import pose_of, reading_of, sphere_of
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.raw_frames import of_frames
+from calib_core.cell.carriers import carriers_of
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.formats.format import Reading
@@ -34,7 +35,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
     MeasurementError
         If the sphere is not found in it.
     """
-    pose = pose_of(session.cell, capture)
+    pose, carriers = pose_of(session.cell, capture), carriers_of(session.cell, capture)
     sigma_mm = session.cell.scanner.point_sigma_mm
     if capture.kind == "center":
         return SphereObservation(
@@ -45,6 +46,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
             center_in_laser_mm=np.array(capture.center_mm, dtype=float),
             center_covariance=np.eye(3) * (sigma_mm or CENTER_SIGMA_MM) ** 2,
             point_sigma_mm=sigma_mm or CENTER_SIGMA_MM,
+            carriers=carriers,
         )
     with _named(capture):
         seen = see_sphere(session, capture, read)
@@ -59,6 +61,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
         center_in_laser_mm=fit.center_mm,
         center_covariance=fit.covariance * _scale(sigma_mm, fit),
         point_sigma_mm=sigma_mm or fit.point_sigma_mm,
+        carriers=carriers,
     )
 
 
@@ -86,6 +89,7 @@ def arc_observation(
         point_sigma_mm=fit.point_sigma_mm,
         side=capture.side,
         without_ray=without_ray,
+        carriers=carriers_of(cell, capture),
     )
 
 

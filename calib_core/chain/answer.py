@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.cell.walk import Carrier
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.frames import FloatArray, RigidTransform
@@ -16,24 +17,29 @@ class Answer:
 
     Attributes
     ----------
-    tool0_from_laser : RigidTransform
-    center_in_base_mm : (3,)
+    mount_from_laser : RigidTransform
+    ball : Carrier
+        What carries the sphere.
+    center_mm : (3,)
+        Where it is there.
     surface_rms_mm : float
         Of all used points' distances to the sphere, robot poses taken as recorded.
     center_scatter_rms_mm : float
-        RMS distance in base of the used captures' own sphere centres to the solved one.
-    capture_rms_mm, offset_in_base_mm : (K,), (K, 3)
-        Per capture (used or not): its points' RMS distance, its own centre minus the solved one.
+        RMS distance of the used captures' own sphere centres to the solved one.
+    capture_rms_mm, offset_mm : (K,), (K, 3)
+        Per capture (used or not): its points' RMS distance, its own centre minus the solved one, along the axes
+        of what carries the ball.
     leave_one_out_rms_mm : (K,)
         RMS distance of a used capture's points to the sphere found without it; NaN elsewhere.
     """
 
-    tool0_from_laser: RigidTransform
-    center_in_base_mm: FloatArray
+    mount_from_laser: RigidTransform
+    ball: Carrier
+    center_mm: FloatArray
     surface_rms_mm: float
     center_scatter_rms_mm: float
     capture_rms_mm: FloatArray
-    offset_in_base_mm: FloatArray
+    offset_mm: FloatArray
     leave_one_out_rms_mm: FloatArray
 
     @property
@@ -45,8 +51,8 @@ class Answer:
 
 def expected_in_laser(observations: Sequence[SphereObservation], state: ChainState) -> FloatArray:
     """Return where each capture should see the sphere's centre in L, its pose taken as recorded, (K, 3)."""
-    rotations = np.array([o.base_from_tool0.rotation for o in observations])
-    translations = np.array([o.base_from_tool0.translation_mm for o in observations])
+    rotations = np.array([o.ball_from_scanner.rotation for o in observations])
+    translations = np.array([o.ball_from_scanner.translation_mm for o in observations])
     arms = np.einsum("kji,kj->ki", rotations, state.center - translations)
     return (arms - state.tool_translation) @ state.tool_rotation
 
@@ -59,14 +65,13 @@ def answer_of(
     left_out: Sequence[ChainState | None],
 ) -> Answer:
     """Return how all captures lie about one state of the unknowns."""
-    tool0_from_laser = state.tool0_from_laser
     expected = expected_in_laser(observations, state)
     radius = state.radius_mm
     sphere = SphereSize(2 * radius)
     distances = [surface_distances(o, q, radius) for o, q in zip(observations, expected, strict=True)]
     offsets = np.array(
         [
-            (o.base_from_tool0 @ tool0_from_laser).apply(o.sphere_center_in_laser_mm(sphere, int(side)))
+            (o.ball_from_scanner @ state.mount_from_laser).apply(o.sphere_center_in_laser_mm(sphere, int(side)))
             - state.center
             for o, side in zip(observations, sides, strict=True)
         ]
@@ -78,12 +83,13 @@ def answer_of(
         for o, s in zip(observations, left_out, strict=True)
     ]
     return Answer(
-        tool0_from_laser=tool0_from_laser,
-        center_in_base_mm=state.center,
+        mount_from_laser=state.mount_from_laser,
+        ball=observations[0].carriers.ball,
+        center_mm=state.center,
         surface_rms_mm=_rms(used_distances),
         center_scatter_rms_mm=_rms(scatter),
         capture_rms_mm=np.array([_rms(d) for d in distances]),
-        offset_in_base_mm=offsets,
+        offset_mm=offsets,
         leave_one_out_rms_mm=np.array(without),
     )
 

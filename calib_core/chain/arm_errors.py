@@ -85,7 +85,7 @@ class ArmShares:
         lengths, drift = int(data.arm_scale_sigma > 0), 3 * int(data.drift_sigma_mm > 0)
         factor = np.empty((data.count, 0))
         if sigmas.is_alike:
-            factor = alike_factor(data.rotations, data.translations, sigmas.reach)
+            factor = alike_factor(*data.walk.poses, sigmas.reach)
         found = np.zeros((1 + 6 * many, lengths + drift + 6 * factor.shape[1]))
         if lengths:
             found[0, 0] = data.arm_scale_sigma
@@ -108,9 +108,9 @@ class ArmShares:
         data, where = self.data, self.pivots
         # What is sought errs by what is found less what is true.
         return ArmErrors(
-            data.rotations[where],
-            data.translations[where],
-            data.translations.mean(axis=0),
+            data.walk.rotations[where],
+            data.walk.translations[where],
+            data.walk.translations.mean(axis=0),
             -covariance[:, 0],
             -covariance[:, 1:].reshape(len(covariance), len(where), 6),
             float(np.sqrt(position)),

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.cell.walk import Walk
 from calib_core.chain import scanner
 from calib_core.chain.model import ARM_SCALE_SIGMA, DRIFT_SIGMA_MM, ChainData
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -53,8 +54,10 @@ def chain_data(
     basis = np.column_stack([scanner.bow_of(points, half_width), scanner.incidence_shapes(cosine)])
     radius_sigma = sphere.sigma_mm / 2
     return ChainData(
-        rotations=np.array([o.base_from_tool0.rotation for o in observations]).reshape(-1, 3, 3),
-        translations=np.array([o.base_from_tool0.translation_mm for o in observations]).reshape(-1, 3),
+        rotations=np.array([o.ball_from_scanner.rotation for o in observations]).reshape(-1, 3, 3),
+        translations=np.array([o.ball_from_scanner.translation_mm for o in observations]).reshape(-1, 3),
+        walk=Walk.of([o.base_from_tool0 for o in observations], [o.carriers for o in observations]),
+        mount=observations[0].carriers.scanner if observations else "tool0",
         points=points,
         counts=np.concatenate([m[1] for m in merged]) if merged else np.empty(0),
         basis=np.ascontiguousarray(basis),

@@ -16,7 +16,7 @@ import numpy as np
 from calib_core.arms.alike import alike_factor
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction, prior
 from calib_core.estimation import Minimum, minimise
-from calib_core.frames import FloatArray, skew
+from calib_core.frames import FloatArray
 
 # In rad and mm: far enough to travel, near enough to stay in the valley.
 _STEP_LIMIT = np.array([0.1] * 3 + [20.0] * 6)
@@ -85,21 +85,20 @@ class Noise:
         return np.asarray(np.linalg.inv(self.spread), dtype=float)
 
 
-def pose_spread(predicted: FloatArray, tool_in_laser: FloatArray, sigmas: Sigmas) -> FloatArray:
+def pose_spread(levers: FloatArray, sigmas: Sigmas) -> FloatArray:
     """Return the covariance (K, 3, 3), mm², of the sphere's centre in L by random errors of the robot.
 
-    A position error moves it by itself; an orientation error ω about the flange by ω × p, with p the arm from the
-    flange to the centre.
+    A position error moves it by itself; an orientation error ω about the flange by ω × p, with p the lever from
+    the flange to the centre.
 
     Parameters
     ----------
-    predicted : (K, 3)
-        The sphere's centre in L, mm.
-    tool_in_laser : (3,)
-        R_sᵀ T_s: the arm from the flange to the origin of L, in L, mm.
+    levers : (K, 3)
+        From the flange to the sphere's centre, in L, mm.
     sigmas : Sigmas
     """
-    return _spread(sigmas.position_mm, sigmas.orientation_rad, _turning(predicted + tool_in_laser))
+    moved = _spread(np.broadcast_to(np.eye(3), (len(levers), 3, 3)), sigmas.position_mm)
+    return moved + sigmas.orientation_rad**2 * _turning(levers)
 
 
 def linearise(
@@ -274,8 +273,8 @@ def noise_of(data: ChainData, state: ChainState, sigmas: Sigmas) -> Noise:
     levers = None if data.table is None else prediction(data, state).levers
     factor = np.empty((data.count, 0))
     if sigmas.is_alike:
-        factor = alike_factor(data.rotations, data.translations, sigmas.reach)
-    middle = data.translations.mean(axis=0)
+        factor = alike_factor(*data.walk.poses, sigmas.reach)
+    middle = data.walk.translations.mean(axis=0)
     return NoiseShapes.at(data, state.centers_in_laser, state, levers, middle).noise(sigmas, factor)
 
 
@@ -285,8 +284,8 @@ class NoiseShapes:
 
     Attributes
     ----------
-    turning, angle : (K, 3, 3), (K, 3, 3) or None
-        Covariance by an orientation's error about any axis, and by the table's angle.
+    moving, turning, angle : (K, 3, 3), (K, 3, 3), (K, 3, 3) or None
+        Covariance by a position's error, by an orientation's about any axis, and by the table's angle.
     scale : (K, 1, 1)
         By how much a capture's own pose variance is larger.
     moves : (K, 3, 6)
@@ -295,6 +294,7 @@ class NoiseShapes:
         By one standard deviation each of the arm's lengths and the drift.
     """
 
+    moving: FloatArray
     turning: FloatArray
     angle: FloatArray | None
     scale: FloatArray
@@ -311,37 +311,41 @@ class NoiseShapes:
         middle: FloatArray,
     ) -> "NoiseShapes":
         """Return those of captures whose spheres are seen at (K, 3), by a state's tool."""
-        laser_from_base = state.tool_rotation.T @ np.swapaxes(data.rotations, 1, 2)
+        walk = data.walk
+        laser_from_base = walk.laser_from_base(state.tool_rotation)
         drawn = [np.empty((data.count, 3, 0))]
         if data.arm_scale_sigma > 0:
-            from_middle = data.translations - middle
+            from_middle = walk.translations - middle
             drawn.append(laser_from_base @ from_middle[:, :, None] * data.arm_scale_sigma)
         if data.drift_sigma_mm > 0:
             drawn.append(laser_from_base * (data.order * data.drift_sigma_mm)[:, None, None])
-        arms = centers_in_laser + state.tool_in_laser
-        in_base = np.einsum("kji,kj->ki", laser_from_base, arms)
+        arms = walk.levers(state.tool_rotation, state.tool_translation, centers_in_laser)
         return cls(
+            moving=np.abs(walk.over_robot)[:, None, None] * np.eye(3),
             turning=_turning(arms),
             angle=None if levers is None else levers[:, :, None] * levers[:, None, :],
             scale=data.pose_scale[:, None, None],
-            moves=np.concatenate([laser_from_base, laser_from_base @ skew(in_base)], axis=2),
+            moves=walk.moves(laser_from_base, arms),
             drawn=np.concatenate(drawn, axis=2),
         )
 
     def noise(self, sigmas: Sigmas, factor: FloatArray) -> Noise:
         """Return the noise of some sigmas, with a factor (K, m) of the alike part."""
-        spread = _spread(sigmas.position_mm, sigmas.orientation_rad, self.turning)
+        spread = self._by_pose(sigmas.position_mm, sigmas.orientation_rad)
         if self.angle is not None:
             spread += sigmas.angle_rad**2 * self.angle
         spread *= self.scale
         if not sigmas.is_alike:
             return Noise(spread, self.drawn)
         left = np.maximum(1 - np.sum(factor**2, axis=1), 0.0)
-        alike = _spread(sigmas.alike_position_mm, sigmas.alike_orientation_rad, self.turning)
+        alike = self._by_pose(sigmas.alike_position_mm, sigmas.alike_orientation_rad)
         spread += left[:, None, None] * alike
         moves = self.moves * np.repeat([sigmas.alike_position_mm, sigmas.alike_orientation_rad], 3)
         shared = (moves[:, :, None, :] * factor[:, None, :, None]).reshape(len(moves), 3, -1)
         return Noise(spread, np.concatenate([self.drawn, shared], axis=2))
+
+    def _by_pose(self, position_mm: float, orientation_rad: float) -> FloatArray:
+        return _spread(self.moving, position_mm) + orientation_rad**2 * self.turning
 
 
 def _turning(arms: FloatArray) -> FloatArray:
@@ -350,5 +354,5 @@ def _turning(arms: FloatArray) -> FloatArray:
     return squared * np.eye(3) - arms[:, :, None] * arms[:, None, :]
 
 
-def _spread(position_mm: float, orientation_rad: float, turning: FloatArray) -> FloatArray:
-    return max(position_mm, _LEAST_SIGMA_MM) ** 2 * np.eye(3) + orientation_rad**2 * turning
+def _spread(moving: FloatArray, position_mm: float) -> FloatArray:
+    return np.maximum(position_mm**2 * moving, _LEAST_SIGMA_MM**2 * np.eye(3))

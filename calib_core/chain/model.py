@@ -1,15 +1,16 @@
 """What the captures say, as arrays, the unknowns, and where these expect each capture's sphere.
 
-Unknown are tool0_from_laser (6), the still sphere's centre in base (3), where captures of a turntable are among
-them its axis and mountings (`chain.table`); then the sphere's radius and the scanner's errors, where they are
-uncertain (`chain.scanner`); last what is drawn rather than fixed: pose errors that captures share, each of unit
-variance.
+Unknown are mount_from_laser (6), the still sphere's centre in what carries it (3), where captures of a turntable
+are among them its axis and mountings (`chain.table`); then the sphere's radius and the scanner's errors, where
+they are uncertain (`chain.scanner`); last what is drawn rather than fixed: pose errors that captures share, each
+of unit variance.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.cell.walk import Carrier, Walk
 from calib_core.chain import scanner
 from calib_core.chain.table import TableReadings, TableState
 from calib_core.frames import (
@@ -57,7 +58,7 @@ class Sigmas:
 
 @dataclass(frozen=True, eq=False)
 class ToolPrior:
-    """What is known of tool0_from_laser and of the scanner beforehand.
+    """What is known of mount_from_laser and of the scanner beforehand.
 
     R (3, 3), T (3,), the scanner's values (8,), and the inverse covariance (6 + n, 6 + n) of rx … tz and of
     those n nuisances that are sought.
@@ -90,7 +91,11 @@ class ChainData:
     Attributes
     ----------
     rotations, translations : (K, 3, 3), (K, 3)
-        base_from_tool0 as recorded.
+        From what carries the scanner into what carries the ball, poses as recorded.
+    walk : Walk
+        Where the robot stands on the way between them.
+    mount : Carrier
+        What carries the scanner.
     points, counts, basis : (M, 3), (M,), (M, 4)
         Profiles' points in L, neighbours merged; how many measured points each stands for; what a bow moves it
         along z and the shapes of the error by incidence (`chain.scanner`).
@@ -119,6 +124,8 @@ class ChainData:
 
     rotations: FloatArray
     translations: FloatArray
+    walk: Walk
+    mount: Carrier
     points: FloatArray
     counts: FloatArray
     basis: FloatArray
@@ -186,6 +193,7 @@ class ChainData:
             self,
             rotations=self.rotations[used],
             translations=self.translations[used],
+            walk=self.walk.chosen(used),
             points=self.points[np.repeat(used, lengths)],
             counts=self.counts[np.repeat(used, lengths)],
             basis=self.basis[np.repeat(used, lengths)],
@@ -207,7 +215,7 @@ class ChainState:
     """One guess of the unknowns, and of where each capture's own sphere centre lies in L.
 
     `scanner` (8,) holds what is added to the nominal radius and the scanner's errors, of which `active` (n,) are
-    sought; `shared` (L,) the pose errors that captures share.
+    sought; `shared` (L,) the pose errors that captures share; `mount` carries the scanner.
     """
 
     tool_rotation: FloatArray
@@ -219,6 +227,7 @@ class ChainState:
     active: np.ndarray
     table: TableState | None = None
     shared: FloatArray | None = None
+    mount: Carrier = "tool0"
 
     @classmethod
     def predicted(
@@ -231,7 +240,7 @@ class ChainState:
     ) -> "ChainState":
         """Return a guess in which every pose is taken as exact."""
         none = np.empty((0, 3)), np.zeros(scanner.COUNT), data.active
-        guess = cls(tool_rotation, tool_translation, center, data.radius_mm, *none, table)
+        guess = cls(tool_rotation, tool_translation, center, data.radius_mm, *none, table, mount=data.mount)
         return replace(guess, centers_in_laser=prediction(data, guess).centers_in_laser)
 
     def moved(self, step: FloatArray) -> "ChainState":
@@ -262,9 +271,9 @@ class ChainState:
         return self.nominal_radius_mm + float(self.scanner[0])
 
     @property
-    def tool0_from_laser(self) -> RigidTransform:
-        """The scanner's pose on the flange."""
-        return RigidTransform.of(self.tool_rotation, self.tool_translation, "tool0", "laser")
+    def mount_from_laser(self) -> RigidTransform:
+        """The scanner's pose on what carries it."""
+        return RigidTransform.of(self.tool_rotation, self.tool_translation, self.mount, "laser")
 
     @property
     def tool_in_laser(self) -> FloatArray:

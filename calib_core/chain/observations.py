@@ -8,7 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.cell.walk import Carriers
 from calib_core.frames import FloatArray, RigidTransform
+
+SCANNER_ON_FLANGE = Carriers()
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class SphereObservation:
         How many of its points say as much as one that errs by itself (`chain.effective`).
     without_ray : int
         How many stripe centres of its frame were dropped, as they lie beyond the fold of the camera's distortion.
+    carriers : Carriers
+        What carries scanner and ball.
     """
 
     capture: str
@@ -64,6 +69,12 @@ class SphereObservation:
     side: int | None = None
     points_per_independent: float = 1.0
     without_ray: int = 0
+    carriers: Carriers = SCANNER_ON_FLANGE
+
+    @property
+    def ball_from_scanner(self) -> RigidTransform:
+        """From what carries the scanner into what carries the ball."""
+        return self.carriers.ball_from_scanner(self.base_from_tool0)
 
     def sphere_center_in_laser_mm(self, sphere: SphereSize, side: int) -> FloatArray:
         """Return the sphere's centre (3,) in L; `side` is the sign of y, which only a profile leaves open."""

@@ -15,7 +15,7 @@ def rejection_reasons(
     observations: Sequence[SphereObservation],
     used: np.ndarray,
     squared_distance: FloatArray,
-    offset_in_base_mm: FloatArray,
+    offset_mm: FloatArray,
 ) -> dict[str, dict[str, Value]]:
     """Return what is to be said of each capture that is not used, by capture.
 
@@ -25,16 +25,18 @@ def rejection_reasons(
     used : (K,) bool
     squared_distance : (K,)
         Mahalanobis distance² from what the others expect.
-    offset_in_base_mm : (K, 3)
-        The capture's own sphere centre minus the solved one, in base.
+    offset_mm : (K, 3)
+        The capture's own sphere centre minus the solved one, along the axes of what carries it.
     """
     positions = np.array([o.base_from_tool0.translation_mm for o in observations])
     found: dict[str, dict[str, Value]] = {}
     for k in np.flatnonzero(~used).tolist():
-        x, y, z = offset_in_base_mm[k].tolist()
+        one, offset = observations[k], offset_mm[k]
+        in_base = offset if one.carriers.ball == "base" else one.base_from_tool0.rotation @ offset
+        x, y, z = in_base.tolist()
         twin = _same_pose(positions, observations, k)
         found[observations[k].capture] = {
-            "distance_mm": float(np.linalg.norm(offset_in_base_mm[k])),
+            "distance_mm": float(np.linalg.norm(offset)),
             "x_mm": x,
             "y_mm": y,
             "z_mm": z,

@@ -72,7 +72,8 @@ def likeliest_sides(data: ChainData, starts: Sequence[Start], sigmas: GivenSigma
         fitted = fit_with_sigmas(voting, state, sigmas, rounds=2)
         sides = fitted.minimum.at.centers_in_laser[:, 1] > 0
         likely = log_probability(voting, fitted, sigmas) - _log_binomial(data.count, int(sides.sum()))
-        if sides.tobytes() not in found or likely > found[sides.tobytes()][0]:
+        # Of starts that end alike the one on which the centres agree best is kept.
+        if sides.tobytes() not in found or likely > found[sides.tobytes()][0] + _BETTER:
             found[sides.tobytes()] = likely, start, fitted.state
     ranked = sorted(found.values(), key=lambda one: -one[0])
     likely, start, state = ranked[0]

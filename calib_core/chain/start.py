@@ -34,7 +34,7 @@ class Centers:
     Attributes
     ----------
     rotations, translations : (K, 3, 3), (K, 3)
-        base_from_tool0.
+        From what carries the scanner into what carries the ball.
     measured : (K, 3)
         In L, mm; y is |y| where the side is open.
     open_side : (K,)
@@ -66,7 +66,7 @@ class Centers:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A guess of the unknowns: tool0_from_laser, the sphere's centre in base, each capture's side and its misfit.
+    """A guess of the unknowns: mount_from_laser, the sphere's centre, each capture's side and its misfit.
 
     Attributes
     ----------
@@ -97,8 +97,8 @@ def centers_of(observations: Sequence[SphereObservation], sphere: SphereSize) ->
     # An error of the circle's radius reaches y multiplied by r/|y|.
     magnification = zone / np.sqrt(np.maximum(1 - zone**2, 4e-4))
     return Centers(
-        rotations=np.array([o.base_from_tool0.rotation for o in observations]),
-        translations=np.array([o.base_from_tool0.translation_mm for o in observations]),
+        rotations=np.array([o.ball_from_scanner.rotation for o in observations]),
+        translations=np.array([o.ball_from_scanner.translation_mm for o in observations]),
         measured=measured,
         open_side=np.array([o.circle_radius_mm is not None and o.side is None for o in observations]),
         height_weight=1 / np.maximum(magnification, 1.0),

@@ -39,7 +39,7 @@ _LEAST_AREA = 0.02  # of a triangle beside the square of its longest edge: flatt
 def with_found_angles(
     observations: Sequence[TableObservation],
     sphere: SphereSize,
-    tool0_from_laser: RigidTransform,
+    mount_from_laser: RigidTransform,
     direction: int = 1,
 ) -> list[TableObservation]:
     """Return captures with the angles that their spheres' places tell, the first one's zero.
@@ -48,7 +48,7 @@ def with_found_angles(
     ----------
     observations : captures whose angles are ignored
     sphere : SphereSize
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
     direction : {1, -1}
         The sense in which angles are to count, right-handed about the axis that points up, or left-handed.
 
@@ -57,7 +57,7 @@ def with_found_angles(
     MotionError
         If no mounting has four captures at different places.
     """
-    centers = both_centers_in_base(observations, sphere, tool0_from_laser)
+    centers = both_centers_in_base(observations, sphere, mount_from_laser)
     mounts = np.array([o.mount for o in observations])
     names = list(dict.fromkeys(mounts.tolist()))
     few = np.zeros(len(mounts), dtype=bool)

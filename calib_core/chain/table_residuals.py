@@ -69,8 +69,8 @@ def table_residuals(
     """
     assert state.table is not None
     expected = state.table.places(readings).centers
-    tool0_from_laser = state.tool0_from_laser
-    both = both_centers_in_base(observations, SphereSize(2 * state.radius_mm), tool0_from_laser)
+    mount_from_laser = state.mount_from_laser
+    both = both_centers_in_base(observations, SphereSize(2 * state.radius_mm), mount_from_laser)
     first = np.linalg.norm(both[:, 0] - expected, axis=1) <= np.linalg.norm(both[:, 1] - expected, axis=1)
     centers = np.where(first[:, None], both[:, 0], both[:, 1])
     sides = np.where(first, 1, -1) * [o.sphere.circle_radius_mm is not None for o in observations]
@@ -80,7 +80,7 @@ def table_residuals(
     away = arms[:, :2] / radius[:, None]
     around = np.column_stack([-away[:, 1], away[:, 0]]) * frame.direction
     tangential = np.einsum("ki,ki->k", offsets[:, :2], around)
-    laser = [(o.sphere.base_from_tool0 @ tool0_from_laser).inverse() for o in observations]
+    laser = [(o.sphere.ball_from_scanner @ mount_from_laser).inverse() for o in observations]
     rms = [
         float(np.sqrt(np.mean(surface_distances(o.sphere, t.apply(c), state.radius_mm) ** 2)))
         for o, t, c in zip(observations, laser, expected, strict=True)

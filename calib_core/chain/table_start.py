@@ -58,12 +58,12 @@ def readings_of(observations: Sequence[TableObservation]) -> tuple[TableReadings
 
 
 def both_centers_in_base(
-    observations: Sequence[TableObservation], sphere: SphereSize, tool0_from_laser: RigidTransform
+    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: RigidTransform
 ) -> FloatArray:
     """Return each capture's possible sphere centres in base, (K, 2, 3): on the +y and on the −y side."""
     centers = np.empty((len(observations), 2, 3))
     for k, o in enumerate(observations):
-        base_from_laser = o.sphere.base_from_tool0 @ tool0_from_laser
+        base_from_laser = o.sphere.ball_from_scanner @ mount_from_laser
         for n, side in enumerate((1, -1)):
             one = o.sphere.side or side
             centers[k, n] = base_from_laser.apply(o.sphere.sphere_center_in_laser_mm(sphere, one))
@@ -71,7 +71,7 @@ def both_centers_in_base(
 
 
 def find_table_start(
-    observations: Sequence[TableObservation], sphere: SphereSize, tool0_from_laser: RigidTransform
+    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: RigidTransform
 ) -> TableStart:
     """Return the guess on which most captures agree.
 
@@ -83,7 +83,7 @@ def find_table_start(
         If the angles fit as radians, and not as degrees; or a mounting's captures show the sphere in two places.
     """
     readings, _ = readings_of(observations)
-    centers = both_centers_in_base(observations, sphere, tool0_from_laser)
+    centers = both_centers_in_base(observations, sphere, mount_from_laser)
     _require_angles(readings)
     _require_motion(readings, centers)
     start = _best(readings, centers)
@@ -103,12 +103,12 @@ def find_table_start(
 
 
 def table_guess(
-    observations: Sequence[TableObservation], sphere: SphereSize, tool0_from_laser: RigidTransform
+    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: RigidTransform
 ) -> TableStart:
     """Return the guess on which most captures agree, however badly; raises MotionError without three angles."""
     readings, _ = readings_of(observations)
     _require_angles(readings)
-    return _best(readings, both_centers_in_base(observations, sphere, tool0_from_laser))
+    return _best(readings, both_centers_in_base(observations, sphere, mount_from_laser))
 
 
 def _require_angles(readings: TableReadings) -> None:

@@ -1,4 +1,4 @@
-"""TCP: the scanner's pose on the flange, tool0_from_laser, from a sphere that stands still.
+"""TCP: the scanner's pose on what carries it, mount_from_laser, from one sphere; the robot stands between both.
 
 Reads as a table of contents: find a start, fit jointly, reject what does not belong, then collect the evidence:
 covariance, residuals, leave-one-out, undetermined directions, and the paper's two steps beside it.
@@ -71,7 +71,7 @@ class TcpSolution:
     joint : Answer
         The joint maximum likelihood: the answer.
     covariance : (9, 9)
-        rx ry rz tx ty tz of tool0_from_laser, the sphere's centre.
+        rx ry rz tx ty tz of mount_from_laser, the sphere's centre.
     held : Held
         What was found of the scanner, whether the tool has it, and how both are correlated.
     sigmas : Sigmas
@@ -202,7 +202,7 @@ def solve_tcp(
     covariance = held.covariance
     point = seen_point(observations, state, judged.used)
     warm_up = warm_up_of(observations, judged, dict(options.taken_at_s))
-    causes = named_causes(observations, judged, joint.offset_in_base_mm, given)
+    causes = named_causes(observations, judged, joint.offset_mm, given)
     if warm_up is not None and warm_up.found:  # a drift explains them better than any sudden change
         causes = [cause for cause in causes if cause.kind not in ("moved-sphere", "changed-tool")]
     return TcpSolution(
@@ -217,7 +217,7 @@ def solve_tcp(
         used=judged.used,
         sides=sides,
         zones=[o.circle_radius_mm and o.circle_radius_mm / state.radius_mm for o in seen],
-        reasons=rejection_reasons(observations, judged.used, judged.squared_distance, joint.offset_in_base_mm),
+        reasons=rejection_reasons(observations, judged.used, judged.squared_distance, joint.offset_mm),
         squared_distance=judged.squared_distance,
         excess=judged.excess,
         undetermined=open_directions(held.by_motions),

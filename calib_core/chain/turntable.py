@@ -46,10 +46,10 @@ _SAME_POSE_MM = 1e-6
 class KnownTool:
     """The tool of the stage before, what was found of the scanner with it (None: both exact), and the two steps'.
 
-    `tool0_from_laser` is the answer of that stage.
+    `mount_from_laser` is the answer of that stage.
     """
 
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     held: Held | None = None
     two_step: RigidTransform | None = None
 
@@ -158,7 +158,7 @@ def solve_turntable(
         observations = corrected_table(observations, tool.held)
 
     tell(0.1, "Searching the axis and the sphere's sides")
-    start = find_table_start(observations, sphere, tool.tool0_from_laser)
+    start = find_table_start(observations, sphere, tool.mount_from_laser)
 
     tell(0.3, "Fitting all captures of the table jointly")
     options = _with_still_robot(observations, options)
@@ -205,7 +205,7 @@ def paper_circles(
     used: np.ndarray,
 ) -> PaperAxis:
     """Return the paper's circles and axis through the captures' own centres, by the two steps' tool if any."""
-    both = both_centers_in_base(observations, sphere, tool.two_step or tool.tool0_from_laser)
+    both = both_centers_in_base(observations, sphere, tool.two_step or tool.mount_from_laser)
     centers = np.where(sides[:, None] >= 0, both[:, 0], both[:, 1])
     return paper_axis(centers, readings_of(observations)[0].mounts, used)
 
@@ -278,7 +278,7 @@ def _judge(
     start: TableStart,
     options: TurntableOptions,
 ) -> tuple[Judged, EncoderScale]:
-    mounting = tool.tool0_from_laser
+    mounting = tool.mount_from_laser
     state = ChainState.predicted(data, mounting.rotation, mounting.translation_mm, np.zeros(3), start.state)
     spheres = [o.sphere for o in observations]
     if tool.held is not None:

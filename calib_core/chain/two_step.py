@@ -26,7 +26,7 @@ class TwoStepAnswer:
     Attributes
     ----------
     rotation, translation, center : (3, 3), (3,), (3,) or None
-        tool0_from_laser and the sphere's centre in base.
+        mount_from_laser and the sphere's centre in base.
     groups : tuple of tuples of int
         The captures that are pure translations of each other.
     reason : str or None

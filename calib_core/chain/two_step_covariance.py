@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.cell.walk import Walk
 from calib_core.chain.likelihood import pose_spread
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -24,7 +25,7 @@ def two_step_covariance(
     translations: FloatArray,
     fit: ChainFit,
 ) -> FloatArray | None:
-    """Return the 6×6 covariance of the two-step tool0_from_laser, or None beyond 60 captures (it would be slow).
+    """Return the 6×6 covariance of the two-step mount_from_laser, or None beyond 60 captures (it would be slow).
 
     Each centre's own covariance and its pose's random error are carried through both steps by differences.
 
@@ -35,16 +36,17 @@ def two_step_covariance(
     centers : (K, 3)
         In L, mm.
     rotations, translations : (K, 3, 3), (K, 3)
-        base_from_tool0.
+        From what carries the scanner into what carries the ball.
     fit : ChainFit
         Of the same captures: its sigmas are used.
     """
     if len(observations) > _MOST_CAPTURES:
         return None
-    tool_in_laser = fit.state.tool_rotation.T @ fit.state.tool_translation
-    spread = pose_spread(centers, tool_in_laser, fit.sigmas)
+    walk = Walk.of([o.base_from_tool0 for o in observations], [o.carriers for o in observations])
+    levers = walk.levers(fit.state.tool_rotation, fit.state.tool_translation, centers)
+    spread = pose_spread(levers, fit.sigmas)
     alike = Sigmas(fit.sigmas.alike_position_mm, fit.sigmas.alike_orientation_rad)
-    spread = spread + pose_spread(centers, tool_in_laser, alike)
+    spread = spread + pose_spread(levers, alike)
     groups = pure_translations(rotations)
     rotation, translation, _ = both_steps(rotations, translations, centers, groups)
     covariance = np.zeros((6, 6))

@@ -65,7 +65,7 @@ def open_directions(covariance: FloatArray, tolerance: float = 1.0) -> list[Open
     Parameters
     ----------
     covariance : (6, 6)
-        Of tool0_from_laser.
+        Of mount_from_laser.
     tolerance : float
         Smaller values find the weakly determined directions too.
     """

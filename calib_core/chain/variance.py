@@ -120,7 +120,7 @@ def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigma
     every, weights = _likely_sigmas(data, found, given)
     whole = _Restricted(data, found.minimum)
     size = data.width
-    shares = ArmShares(data, alike_pivots(data.rotations, data.translations, found.sigmas.reach))
+    shares = ArmShares(data, alike_pivots(*data.walk.poses, found.sigmas.reach))
     inverses, steps = [], []
     for sigmas in every:
         hessian, gradient, _ = whole.equations(sigmas)
@@ -232,9 +232,9 @@ class _Restricted:
         pull = np.einsum("kij,kj->ki", self._information[:, :3, :3], self._offset)
         self._rest = (self._vector[:, :3] - pull)[:, :, None]
         self._at_offset = float(np.sum(self._offset * (self._vector[:, :3] - 0.5 * pull)))
-        middle = data.translations.mean(axis=0)
+        middle = data.walk.translations.mean(axis=0)
         self._shapes = NoiseShapes.at(data, seen, self._state, expected.levers, middle)
-        self._factor_of = cache(partial(alike_factor, data.rotations, data.translations))
+        self._factor_of = cache(partial(alike_factor, *data.walk.poses))
         self._prior_of = cache(partial(_known, data, self._state))
 
     def equations(self, sigmas: Sigmas) -> tuple[FloatArray, FloatArray, float]:

@@ -64,7 +64,7 @@ class ChainSolution:
     turntable : TurntableSolution
         Of those of the table, by the same.
     cross_covariance : (6, 6)
-        Of tool0_from_laser with base_from_turntable.
+        Of mount_from_laser with base_from_turntable.
     scanner_with_table : (6, n)
         Of base_from_turntable with the nuisances.
     arm_with_table : ArmErrors or None
@@ -125,7 +125,7 @@ def solve_chain(
     turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoder, options)
     turning = replace(turning, tool_move=turntable.tool_move, by_arm_mm=turntable.by_arm_mm)
     size = slice(TABLE_COLUMN, judged.data.unknowns)
-    tool_shift = tcp.joint.tool0_from_laser.difference(still.joint.tool0_from_laser)
+    tool_shift = tcp.joint.mount_from_laser.difference(still.joint.mount_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
     some = np.ix_(_WITHOUT_RZ, _WITHOUT_RZ)
     # A tool that moved is what these would tell: they are held against what the captures say without it.
@@ -172,8 +172,8 @@ def _judge(
     held = np.zeros(data.unknowns, dtype=bool)
     held[TABLE_COLUMN + SCALE_COLUMN] = not turntable.encoder.applied
     data = replace(data, held=held)
-    tool = tcp.joint.tool0_from_laser
-    center = tcp.joint.center_in_base_mm
+    tool = tcp.joint.mount_from_laser
+    center = tcp.joint.center_mm
     start = ChainState.predicted(data, tool.rotation, tool.translation_mm, center, turntable.state.table)
     start = replace(start, scanner=np.where(data.nuisance_sigmas > 0, tcp.held.state.scanner, 0.0))
     core = np.concatenate([tcp.used, turntable.used])
@@ -206,7 +206,7 @@ def _tcp_part(
         point_sigma_mm=point_sigma,
         used=used,
         sides=sides,
-        reasons=rejection_reasons(observations, used, squared, joint.offset_in_base_mm),
+        reasons=rejection_reasons(observations, used, squared, joint.offset_mm),
         squared_distance=squared,
         excess=judged.excess,
         influence=influence_of(held, without, used, point),
@@ -237,8 +237,8 @@ def _table_part(
     frame = frame_by_rule(state.table, options.direction)
     residuals = table_residuals(observations, readings, state, frame)
     used = judged.used[-count:]
-    two_step = tcp.two_step.tool0_from_laser if tcp.two_step else None
-    tool = KnownTool(tcp.joint.tool0_from_laser, None, two_step)
+    two_step = tcp.two_step.mount_from_laser if tcp.two_step else None
+    tool = KnownTool(tcp.joint.mount_from_laser, None, two_step)
     size = slice(TABLE_COLUMN, judged.data.unknowns)
     return TurntableSolution(
         frame=frame,

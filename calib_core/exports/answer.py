@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_results import require_result
+from calib_core.cell.found import scanner_frame
 from calib_core.errors import ConflictError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
@@ -28,7 +29,8 @@ class Answer:
         Results as JSON data, for exports that tell more: those of the answer, and of others what is not stale.
     stage : str
         The stage whose tool this is: `chain` or, without a table, `tcp`.
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
+        The scanner's pose on the flange, or in base where it stands still.
     tool_covariance : (6, 6)
         Of rx ry rz tx ty tz, rad and mm.
     base_from_turntable : RigidTransform or None
@@ -49,7 +51,7 @@ class Answer:
     session: Session
     results: Mapping[str, Mapping[str, Any]]
     stage: str
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     tool_covariance: FloatArray
     base_from_turntable: RigidTransform | None = None
     table_covariance: FloatArray | None = None
@@ -60,6 +62,18 @@ class Answer:
     warnings: tuple[str, ...] = field(default=())
     decision: str | None = None
     of_moment: tuple[str, ...] = ()
+
+    @property
+    def tool0_from_laser(self) -> RigidTransform:
+        """The scanner's pose on the flange; raises ConflictError where it stands still: it is no tool then."""
+        if self.mount_from_laser.into != "tool0":
+            raise ConflictError(
+                "a scanner on the flange, which a controller knows as a tool",
+                "one that stands still: base_from_laser",
+                "Export it as json, csv or for ROS, or type it in as a user frame from `scancell answer`.",
+                self.stage,
+            )
+        return self.mount_from_laser
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -145,7 +159,7 @@ def answer_of(
         session=_as_solved(session, result),
         results={name: record for name, record in data.items() if name in parts or name not in stale},
         stage=stage,
-        tool0_from_laser=RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser"),
+        mount_from_laser=scanner_frame(result),
         tool_covariance=np.array(result["covariance"], dtype=float)[:6, :6],
         base_from_turntable=turntable,
         table_covariance=table_covariance,

@@ -20,7 +20,7 @@ def _write(answer: Answer, settings: FrameSettings) -> str:
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow([*_NAMES, *_SIGMAS])
     for parent, child, frame in edges(answer, settings):
-        covariance = answer.tool_covariance if frame is answer.tool0_from_laser else answer.table_covariance
+        covariance = answer.tool_covariance if frame is answer.mount_from_laser else answer.table_covariance
         sigmas = np.sqrt(np.maximum(np.diag(covariance), 0)).tolist() if covariance is not None else [""] * 6
         position = [repr(float(v)) for v in frame.translation_mm]
         rows.writerow([parent, child, *position, *position_and_quaternion(frame)[1], *sigmas])

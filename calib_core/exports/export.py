@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_clouds import media_types
+from calib_core.cell.found import scanner_frame
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.entry import Export, Settings
@@ -102,8 +103,9 @@ def frames_json(answer: Answer, settings: Settings) -> str:
 
 
 def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the frame tool0_from_laser in every pose convention, with its uncertainty, as JSON data."""
-    tool0_from_laser = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+    """Return the scanner's frame in every pose convention, with its uncertainty, as JSON data."""
+    frame = scanner_frame(result)
+    name, mount = f"{frame.into}_from_laser", "the flange's" if frame.into == "tool0" else "base"
     covariance = np.array(result["covariance"], dtype=float)
     sigmas = np.sqrt(np.diag(covariance)[:6])
     return {
@@ -114,15 +116,15 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
         "warnings": result["warnings"],
         "software": result["software"],
         "inputs_sha256": result["inputs_sha256"],
-        "frame": "tool0_from_laser: maps points of the scanner's frame into the flange's, mm",
-        "tool0_from_laser": result["tool0_from_laser"],
+        "frame": f"{name}: maps points of the scanner's frame into {mount}, mm",
+        name: result[name],
         "covariance": result["covariance"],
         "covariance_order": list(_ORDER),
         "standard_deviation": dict(zip(_ORDER, sigmas.tolist(), strict=True)),
         "confidence_95": result.get("confidence_95", {}),
         "undetermined": result.get("undetermined", []),
         "pose_convention": session.cell.pose_convention,
-        "conventions": {name: _in_convention(name, tool0_from_laser, covariance[:6, :6]) for name in CONVENTIONS},
+        "conventions": {name: _in_convention(name, frame, covariance[:6, :6]) for name in CONVENTIONS},
     }
 
 

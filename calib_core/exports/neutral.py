@@ -30,7 +30,8 @@ def edges(answer: Answer, settings: FrameSettings) -> Iterator[tuple[str, str, R
     """Yield parent, child and parent_from_child of what is to be written."""
     with_tool, with_table = wanted(answer, settings.part, "both")
     if with_tool:
-        yield settings.flange, settings.scanner, answer.tool0_from_laser
+        mount = settings.flange if answer.mount_from_laser.into == "tool0" else settings.base
+        yield mount, settings.scanner, answer.mount_from_laser
     if with_table and answer.base_from_turntable is not None:
         yield settings.base, settings.turntable, answer.base_from_turntable
 

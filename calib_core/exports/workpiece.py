@@ -9,6 +9,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from calib_core.cell.found import carriers_found, scanner_frame
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.guidance.budget import together
@@ -66,10 +67,9 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
     stage = result.get("stage")
     found: list[AtWorkpiece] = []
     if stage in tool_stages():
-        tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
         point = seen_in_laser_mm(session, result)
         if point is not None:
-            found.append(_by_tool(result, tool, point))
+            found.append(_by_tool(result, scanner_frame(result), point))
     if stage in table_stages():
         found += [_on_the_table(result, mount) for mount in result["mounts"]]
     if stage == "chain":
@@ -121,12 +121,12 @@ def _is_covariance(square: FloatArray) -> bool:
 
 
 def seen_in_laser_mm(session: Session, result: Mapping[str, Any]) -> FloatArray | None:
-    """Return where the scanner saw the still sphere on average, in L, mm; None without a pose that can be read."""
-    tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
-    center = np.array(result["sphere_center_in_base_mm"], dtype=float)
+    """Return where the scanner saw the TCP's sphere on average, in L, mm; None without a pose that can be read."""
+    carriers, frame = carriers_found(result), scanner_frame(result)
+    center = np.array(result[f"sphere_center_in_{carriers.ball}_mm"], dtype=float)
     used = {row["capture"] for row in result["residuals"] if row["used"]}
     poses = _poses(session, used, steps_that_show("sphere"))
-    seen = [(pose @ tool).inverse().apply(center) for pose in poses.values()]
+    seen = [(carriers.ball_from_scanner(pose) @ frame).inverse().apply(center) for pose in poses.values()]
     return np.mean(seen, axis=0) if seen else None
 
 

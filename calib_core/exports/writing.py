@@ -82,7 +82,7 @@ def provenance(answer: Answer) -> list[str]:
     return [
         *([f"NOT TO BE USED: this answer is {faults}"] if faults else []),
         *([f"ATTENTION: this answer is {also}"] if also else []),
-        f"scancell: scanner frame (laser) in tool0, of session {name}",
+        f"scancell: scanner frame (laser) in {answer.mount_from_laser.into}, of session {name}",
         f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date[:10] or 'at an unknown date'}",
         f"standard uncertainty {position:.4f} mm, {rotation:.5f} deg (worst axis)",
         f"inputs sha256 {answer.inputs_sha256[:16]}",

@@ -59,6 +59,10 @@ class Stage(StageDeclaration):
         """Return whether the user brings what it would give, so that it is not solved."""
         return any(getattr(session.cell.known, field) is not None for field in self.known)
 
+    def suits(self, session: "Session") -> bool:
+        """Return whether it is solved for what the robot carries in a session."""
+        return self.any_arrangement or session.cell.arrangement == "scanner-on-robot"
+
     def is_wanted(self, session: "Session") -> bool:
         """Return whether a session has a use for it."""
         del session

@@ -107,8 +107,8 @@ def covariances(known: Calibrated, view: View, point_mm: FloatArray) -> dict[Par
     rows, out = calibrated_rows(known, view, point_mm)
     seen, tool, sigmas = view.seen(known), known.tool0_from_laser, known.sigmas
     # What moves the sphere's centre in L moves a measured point the other way: the same covariance.
-    in_laser = tool.rotation.T @ tool.translation_mm
-    own = pose_spread(seen[None], in_laser, Sigmas(sigmas.position_mm, sigmas.orientation_rad))[0]
+    lever = seen + tool.rotation.T @ tool.translation_mm
+    own = pose_spread(lever[None], Sigmas(sigmas.position_mm, sigmas.orientation_rad))[0]
     axes = out @ tool.rotation
     found: dict[PartName, FloatArray] = {}
     for name, part in _calibrated_parts(known).items():
@@ -157,12 +157,11 @@ def arm_at_points(known: Calibrated, view: View, points_mm: FloatArray) -> tuple
     Both are to be added, (P, 3, 3), mm². The second is mostly less than nothing: tool and table erred with the
     arm.
     """
-    origin = np.zeros(3)
-    rows, out = calibrated_rows(known, view, origin)
+    rows, out = calibrated_rows(known, view, np.zeros(3))
     in_base = view.rotation @ known.tool0_from_laser.apply(view.seen(known))
     axes = out @ view.rotation.T
     shared = Sigmas(known.sigmas.alike_position_mm, known.sigmas.alike_orientation_rad)
-    alike = np.broadcast_to(axes @ pose_spread(in_base[None], origin, shared)[0] @ axes.T, (len(points_mm), 3, 3))
+    alike = np.broadcast_to(axes @ pose_spread(in_base[None], shared)[0] @ axes.T, (len(points_mm), 3, 3))
     if known.arm is None:
         return alike, np.zeros((len(points_mm), 3, 3))
     places = view.places(known, points_mm)

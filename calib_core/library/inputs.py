@@ -86,12 +86,13 @@ def with_calibration(cell: CellLike, calibration: Calibration) -> Cell:
     """
     known = _cell(cell).known
     tool = calibration.matrix if isinstance(calibration, RigidTransform) else calibration
-    matrix = _array(getattr(calibration, "tool0_from_laser", tool))
+    name = "base_from_laser" if getattr(calibration, "base_from_laser", None) is not None else "tool0_from_laser"
+    matrix = _array(getattr(calibration, name, tool))
     if matrix is None or matrix.shape != (4, 4):
         got = repr(calibration)[:60] if matrix is None or not matrix.ndim else f"an array of shape {matrix.shape}"
         to_do = "Give a TcpResult, a ChainResult, or tool0_from_laser."
         raise InputError("a calibration, or a 4×4 matrix", got, to_do)
-    update: dict[str, Any] = {"tool0_from_laser": matrix.tolist()}
+    update: dict[str, Any] = {name: matrix.tolist()}
     if (table := getattr(calibration, "base_from_turntable", None)) is not None:
         update["base_from_turntable"] = table
     return _cell(cell).model_copy(update={"known": known.model_copy(update=update)})

@@ -21,6 +21,16 @@ class CaptureResidual(Record):
     reason: str | None = None
 
 
+class FoundFrame(Record):
+    """A transform `into` `outof`: 4×4 rows in mm, its covariance 6×6 of rx ry rz tx ty tz in rad and mm."""
+
+    into: str
+    outof: str
+    scanner: str | None = None
+    matrix: Matrix4
+    covariance: Rows | None = None
+
+
 class Result(Record):
     """What every stage's result has, beside the name of its `stage`.
 
@@ -28,8 +38,8 @@ class Result(Record):
     `findings` are what was noticed, errors first. All of the judgement is made of them, in
     `calib_core.findings.judgement`: `verdict`; `warnings`, doubts, one sentence a cause; `notes`, what else is
     worth knowing; `causes`, the root causes that were found, the likeliest first, with what would mend them.
-    `evidence` is the result told in blocks, as terminal, report and page show it.  `pose_convention` is the
-    cell's when it was solved.
+    `frames` are all transforms that it found. `evidence` is the result told in blocks, as terminal, report and
+    page show it.  `pose_convention` is the cell's when it was solved.
     """
 
     method: str
@@ -42,6 +52,7 @@ class Result(Record):
     warnings: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)
     causes: list[RootCause] = Field(default_factory=list[RootCause])
+    frames: list[FoundFrame] = Field(default_factory=list[FoundFrame])
     evidence: list[AnyBlock] = Field(default_factory=list[AnyBlock])
 
     def __str__(self) -> str:

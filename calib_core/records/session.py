@@ -155,6 +155,7 @@ class Known(WrittenRecord):
     camera: KnownCamera | None = None
     laser_plane: KnownPlane | None = None
     tool0_from_laser: Matrix4 | None = None
+    base_from_laser: Matrix4 | None = None
     base_from_turntable: Matrix4 | None = None
 
 
@@ -214,6 +215,8 @@ class Cell(WrittenRecord):
     """The scanning cell: sphere, robot, scanner, table, board.
 
     Where the diameter's sigma is left out, `sphere_class` says how exact such a sphere is.
+
+    `arrangement` says what the robot carries: the scanner, or the sphere before a scanner that stands still.
 
     `scanner` is the one scanner, `scanners` are several by name: a capture says which of them saw it.  `id` is
     what sessions of one cell share; left out, it is made from the session's name.

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from pydantic import Field
 
+from calib_core.cell.walk import Carrier
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
@@ -59,7 +60,8 @@ class SessionAnswer(Record):
     pose_convention: str
     names: list[str]
     units: str
-    tool0_from_laser: AnsweredFrame
+    tool0_from_laser: AnsweredFrame | None
+    base_from_laser: AnsweredFrame | None = None
     base_from_turntable: AnsweredFrame | None
     position_sigma_mm: float
     rotation_sigma_deg: float
@@ -103,7 +105,8 @@ def answer_record(answer: Answer) -> SessionAnswer:
         pose_convention=convention.name,
         names=convention.numbers.split(),
         units=convention.units,
-        tool0_from_laser=_frame(convention.name, answer.tool0_from_laser, answer.tool_covariance),
+        tool0_from_laser=_scanner(convention.name, answer, "tool0"),
+        base_from_laser=_scanner(convention.name, answer, "base"),
         base_from_turntable=_table(convention.name, answer),
         position_sigma_mm=answer.position_sigma_mm,
         rotation_sigma_deg=answer.rotation_sigma_deg,
@@ -169,6 +172,12 @@ def _frame(convention: str, frame: RigidTransform, covariance: FloatArray) -> An
         numbers=tool_numbers(convention, frame),
         number_sigmas=tool_number_sigmas(convention, frame, covariance),
     )
+
+
+def _scanner(convention: str, answer: Answer, mount: Carrier) -> AnsweredFrame | None:
+    if answer.mount_from_laser.into != mount:
+        return None
+    return _frame(convention, answer.mount_from_laser, answer.tool_covariance)
 
 
 def _table(convention: str, answer: Answer) -> AnsweredFrame | None:

@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from calib_core.captures.content import pose_of
+from calib_core.cell.carriers import scanner_mount
 from calib_core.errors import NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform
@@ -167,7 +168,7 @@ def _pose_covariance(solved: _Solved) -> FloatArray | None:
 
 
 def _tools(session: Session, solved: _Solved, seen: str | None) -> list[FrameEdge]:
-    """Return the scanner's edge on the flange; of several scanners one edge each, the one that saw first."""
+    """Return the scanner's edge on its mount; of several scanners one edge each, the one that saw first."""
     named: list[str | None] = sorted(session.cell.scanners or {}, key=lambda name: name != seen)
     if seen not in named:
         named.insert(0, seen)
@@ -177,14 +178,16 @@ def _tools(session: Session, solved: _Solved, seen: str | None) -> list[FrameEdg
 
 def _tool(session: Session, solved: _Solved, scanner: str | None, is_it: bool) -> FrameEdge:
     """Return one scanner's edge; known and solved is that of the scanner that most captures saw."""
-    known = session.cell.known.tool0_from_laser
+    mount = scanner_mount(session.cell)
+    name = f"{mount}_from_laser"
+    known = getattr(session.cell.known, name)
     if known is not None and is_it:
-        transform = RigidTransform.from_rounded(known, "tool0", "laser")
-        return FrameEdge("tool0", "laser", "known", "cell.known.tool0_from_laser", transform, scanner=scanner)
+        transform = RigidTransform.from_rounded(known, mount, "laser")
+        return FrameEdge(mount, "laser", "known", f"cell.known.{name}", transform, scanner=scanner)
     stage = solved.first(tool_stages()) if is_it else None
-    if stage is None:
-        return FrameEdge("tool0", "laser", "sought", tool_stages()[-1], scanner=scanner)
-    return solved.edge(stage, "tool0_from_laser", scanner)
+    if stage is None or solved.results[stage].get(name) is None:
+        return FrameEdge(mount, "laser", "sought", tool_stages()[-1], scanner=scanner)
+    return solved.edge(stage, name, scanner)
 
 
 def _has_table(session: Session) -> bool:

@@ -20,7 +20,7 @@ from calib_core.errors import CalibrationError
 from calib_core.evidence.words import alike, captures_text, listed
 from calib_core.findings import reasons_of, sentence_of
 from calib_core.frames import RigidTransform
-from calib_core.graph.registry import stages
+from calib_core.graph.registry import STAGES, stages
 from calib_core.graph.stage import Stage
 from calib_core.records import Capture, Cell, CheckFinding, Measured, Record, Session
 from calib_core.records.callbacks import ReadFile
@@ -45,13 +45,13 @@ def check_session(
         What was measured in each capture, by id; what is left out is measured now.
     """
     used = [capture for capture in session.captures if not capture.excluded]
-    findings = [*_names(session), *_unfit(session), *_doubtful(used, read)]
+    findings = [*_names(session), *_unfit(session), *_unsuited(session, used), *_doubtful(used, read)]
     findings += [*_missing(session, used), *_brought(session), *_cell(session, used)]
     for stage in stages():
         if stage.step is not None and not stage.is_brought(session):
             findings += _captures(session, stage, used, read, measured or {})
     tcp = [capture for capture in used if capture.step == "tcp"]
-    if tcp and session.cell.known.tool0_from_laser is None:
+    if tcp and not STAGES.get("tcp").is_brought(session):
         findings += _poses(session, tcp)
     order = ("error", "warning", "note")
     return sorted(findings, key=lambda finding: order.index(finding.level))
@@ -80,6 +80,15 @@ def _unfit(session: Session) -> Iterator[CheckFinding]:
             yield _warning(name, f"It is kept but not used: {reason}.")
 
 
+def _unsuited(session: Session, used: Sequence[Capture]) -> Iterator[CheckFinding]:
+    """Name the captures of stages that are not solved for what the robot carries."""
+    for stage in stages():
+        own = [c.id for c in used if stage.step is not None and c.step == stage.step.name]
+        if own and not stage.suits(session):
+            why = "its stage is not supported yet for a scanner that stands still"
+            yield _warning("captures", f"{listed(own)} (step '{stage.name}') are kept but not used: {why}.")
+
+
 def _is_said(measured: Measured) -> bool:
     return (measured.reason or "").startswith(_DOUBTFUL)
 
@@ -87,7 +96,7 @@ def _is_said(measured: Measured) -> bool:
 def _missing(session: Session, used: Sequence[Capture]) -> Iterator[CheckFinding]:
     """Say that nothing shows where the scanner is on the flange; what rests on it cannot be solved then."""
     steps = {capture.step for capture in used}
-    if "tcp" in steps or session.cell.known.tool0_from_laser is not None:
+    if "tcp" in steps or STAGES.get("tcp").is_brought(session):
         return
     rests = not steps or "turntable" in steps or "scan" in steps
     sentence = "There is no capture with step 'tcp' yet: capture the sphere."

@@ -246,6 +246,8 @@ def shared_frames(
     """Give the frames of two results of a stage: name, poses, covariances, a point of the workpiece."""
     both = (left, right)
     for name, into, outof, covariance in frames_of(left.record["stage"]):
+        if any(one.record.get(name) is None for one in both):
+            continue  # one scanner stands still, the other is on the flange
         first, second = (RigidTransform.from_rounded(one.record[name], into, outof) for one in both)
         points = [point for one in both if (point := workpiece_point(name, one)) is not None]
         point = np.asarray(np.mean(points, axis=0)) if points else np.zeros(3)
@@ -345,7 +347,7 @@ def _mahalanobis(difference: FloatArray, covariance: FloatArray) -> tuple[float,
 
 def workpiece_point(frame: str, one: Compared) -> FloatArray | None:
     """Return the point of the workpiece (3,), mm, in a frame of a result; None where it has none there."""
-    if frame == "tool0_from_laser":
+    if frame in ("tool0_from_laser", "base_from_laser"):
         return seen_in_laser_mm(one.session, one.record)
     if frame == "base_from_turntable":
         mounts = [mount["center_in_turntable_mm"] for mount in one.record["mounts"]]

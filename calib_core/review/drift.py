@@ -13,6 +13,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from pydantic import Field
 
+from calib_core.cell.found import scanner_frame
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.records import Finite, Record
@@ -236,7 +237,7 @@ def _within(session: SolvedSession) -> DriftWithin | None:
 
 def _tool_point(session: SolvedSession, answer: Mapping[str, Any], point: FloatArray) -> Measured:
     """Return where a point of L lies on the flange."""
-    tool = RigidTransform.from_rounded(answer["tool0_from_laser"], "tool0", "laser")
+    tool = scanner_frame(answer)
     follows = np.hstack([-tool.rotation @ skew(point), np.eye(3)])
     covariance = follows @ np.array(answer["covariance"], dtype=float) @ follows.T
     return Measured(session, tool.apply(point), _regular(covariance))
@@ -244,7 +245,7 @@ def _tool_point(session: SolvedSession, answer: Mapping[str, Any], point: FloatA
 
 def _turns(answers: Sequence[tuple[SolvedSession, Mapping[str, Any]]]) -> list[Measured]:
     """Return how each session's scanner is turned against the first one's, degrees about its axes."""
-    tools = [RigidTransform.from_rounded(a["tool0_from_laser"], "tool0", "laser") for _, a in answers]
+    tools = [scanner_frame(answer) for _, answer in answers]
     return [
         Measured(
             session,

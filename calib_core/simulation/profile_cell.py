@@ -80,7 +80,11 @@ class Shot:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """The truth of one simulated cell, and its captures."""
+    """The truth of one simulated cell, and its captures.
+
+    Where the robot carries the ball, `tool0_from_laser` holds base_from_laser and `sphere_center_in_base_mm` where
+    the ball is on the flange.
+    """
 
     tool0_from_laser: FloatArray
     sphere_center_in_base_mm: FloatArray
@@ -91,9 +95,10 @@ class World:
     def truth(self) -> dict[str, Any]:
         """Return the truth as JSON data."""
         o = self.options
+        scanner_on, ball_on = ("base", "tool0") if o.ball_on_flange else ("tool0", "base")
         return {
-            "tool0_from_laser": self.tool0_from_laser.tolist(),
-            "sphere_center_in_base_mm": self.sphere_center_in_base_mm.tolist(),
+            f"{scanner_on}_from_laser": self.tool0_from_laser.tolist(),
+            f"sphere_center_in_{ball_on}_mm": self.sphere_center_in_base_mm.tolist(),
             "sphere_diameter_mm": 2 * self.sphere_radius_mm,
             "base_from_tool0": {s.name: s.actual.tolist() for s in self.shots},
             "sides": {s.name: s.side for s in self.shots if s.kind == "profile"},
@@ -120,12 +125,23 @@ def build_world(options: TcpScenario, rng: np.random.Generator) -> World:
     )
     # The scanner looks down at the nominal orientation.
     nominal = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0]).T
+    if options.ball_on_flange:
+        world = replace(world, **_before_fixed_scanner(rng))
     centers = _centers_in_laser(options, rng)
     orientations = _orientations(nominal, options, rng)
     commanded = [commanded_pose(world, r, c) for r, c in zip(orientations, centers, strict=True)]
     faults = _faults(len(commanded), options, rng)
     shots = tuple(_shot(world, k, commanded, faults.get(k), rng) for k in range(len(commanded)))
     return replace(world, shots=shots)
+
+
+def _before_fixed_scanner(rng: np.random.Generator) -> dict[str, FloatArray]:
+    """Return base_from_laser of a scanner that looks at the robot, and where the ball is on the flange."""
+    looking_back = turn([0.0, 0.0, 0.5]) @ turn([0.0, -2.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3))
+    return {
+        "tool0_from_laser": pose(looking_back, np.array([1300.0, -150.0, 700.0]) + rng.uniform(-60, 60, 3)),
+        "sphere_center_in_base_mm": np.array([25.0, -40.0, 130.0]) + rng.uniform(-10, 10, 3),
+    }
 
 
 def _centers_in_laser(options: TcpScenario, rng: np.random.Generator) -> FloatArray:
@@ -169,6 +185,8 @@ def _orientations(nominal: FloatArray, options: TcpScenario, rng: np.random.Gene
 def commanded_pose(world: World, rotation: FloatArray, center_in_laser_mm: FloatArray) -> FloatArray:
     """Return the base_from_tool0 that brings the sphere to a place of the laser frame, as a robot reports it."""
     center_in_tool0 = world.tool0_from_laser[:3, :3] @ center_in_laser_mm + world.tool0_from_laser[:3, 3]
+    if world.options.ball_on_flange:  # there it is to be in base
+        return rounded_pose(pose(rotation, center_in_tool0 - rotation @ world.sphere_center_in_base_mm))
     return rounded_pose(pose(rotation, world.sphere_center_in_base_mm - rotation @ center_in_tool0))
 
 
@@ -235,7 +253,10 @@ def measure(
     kind: CaptureKind, world: World, actual: FloatArray, center_in_base: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return what a capture sees in L: the sphere's centre, the true points (N, 3), the measured ones (M, 3)."""
-    laser_from_base = back(actual @ world.tool0_from_laser)
+    if world.options.ball_on_flange:
+        laser_from_base = back(world.tool0_from_laser) @ actual
+    else:
+        laser_from_base = back(actual @ world.tool0_from_laser)
     center = laser_from_base[:3, :3] @ center_in_base + laser_from_base[:3, 3]
     return center, *_measure(kind, world, center, center_in_base, laser_from_base, rng)
 

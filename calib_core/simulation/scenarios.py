@@ -58,6 +58,8 @@ class TcpScenario:
         Whether the session states the sigmas or leaves them to the solver.
     length_unit : {"mm", "m"}
         The unit of the numbers in the files; metres are the user's mistake to be found.
+    ball_on_flange : bool
+        The robot carries the sphere before a scanner that stands still.
     """
 
     description: str = "profiles of a 40 mm sphere: 4 translations and 10 orientations"
@@ -89,6 +91,7 @@ class TcpScenario:
     moved_mm: float = 3.0
     sigmas: Literal["given", "estimated"] = "given"
     length_unit: Literal["mm", "m"] = "mm"
+    ball_on_flange: bool = False
 
 
 SCENARIOS: Mapping[str, TcpScenario] = MappingProxyType(
@@ -115,6 +118,15 @@ SCENARIOS: Mapping[str, TcpScenario] = MappingProxyType(
         "tcp-metres": TcpScenario("the files are in metres though they say millimetres", length_unit="m"),
         "tcp-clouds": TcpScenario("an area scanner: clouds of the sphere", kinds=("cloud",)),
         "tcp-centers": TcpScenario("a scanner that reports the sphere's centre itself", kinds=("center",)),
+        "fixed-scanner": TcpScenario("the scanner stands still, the robot moves the ball", ball_on_flange=True),
+        "fixed-scanner-unknown-sigmas": TcpScenario(
+            "the same; noise and repeatability are not told", ball_on_flange=True, sigmas="estimated"
+        ),
+        "fixed-scanner-spoiled": TcpScenario(
+            "the same; once the ball had slipped, once the pose is another capture's",
+            ball_on_flange=True,
+            faults=("moved-sphere", "wrong-pose"),
+        ),
         "tcp-mixed": TcpScenario("profiles, clouds and centres in turn", kinds=("profile", "cloud", "center")),
     }
 )

@@ -25,6 +25,8 @@ def session_record(world: World, name: str) -> Session:
             "orientation_sigma_deg": float(np.rad2deg(options.orientation_sigma_rad)),
         }
     cell["scanner"] = scanner
+    if options.ball_on_flange:
+        cell["arrangement"] = "sphere-on-robot"
     captures = [shot_record(shot, world) for shot in world.shots]
     return Session.model_validate(
         {"format": "scancell-session/1", "name": name, "cell": cell, "captures": captures}

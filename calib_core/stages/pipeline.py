@@ -14,6 +14,7 @@ from calib_core.records.callbacks import Progress, ReadFile, StoreFile
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.evidence import with_evidence
+from calib_core.stages.found import found_frames
 from calib_core.steps import optics_stages
 
 
@@ -65,7 +66,7 @@ def stages_to_solve(session: Session) -> list[str]:
     """
     if not any(stage_captures(session, stage.name) for stage in stages()):
         _require_captures([], answer_stages()[-1])
-    some = [s for s in stages() if not s.is_brought(session) and _has_captures(session, s)]
+    some = [s for s in stages() if s.suits(session) and not s.is_brought(session) and _has_captures(session, s)]
     return [s.name for s in some if s.is_wanted(session) or not s.optional]
 
 
@@ -107,6 +108,7 @@ def solve_stage(
     try:
         entry = STAGES.get(stage, "stage")
         result = entry.solve(given).model_copy(update={"method_revision": entry.method_revision})
+        result = result.model_copy(update={"frames": found_frames(entry, result)})
     except LinAlgError:
         to_do = "Correct sigmas that are far too large or too small; `scancell check` names doubtful captures."
         raise MotionError(
@@ -140,6 +142,13 @@ def stage_input(
             "cell.known",
         )
     _require_captures(stage_captures(session, stage), entry)
+    if not entry.suits(session):
+        raise InputError(
+            f"a cell whose scanner is on the robot for the stage '{stage}'",
+            f"the arrangement '{session.cell.arrangement}', for which it is not supported yet",
+            "Solve the stage 'tcp': it finds the scanner in base.",
+            "cell.arrangement",
+        )
     solved = kept or Kept()
     graph = solved.graph = solved.graph or Graph.of_files(session, read)
     for name in optics_stages():

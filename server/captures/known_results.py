@@ -8,6 +8,7 @@ from calib_core.records import Cell
 
 _FRAMES: Final[dict[str, tuple[Literal["tool0", "base"], Literal["laser", "turntable"]]]] = {
     "tool0_from_laser": ("tool0", "laser"),
+    "base_from_laser": ("base", "laser"),
     "base_from_turntable": ("base", "turntable"),
 }
 

@@ -7,7 +7,7 @@ from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result
 
 if TYPE_CHECKING:
-    from calib_core.review.answer import SessionAnswer
+    from calib_core.review.answer import AnsweredFrame, SessionAnswer
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -34,7 +34,7 @@ def _text(answer: "SessionAnswer") -> str:
     """Return the answer as its result reads: verdict, uncertainty (k = 2), the frames for the controller."""
     from calib_core.evidence.numbers import plus_minus
     from calib_core.evidence.text import result_text
-    from calib_core.frames import RigidTransform
+    from calib_core.frames import Frame, RigidTransform
     from calib_core.graph.registry import STAGES
     from calib_core.records.evidence import AnyBlock, Figure
     from calib_core.stages.evidence_parts import frame_block
@@ -54,14 +54,15 @@ def _text(answer: "SessionAnswer") -> str:
         *([Figure(label="Solved", text=f"{answer.solved[:16].replace('T', ' ')} UTC")] if answer.solved else []),
         *([Figure(label="Verification", text=answer.decision)] if answer.decision else []),
     ]
-    tool, table = answer.tool0_from_laser, answer.base_from_turntable
-    tool0_from_laser = RigidTransform.from_rounded(tool.matrix, "tool0", "laser")
-    about = {"title": "Scanner on the flange"}
-    blocks.append(frame_block(answer.pose_convention, tool0_from_laser, tool.covariance, **about))
-    if table is not None:
-        base_from_turntable = RigidTransform.from_rounded(table.matrix, "base", "turntable")
-        about = {"title": "Turntable in the robot's base"}
-        blocks.append(frame_block(answer.pose_convention, base_from_turntable, table.covariance, **about))
+    frames: tuple[tuple[AnsweredFrame | None, Frame, Frame, str], ...] = (
+        (answer.tool0_from_laser, "tool0", "laser", "Scanner on the flange"),
+        (answer.base_from_laser, "base", "laser", "Scanner in the robot's base"),
+        (answer.base_from_turntable, "base", "turntable", "Turntable in the robot's base"),
+    )
+    for found, into, outof, title in frames:
+        if found is not None:
+            frame = RigidTransform.from_rounded(found.matrix, into, outof)
+            blocks.append(frame_block(answer.pose_convention, frame, found.covariance, title=title))
     return result_text(STAGES.get(answer.stage, "stage").title, answer.to_json(), blocks)
 
 

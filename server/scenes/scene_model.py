@@ -131,7 +131,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     results, session = scene.results, scene.session
     tool0_from_laser = scanner_on_flange(session, results)
     still = next((r for n in tool_stages() if isinstance(r := results.get(n), TcpResult | ChainResult)), None)
-    center = np.array(still.sphere_center_in_base_mm) if still else None
+    center = np.array(still.sphere_center_in_base_mm) if still and still.sphere_center_in_base_mm else None
     optics = optics_facts(session, results)
     posed = _shown_captures(session, boards_told=optics is not None)
     placing = _Placing(

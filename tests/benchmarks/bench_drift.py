@@ -122,7 +122,7 @@ def _session(seed: int) -> Measured:
     """Return where the scanner's point lies on the flange by one session, against the truth."""
     cell = Cell.of("tcp", seed)
     solution = cell.solve(GIVEN)
-    tool: RigidTransform = solution.joint.tool0_from_laser
+    tool: RigidTransform = solution.joint.mount_from_laser
     follows = np.hstack([-tool.rotation @ skew(_POINT), np.eye(3)])
     covariance = follows @ solution.covariance[:6, :6] @ follows.T
     return _measured(tool.apply(_POINT) - cell.truth.apply(_POINT), covariance)

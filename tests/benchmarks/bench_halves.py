@@ -65,7 +65,7 @@ def halves(name: str, count: int) -> list[Row]:
         some = np.zeros(len(observations), dtype=bool)
         some[order[: len(order) // 2]] = True
         pair = [_solved(observations, sphere, mask) for mask in (some, ~some)]
-        tools = [s.joint.tool0_from_laser for s in pair]
+        tools = [s.joint.mount_from_laser for s in pair]
         off = tools[0].difference(tools[1])
         covariance = pair[0].covariance[:6, :6] + pair[1].covariance[:6, :6]
         squares.append(float(off @ np.linalg.solve(covariance, off)))
@@ -97,7 +97,7 @@ def diameter(name: str) -> Row:
     most = 0.0
     for one in solutions:
         for other in solutions:
-            off = one.joint.tool0_from_laser.difference(other.joint.tool0_from_laser)
+            off = one.joint.mount_from_laser.difference(other.joint.mount_from_laser)
             most = max(most, float(np.abs(off / np.sqrt(np.diag(other.covariance)[:6])).max()))
     return Row(f"{name}: tool moves with the diameter's sigma", "≤ 0.3 sigmas", f"{most:.2f}", most <= 0.3)
 

@@ -87,11 +87,9 @@ def rechecked(
         record, files = retake(now, capture.id, f"r{number}", seed + 1000 * number)
         pairs.append((then[capture.id], observe_capture(cell.simulated.session, record, files.__getitem__)))
     tool = Tool(
-        solution.joint.tool0_from_laser, np.zeros((6, 6)), GIVEN.position_sigma_mm, GIVEN.orientation_sigma_rad
+        solution.joint.mount_from_laser, np.zeros((6, 6)), GIVEN.position_sigma_mm, GIVEN.orientation_sigma_rad
     )
-    return compared(
-        [p[0] for p in pairs], [p[1] for p in pairs], SPHERE.radius_mm, solution.joint.center_in_base_mm, tool
-    )
+    return compared([p[0] for p in pairs], [p[1] for p in pairs], SPHERE.radius_mm, solution.joint.center_mm, tool)
 
 
 def _skew(v: FloatArray) -> FloatArray:

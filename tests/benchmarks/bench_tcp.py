@@ -29,7 +29,7 @@ def accuracy(seeds: range) -> list[Row]:
     rows: list[Row] = []
     for name, options in (("sigmas given", GIVEN), ("sigmas estimated", ESTIMATED)):
         solutions = [cell.solve(options) for cell in cells]
-        errors = np.array([c.error(s.joint.tool0_from_laser) for c, s in zip(cells, solutions, strict=True)])
+        errors = np.array([c.error(s.joint.mount_from_laser) for c, s in zip(cells, solutions, strict=True)])
         covariances = np.array([s.covariance[:6, :6] for s in solutions])
         for what, part, bound in (("rotation", TURN, turn_bound), ("translation", SHIFT, shift_bound)):
             value = rms(errors[:, part])
@@ -68,7 +68,7 @@ def _coverage(errors: np.ndarray, covariances: np.ndarray) -> Row:
 
 def _two_steps(cells: list[Cell], solutions: list, errors: np.ndarray) -> Row:
     paper = np.array([
-        c.error(s.two_step.tool0_from_laser) for c, s in zip(cells, solutions, strict=True) if s.two_step
+        c.error(s.two_step.mount_from_laser) for c, s in zip(cells, solutions, strict=True) if s.two_step
     ])  # fmt: skip
     ratio = rms(paper[:, TURN]) / rms(errors[:, TURN])
     text = f"{ratio:.2f} (two steps {np.rad2deg(rms(paper[:, TURN])):.3f}°, {rms(paper[:, SHIFT]):.3f} mm)"

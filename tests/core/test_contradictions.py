@@ -145,8 +145,10 @@ def test_a_moving_capture_is_kept_and_told_and_a_sphere_on_the_robot_is_not_supp
     assert not row.used
     assert "moving" in str(row.reason)
     cell = simulated.session.cell.model_copy(update={"arrangement": "sphere-on-robot"})
+    turned = simulated.session.model_copy(update={"cell": cell})
+    on_table = [c.model_copy(update={"step": "turntable", "table_deg": 0.0}) for c in turned.captures]
     with pytest.raises(InputError, match="not supported yet"):
-        run(simulated.session.model_copy(update={"cell": cell}), simulated.files.__getitem__)
+        run(turned.model_copy(update={"captures": on_table}), simulated.files.__getitem__, "turntable")
 
 
 def test_held_out_captures_scatter_as_the_uncertainties_say() -> None:

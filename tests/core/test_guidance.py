@@ -54,7 +54,7 @@ def test_what_is_predicted_for_poses_is_what_the_solve_states_of_them(seed: int)
     observed = [observe_capture(session, c, simulated.files.__getitem__) for c in session.captures]
     options = TcpOptions(position_sigma_mm=0.05, orientation_sigma_rad=2e-4, point_sigma_mm=0.02)
     solved = solve_tcp(observed, SphereSize(40.0), options)
-    tool, center = solved.joint.tool0_from_laser, solved.joint.center_in_base_mm
+    tool, center = solved.joint.mount_from_laser, solved.joint.center_mm
     assumed = Assumed(SphereSize(40.0), tool, center, solved.sigmas, solved.seen_in_laser_mm)
     planned = [
         SIGHT.observation(

@@ -17,12 +17,12 @@ def test_the_preview_is_what_a_solve_without_the_capture_answers() -> None:
     whole = of.solve(GIVEN)
     hold = TcpOptions(whole.sigmas.position_mm, whole.sigmas.orientation_rad, whole.point_sigma_mm)
     point = whole.seen_in_laser_mm
-    tool = whole.joint.tool0_from_laser
+    tool = whole.joint.mount_from_laser
     sigma_mm = worst_sigma_mm(whole, point)
     shifts: list[float] = []
     for k in (0, 3, 5, 11):
         alone = solve_tcp([o for n, o in enumerate(of.observations) if n != k], SPHERE, hold)
-        moved_mm = float(np.linalg.norm(alone.joint.tool0_from_laser.apply(point) - tool.apply(point)))
+        moved_mm = float(np.linalg.norm(alone.joint.mount_from_laser.apply(point) - tool.apply(point)))
         assert abs(whole.influence.shift_mm[k] - moved_mm) < 0.1 * sigma_mm
         grown = worst_sigma_mm(alone, point) / sigma_mm
         assert whole.influence.growth[k] == np.clip(whole.influence.growth[k], grown - 0.1, grown + 0.1)

@@ -49,7 +49,7 @@ class Cell:
         turning = [replace(o, sphere=self.seen_by(o.sphere, optics)) for o in self.turning]
         tcp = solve_tcp(still, self.sphere)
         options = table_options(self.session.cell)
-        table = solve_turntable(turning, self.sphere, KnownTool(tcp.joint.tool0_from_laser, tcp.held), options)
+        table = solve_turntable(turning, self.sphere, KnownTool(tcp.joint.mount_from_laser, tcp.held), options)
         return solve_chain(still, turning, self.sphere, tcp, table, options)
 
     def seen_by(self, observation: SphereObservation, optics: ProfileCalibration | None) -> SphereObservation:
@@ -140,7 +140,7 @@ def test_answers_move_with_the_optics_as_if_all_were_solved_again(cell: Cell, wh
     there, held = cell.solved(moved), whole.tcp.held
     step = shift_by(held, moved.points(cell.pixels(held.data.points)))
     by_unknowns = whole.turntable.covariance.pose_by_unknowns
-    tool = whole.tcp.joint.tool0_from_laser.difference(there.tcp.joint.tool0_from_laser)
+    tool = whole.tcp.joint.mount_from_laser.difference(there.tcp.joint.mount_from_laser)
     table = whole.turntable.frame.base_from_turntable.difference(there.turntable.frame.base_from_turntable)
     assert np.linalg.norm(tool[3:]) > 0.2  # mm: more than rounding and other sigmas do
     assert step[3:6] == pytest.approx(tool[3:], abs=0.06 * length(tool[3:]))

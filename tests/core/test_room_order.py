@@ -13,7 +13,7 @@ CORE = (
     "messages", "errors", "disk", "moment", "compiled", "lean_open3d", "registry", "steps",
     "frames", "frame_graph", "pose_track", "clock_offset", "kernels", "estimation",
     "poses", "records", "findings", "simulation", "evidence",
-    "formats", "sphere", "optics", "fusion", "arms", "chain",
+    "formats", "sphere", "optics", "fusion", "arms", "cell", "chain",
     "graph", "captures", "guidance", "causes",
     "archive", "exports", "robots", "stages", "review", "recognition", "library",
 )  # fmt: skip

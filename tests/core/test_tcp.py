@@ -32,7 +32,7 @@ def squared(vector: FloatArray, covariance: FloatArray) -> float:
 
 
 def squared_error(of: Cell, solution: TcpSolution) -> float:
-    return squared(of.error(solution.joint.tool0_from_laser), solution.covariance[:6, :6])
+    return squared(of.error(solution.joint.mount_from_laser), solution.covariance[:6, :6])
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_every_kind_of_capture_gives_the_truth_within_its_uncertainty(scenario: 
     for options in (GIVEN, ESTIMATED):
         solution = of.solve(options)
         assert squared_error(of, solution) < CHI2_6_RARE
-        off = solution.joint.center_in_base_mm - np.array(of.simulated.truth["sphere_center_in_base_mm"])
+        off = solution.joint.center_mm - np.array(of.simulated.truth["sphere_center_in_base_mm"])
         assert squared(off, solution.covariance[6:9, 6:9]) < 21.1  # χ² of 3 at 1e-4
         sides = of.simulated.truth["sides"]
         assert {c: int(s) for c, s in zip(solution.captures, solution.sides, strict=True) if s} == sides
@@ -85,11 +85,7 @@ def test_leave_one_out_is_that_of_a_true_solve_without_the_capture(scenario: str
         alone = solve_tcp(others, SPHERE, hold)
         assert alone.used.all()
         left_out = of.observations[k]
-        expected = (
-            (left_out.base_from_tool0 @ alone.joint.tool0_from_laser)
-            .inverse()
-            .apply(alone.joint.center_in_base_mm)
-        )
+        expected = (left_out.base_from_tool0 @ alone.joint.mount_from_laser).inverse().apply(alone.joint.center_mm)
         distances = surface_distances(left_out, expected, SPHERE.radius_mm)
         true = float(np.sqrt(np.mean(distances**2)))
         # One Newton step without the capture: second order in what it moves.
@@ -102,7 +98,7 @@ def test_the_order_of_captures_does_not_matter() -> None:
     forward, backward = of.solve(GIVEN), solve_tcp(of.observations[::-1], SPHERE, GIVEN)
     sigmas = np.sqrt(np.diag(forward.covariance)[:6])
     np.testing.assert_array_equal(forward.used, backward.used[::-1])
-    difference = forward.joint.tool0_from_laser.difference(backward.joint.tool0_from_laser)
+    difference = forward.joint.mount_from_laser.difference(backward.joint.mount_from_laser)
     np.testing.assert_allclose(difference / sigmas, 0, atol=0.05)
 
 
@@ -115,9 +111,9 @@ def test_the_answer_turns_with_the_base() -> None:
     moved = [replace(o, base_from_tool0=other @ o.base_from_tool0) for o in of.observations]
     here, there = of.solve(GIVEN), solve_tcp(moved, SPHERE, GIVEN)
     sigmas = np.sqrt(np.diag(here.covariance)[:6])
-    difference = here.joint.tool0_from_laser.difference(there.joint.tool0_from_laser)
+    difference = here.joint.mount_from_laser.difference(there.joint.mount_from_laser)
     np.testing.assert_allclose(difference / sigmas, 0, atol=0.05)
-    np.testing.assert_allclose(other.apply(here.joint.center_in_base_mm), there.joint.center_in_base_mm, atol=0.01)
+    np.testing.assert_allclose(other.apply(here.joint.center_mm), there.joint.center_mm, atol=0.01)
 
 
 @pytest.mark.parametrize("options", [GIVEN, ESTIMATED], ids=["given", "estimated"])
@@ -234,7 +230,7 @@ def test_applied_the_tool_is_the_true_one_and_covered_the_workpiece_is() -> None
         raw = point / [1.0, 1.0, 1.01]
         values = solution.held.found.scanner
         measured = raw * (1 + np.array([values[1], 0.0, values[2]])) + [values[3] * raw[2], 0, 0] if apply else raw
-        off = solution.joint.tool0_from_laser.apply(measured) - of.truth.apply(point)
+        off = solution.joint.mount_from_laser.apply(measured) - of.truth.apply(point)
         assert squared(off, solution.at_point) < 21.1
 
 
@@ -256,7 +252,7 @@ def test_two_swapped_poses_are_named(pair: tuple[int, int]) -> None:
 def test_a_stated_diameter_sigma_hardly_moves_the_tool(sigma_mm: float) -> None:
     of = cell("tcp", 3)
     exact, told = of.solve(GIVEN), solve_tcp(of.observations, SphereSize(40.0, sigma_mm), GIVEN)
-    shift = exact.joint.tool0_from_laser.difference(told.joint.tool0_from_laser)
+    shift = exact.joint.mount_from_laser.difference(told.joint.mount_from_laser)
     assert np.abs(shift / np.sqrt(np.diag(told.covariance)[:6])).max() < 0.3
 
 

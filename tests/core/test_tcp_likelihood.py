@@ -70,7 +70,7 @@ def problem(kinds: str, free_radius: bool, seed: int = 4) -> tuple[ChainData, Ch
     data = chain_data(observations(kinds, seed), SphereSize(2 * RADIUS_MM, 0.1 if free_radius else 0.0), None)
     near = TOOL.perturbed([1e-4, -2e-4, 1e-4, 0.02, -0.01, 0.03])
     state = ChainState.predicted(data, near.rotation, near.translation_mm, CENTER_MM + 0.02 * OFF_MM)
-    spread = pose_spread(state.centers_in_laser, state.tool_in_laser, SIGMAS)
+    spread = pose_spread(state.centers_in_laser + state.tool_in_laser, SIGMAS)
     return data, state, spread, np.linalg.inv(spread)
 
 
@@ -103,7 +103,7 @@ def test_the_gradient_is_that_of_the_cost_in_what_scanners_do_wrong(kinds: str) 
     data = chain_data(observations(kinds, 4), size, None, ScannerPriors())
     state = replace(problem(kinds, True)[1], active=data.active)
     state = state.moved(np.array([*[0.0] * 9, 0.02, 0.003, -0.004, 0.006, 5e-4, 0.01, -0.01, 0.01]))
-    spread = pose_spread(state.centers_in_laser, state.tool_in_laser, SIGMAS)
+    spread = pose_spread(state.centers_in_laser + state.tool_in_laser, SIGMAS)
     precision = np.linalg.inv(spread)
     at = linearise(data, state, spread, precision)
     settled = replace(state, centers_in_laser=at.centers_in_laser)
@@ -238,7 +238,7 @@ def test_the_minimum_is_one(free_radius: bool) -> None:
         for sign in (-1, 1):
             step = np.zeros(len(sigmas))
             step[p] = sign * 0.5 * sigmas[p]
-            spread_there = pose_spread(state.centers_in_laser, state.tool_in_laser, SIGMAS)
+            spread_there = pose_spread(state.centers_in_laser + state.tool_in_laser, SIGMAS)
             moved = linearise(data, found.state.moved(step), spread_there, np.linalg.inv(spread_there))
             assert moved.cost > found.at.cost - 1e-6
 
@@ -274,7 +274,7 @@ def test_pose_errors_spread_the_centre_as_drawn_ones_do() -> None:
         .apply(center)
         for _ in range(3000)
     ])  # fmt: skip
-    stated = pose_spread(np.array([[5.0, 8.0, 190.0]]), TOOL.rotation.T @ TOOL.translation_mm, sigmas)[0]
+    stated = pose_spread(np.array([[5.0, 8.0, 190.0]]) + TOOL.rotation.T @ TOOL.translation_mm, sigmas)[0]
     root = np.linalg.inv(np.linalg.cholesky(stated))
     # 3000 draws know a covariance to √(2/3000) = 2.6 %; five times that.
     np.testing.assert_allclose(root @ np.cov(drawn.T) @ root.T, np.eye(3), atol=0.13)

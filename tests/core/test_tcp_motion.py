@@ -190,5 +190,5 @@ def test_a_left_handed_scanner_does_not_pass() -> None:
     solution = solve_tcp(mirrored, SPHERE, ESTIMATED)
     # A mirror in x is a turn about z by half a turn and a mirror in y, whose sign profiles leave open.
     turned = cell.truth @ RigidTransform.of(rotation_from_vector([0, 0, np.pi]), [0, 0, 0], "laser", "laser")
-    error = turned.difference(solution.joint.tool0_from_laser)
+    error = turned.difference(solution.joint.mount_from_laser)
     assert error @ np.linalg.solve(solution.covariance[:6, :6], error) < 27.9

@@ -19,6 +19,7 @@ class Camera(Stage):
     """The camera, from frames of the calibration board."""
 
     name, title, place = "camera", "Camera", 10
+    any_arrangement = True
     step = CaptureStep(
         "camera",
         "Camera",

@@ -66,7 +66,7 @@ def _findings(
     from calib_core.stages.tcp.result import solution_findings
     from calib_core.stages.tcp.verdict import lag_findings
 
-    tool = solved.solution.joint.tool0_from_laser
+    tool = solved.solution.joint.mount_from_laser
     both = [*solved.observations, *(one.sphere for one in table.observations)]
     return [
         *disagreements(solution),

@@ -17,6 +17,7 @@ class LaserPlane(Stage):
     """The plane of laser light, from frames of the board with the stripe on it."""
 
     name, title, place = "laser-plane", "Laser plane", 20
+    any_arrangement = True
     step = CaptureStep(
         "laser-plane",
         "Laser plane",

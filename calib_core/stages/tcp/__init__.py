@@ -20,11 +20,12 @@ class Tcp(Stage):
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}
     reads = SPHERE_READS
-    known = ("tool0_from_laser",)
+    known = ("tool0_from_laser", "base_from_laser")
     after = ("camera", "laser-plane")
     guided = ("tcp",)
     is_answer = True
-    frames: ClassVar = {"tool0_from_laser": "covariance"}
+    frames: ClassVar = {"tool0_from_laser": "covariance", "base_from_laser": "covariance"}
+    any_arrangement = True
     layers = ("sphere", "captures", "scanner")
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:

@@ -4,7 +4,6 @@ from typing import Final
 
 from calib_core.evidence.numbers import fixed, plus_minus, quantity
 from calib_core.exports.workpiece import turned_deg
-from calib_core.frames import RigidTransform
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
 from calib_core.stages.chain.record import ChainResult
@@ -78,10 +77,10 @@ def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
 
 
 def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
-    """Return the scanner's frame on the flange, to be typed into the controller."""
-    frame = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
+    """Return the scanner's frame on the flange, or in base, to be typed into the controller."""
+    title = "Scanner on the flange" if result.tool0_from_laser is not None else "Scanner in base"
     return frame_block(
-        session.cell.pose_convention, frame, result.covariance, id="tool", title="Scanner on the flange"
+        session.cell.pose_convention, result.mount_from_laser, result.covariance, id="tool", title=title
     )
 
 
@@ -106,8 +105,9 @@ def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:
 def sphere_figures(result: TcpResult | ChainResult) -> list[AnyBlock]:
     """Return where the sphere is."""
     names = ("x", "y", "z")
-    values = zip(names, result.sphere_center_in_base_mm, strict=True)
-    figures = [Figure(detail=True, label=f"Centre {n}, in base", quantity=fixed(v, 3, "mm")) for n, v in values]
+    values = zip(names, result.sphere_center_mm, strict=True)
+    where = "in base" if result.sphere_center_in_base_mm is not None else "on the flange"
+    figures = [Figure(detail=True, label=f"Centre {n}, {where}", quantity=fixed(v, 3, "mm")) for n, v in values]
     return [figures[0].model_copy(update={"title": "Sphere"}), *figures[1:]]
 
 

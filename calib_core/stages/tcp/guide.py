@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.cell.carriers import ball_carrier
+from calib_core.cell.found import carriers_found
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
 from calib_core.evidence.words import listed
@@ -141,13 +143,12 @@ def _sphere(
     result: Mapping[str, Any] | None,
 ) -> tuple[FloatArray | None, str]:
     """Return where the sphere is in base, as solved or else as guessed, and what that rests on."""
-    if result:
-        return (
-            np.array(result["sphere_center_in_base_mm"]),
-            "The flange turns about the sphere: the scanner goes on seeing it.",
-        )
-    seen = {m.capture: _seen(cell, poses[m.capture], m) for m in measured if m.capture in names}
     home = poses[names[motion.reference]]
+    if result:
+        return _solved_center(result, home), "The flange turns about the sphere: the scanner goes on seeing it."
+    if ball_carrier(cell) == "tool0":
+        return None, "Only the orientation is meant: move the ball until the scanner sees it as before."
+    seen = {m.capture: _seen(cell, poses[m.capture], m) for m in measured if m.capture in names}
     found = [(name, one) for name, one in seen.items() if one is not None]
     alike = {
         name for name in names if np.linalg.norm(home.rotation - poses[name].rotation) < EQUAL_ORIENTATION_RAD
@@ -167,6 +168,13 @@ def _sphere(
         "The flange turns about the place where the captures so far put the sphere, "
         f"about ±{2 * place.scanner_sigma_mm:.0f}\u00a0mm.",
     )
+
+
+def _solved_center(result: Mapping[str, Any], home: RigidTransform) -> FloatArray:
+    """Return where the sphere is in base at a pose."""
+    ball = carriers_found(result).ball
+    center = np.array(result[f"sphere_center_in_{ball}_mm"])
+    return center if ball == "base" else home.apply(center)
 
 
 def _seen(cell: Cell, pose: RigidTransform, measured: Measured) -> SeenCenter | None:
@@ -217,7 +225,9 @@ def _first(cell: Cell) -> GuideNow:
         stage="tcp",
         action="capture",
         instruction=f"{seen}, and take the first capture.",
-        why="The sphere stands still from now on: every capture sees the same point from another pose.",
+        why="The sphere stands still from now on: every capture sees the same point from another pose."
+        if ball_carrier(cell) == "base"
+        else "The scanner stands still, and the ball keeps its place on the flange: each pose shows it anew.",
         exit="The sphere is found. For a stripe: r/R between 0.45 and 0.95, 70° of arc or more.",
         drawing="tcp-first",
         progress=f"0 of {1 + WANTED_SHIFTS + WANTED_TURNS} captures",
@@ -231,12 +241,15 @@ def _shift(cell: Cell, motion: Motion, home: RigidTransform) -> GuideNow:
     pose = next_shift(motion, home, length_mm)
     parallel = count >= LEAST_SHIFTS and not motion.shifts_differ
     direction = "in another direction: all shifts so far are parallel" if parallel else "in a new direction"
-    why = "Two shifts that are not parallel fix the scanner's rotation on the flange; a third makes it sure."
+    on_flange = ball_carrier(cell) == "tool0"
+    where = "in base" if on_flange else "on the flange"
+    why = f"Two shifts that are not parallel fix the scanner's rotation {where}; a third makes it sure."
+    move = "Shift the ball with the flange" if on_flange else "Shift the scanner"
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="capture",
-        instruction=f"Shift the scanner 30–80 mm {direction}. Keep its orientation.",
+        instruction=f"{move} 30–80 mm {direction}. Keep its orientation.",
         why=why,
         exit=f"{WANTED_SHIFTS} shifts with one orientation, not all parallel; {LEAST_SHIFTS} are the least.",
         drawing="tcp-shift",
@@ -263,7 +276,9 @@ def _turn(cell: Cell, motion: Motion, home: RigidTransform, sphere: tuple[FloatA
             f"{start} the flange by about {angle_deg:.0f}°, mostly about its {axis} axis, "
             "and bring the sphere back into view."
         ),
-        why="Turns about different axes fix where the scanner sits on the flange.",
+        why="Turns about different axes fix where the ball sits on the flange."
+        if ball_carrier(cell) == "tool0"
+        else "Turns about different axes fix where the scanner sits on the flange.",
         exit=f"{WANTED_TURNS} orientations that differ by 5° or more, about axes that are not parallel; "
         f"{LEAST_TURNS} are the least, {GOOD_TURNS} are good.",
         drawing="tcp-turn",

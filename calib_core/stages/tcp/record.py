@@ -4,6 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
+from calib_core.cell.found import scanner_frame
+from calib_core.frames import RigidTransform
 from calib_core.records.base import Matrix4, Record, Rows, Vector3
 from calib_core.records.results import (
     ArmErrorsFound,
@@ -31,6 +33,7 @@ class TcpResidual(CaptureResidual):
     surface_rms_mm: float | None = None
     center_distance_mm: float | None = None
     center_offset_in_base_mm: list[float] | None = None
+    center_offset_in_tool0_mm: list[float] | None = None
     leave_one_out_rms_mm: float | None = None
     two_step_surface_rms_mm: float | None = None
     mahalanobis: float | None = None
@@ -78,7 +81,9 @@ class TwoStep(Record):
     """The paper's two-step answer, beside the joint one."""
 
     tool0_from_laser: Matrix4 | None = None
+    base_from_laser: Matrix4 | None = None
     sphere_center_in_base_mm: Vector3 | None = None
+    sphere_center_in_tool0_mm: Vector3 | None = None
     surface_rms_mm: float | None = None
     leave_one_out_surface_rms_mm: float | None = None
     center_scatter_rms_mm: float | None = None
@@ -88,11 +93,17 @@ class TwoStep(Record):
 
 
 class ToolResult(Result):
-    """What tells of the scanner's pose on the flange, solved alone or together with the table."""
+    """What tells of the scanner's pose on what carries it, solved alone or together with the table.
 
-    tool0_from_laser: Matrix4
+    A scanner on the flange has tool0_from_laser, and its sphere stands in base; one that stands still has
+    base_from_laser, and its sphere is on the flange.
+    """
+
+    tool0_from_laser: Matrix4 | None = None
+    base_from_laser: Matrix4 | None = None
     covariance: Rows
-    sphere_center_in_base_mm: Vector3
+    sphere_center_in_base_mm: Vector3 | None = None
+    sphere_center_in_tool0_mm: Vector3 | None = None
     sphere_center_covariance: Rows
     surface_rms_mm: float
     leave_one_out_surface_rms_mm: float | None
@@ -105,6 +116,16 @@ class ToolResult(Result):
     workpiece: AtPoint | None = None
     arm_errors: ArmErrorsFound | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
+
+    @property
+    def mount_from_laser(self) -> RigidTransform:
+        """The scanner's pose on what carries it."""
+        return scanner_frame(self.model_dump(include={"tool0_from_laser", "base_from_laser"}))
+
+    @property
+    def sphere_center_mm(self) -> list[float]:
+        """The sphere's centre in what carries it."""
+        return self.sphere_center_in_base_mm or self.sphere_center_in_tool0_mm or []
 
 
 class TcpResult(ToolResult):

@@ -1,6 +1,7 @@
 """The TCP's solution as the record that is stored, sent and archived."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -36,9 +37,8 @@ def tcp_result(
         software=software,
         inputs_sha256=inputs_sha256,
         **judgement(found),
-        tool0_from_laser=joint.tool0_from_laser.to_rows(),
         covariance=covariance[:6, :6].tolist(),
-        sphere_center_in_base_mm=joint.center_in_base_mm.tolist(),
+        **placed(joint),
         sphere_center_covariance=covariance[6:9, 6:9].tolist(),
         surface_rms_mm=joint.surface_rms_mm,
         leave_one_out_surface_rms_mm=joint.leave_one_out_surface_rms_mm,
@@ -64,6 +64,14 @@ def tcp_result(
 def solution_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> list[Finding]:
     """Return what a solution shows, its drift too."""
     return [*tcp_findings(solution, captures), *drift_findings(solution)]
+
+
+def placed(answer: Answer) -> dict[str, Any]:
+    """Return where scanner and sphere are, by the names of what carries them."""
+    return {
+        f"{answer.mount_from_laser.into}_from_laser": answer.mount_from_laser.to_rows(),
+        f"sphere_center_in_{answer.ball}_mm": answer.center_mm.tolist(),
+    }
 
 
 def _confidence(covariance: FloatArray) -> dict[str, float]:
@@ -178,8 +186,7 @@ def _two_step(solution: TcpSolution) -> TwoStep:
         return TwoStep(translations=names, reason=solution.two_step_answer.reason)
     covariance = solution.two_step_covariance
     return TwoStep(
-        tool0_from_laser=paper.tool0_from_laser.to_rows(),
-        sphere_center_in_base_mm=paper.center_in_base_mm.tolist(),
+        **placed(paper),
         surface_rms_mm=paper.surface_rms_mm,
         leave_one_out_surface_rms_mm=paper.leave_one_out_surface_rms_mm,
         center_scatter_rms_mm=paper.center_scatter_rms_mm,
@@ -199,8 +206,8 @@ def _residuals(solution: TcpSolution, findings: Sequence[Finding]) -> list[TcpRe
             reason=None if solution.used[k] else reasons.get(name),
             points=solution.points[k],
             surface_rms_mm=float(joint.capture_rms_mm[k]),
-            center_distance_mm=float(np.linalg.norm(joint.offset_in_base_mm[k])),
-            center_offset_in_base_mm=joint.offset_in_base_mm[k].tolist(),
+            center_distance_mm=float(np.linalg.norm(joint.offset_mm[k])),
+            **{f"center_offset_in_{joint.ball}_mm": joint.offset_mm[k].tolist()},
             leave_one_out_rms_mm=_finite(joint.leave_one_out_rms_mm[k]),
             two_step_surface_rms_mm=_two_step_rms(solution.two_step, k),
             mahalanobis=float(np.sqrt(solution.squared_distance[k])),

@@ -62,7 +62,9 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     found = solution_findings(solved.solution, given.captures)
     found += lag_findings(solved.observations, solved.solution.sigmas)
     found += lost_rays_of(solved.observations)
-    causes = _causes_of_poses(given, solved) if _is_doubtful(found, solved) else []
+    # Other readings of poses are tried for a sphere that stands still alone.
+    stands = solved.solution.joint.ball == "base"
+    causes = _causes_of_poses(given, solved) if stands and _is_doubtful(found, solved) else []
     about_causes = {name for cause in causes for name in cause.captures}
     told = [one for one in found if not (one.remedy is not None and about_causes & set(one.captures))]
     fit = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]

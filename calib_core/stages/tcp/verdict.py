@@ -129,7 +129,7 @@ def doubts_about_two_steps(solution: TcpSolution) -> list[Finding]:
         return []
     if solution.held.errors:
         return []  # of arm or scanner: they move the two steps otherwise, and are said, with what to do
-    difference = solution.joint.tool0_from_laser.difference(solution.two_step.tool0_from_laser)
+    difference = solution.joint.mount_from_laser.difference(solution.two_step.mount_from_laser)
     distance = float(difference @ np.linalg.solve(solution.two_step_covariance, difference))
     if distance <= _CHI2_6_RARE:
         return []

@@ -39,7 +39,7 @@ def turntable_result(
         software=software,
         inputs_sha256=inputs_sha256,
         **judgement(findings),
-        tool0_from_laser=solution.state.tool0_from_laser.to_rows(),
+        tool0_from_laser=solution.state.mount_from_laser.to_rows(),
         covariance=solution.covariance.pose.tolist(),
         undetermined=undetermined_of_table(solution.covariance),
         variance_components=variance_components(solution),

@@ -56,7 +56,7 @@ def solve(given: StageInput) -> TurntableResult:
         tool, sphere = tool_of(solved), solved.sphere
         found = _about_tool(solved)
     table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
-    found += findings_of_table(given, table, sphere, tool.tool0_from_laser)
+    found += findings_of_table(given, table, sphere, tool.mount_from_laser)
     found += beyond_told_sigma(table.solution.sigmas, table.solution.options.position_sigma_mm)
     found += [*lost_rays_of([one.sphere for one in table.observations]), *table.unused]
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256, found)
@@ -98,8 +98,8 @@ def tool_of(solved: SolvedTcp) -> "KnownTool":
     from calib_core.chain.turntable import KnownTool
 
     solution = solved.solution
-    two_step = solution.two_step.tool0_from_laser if solution.two_step else None
-    return KnownTool(solution.joint.tool0_from_laser, solution.held, two_step)
+    two_step = solution.two_step.mount_from_laser if solution.two_step else None
+    return KnownTool(solution.joint.mount_from_laser, solution.held, two_step)
 
 
 def _about_tool(solved: SolvedTcp) -> list[Finding]:
@@ -134,7 +134,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     ]
     try:
         if turning.angles == "unknown":
-            frame = tool.tool0_from_laser
+            frame = tool.mount_from_laser
             observations = with_found_angles(observations, sphere, frame, turning.direction or 1)
         solution = solve_turntable(
             observations, sphere, tool, table_options(given.session.cell), part_of(progress, 0.3, 1.0)

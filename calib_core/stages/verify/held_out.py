@@ -38,7 +38,7 @@ class Tool:
         """Return the tool of a stage's answer."""
         parts = answer.variance_components
         return cls(
-            RigidTransform.from_rounded(answer.tool0_from_laser, "tool0", "laser"),
+            answer.mount_from_laser,
             np.array(answer.covariance, dtype=float),
             parts.position_sigma_mm,
             parts.orientation_sigma_rad,

@@ -91,7 +91,7 @@ def _table(result: TurntableResult | ChainResult, truth: dict[str, Any]) -> Iter
         error_deg = _angle_deg(result.circles_axis_direction_in_base, truth["axis_direction_in_base"])
         yield f"  {'paper, direction error':22}{f'{error_deg:.4f}°':>46}"
     if isinstance(result, ChainResult):
-        tool = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
+        tool = result.mount_from_laser
         off = tool.difference(RigidTransform.from_rounded(truth["tool0_from_laser"], "tool0", "laser"))
         text = f"{np.rad2deg(np.linalg.norm(off[:3])):.3f}° and {np.linalg.norm(off[3:]):.3f} mm"
         yield f"  {'tool, error':22}{text:>46}"
@@ -106,7 +106,7 @@ def _angle_deg(one: list[float], other: list[float]) -> float:
 
 
 def _tcp(result: TcpResult, truth: dict[str, Any]) -> Iterator[str]:
-    found = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
+    found = result.mount_from_laser
     true = RigidTransform.from_rounded(truth["tool0_from_laser"], "tool0", "laser")
     sigmas = np.sqrt(np.diag(np.array(result.covariance)))
     yield f"\ntcp: where the scanner is on the flange — verdict {result.verdict}"

@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from calib_core.captures.poses import middle_pose
+from calib_core.cell.found import scanner_frame
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Session
@@ -22,7 +23,7 @@ def scene_picture(session: Session, results: Mapping[str, Mapping[str, Any]]) ->
     result = next((results[name] for name in tool_stages() if name in results), None)
     if result is None or not result.get("sphere_center_in_base_mm"):
         return ""
-    tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+    tool = scanner_frame(result)
     used = {row["capture"]: bool(row.get("used")) for row in result.get("residuals", [])}
     steps = steps_that_show("sphere")
     scanners: list[FloatArray] = []
