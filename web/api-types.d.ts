@@ -1796,9 +1796,9 @@ export interface Rollback {
 
 export interface RootCause {
   id: string;
-  kind: "pose-reading" | "swapped-poses" | "shifted-poses" | "moved-sphere" | "changed-tool" | "sphere-diameter" | "point-unit" | "scaled-profile" | "table-direction" | "table-angles" | "not-the-flange";
-  title: string;
-  sentence: string;
+  kind: "pose-reading" | "swapped-poses" | "shifted-poses" | "moved-sphere" | "changed-tool" | "sphere-diameter" | "pose-list-order" | "point-unit" | "scaled-profile" | "table-direction" | "table-angles" | "not-the-flange";
+  title?: string;
+  sentence?: string;
   evidence?: BeforeAfter[];
   captures?: string[];
   changes?: Changes | null;

@@ -119,8 +119,8 @@ const CONVENTION = /['„“]([a-z]+(?:-[a-z]+)?)['“”]/g;
 /** What was typed or is to be typed stays as it is. */
 const VERBATIM = /(`[^`]*`|„[^“]*“|'[^']*'|"[^"]*")/;
 
-/** What the server says, in the chosen language as far as it is known; the rest is asked for, and said again. @param {string} text @returns {string} */
-export const said = (text) => bound(inLanguage(spoken(text).replace(HYPHEN, "\u2212").replace(CONVENTION, (quoted, name) => maybe(`convention.${name}`, quoted))));
+/** What the server says, in the chosen language as far as it is known; the rest is asked for, and said again. @param {string} [text] @returns {string} */
+export const said = (text = "") => bound(inLanguage(spoken(text).replace(HYPHEN, "\u2212").replace(CONVENTION, (quoted, name) => maybe(`convention.${name}`, quoted))));
 
 /** Numbers in a sentence, with the sign that its readers expect; those in a row are then apart by semicolons. @param {string} text */
 const inLanguage = (text) => (language === "zh" ? text.replace(/([。；，：]) /gu, "$1") : language !== "de" || !text.includes(".") ? text

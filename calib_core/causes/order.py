@@ -1,7 +1,9 @@
 """Which capture has which pose: recorded poses handed out anew where some were swapped or shifted."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -103,3 +105,44 @@ def handed_out(misfits_mm: FloatArray, scale_mm: float, allowed: bool = True) ->
         for k, place in enumerate(pose_of.tolist())
     )
     return Order(pose_of, cost)
+
+
+def whole_orders(names: Sequence[str]) -> list[tuple[str, np.ndarray]]:
+    """Return the wrong orders in which a list of poses as a whole may stand, by what is said of them.
+
+    Parameters
+    ----------
+    names : sequence of K str
+        The captures, in the session's order.
+
+    Returns
+    -------
+    list of (str, (K,))
+        How, as the code `pose-list-order` says it, and the place of each capture's pose.
+    """
+    count = len(names)
+    places = np.arange(count)
+    by_text = _rank([str(k + 1) for k in range(count)], str)
+    mixed = np.argsort(np.concatenate([places[::2], places[1::2]]))
+    found = [
+        ("names", by_text),
+        ("captures", np.argsort(by_text)),
+        ("names", _rank(names, str)),
+        ("captures", _rank(names, _counted)),
+        ("reversed", places[::-1].copy()),
+        ("mixed", mixed),
+        ("mixed", np.argsort(mixed)),
+    ]
+    steps = range(1, count) if count <= _LONGEST_SEARCHED else (1, count - 1)
+    found += [("rotated", (places + step) % count) for step in steps]
+    return [(said, order) for said, order in found if (order != places).any()]
+
+
+def _rank(names: Sequence[str], key: Callable[[str], Any]) -> np.ndarray:
+    """Return the place (K,) that each name has when all are sorted."""
+    order = sorted(range(len(names)), key=lambda k: key(names[k]))
+    return np.argsort(np.array(order))
+
+
+def _counted(name: str) -> tuple[tuple[int, int | str], ...]:
+    return tuple((0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name) if part)

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from calib_core.causes.order import Order, handed_out, shifts
+from calib_core.causes.order import Order, handed_out, shifts, whole_orders
 from calib_core.causes.readings import Reading, changes_of, moved_poses, poses_of, readings
 from calib_core.causes.search import Posed, best_starts, misfits_mm, resettled
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -32,6 +32,7 @@ _LEAST_GAIN_OF_ORDER = 1.0  # beside what giving a capture another pose costs
 _RIVAL = 6.0  # of the summed costs, by which another cause may fit worse and still be told
 _COST_OF_A_FACTOR = 0.5
 _MOST_CAUSES = 3
+_WHOLE_SHARE = 0.6  # of the captures that a wrong order moves, and that agree on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +106,9 @@ def _tried(
         if reading == told:
             for places in shifts(count):
                 hypotheses.append(Posed([poses[max(place, 0)] for place in places.tolist()], places >= 0))
+                meant.append(reading)
+            for _, places in whole_orders([o.capture for o in observations]):
+                hypotheses.append(Posed([poses[place] for place in places.tolist()], everyone))
                 meant.append(reading)
     if not hypotheses:
         return []
@@ -221,7 +225,10 @@ def _order_cause(one: _Tried, captures: Sequence[Capture], observations: Sequenc
     given = {names[k]: names[places[k]] for k in moved}
     left = "-lost" if lost else ""
     values: dict[str, Any] = {"lost": ", ".join(names[k] for k in lost)}
-    if one.order.swapped and len(moved) == 2:
+    if whole := _whole_order(one.order, names):
+        code = codes.POSE_LIST_ORDER
+        values |= {"how": whole[0], "places": whole[1]}
+    elif one.order.swapped and len(moved) == 2:
         code = codes.SWAPPED_POSES
         values |= {"how": f"two{left}", "first": names[moved[0]], "second": names[moved[1]]}
     elif (step := one.order.step) is not None:
@@ -247,6 +254,17 @@ def _order_cause(one: _Tried, captures: Sequence[Capture], observations: Sequenc
         poses_from=given,
     )
     return code(about, remedy=remedy, **values)
+
+
+def _whole_order(order: Order, names: Sequence[str]) -> tuple[str, int] | None:
+    """Return how the whole list of poses is out of order, and by how many places; None where it is not."""
+    if len(order.moved) < _WHOLE_SHARE * len(names):
+        return None
+    known = order.pose_of >= 0
+    for said, places in whole_orders(names):
+        if (order.pose_of[known] == places[known]).mean() >= _WHOLE_SHARE:
+            return said, int(places[0])
+    return None
 
 
 def _scatter(before: float | None, after: float) -> BeforeAfter:

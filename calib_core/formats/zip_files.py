@@ -2,15 +2,23 @@
 
 import io
 import zipfile
+import zlib
 from collections.abc import Mapping
 
 from calib_core.errors import InputError
 
-_MOST_FILES, _MOST_BYTES = 5000, 256_000_000
+_MOST_FILES, _MOST_BYTES = 20_000, 256_000_000
+_DAMAGED = (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError, OSError)
 
 
-def opened_files(files: Mapping[str, bytes]) -> dict[str, bytes]:
+def opened_files(files: Mapping[str, bytes], skipped: dict[str, str] | None = None) -> dict[str, bytes]:
     """Return files with those in zip files in their place.
+
+    Parameters
+    ----------
+    files : mapping
+    skipped : dict, optional
+        Takes up what cannot be opened, and why; left out, that is refused.
 
     Raises
     ------
@@ -27,11 +35,20 @@ def opened_files(files: Mapping[str, bytes]) -> dict[str, bytes]:
                 entries = [entry for entry in archive.infolist() if not entry.is_dir()]
                 if len(entries) > _MOST_FILES or sum(entry.file_size for entry in entries) > _MOST_BYTES:
                     to_do = "Give the files with programs, tools and frames alone."
-                    raise InputError("a backup of at most 5000 files and 256 MB", "a larger backup", to_do, name)
-                opened |= {entry.filename: archive.read(entry) for entry in entries}
-        except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError) as error:
+                    raise InputError("a backup of at most 20000 files and 256 MB", "a larger backup", to_do, name)
+                for entry in entries:
+                    try:
+                        opened[entry.filename] = archive.read(entry)
+                    except _DAMAGED as error:
+                        if skipped is None:
+                            raise
+                        skipped[entry.filename] = str(error) or "damaged"
+        except _DAMAGED as error:
             to_do = "Copy it from the controller again, or unpack it and give the folder."
-            raise InputError("a whole zip file", str(error) or "a damaged one", to_do, name) from None
+            refusal = InputError("a whole zip file", str(error) or "a damaged one", to_do, name)
+            if skipped is None or len(files) == 1:
+                raise refusal from None
+            skipped[name] = refusal.reason
     return opened
 
 

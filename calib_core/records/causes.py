@@ -9,7 +9,7 @@ from calib_core.records.base import Finite, Identifier, Matrix4, Record
 CauseKind = Literal[
     "pose-reading", "swapped-poses", "shifted-poses", "moved-sphere", "changed-tool", "sphere-diameter",
     "point-unit", "scaled-profile", "table-direction", "table-angles", "not-the-flange", "scan-elsewhere",
-    "scanner-axis",
+    "scanner-axis", "pose-list-order",
 ]  # fmt: skip
 """What is at fault: how poses are read, which capture has which, what moved, and what was told wrongly."""
 

@@ -12,6 +12,8 @@ from calib_core.robots.registry import BRANDS
 from calib_core.robots.resolve import resolved
 from calib_core.robots.text import decoded
 
+_HEAD_BYTES = 65_536
+
 
 def read_controller_files(
     files: Mapping[str, bytes], brand: str | None = None, as_written: bool = False, told: Told = NOTHING_TOLD
@@ -34,7 +36,8 @@ def read_controller_files(
     InputError
         If no file is of a known brand, or files of several brands stand beside each other.
     """
-    opened = opened_files(files)
+    damaged: dict[str, str] = {}
+    opened = opened_files(files, damaged)
     if not opened:
         raise InputError("a controller's file", "none", "Give a program, a data list or a backup.")
     where = next(iter(files))
@@ -52,9 +55,9 @@ def read_controller_files(
         except InputError as error:
             if alone:
                 raise error.at(name) from None
-            part = Found(name)
-            part.skipped.append(Skipped(1, str(error), name))
-            found.append(part)
+            damaged[name] = str(error)
+    for name, reason in damaged.items():
+        found.append(Found(name, skipped=[Skipped(1, reason, name)]))
     read = resolved(chosen, found, as_written)
     if told.arm is None:
         return read
@@ -91,9 +94,9 @@ def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
 
 
 def _text(data: bytes, name: str) -> str:
-    """Return what brands look at: nothing for a packed file that is damaged, which is no brand's."""
+    """Return what brands look at, a file's beginning: nothing for a packed one that is damaged, no brand's."""
     try:
-        return decoded(unzipped(data, name))
+        return decoded(unzipped(data, name)[:_HEAD_BYTES])
     except InputError:
         return ""
 

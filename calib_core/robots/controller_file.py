@@ -41,6 +41,8 @@ class Frame:
         The motion group that it belongs to.
     doubt : str
         What the file leaves open about it, or empty.
+    by_program : bool
+        Whether a program sets it, when it runs: what the controller's state says outranks that.
     """
 
     number: Reference
@@ -52,6 +54,7 @@ class Frame:
     moving: str = ""
     group: int = 1
     doubt: str = ""
+    by_program: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data."""

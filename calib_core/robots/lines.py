@@ -14,7 +14,7 @@ _COMMA = r"[-+]?\d+(?:,\d+)?(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(rf"(?<![\w.])(?:{_POINT}|[-+]?nan)(?![\w])", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(rf"(?<![\w.,]){_COMMA}(?![\w])")
 _INDEX = re.compile(r"\w+\s*\[\s*\d+\s*(?:,\s*\d+\s*)?\]")
-_ROW_NUMBER = re.compile(r"^\s*\d+\s*[:)]\s*")
+_ROW_NUMBER = re.compile(r"^[ \t]*\d+\s*[:)]\s*")
 _GROUP = re.compile(r"[\[({]([^\[\](){}]*)[\])}]")
 
 

@@ -119,7 +119,13 @@ def _unequivocal(what: str, entries: Sequence[Frame], skipped: list[Skipped]) ->
             kept.pop(key, None)
             continue
         before = kept.setdefault(key, entry)
-        if (before.pose, before.moving) != (entry.pose, entry.moving):
+        same = (before.pose, before.moving) == (entry.pose, entry.moving)
+        if not same and before.by_program != entry.by_program:
+            kept[key], other = (before, entry) if entry.by_program else (entry, before)
+            numbers = ", ".join(f"{v:g}" for v in other.pose)
+            reason = f"{what} {other.number}: a program sets {numbers}; the controller's state is taken instead"
+            skipped.append(Skipped(other.line, reason, other.file))
+        elif not same:
             reason = (
                 f"{what} {entry.number} is defined in two ways, here and in line {before.line}"
                 f"{f' of {before.file}' if before.file != entry.file else ''}: neither is taken"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_order import wrong_order
 from hypothesis import given
 from hypothesis import strategies as st
 from wrong_poses import Measured, reordered, repaired, rewritten, shifted, swapped, writer
@@ -91,6 +92,16 @@ def test_poses_of_other_captures_are_named_and_handed_back(cell: Measured, draw:
     assert before is not None
     assert after is not None
     assert after < before / 3
+
+
+@pytest.mark.parametrize("kind", ["names", "reversed", "rotated", "mixed", "captures by names"])
+def test_a_whole_list_in_a_wrong_order_is_named_first_and_handed_out_anew(cell: Measured, kind: str) -> None:
+    places = np.array(wrong_order(kind, len(cell.observations), 2))
+    session = reordered(cell.session, places)
+    cause = causes_found(cell, session)[0]
+    assert cause.kind == "pose-list-order"
+    mended, _ = applied(session, changes_for(session, cause))
+    assert repaired(mended, cell.poses)
 
 
 def test_right_poses_are_not_doubted(cell: Measured) -> None:

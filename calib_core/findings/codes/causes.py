@@ -81,6 +81,25 @@ SHIFTED_POSES = Code(
     usual_causes="A capture or a pose that is missing in the list.",
 )
 
+POSE_LIST_ORDER = Code(
+    "pose-list-order",
+    "warning",
+    text={
+        "names": "The list of poses seems to be in the order of names (1, 10, 11, 2): hand the poses out anew.",
+        "captures": "The captures seem to be in the order of their names (1, 10, 11, 2), the poses in that of their "
+        "numbers: hand the poses out anew.",
+        "reversed": "The list of poses seems to be reversed: hand the poses out anew.",
+        "rotated": "The list of poses seems to begin elsewhere, rotated by {places} places: hand the poses out anew.",
+        "mixed": "Two lists of poses seem to be mixed, in turn or one after the other: hand the poses out anew.",
+    },
+    by="how",
+    title="The list of poses is in a wrong order",
+    meaning="Every capture has a pose of the list, but most have another one's.",
+    decided="With the whole list in another order the captures fit far better.",
+    usual_causes="Files sorted by name, a program that lists its points backwards, two lists put together.",
+    since="0.2",
+)
+
 POSE_READING = Code(
     "pose-reading",
     "error",

@@ -21,11 +21,11 @@ _DECLARED = re.compile(
     r"\b(?:(?:LOCAL|TASK)\s+)?(CONST|VAR|PERS)\s+(\w+)\s+(\w+)\s*(\{[^}]*\})?\s*(:=|;|(?=\n)|$)", re.IGNORECASE
 )
 _MOVE = re.compile(
-    r"(?:^|;|\bTHEN\b|\bDO\b)\s*((?:Move|Trigg|Search|Arc|Spot|Paint|Disp|Cap|Laser)[A-Za-z]*)\s+(?=[\\\[\w*])",
+    r"(?:^|;|\bTHEN\b|\bDO\b)[ \t]*((?:Move|Trigg|Search|Arc|Spot|Paint|Disp|Cap|Laser)[A-Za-z]*)\s+(?=[\\\[\w*])",
     re.IGNORECASE | re.MULTILINE,
 )
 _NO_MOVES = ("triggio", "triggequip", "triggint", "triggstopproc", "triggspeed", "triggcheckio", "triggrampao")
-_ASSIGNED = re.compile(r"(?:^|;)\s*(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.MULTILINE)
+_ASSIGNED = re.compile(r"(?:^|;)[ \t]*(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.MULTILINE)
 _WORK_OBJECT = re.compile(r"\\WObj\s*:=\s*([\w{}.,]+)", re.IGNORECASE)
 _KINDS = ("robtarget", "jointtarget", "tooldata", "wobjdata")
 _PARTS = ("pos", "orient", "pose", "confdata", "extjoint", "robjoint", "loaddata", "num")

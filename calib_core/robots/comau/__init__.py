@@ -13,7 +13,7 @@ class Comau(Brand):
     title = "Comau"
     writes_like = "kawasaki"  # R = Rz(e1) · Ry(e2) · Rz(e3)
     endings = (".pdl", ".txt")
-    marks = r"^\s*PROGRAM\s+\w+|:=\s*POS\s*\([-+.\d eE,]+"
+    marks = r"^[ \t]*PROGRAM\s+\w+|:=\s*POS\s*\([-+.\d eE,]+"
     definitions = "the program with its $TOOL and $UFRAME lines"
 
 

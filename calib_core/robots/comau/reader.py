@@ -6,7 +6,7 @@ from calib_core.robots.statements import VALUES, Rule, find_by_rules
 _RULES = (
     Rule("tool", rf"""\$TOOL\s*:=\s*POS\s*\({VALUES}(?:,\s*'[^']*')?\s*\)"""),
     Rule("frame", rf"""\$UFRAME\s*:=\s*POS\s*\({VALUES}(?:,\s*'[^']*')?\s*\)"""),
-    Rule("pose", rf"""^\s*(?P<name>\w+(?:\[\d+\])?)\s*:=\s*POS\s*\({VALUES}(?:,\s*'[^']*')?\s*\)"""),
+    Rule("pose", rf"""^[ \t]*(?P<name>\w+(?:\[\d+\])?)\s*:=\s*POS\s*\({VALUES}(?:,\s*'[^']*')?\s*\)"""),
     Rule("pose", rf"""\bMOVE\w*\s+(?:LINEAR|JOINT)?\s*TO\s+POS\s*\({VALUES}(?:,\s*'[^']*')?\s*\)"""),
     Rule("joints", rf"""\bMOVE\w*\s+(?:LINEAR|JOINT)?\s*TO\s+\{{{VALUES}\}}"""),
     Rule("move", r"""\bMOVE\w*\s+(?:LINEAR\s+|JOINT\s+)?TO\s+(?P<name>[A-Za-z_]\w*(?:\[\d+\])?)(?=\s|$|,)"""),

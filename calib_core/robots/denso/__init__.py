@@ -13,7 +13,7 @@ class Denso(Brand):
     title = "Denso"
     writes_like = "yaskawa"  # R = Rz(RZ) · Ry(RY) · Rx(RX)
     endings = (".pcs", ".pac", ".txt")
-    marks = r"^\s*(?:TakeArm\b|(?:Tool|Work)\s+\d+\s*,\s*P\s*\(|P\[\d+\]\s*=\s*P?\s*\()"
+    marks = r"^[ \t]*(?:TakeArm\b|(?:Tool|Work)\s+\d+\s*,\s*P\s*\(|P\[\d+\]\s*=\s*P?\s*\()"
     definitions = "the program with its Tool and Work lines"
 
 

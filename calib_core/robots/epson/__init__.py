@@ -13,7 +13,7 @@ class Epson(Brand):
     title = "Epson"
     writes_like = "nachi"  # R = Rz(u) · Ry(v) · Rx(w)
     endings = (".prg", ".pts", ".txt")
-    marks = r"^\s*(?:TLSet\s+\d+\s*,|Local\s+\d+\s*,|P\d+\s*=\s*XY\s*\(|(?:Go|Move|Jump3?)\s+XY\s*\()"
+    marks = r"^[ \t]*(?:TLSet\s+\d+\s*,|Local\s+\d+\s*,|P\d+\s*=\s*XY\s*\(|(?:Go|Move|Jump3?)\s+XY\s*\()"
     definitions = "the program with its TLSet and Local lines"
 
 

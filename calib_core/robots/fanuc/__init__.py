@@ -31,7 +31,9 @@ class Fanuc(Brand):
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a listing of a TP program or of variables."""
-        return re.search(r"^\s*/PROG\b|^\s*P\[\d+[^\]]*\]\s*\{|^\[\*\w+\*\]\$", text, re.MULTILINE) is not None
+        return (
+            re.search(r"^[ \t]*/PROG\b|^[ \t]*P\[\d+[^\]]*\]\s*\{|^\[\*\w+\*\]\$", text, re.MULTILINE) is not None
+        )
 
 
 BRAND = Fanuc()

@@ -8,7 +8,7 @@ from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.phrases import CUT, CUT_LINE, TWICE
 from calib_core.robots.text import Source, source_of
 
-_POSITION = re.compile(r'^\s*P\[\s*(\d+)\s*(?::\s*"?([^"\]]*)"?)?\s*\]\s*\{', re.MULTILINE)
+_POSITION = re.compile(r'^[ \t]*P\[\s*(\d+)\s*(?::\s*"?([^"\]]*)"?)?\s*\]\s*\{', re.MULTILINE)
 _GROUP = re.compile(r"\bGP(\d+)\s*:", re.IGNORECASE)
 _FRAMES = re.compile(r"\bUF\s*:\s*(\w+)\s*,\s*UT\s*:\s*(\w+)", re.IGNORECASE)
 _FIELD = re.compile(r"\b([A-Z]\d?)\s*=\s*([^\s,]+)\s*([A-Za-z]*)")
@@ -16,12 +16,12 @@ _VARIABLE = re.compile(r"^\[\*(\w+)\*\](\$?\w+)[^\n]*$", re.MULTILINE)
 _ENTRY = re.compile(r"^[ \t]*\[\s*(\d+)\s*,\s*(\d+)\s*\]\s*=[ \t]*(?:'([^']*)')?", re.MULTILINE)
 _COMPONENT = re.compile(r"\b(J\d|[XYZWPRE]\d?)\s*[:=]\s*([^\s,]+)(?:\s*(mm|deg|in)\b)?")
 _SETS = re.compile(
-    r"^\s*\d+:\s*(?:PR\[(\d+)[^\],]*\]\s*=\s*[LJ]POS|PR\[(\d+)[^\],]*,\s*([1-6])\]\s*=\s*(\(?"
+    r"^[ \t]*\d+:\s*(?:PR\[(\d+)[^\],]*\]\s*=\s*[LJ]POS|PR\[(\d+)[^\],]*,\s*([1-6])\]\s*=\s*(\(?"
     + NUMBER
     + r"\)?)\s*;|(UTOOL|UFRAME)\[(\d+)[^\]]*\]\s*=\s*PR\[(\d+)[^\],]*\]\s*;)",
     re.MULTILINE,
 )
-_MOVE = re.compile(r"^\s*\d*\s*:\s*[JLCA]\s+(PR?\[[^\n]*)", re.MULTILINE)
+_MOVE = re.compile(r"^[ \t]*\d*[ \t]*:[ \t]*[JLCA][ \t]+(PR?\[[^\n]*)", re.MULTILINE)
 _OFFSET = re.compile(r"\b(?:[A-Z]+_)?V?(?:OFFSET|VERSATZ)\b", re.IGNORECASE)
 _NAMES = ("X", "Y", "Z", "W", "P", "R")
 _UNITS = {**dict.fromkeys("XYZ", ("mm",)), **dict.fromkeys("WPR", ("deg",))}
@@ -37,7 +37,7 @@ def find(data: bytes, name: str) -> Found:
 
 
 def _program(source: Source, found: Found) -> None:
-    section = re.search(r"^\s*/POS\b", source.text, re.MULTILINE)
+    section = re.search(r"^[ \t]*/POS\b", source.text, re.MULTILINE)
     begin = section.end() if section else 0
     _assigned(source, begin if section else len(source.text), found)
     incremental = _incremental(source.text[:begin])
@@ -77,7 +77,7 @@ def _assigned(source: Source, end: int, found: Found) -> None:
                 found.skip(line, f"{step[5]}[{step[6]}]: PR[{step[7]}] has no six numbers in the program")
                 continue
             pose = tuple(values[i] for i in range(1, 7))
-            frame = Frame(int(step[6]), None, pose, "fanuc", line, source.name)
+            frame = Frame(int(step[6]), None, pose, "fanuc", line, source.name, by_program=True)
             (found.tools if step[5].upper() == "UTOOL" else found.frames).append(frame)
 
 
@@ -94,7 +94,7 @@ def _moves(source: Source, end: int, found: Found) -> dict[str, int]:
 
 
 def _incremental(program: str) -> set[int]:
-    moves = re.findall(r"^\s*\d*:?\s*[JLCA]\s+P\[\s*(\d+)[^\]]*\][^;]*\bINC\b", program, re.MULTILINE)
+    moves = re.findall(r"^[ \t]*\d*:?[ \t]*[JLCA][ \t]+P\[\s*(\d+)[^\]]*\][^;]*\bINC\b", program, re.MULTILINE)
     return {int(index) for index in moves}
 
 

@@ -24,7 +24,7 @@ class Kawasaki(Brand):
     conventions = (CONVENTION,)
     rank = 7
     endings = (".as", ".pg", ".lc", ".txt")
-    marks = r"^\s*\.(?:TRANS|JOINTS|REALS|PROGRAM|NETCONF|ROBOTDATA\d*|SYSDATA)\b"
+    marks = r"^[ \t]*\.(?:TRANS|JOINTS|REALS|PROGRAM|NETCONF|ROBOTDATA\d*|SYSDATA)\b"
     flange = frozenset({"0", "null"})
     base = frozenset({"0", "null"})
     definitions = "the file saved with SAVE, with its .TRANS section"

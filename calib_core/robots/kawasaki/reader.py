@@ -6,14 +6,14 @@ from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import CALCULATED, CUT, require_count
 from calib_core.robots.text import numbers, source_of, without_comments
 
-_SECTION = re.compile(r"^\s*\.(TRANS|JOINTS|REALS|STRINGS|INTEGER|PROGRAM|END|[A-Z_]+)\b(.*)$", re.IGNORECASE)
+_SECTION = re.compile(r"^[ \t]*\.(TRANS|JOINTS|REALS|STRINGS|INTEGER|PROGRAM|END|[A-Z_]+)\b(.*)$", re.IGNORECASE)
 _NAME = r"#?[A-Za-z_][\w.]*(?:\[[\d,\s]*\])?"
-_ROW = re.compile(rf'^\s*"?({_NAME})"?\s+(\S.*)$')
+_ROW = re.compile(rf'^[ \t]*"?({_NAME})"?\s+(\S.*)$')
 _TRANS = r"TRANS\s*\(([^()]*)\)"
-_POINT = re.compile(rf"^\s*POINT\s+({_NAME})\s*=\s*(.+)$", re.IGNORECASE)
-_FRAME = re.compile(r"^\s*(TOOL|BASE)\s+(\S.*?)\s*$", re.IGNORECASE)
+_POINT = re.compile(rf"^[ \t]*POINT\s+({_NAME})\s*=\s*(.+)$", re.IGNORECASE)
+_FRAME = re.compile(r"^[ \t]*(TOOL|BASE)\s+(\S.*?)\s*$", re.IGNORECASE)
 _MOVE = re.compile(
-    rf"^\s*(LMOVE|JMOVE|LAPPRO|JAPPRO|C1MOVE|C2MOVE|HMOVE|XMOVE)\s+({_NAME})\s*(.*)$", re.IGNORECASE
+    rf"^[ \t]*(LMOVE|JMOVE|LAPPRO|JAPPRO|C1MOVE|C2MOVE|HMOVE|XMOVE)\s+({_NAME})\s*(.*)$", re.IGNORECASE
 )
 
 

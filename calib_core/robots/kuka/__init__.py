@@ -25,7 +25,8 @@ class Kuka(Brand):
     rank = 3
     endings = (".src", ".dat", ".sub")
     marks = (
-        r"^\s*(?:&ACCESS|DEFDAT\b|(?:GLOBAL\s+)?DEF\s+\w+\s*\([^)\n]*\)\s*$|\$?(?:TOOL|BASE)_DATA\[\s*\d+\s*\]\s*=|"
+        r"^[ \t]*(?:&ACCESS|DEFDAT\b|(?:GLOBAL\s+)?DEF\s+\w+\s*\([^)\n]*\)\s*$|"
+        r"\$?(?:TOOL|BASE)_DATA\[\s*\d+\s*\]\s*=|"
         r"(?:DECL\s+)?(?:GLOBAL\s+)?(?:E6POS|E6AXIS|FDAT|POS|FRAME)\s+\w+(?:\[\d+\])?\s*=\s*\{)"
     )
     definitions = "$config.dat"

@@ -14,20 +14,20 @@ from calib_core.robots.text import closing, source_of, split_top, without_commen
 
 _TYPES = "E6POS|POS|E3POS|FRAME|E6AXIS|E3AXIS|AXIS"
 _ASSIGNED = re.compile(
-    rf"^\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:CONST\s+)?(?:({_TYPES}|FDAT|BASIS_SUGG_T|\w+)\s+)?"
+    rf"^[ \t]*(?:DECL\s+)?(?:GLOBAL\s+)?(?:CONST\s+)?(?:({_TYPES}|FDAT|BASIS_SUGG_T|\w+)\s+)?"
     r"(\$?\w+(?:\[[^\]]*\])?)\s*=\s*(?=\{)",
     re.IGNORECASE,
 )
-_NAMED = re.compile(r'^\s*(TOOL|BASE)_NAME\[\s*(\d+)\s*,\s*\]\s*=\s*"([^"]*)"', re.IGNORECASE)
-_TYPED = re.compile(r"^\s*(TOOL|BASE)_TYPE\[\s*(\d+)\s*\]\s*=\s*#(\w+)", re.IGNORECASE)
-_SYSTEM = re.compile(r"^\s*(?:DECL\s+)?(?:FRAME\s+)?\$?(TOOL|BASE)_DATA\[\s*(\d+)\s*\]$", re.IGNORECASE)
-_ACTIVE = re.compile(r"^\s*\$(TOOL|BASE)\s*=\s*(.+?)\s*$", re.IGNORECASE)
+_NAMED = re.compile(r'^[ \t]*(TOOL|BASE)_NAME\[\s*(\d+)\s*,\s*\]\s*=\s*"([^"]*)"', re.IGNORECASE)
+_TYPED = re.compile(r"^[ \t]*(TOOL|BASE)_TYPE\[\s*(\d+)\s*\]\s*=\s*#(\w+)", re.IGNORECASE)
+_SYSTEM = re.compile(r"^[ \t]*(?:DECL\s+)?(?:FRAME\s+)?\$?(TOOL|BASE)_DATA\[\s*(\d+)\s*\]$", re.IGNORECASE)
+_ACTIVE = re.compile(r"^[ \t]*\$(TOOL|BASE)\s*=\s*(.+?)\s*$", re.IGNORECASE)
 _BASIS = re.compile(r"\bBAS\s*\(\s*#(TOOL|BASE)\s*,\s*(\d+)\s*\)", re.IGNORECASE)
-_MOVE = re.compile(r"^\s*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b\s*(.*)$", re.IGNORECASE)
+_MOVE = re.compile(r"^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b\s*(.*)$", re.IGNORECASE)
 _TARGET = re.compile(r"(\w+(?:\[[\d\s,]+\])?)\s*(.?)")
 _CALCULATES = (":", "[", "(", ".")
-_BEGIN = re.compile(r"^\s*(?:GLOBAL\s+)?(?:DEF|DEFFCT)\b", re.IGNORECASE)
-_SYSTEM_LIST = re.compile(r"^\s*DEFDAT\s+\$", re.IGNORECASE)
+_BEGIN = re.compile(r"^[ \t]*(?:GLOBAL\s+)?(?:DEF|DEFFCT)\b", re.IGNORECASE)
+_SYSTEM_LIST = re.compile(r"^[ \t]*DEFDAT\s+\$", re.IGNORECASE)
 _POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
 _EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
 
@@ -206,7 +206,7 @@ class _Program:
 
 def _fields(text: str) -> dict[str, str]:
     """Return the values of a list such as ``{X 1.0,Y 2.0}`` or ``{E6POS: X 1.0}`` by their names."""
-    inside = re.sub(r"^\s*\w+\s*:", "", text.strip()[1:-1])
+    inside = re.sub(r"^[ \t]*\w+\s*:", "", text.strip()[1:-1])
     fields: dict[str, str] = {}
     for _, part in split_top(inside):
         named = re.fullmatch(r"\s*([A-Za-z_]\w*)(?:\[\s*\])?\s+(\S.*?)\s*", part, re.DOTALL)

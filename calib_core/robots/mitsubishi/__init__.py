@@ -24,7 +24,9 @@ class Mitsubishi(Brand):
     conventions = (CONVENTION,)
     rank = 8
     endings = (".prg", ".mb4", ".mb5", ".mb6", ".pos", ".txt")
-    marks = r"^\s*(?:\d+\s+)?(?:Def\s+Pos\b|Tool\s*\([-+.\d]|P\w+(?:\(\d+\))?\s*=\s*\([-+.\d eE,]+\)\s*\(\d+\s*,)"
+    marks = (
+        r"^[ \t]*(?:\d+\s+)?(?:Def\s+Pos\b|Tool\s*\([-+.\d]|P\w+(?:\(\d+\))?\s*=\s*\([-+.\d eE,]+\)\s*\(\d+\s*,)"
+    )
     definitions = "the program with its Tool and Base lines"
 
 

@@ -24,7 +24,7 @@ class Nachi(Brand):
     conventions = (CONVENTION,)
     rank = 9
     endings = (".src", ".txt")
-    marks = r"^\s*MOVEX\s+A\s*="
+    marks = r"^[ \t]*MOVEX\s+A\s*="
     definitions = "the controller's tool constants"
 
 

@@ -4,10 +4,10 @@ from calib_core.robots.controller_file import Found
 from calib_core.robots.statements import VALUES, Rule, find_by_rules
 
 _RULES = (
-    Rule("pose", rf"""^\s*MOVEX\b.*?,\s*M1X\s*,\s*[PLC]\s*,\s*\({VALUES}\)(?:.*?\bH\s*=\s*(?P<tool>\d+))?"""),
-    Rule("joints", rf"""^\s*MOVEX\b.*?,\s*M1J\s*,\s*[PLC]\s*,\s*\({VALUES}\)"""),
+    Rule("pose", rf"""^[ \t]*MOVEX\b.*?,\s*M1X\s*,\s*[PLC]\s*,\s*\({VALUES}\)(?:.*?\bH\s*=\s*(?P<tool>\d+))?"""),
+    Rule("joints", rf"""^[ \t]*MOVEX\b.*?,\s*M1J\s*,\s*[PLC]\s*,\s*\({VALUES}\)"""),
 )
-_HEADS = r"""^\s*MOVEX\b"""
+_HEADS = r"""^[ \t]*MOVEX\b"""
 
 
 def find(data: bytes, name: str) -> Found:

@@ -24,7 +24,7 @@ CONVENTION = Convention(
     1000.0,
 )
 _BINARY = ("\x89MCAP0\n", "SQLite format 3\0")
-_YAML = r"^\s*(?:- )?(?:orientation|rotation)\s*:\s*(?:\{[^}\n]*\bw\s*:|\n\s+\w\s*:)"
+_YAML = r"^[ \t]*(?:- )?(?:orientation|rotation)\s*:\s*(?:\{[^}\n]*\bw\s*:|\n\s+\w\s*:)"
 _ECHO = r"^- Translation: \[|static_transform_publisher|<joint\b[^>]*type=\"fixed\"|^\s+tracking_base_frame:"
 
 

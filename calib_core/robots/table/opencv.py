@@ -94,5 +94,5 @@ def _partner(node: str, nodes: dict[str, FloatArray]) -> str | None:
 
 def _line(text: str, node: str) -> int:
     last = re.escape(node.rsplit(".", 1)[-1])
-    match = re.search(rf"^\s*(?:<{last}\b|\"?{last}\"?\s*:)", text, re.MULTILINE)
+    match = re.search(rf"^[ \t]*(?:<{last}\b|\"?{last}\"?\s*:)", text, re.MULTILINE)
     return text.count("\n", 0, match.start() + len(match[0]) - len(match[0].lstrip())) + 1 if match else 1

@@ -65,6 +65,7 @@ export const result = {
   "remedy.diameter": "Set the diameter to {diameter} mm",
   "remedy.pose-reading": "Convert the poses",
   "remedy.swapped-poses": "Exchange the poses",
+  "remedy.pose-list-order": "Hand the poses out anew",
   "remedy.shifted-poses": "Put the poses in place",
   "remedy.moved-sphere": "Leave out {count} captures",
   "remedy.changed-tool": "Leave out {count} captures",

@@ -1,0 +1,81 @@
+"""Whole backups: a bad file is skipped and named, blank runs cost nothing, state outranks programs."""
+
+import contextlib
+import io
+import time
+import zipfile
+
+import pytest
+
+from calib_core.errors import InputError
+from calib_core.robots.backup import read_controller_files
+from calib_core.robots.registry import BRANDS
+from tests.core.robot_dialects import CONFIG
+
+STARTS = {
+    "abb": "MODULE a\n", "kuka": "DEFDAT X\n", "fanuc": "/PROG A\n", "ur": "p[1,2,3,4,5,6]\n",
+    "staubli": "<Database>", "kawasaki": ".TRANS\n", "mitsubishi": "Def Pos P1\n", "yaskawa": "/JOB\n//NAME A\n",
+    "nachi": "MOVEX A=1\n", "ros": "orientation: {x: 0, w: 1}\n", "comau": "PROGRAM a\n", "denso": "TakeArm\n",
+    "doosan": "posx(1,2,3,4,5,6)\n", "epson": "TLSet 1, XY(1,2,3,4,5,6)\n", "table": "name,x,y,z,qx,qy,qz,qw\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("brand", sorted(STARTS))
+@pytest.mark.parametrize("blank", ["\n", " \n", "\t\n"])
+def test_runs_of_blank_lines_cost_nothing(brand: str, blank: str) -> None:
+    reader = BRANDS.get(brand)
+    text = STARTS[brand] + blank * 8000 + STARTS[brand]
+    begun = time.process_time()
+    reader.recognises(text, "a.txt")
+    with contextlib.suppress(InputError):
+        reader.find(text.encode(), "a.txt")
+    assert time.process_time() - begun < 1.5
+
+
+def test_every_brand_is_tried() -> None:
+    assert set(STARTS) == {brand.name for brand in BRANDS if brand.reads}
+
+
+def damaged(archive: bytes, name: str) -> bytes:
+    """Return a zip with one byte of one entry's content changed."""
+    with zipfile.ZipFile(io.BytesIO(archive)) as packed:
+        entry = packed.getinfo(name)
+    at = entry.header_offset + 30 + len(name) + entry.compress_size // 2
+    return archive[:at] + bytes([archive[at] ^ 0xFF]) + archive[at + 1 :]
+
+
+def test_an_odd_entry_of_a_backup_is_skipped_and_named() -> None:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("KRC/$config.dat", CONFIG)
+        packed.writestr("log.txt", "nothing of use " * 400)
+        packed.writestr("inner.zip", b"PK\x03\x04 cut off")
+    whole = read_controller_files({"backup.zip": stream.getvalue()})
+    odd = read_controller_files({"backup.zip": damaged(stream.getvalue(), "log.txt")})
+    assert odd.tools == whole.tools
+    assert len(whole.tools) == 2
+    assert [row.file for row in odd.skipped if row not in whole.skipped] == ["log.txt"]
+    beside = read_controller_files({"$config.dat": CONFIG.encode(), "old.zip": b"PK\x03\x04 cut off"})
+    assert len(beside.tools) == 2
+    assert [row.file for row in beside.skipped if row.file == "old.zip"] == ["old.zip"]
+
+
+def test_the_controllers_state_outranks_a_program_and_both_are_shown() -> None:
+    state = """[*SYSTEM*]$MNUTOOL  Storage: CMOS  Access: RW  : ARRAY[2,10] OF POSITION
+     [1,1] =   Group: 1   Config: N D B, 0, 0, 0
+  X:    10.000   Y:    20.000   Z:   130.000
+  W:      .000   P:      .000   R:      .000
+"""
+    sets = [f"   {k}:  PR[9,{k}]={value} ;" for k, value in enumerate((1, 2, 3, 0, 0, 0), start=1)]
+    program = "\n".join(["/PROG SETUP", "/MN", *sets, "   7:  UTOOL[1]=PR[9] ;", "/POS", "/END", ""])
+    read = read_controller_files({"sysframe.va": state.encode(), "SETUP.LS": program.encode()}, "fanuc")
+    assert [tool.pose[:3] for tool in read.tools] == [(10.0, 20.0, 130.0)]
+    assert ["1, 2, 3" in row.reason for row in read.skipped if row.file == "SETUP.LS"] == [True]
+
+
+def test_a_backup_of_thousands_of_files_is_read_quickly() -> None:
+    files = {f"lib/page{k}.html": (f"<p style='a'>{k}</p>" * 300).encode() for k in range(2000)}
+    begun = time.process_time()
+    read = read_controller_files({**files, "$config.dat": CONFIG.encode()})
+    assert len(read.tools) == 2
+    assert time.process_time() - begun < 2.0 * len(files) / 100
