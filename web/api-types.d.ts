@@ -1796,7 +1796,7 @@ export interface Rollback {
 
 export interface RootCause {
   id: string;
-  kind: "pose-reading" | "swapped-poses" | "shifted-poses" | "moved-sphere" | "changed-tool" | "sphere-diameter" | "pose-list-order" | "point-unit" | "scaled-profile" | "table-direction" | "table-angles" | "not-the-flange";
+  kind: "pose-reading" | "swapped-poses" | "shifted-poses" | "moved-sphere" | "changed-tool" | "sphere-diameter" | "point-unit" | "scaled-profile" | "table-direction" | "table-angles" | "not-the-flange" | "scan-elsewhere" | "scanner-axis" | "pose-list-order";
   title?: string;
   sentence?: string;
   evidence?: BeforeAfter[];
