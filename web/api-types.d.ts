@@ -289,6 +289,7 @@ export interface CameraResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -417,6 +418,7 @@ export interface Cell {
 export interface CellDrift {
   series: DriftSeries[];
   flags?: string[];
+  trends?: string[];
   left_out?: Record<string, string>;
   within?: DriftWithin[];
 }
@@ -498,6 +500,7 @@ export interface ChainResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -644,6 +647,14 @@ export interface ControllerUpload {
   told?: string;
 }
 
+export interface DecidedBefore {
+  decision: string;
+  solved?: string | null;
+  left_out?: LeftOut[];
+  added?: string[];
+  limits?: string[];
+}
+
 export interface DeviceEntry {
   name: string;
   source: string;
@@ -686,6 +697,15 @@ export interface DriftSeries {
   title: string;
   unit: "mm" | "deg";
   points: DriftPoint[];
+  trend?: DriftTrend | null;
+}
+
+export interface DriftTrend {
+  per_session: number;
+  uncertainty: number;
+  chance: number;
+  sessions: number;
+  found: boolean;
 }
 
 export interface DriftWithin {
@@ -961,6 +981,7 @@ export interface HandEyeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -1059,6 +1080,7 @@ export interface LaserPlaneResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -1094,6 +1116,11 @@ export interface LeftInFiles {
   tool: number[];
   scanner: number[];
   turntable?: number[] | null;
+}
+
+export interface LeftOut {
+  capture: string;
+  because?: Excluded | null;
 }
 
 export interface LikelyColumns {
@@ -1153,7 +1180,7 @@ export interface MadeWebhook {
   id: string;
   url: string;
   name: string;
-  events: ("capture" | "result" | "verdict" | "job" | "session" | "release")[];
+  events: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift")[];
   cell: string | null;
   created: string;
   disabled: string | null;
@@ -1227,6 +1254,7 @@ export interface MergeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -1372,7 +1400,7 @@ export interface NewToken {
 export interface NewWebhook {
   url: string;
   name?: string;
-  events?: ("capture" | "result" | "verdict" | "job" | "session" | "release")[];
+  events?: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift")[];
   cell?: string | null;
 }
 
@@ -1628,6 +1656,7 @@ export interface RecheckResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -1913,6 +1942,7 @@ export interface SessionAnswer {
   limits_changed?: string[];
   workpiece_sigma_mm?: number | null;
   verified?: string | null;
+  decided_before?: DecidedBefore[];
   equipment?: Equipment[];
 }
 
@@ -2059,6 +2089,7 @@ export interface StoredCameraResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2142,6 +2173,7 @@ export interface StoredChainResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2192,6 +2224,7 @@ export interface StoredHandEyeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2223,6 +2256,7 @@ export interface StoredLaserPlaneResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2253,6 +2287,7 @@ export interface StoredMergeResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2297,6 +2332,7 @@ export interface StoredRecheckResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2339,6 +2375,7 @@ export interface StoredTcpResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2393,6 +2430,7 @@ export interface StoredTurntableResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2417,6 +2455,7 @@ export interface StoredVerifyResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2556,6 +2595,7 @@ export interface TcpResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2605,6 +2645,7 @@ export interface TimelineItem {
   verdict?: "pass" | "warn" | "fail" | null;
   software?: string | null;
   message?: string | null;
+  excluded_because?: Excluded | null;
 }
 
 export interface TokenRecord {
@@ -2698,6 +2739,7 @@ export interface TurntableResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2795,6 +2837,7 @@ export interface VerifyResult {
   inputs_sha256: string;
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
+  solved?: string | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2841,7 +2884,7 @@ export interface Webhook {
   id: string;
   url: string;
   name: string;
-  events: ("capture" | "result" | "verdict" | "job" | "session" | "release")[];
+  events: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift")[];
   cell: string | null;
   created: string;
   disabled: string | null;

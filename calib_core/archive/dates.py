@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from calib_core.errors import InputError
 from calib_core.moment import text_of, text_of_seconds
+from calib_core.steps import tool_stages
 
 ANSWER_FILE: Final = "answer.json"
 """The name of a session's answer in an archive."""
@@ -25,9 +26,12 @@ def solved_when(folder: Path, results: Mapping[str, Mapping[str, Any]], *, unpac
 
     Notes
     -----
-    The archive's `answer.json` tells it, as long as it is of the same results; of another folder, the time when
-    the newest of them was written.
+    The results tell it.  For those of earlier releases the archive's `answer.json` does, as long as it is of the
+    same results; of another folder, the time when the newest of them was written.
     """
+    own = [str(one["solved"]) for stage in tool_stages() if (one := results.get(stage)) and one.get("solved")]
+    if own:
+        return own[0]
     told = _told(folder / ANSWER_FILE, results)
     if told or unpacked:
         return told

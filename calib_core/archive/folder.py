@@ -18,6 +18,7 @@ from calib_core.disk import extended
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
 from calib_core.formats.shared.writing import write_atomically
+from calib_core.moment import now
 from calib_core.records import Record, Session, parse_session
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.plain_json import require_plain
@@ -145,10 +146,24 @@ def save_session(folder: Path, session: Session, files: Mapping[str, bytes]) -> 
 
 
 def write_result(folder: Path, stage: str, result: Record) -> Path:
-    """Write a stage's result as `results/<stage>.json` in a folder; returns its path, raises InputError."""
+    """Write a stage's result as `results/<stage>.json` in a folder; returns its path, raises InputError.
+
+    It is given the time, but where the very same result stands there already: that one keeps its own.
+    """
     path = folder / "results" / f"{stage}.json"
-    write_atomically(path, to_json_bytes(result_data(result)))
+    data = result_data(result)
+    data["solved"] = data.get("solved") or _solved_before(path, data) or now()
+    write_atomically(path, to_json_bytes(data))
     return path
+
+
+def _solved_before(path: Path, data: Mapping[str, Any]) -> str | None:
+    """Return when the result that a file holds was solved, None where it is another one or none."""
+    try:
+        stored = json.loads(path.read_bytes())
+        return stored["solved"] if {**stored, "solved": None} == {**data, "solved": None} else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def load_results(folder: Path) -> dict[str, dict[str, Any]]:

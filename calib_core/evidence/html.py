@@ -23,6 +23,7 @@ from calib_core.records.evidence import AnyBlock, Figure, Frame, Note, Picture, 
 
 STALE: Final = "Out of date: cell, captures or files have changed since. Solve again."
 
+_NUMBERS: Final = '<details class="numbers"><summary>The plot\'s numbers</summary>'
 _MARKS: Final = ("●", "■", "▲")
 _MATRIX_DECIMALS: Final = (6, 6, 6, 4)
 
@@ -127,7 +128,7 @@ def _table(table: Table) -> str:
     heads += '<th scope="col">Used</th>' if judged else ""
     caption = f'<p class="soft">{escape(table.caption)}</p>' if table.caption else ""
     rows = "".join(_row(row, table, css, judged) for row in table.rows)
-    return f'{caption}<div class="wide"><table><tr>{heads}</tr>{rows}</table></div>'
+    return f'{caption}<div class="wide"><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>'
 
 
 def _row(row: Row, table: Table, css: Sequence[str], judged: bool) -> str:
@@ -159,7 +160,7 @@ def _numbers_of(plot: Plot) -> str:
         f'<th scope="col">{escape(head)}</th>'
         for head in ("Series", plot.x.label, with_unit(plot.y.label, f"({plot.y.unit})" if plot.y.unit else ""))
     )
-    return f"<details><summary>The plot's numbers</summary><table><tr>{heads}</tr>{rows}</table></details>"
+    return f"{_NUMBERS}<table><tr>{heads}</tr>{rows}</table></details>"
 
 
 def _point_rows(plot: Plot) -> Iterator[str]:

@@ -14,6 +14,12 @@ STYLE: Final = """
   .scancell { --ink: #000; --soft: #444; --line: #bbb; --accent: #0b62c4; --second: #9a4d00; --third: #6f3fb0;
     --band: #eef3fa; --pass: #13703d; --warn: #8a5200; --fail: #b3261e; --paper: #fff; }
   .scancell details::details-content { content-visibility: visible; height: auto; }
+  .scancell details.numbers { display: none; }
+  .scancell summary { list-style: none; }
+  .scancell .wide { overflow: visible; }
+  .scancell .wide table { width: 100%; font-size: 10px; }
+  .scancell .wide th, .scancell .wide td { padding: 2px 5px 2px 0; }
+  .scancell thead { display: table-header-group; }
 }
 .scancell.notebook { background: var(--paper); padding: 1px 12px; }
 .scancell h3 { margin: 22px 0 6px; font-size: 16px; }

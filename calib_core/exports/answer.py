@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -12,10 +12,12 @@ from calib_core.cell.found import scanner_frame
 from calib_core.errors import ConflictError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Record, Session
+from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.faults import in_order, refuse_faults
 from calib_core.steps import tool_stages
 
-_NOT_CONFIRMED = ("fail", "conditional-fail")
+NOT_CONFIRMED: Final = ("fail", "conditional-fail")
+"""Decisions of a verification that make the fault `verify-fail`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,8 @@ class Answer:
         another verification.
     of_moment : tuple of str
         The faults that were worked out when somebody asked; not stored with it.
+    decided_before : tuple of DecidedBefore
+        Decisions after which the verification's evidence was changed.
     """
 
     session: Session
@@ -62,6 +66,7 @@ class Answer:
     warnings: tuple[str, ...] = field(default=())
     decision: str | None = None
     of_moment: tuple[str, ...] = ()
+    decided_before: tuple[DecidedBefore, ...] = ()
 
     @property
     def tool0_from_laser(self) -> RigidTransform:
@@ -81,7 +86,7 @@ class Answer:
         holds = {
             "stale": self.stale,
             "fail": self.verdict == "fail",
-            "verify-fail": self.decision in _NOT_CONFIRMED,
+            "verify-fail": self.decision in NOT_CONFIRMED,
         }
         return in_order(name for name, held in holds.items() if held)
 
@@ -168,7 +173,7 @@ def answer_of(
         date=date,
         stale=any(part in stale for part in parts),
         warnings=tuple(result.get("warnings", ())),
-        decision=decision if "verify" not in stale or decision in _NOT_CONFIRMED else None,
+        decision=decision if "verify" not in stale or decision in NOT_CONFIRMED else None,
     )
 
 

@@ -39,7 +39,8 @@ class Result(Record):
     `calib_core.findings.judgement`: `verdict`; `warnings`, doubts, one sentence a cause; `notes`, what else is
     worth knowing; `causes`, the root causes that were found, the likeliest first, with what would mend them.
     `frames` are all transforms that it found. `evidence` is the result told in blocks, as terminal, report and
-    page show it.  `pose_convention` is the cell's when it was solved.
+    page show it.  `pose_convention` is the cell's when it was solved, `solved` when that was (ISO 8601,
+    told by whoever stores it).
     """
 
     method: str
@@ -48,6 +49,7 @@ class Result(Record):
     inputs_sha256: str
     verdict: Verdict
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] = Field(default_factory=list[Finding])
     warnings: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)

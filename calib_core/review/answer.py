@@ -17,6 +17,7 @@ from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Finite, Matrix4, Record, Session, Verdict
 from calib_core.records.base import Rows
 from calib_core.records.callbacks import ReadFile
+from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.policy import Equipment
 
 _FORMAT: Final = "scancell-answer/1"
@@ -42,7 +43,8 @@ class SessionAnswer(Record):
     error contributes, where the stage says it; `decision` that of the latest verification,
     `limits_changed` which of its limits were changed after its first capture; `workpiece_sigma_mm` how well a
     point at the workpiece is known in its worst direction (one sigma); `verified` is when the latest verification
-    was solved, `equipment` what it was found with.
+    was solved, `equipment` what it was found with; `decided_before` tells decisions after which captures were left
+    out or added, or limits changed.
     """
 
     format: str = _FORMAT
@@ -70,6 +72,7 @@ class SessionAnswer(Record):
     limits_changed: list[str] = Field(default_factory=list[str])
     workpiece_sigma_mm: float | None = None
     verified: str | None = None
+    decided_before: list[DecidedBefore] = Field(default_factory=list[DecidedBefore])
     equipment: list[Equipment] = Field(default_factory=list[Equipment])
 
 
@@ -116,6 +119,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
         workpiece_sigma_mm=_workpiece_sigma_mm(answer),
         verified=answer.results.get("verify", {}).get("solved"),
         equipment=session.cell.equipment or [],
+        decided_before=list(answer.decided_before),
     )
 
 

@@ -15,12 +15,15 @@ from pydantic import Field
 
 from calib_core.cell.found import scanner_frame
 from calib_core.errors import InputError
+from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.records import Finite, Record
 from calib_core.steps import tool_stages
 
 FALSE_ALARM: Final = 6e-4
+FALSE_TREND: Final = 0.005
 _LEAST_SIGMA: Final = 1e-9
+_LEAST_OF_TREND: Final = 4
 
 
 class DriftPoint(Record):
@@ -40,13 +43,27 @@ class DriftPoint(Record):
     level: int
 
 
+class DriftTrend(Record):
+    """A straight line through the sessions since the last step: its slope a session, ± `uncertainty` (k = 2).
+
+    `chance` is how often sessions without a trend show as much; `found` where that is rare.
+    """
+
+    per_session: Finite
+    uncertainty: Finite
+    chance: Finite
+    sessions: int
+    found: bool
+
+
 class DriftSeries(Record):
-    """A figure over a cell's sessions, the oldest first."""
+    """A figure over a cell's sessions, the oldest first; `trend` is that since the last step."""
 
     figure: Literal["tool", "tool-orientation", "axis", "axis-direction", "verification"]
     title: str
     unit: Literal["mm", "deg"]
     points: list[DriftPoint]
+    trend: DriftTrend | None = None
 
 
 class DriftWithin(Record):
@@ -65,11 +82,14 @@ class DriftWithin(Record):
 class CellDrift(Record):
     """A cell's sessions over time; `flags` has a sentence for each change that is larger than its uncertainty.
 
+    `trends` has one for each figure that creeps: a warning, no fault.
+
     `left_out` says which sessions do not count, and why; `within` how far each drifted while it was captured.
     """
 
     series: list[DriftSeries]
     flags: list[str] = Field(default_factory=list[str])
+    trends: list[str] = Field(default_factory=list[str])
     left_out: dict[str, str] = Field(default_factory=dict[str, str])
     within: list[DriftWithin] = Field(default_factory=list[DriftWithin])
 
@@ -135,7 +155,8 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
     ]
     series = [one for one in found if one.points]
     flags = [said for one in series for said in _flags(one)]
-    return CellDrift(series=series, flags=flags, left_out=left_out, within=within)
+    trends = [said for one in series if (said := _creeping(one))]
+    return CellDrift(series=series, flags=flags, trends=trends, left_out=left_out, within=within)
 
 
 def charted(measured: Sequence[Measured]) -> list[tuple[float, float, float | None, bool, int]]:
@@ -196,7 +217,48 @@ def _series(figure: Any, title: str, unit: Literal["mm", "deg"], measured: Seque
         )
         for one, (change, uncertainty, limit, flagged, level) in zip(measured, charted(measured), strict=True)
     ]
-    return DriftSeries(figure=figure, title=title, unit=unit, points=points)
+    since = [one for one, point in zip(measured, points, strict=True) if point.level == points[-1].level]
+    return DriftSeries(figure=figure, title=title, unit=unit, points=points, trend=trend_of(since))
+
+
+def trend_of(measured: Sequence[Measured]) -> DriftTrend | None:
+    """Return a straight line through sessions by generalised least squares; None of fewer than four.
+
+    Its slope's squared length in sigmas is of as many degrees of freedom as the figure has.
+    """
+    count = len(measured)
+    if count < _LEAST_OF_TREND:
+        return None
+    size = len(measured[0].value)
+    information, weighed = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
+    for place, one in enumerate(measured):
+        design = np.hstack([np.eye(size), (place - (count - 1) / 2) * np.eye(size)])
+        known = np.linalg.inv(one.covariance)
+        information += design.T @ known @ design
+        weighed += design.T @ known @ one.value
+    covariance: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    slope, spread = (covariance @ weighed)[size:], covariance[size:, size:]
+    chance = chance_of(float(slope @ np.linalg.solve(spread, slope)), size)
+    length = float(np.linalg.norm(slope))
+    return DriftTrend(
+        per_session=length,
+        uncertainty=2 * _worst(spread),
+        chance=chance,
+        sessions=count,
+        found=chance < FALSE_TREND,
+    )
+
+
+def _creeping(series: DriftSeries) -> str:
+    """Return what is said of a trend, nothing where there is none."""
+    trend = series.trend
+    if trend is None or not trend.found:
+        return ""
+    unit, digits = ("mm", 3) if series.unit == "mm" else ("°", 4)
+    return (
+        f"{series.title} creeps by {trend.per_session:.{digits}f} ± {trend.uncertainty:.{digits}f} {unit} "
+        f"a session over {trend.sessions} sessions."
+    )
 
 
 def _flags(series: DriftSeries) -> list[str]:

@@ -30,7 +30,7 @@ deviations of their row and column: a zero is never quite zero."""
 
 MAX_LISTED: Final = 100
 
-_ABOUT: Final = ("software", "method", "method_revision", "inputs_sha256")  # they explain a difference
+_ABOUT: Final = ("software", "method", "method_revision", "inputs_sha256", "solved")  # they explain a difference
 _WORDS: Final = ("findings", "warnings", "notes", "evidence", "frames")  # they tell the numbers
 _MISSING: Final = object()
 

@@ -44,6 +44,7 @@ def corrected_capture(
     capture_id: str,
     changes: Mapping[str, object],
     if_match: str | None,
+    who: str = "",
 ) -> tuple[Data, str]:
     """Change a capture's record, measure it anew, and return it with its new ETag; its files stay as they came.
 
@@ -56,12 +57,12 @@ def corrected_capture(
         stored = load_session(db, store.blobs, session_id)
         before = capture_row(db, session_id, capture_id)
         record, revision, measured_before = before.record, before.revision, before.measured
-    capture = _changed(record, changes)
+    capture = _changed(record, _with_reason(record, changes, who))
     check_poses(stored.session, capture)
     try:
         measured = Measurer(measure, stored.session, lambda: calibrated(stored)).measure(capture, stored.reader)
     except DamagedError:
-        if set(changes) != {"excluded"}:
+        if not set(changes) <= {"excluded", "excluded_because"}:
             raise
         # What the disk has spoiled can still be left out: that is what makes the others count again.
         measured = Measured.model_validate(measured_before)
@@ -141,6 +142,20 @@ def _with_limit_changes(before: Session, after: Session, who: str) -> Session:
         return after
     limits = new.model_copy(update={"changes": kept})
     return after.model_copy(update={"cell": after.cell.model_copy(update={"verification": limits})})
+
+
+def _with_reason(record: Data, changes: Mapping[str, object], who: str) -> Mapping[str, object]:
+    """Return the changes with who leaves the capture out, and when; what is used again has no reason any more."""
+    if "excluded" not in changes:
+        return changes
+    if not changes["excluded"]:
+        return {**changes, "excluded_because": None}
+    if record.get("excluded"):
+        return changes
+    given = changes.get("excluded_because")
+    why = given.get("why") if isinstance(given, Mapping) else None
+    because = {"who": who, "when": now(), **({"why": str(why)[:1000]} if why else {})}
+    return {**changes, "excluded_because": because}
 
 
 def _changed(record: Data, changes: Mapping[str, object]) -> Capture:

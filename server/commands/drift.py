@@ -83,6 +83,7 @@ def _text(found: "CellDrift") -> str:
         lines.append(f"  {one.name:<24} {one.drift_mm:10.4f} ± {one.uncertainty_mm:.4f}{mark}")
     lines += [f"{one.name}: {one.sentence}" for one in found.within if one.found]
     lines += found.flags or _unchanged(found)
+    lines += found.trends
     lines += [f"{session}: {why}" for session, why in found.left_out.items()]
     return "\n".join(lines)
 

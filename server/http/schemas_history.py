@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import BaseModel
 
 from calib_core.records import Guide, Session, StepName, Verdict
+from calib_core.records.policy import Excluded
 from calib_core.review.compare import Comparison
 from calib_core.review.replay import Replay
 from server.http.schemas import StoredCapture
@@ -15,7 +16,7 @@ class TimelineItem(BaseModel):
     """One thing that happened: a capture came, a stage was solved or could not be; the last one is `now`.
 
     `removed` says of a capture that it is not in the session any more; it then stands before the first result that
-    used it. `message` says why a solve failed.
+    used it. `message` says why a solve failed, `excluded_because` who left a capture out.
     """
 
     place: int
@@ -29,6 +30,7 @@ class TimelineItem(BaseModel):
     verdict: Verdict | None = None
     software: str | None = None
     message: str | None = None
+    excluded_because: Excluded | None = None
 
 
 class Timeline(BaseModel):

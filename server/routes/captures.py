@@ -32,6 +32,7 @@ from server.routes.dependencies import (
     StoreDep,
     UploadMemoryDep,
 )
+from server.routes.tokens import IdentityDep
 from server.sources.simulated import SOURCE as SIMULATED
 from server.sources.simulated import SimulatedSettings
 from server.sources.source import Occasion, Settings, Source, Taken
@@ -156,13 +157,16 @@ def change(
     session_id: SessionId,
     capture_id: CaptureId,
     body: CaptureChanges,
+    identity: IdentityDep,
     store: StoreDep,
     measuring: MeasuringDep,
     if_match: IfMatch = None,
 ) -> Response:
     """Correct a capture's record; its files stay as they came."""
     changes = {name: value for name, value in body.model_dump(exclude_unset=True).items() if name != "measured"}
-    answer, tag = corrected_capture(store, measuring.measure, session_id, capture_id, changes, if_match)
+    answer, tag = corrected_capture(
+        store, measuring.measure, session_id, capture_id, changes, if_match, identity.name
+    )
     return JSONResponse(answer, headers={"ETag": tag})
 
 

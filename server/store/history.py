@@ -174,7 +174,10 @@ def _captures(db: Transaction, session_id: str, past: Sequence[PastResult]) -> I
     for row in rows:
         since[row.id] = row.created
         data = {"kind": "capture", "at": row.created, "capture": row.id, "step": row.record["step"]}
-        yield (row.created, 0, row.position), {**data, "verdict": row.measured["verdict"], "removed": False}
+        told_of = {"verdict": row.measured["verdict"], "removed": False}
+        if because := row.record.get("excluded_because"):
+            told_of["excluded_because"] = because
+        yield (row.created, 0, row.position), {**data, **told_of}
     told: set[str] = set()
     for result in past:
         for position, capture in enumerate(result.session.captures if result.session else ()):

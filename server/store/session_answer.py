@@ -1,6 +1,7 @@
 """A session's answer: as its latest results have it, with when they were solved, and whether it is stale."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Final
 
 from sqlalchemy import func, select
@@ -9,6 +10,8 @@ from sqlalchemy.orm import undefer
 
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.records import parse_session
+from calib_core.records.decided_before import DecidedBefore
+from calib_core.review.decided_before import decided_before
 from server.store.models import ResultRow
 from server.store.sessions import StoredSession
 
@@ -36,7 +39,17 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
     if answer.stale and row.solved_from is not None:
         then = parse_session(row.solved_from["session"], stored.id)
         session = session.model_copy(update={"cell": then.cell, "captures": then.captures})
-    return answer_of(session, stored.results, stale, row.created)
+    answer = answer_of(session, stored.results, stale, row.record.get("solved") or row.created)
+    return replace(answer, decided_before=tuple(_decided_before(db, stored)))
+
+
+def _decided_before(db: Transaction, stored: StoredSession) -> list[DecidedBefore]:
+    """Return the decisions after which the verification's evidence was changed."""
+    of_verify = (ResultRow.session_id == stored.id, ResultRow.stage == "verify")
+    if (db.scalar(select(func.count()).where(*of_verify)) or 0) < 2:
+        return []
+    records = db.scalars(select(ResultRow.record).where(*of_verify).order_by(ResultRow.number))
+    return decided_before(list(records), stored.session)
 
 
 def answer_headers(answer: Answer) -> Mapping[str, str]:

@@ -5,13 +5,16 @@ from collections.abc import Mapping
 from sqlalchemy import bindparam, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 
+from calib_core.exports.answer import NOT_CONFIRMED
 from calib_core.moment import now
+from calib_core.steps import tool_stages
 from server.store.database import record_event
 from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, required
 from server.store.paging import Page, after_cursor, page_of
 from server.store.process_data import Output
 from server.store.sessions import locked_session, new_id
-from server.store.webhooks import tell
+from server.store.standing import open_steps
+from server.store.webhooks import tell, wanted
 
 _LATEST_VERDICT = (
     select(ResultRow.verdict)
@@ -130,6 +133,8 @@ def store_result(
 
     The files that the stage made before give way to `outputs`; returns their digests.
     """
+    if solved_from is not None:  # solved here; what came with an archive says it itself
+        record = {**record, "solved": record.get("solved") or created or now()}
     before = db.scalars(_LATEST_VERDICT, {"session_id": session.id, "stage": stage}).first()
     db.add(
         ResultRow(
@@ -154,6 +159,14 @@ def store_result(
             "findings": record.get("findings", []),
         }
         tell(db, "verdict", session.id, data)
+    if record.get("decision") in NOT_CONFIRMED:
+        told = {"stage": stage, "decision": record["decision"], "findings": record.get("findings", [])}
+        tell(db, "verify-fail", session.id, told)
+    if stage in tool_stages() and wanted(db, "drift"):
+        db.flush()
+        steps = open_steps(db, session.cell_id)
+        if session.id in steps:
+            tell(db, "drift", session.id, {"cell": session.cell_id, "sessions": sorted(steps)})
     return former
 
 

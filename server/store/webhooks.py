@@ -13,10 +13,10 @@ from calib_core.moment import from_now, now
 from server.store.models import Base, Data, EventRow, SessionRow, required
 from server.store.paging import Page, after_cursor, page_of
 
-Kind = Literal["capture", "result", "verdict", "job", "session", "release"]
+Kind = Literal["capture", "result", "verdict", "job", "session", "release", "verify-fail", "drift"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 """What a webhook may be told: captures that came or changed, results, verdicts that differ from the one before,
-jobs that ended, sessions, and answers that were released."""
+jobs that ended, sessions, answers that were released, verifications that failed, and steps of a cell."""
 
 PING: Final = "ping"
 _WAITS_S: Final = (5, 30, 120, 600, 3600, 3 * 3600, 6 * 3600, 12 * 3600, 24 * 3600)
@@ -133,6 +133,11 @@ def tell(db: Session, kind: str, session_id: str, data: Data, cell: str | None =
     for webhook_id, events, only_cell in db.info[_CACHE]:
         if kind in events.split(",") and (only_cell is None or only_cell == (cell or _cell_of(db, session_id))):
             send(db, webhook_id, kind, session_id, data)
+
+
+def wanted(db: Session, kind: str) -> bool:
+    """Return whether a webhook wants to be told of such events."""
+    return any(kind in events.split(",") for _, events, _ in db.execute(_WANTED))
 
 
 def tell_event(db: Session, event: EventRow) -> None:

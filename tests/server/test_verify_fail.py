@@ -75,3 +75,29 @@ def test_rest_refuses_export_release_and_rollback(client: httpx.Client, archive:
     with zipfile.ZipFile(BytesIO(archive)) as packed:
         (name,) = (name for name in packed.namelist() if name.endswith("data/answer.json"))
         assert json.loads(packed.read(name))["faults"] == ["verify-fail"]
+
+
+def test_a_capture_that_was_left_out_after_a_decision_is_told(client: httpx.Client, archive: bytes) -> None:
+    made = client.post("/archives", content=archive, headers={"Content-Type": "application/zip"}).json()
+    here = f"/sessions/{made['id']}"
+    with zipfile.ZipFile(BytesIO(archive)) as packed:
+        (name,) = (name for name in packed.namelist() if name.endswith("results/tcp.json"))
+        solved = json.loads(packed.read(name))["solved"]
+    before = client.get(f"{here}/answer").json()
+    assert (before["solved"], before["decided_before"]) == (solved, [])  # nothing turns into today
+    left_out = {"excluded": True, "excluded_because": {"why": "the sphere was touched"}}
+    changed = client.patch(f"{here}/captures/p20", json=left_out).json()
+    assert (changed["excluded_because"]["who"], changed["excluded_because"]["why"]) == (
+        "this machine",
+        "the sphere was touched",
+    )
+    client.post(f"{here}/solve/verify", params={"wait": 60}).raise_for_status()
+    (told,) = client.get(f"{here}/answer").json()["decided_before"]
+    assert (told["decision"], told["added"], told["limits"]) == ("fail", [], [])
+    assert told["left_out"] == [{"capture": "p20", "because": changed["excluded_because"]}]
+    items = client.get(f"{here}/timeline").json()["items"]
+    assert [one["excluded_because"] for one in items if one.get("excluded_because")] == [
+        changed["excluded_because"]
+    ]
+    again = client.patch(f"{here}/captures/p20", json={"excluded": False}).json()
+    assert "excluded_because" not in again

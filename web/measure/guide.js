@@ -75,7 +75,7 @@ function repeated(sessionId) {
 }
 
 /** @param {RootCause} cause @param {string} name of the step */
-const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h1", {}, `${said(cause.title)}${language === "zh" ? "。" : "."}`), h("p", { class: "soft" }, said(cause.sentence))];
+const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h1", {}, `${said(cause.title ?? "")}${language === "zh" ? "。" : "."}`), h("p", { class: "soft" }, said(cause.sentence ?? ""))];
 
 /** @param {GuideNow} now @param {string} name of the step @param {SessionState} state */
 function words(now, name, state) {

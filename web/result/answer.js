@@ -61,7 +61,7 @@ function messages(result) {
   const told = (warnings ?? []).filter((text) => causes.every(({ sentence }) => sentence !== text)).map((text) => ({ text: said(text), short: brief(said(found(text))) }));
   if (stale) told.unshift({ text: t("result.stale_words"), short: brief(t("result.stale_words")) });
   const each = [...new Map(told.map((one) => [one.short, one])).values()];
-  const first = causes.length ? causes.map((cause) => message(said(cause.sentence), brief(said(cause.title)))) : each.slice(0, IN_SIGHT).map(({ text, short }) => message(text, short));
+  const first = causes.length ? causes.map((cause) => message(said(cause.sentence ?? ""), brief(said(cause.title ?? "")))) : each.slice(0, IN_SIGHT).map(({ text, short }) => message(text, short));
   const rest = (causes.length ? each : each.slice(IN_SIGHT)).map(({ text }) => text);
   return [
     first.length > 0 && h("ul", { class: "messages" }, ...first.slice(0, IN_SIGHT)),

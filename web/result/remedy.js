@@ -19,7 +19,7 @@ export const mendable = (result) => causesOf(result).filter(({ changes }) => cha
 /** @param {SessionState} state @param {string} stage @param {readonly RootCause[]} causes @returns {Remedy[]} */
 export const remedies = (state, stage, causes) => causes.filter(({ changes }) => changes).map((cause) => ({
   name: deed(cause),
-  words: said(cause.sentence),
+  words: said(cause.sentence ?? ""),
   mend: () => apply(state, stage, cause),
 }));
 

@@ -14,6 +14,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
+    method_revision = 2
     step = CaptureStep(
         "verify",
         "Verification",

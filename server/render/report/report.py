@@ -18,6 +18,7 @@ from calib_core.exports.workpiece import covariance_in
 from calib_core.graph.registry import stages
 from calib_core.records import Cell, Session
 from calib_core.records.evidence import AnyBlock, Figure
+from calib_core.records.policy import Equipment
 from calib_core.review.truth import truth_blocks
 from calib_core.robots import CONVENTIONS
 from calib_core.stages.evidence import stored_evidence, title_of
@@ -76,6 +77,7 @@ def report_html(
         picture=Markup(scene_picture(session, told)),
         cell=_cell_rows(session.cell),
         captures=_capture_counts(session),
+        told=_told(session, results),
         stages=[
             {
                 **told[name],
@@ -142,6 +144,42 @@ def _cell_rows(cell: Cell) -> list[tuple[str, str]]:
         ("Board", f"{cell.board.kind}, {cell.board.columns} × {cell.board.rows}" if cell.board else None),
     ]
     return [(label, value) for label, value in rows if value is not None]
+
+
+def _told(session: Session, results: Mapping[str, Data]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return what was told of circumstances and equipment, and the figures that a verification decided on."""
+    told = session.documentation or {}
+    air = session.environment.to_json() if session.environment else {}
+    checks: list[Data] = results.get("verify", {}).get("checks") or []
+    parts = {
+        "Documentation": [(name.replace("_", " ").capitalize(), text) for name, text in told.items()],
+        "Environment": [
+            (f"{name.removesuffix('_c').capitalize()}", f"{value:g} °C") for name, value in air.items()
+        ],
+        "Equipment": [(one.kind.capitalize(), _piece(one)) for one in session.cell.equipment or []],
+        "Decision": [(str(check["title"]), _held(check)) for check in checks if check.get("limit_mm") is not None],
+    }
+    return [(title, rows) for title, rows in parts.items() if rows]
+
+
+def _held(check: Data) -> str:
+    decision = str(check.get("decision")).replace("-", " ")
+    figure = f"{check['value_mm']:.3f} ± {check['uncertainty_mm']:.3f} mm"
+    return f"{figure}, limit {check['limit_mm']:g} mm: {decision} (ISO 14253-1, guard band U, k = 2)"
+
+
+def _piece(one: Equipment) -> str:
+    """Return a piece of equipment with what its certificate says, in one line."""
+    certificate = one.certificate
+    parts = [one.name, one.model, f"serial number {one.serial}" if one.serial else None]
+    if certificate is not None:
+        parts += [
+            f"certificate {certificate.number}" if certificate.number else None,
+            certificate.laboratory,
+            f"issued {certificate.issued}" if certificate.issued else None,
+            f"due {certificate.due}" if certificate.due else None,
+        ]
+    return ", ".join(part for part in parts if part)
 
 
 def _given(sigma: float | None, unit: str) -> str | None:
