@@ -219,6 +219,15 @@ class FlangeReading(Record):
     base_from_frame: list[list[float]] | None = None
 
 
+class FoundFrame(Record):
+    """A transform `into` `outof`: 4×4 rows in mm, its covariance 6×6 of rx ry rz tx ty tz in rad and mm."""
+    into: str
+    outof: str
+    scanner: str | None = None
+    matrix: list[list[float]]
+    covariance: list[list[float]] | None = None
+
+
 class Frame(Record):
     """A transform into_from_outof with its covariance (6, 6; rx ry rz tx ty tz, rad and mm)."""
     id: str | None = None
@@ -411,9 +420,9 @@ class RefinedCamera(Record):
 class RootCause(Record):
     """One root cause: what it is, as title and sentence, what speaks for it, and exactly what Apply changes."""
     id: str
-    kind: Literal['pose-reading', 'swapped-poses', 'shifted-poses', 'moved-sphere', 'changed-tool', 'sphere-diameter', 'point-unit', 'scaled-profile', 'table-direction', 'table-angles', 'not-the-flange']
-    title: str
-    sentence: str
+    kind: Literal['pose-reading', 'swapped-poses', 'shifted-poses', 'moved-sphere', 'changed-tool', 'sphere-diameter', 'point-unit', 'scaled-profile', 'table-direction', 'table-angles', 'not-the-flange', 'scan-elsewhere', 'scanner-axis']
+    title: str | None = None
+    sentence: str | None = None
     evidence: list[BeforeAfter] | None = None
     captures: list[str] | None = None
     changes: Changes | None = None
@@ -473,7 +482,8 @@ class SessionAnswer(Record):
     pose_convention: str
     names: list[str]
     units: str
-    tool0_from_laser: AnsweredFrame
+    tool0_from_laser: AnsweredFrame | None
+    base_from_laser: AnsweredFrame | None = None
     base_from_turntable: AnsweredFrame | None
     position_sigma_mm: float
     rotation_sigma_deg: float
@@ -530,6 +540,7 @@ class CameraResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['camera'] | None = None
     model: Literal['plain', 'rational', 'tilted', 'segmental']
@@ -582,10 +593,13 @@ class ChainResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
-    tool0_from_laser: list[list[float]]
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     covariance: list[list[float]]
-    sphere_center_in_base_mm: list[float]
+    sphere_center_in_base_mm: list[float] | None = None
+    sphere_center_in_tool0_mm: list[float] | None = None
     sphere_center_covariance: list[list[float]]
     surface_rms_mm: float
     leave_one_out_surface_rms_mm: float | None
@@ -619,6 +633,7 @@ class HandEyeResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['hand-eye'] | None = None
     tool0_from_camera: list[list[float]]
@@ -650,6 +665,7 @@ class LaserPlaneResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['laser-plane'] | None = None
     plane_in_camera: PlaneInCamera
@@ -680,6 +696,7 @@ class MergeResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['merge'] | None = None
     frame: Literal['turntable', 'base']
@@ -724,6 +741,7 @@ class RecheckResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['recheck'] | None = None
     rechecked: str
@@ -750,10 +768,13 @@ class TcpResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
-    tool0_from_laser: list[list[float]]
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     covariance: list[list[float]]
-    sphere_center_in_base_mm: list[float]
+    sphere_center_in_base_mm: list[float] | None = None
+    sphere_center_in_tool0_mm: list[float] | None = None
     sphere_center_covariance: list[list[float]]
     surface_rms_mm: float
     leave_one_out_surface_rms_mm: float | None
@@ -802,6 +823,7 @@ class TurntableResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['turntable'] | None = None
     covariance: list[list[float]]
@@ -826,6 +848,7 @@ class VerifyResult(Record):
     warnings: list[str] | None = None
     notes: list[str] | None = None
     causes: list[RootCause] | None = None
+    frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['verify'] | None = None
     verified: str
@@ -890,6 +913,7 @@ class TcpResidual(Record):
     surface_rms_mm: float | None = None
     center_distance_mm: float | None = None
     center_offset_in_base_mm: list[float] | None = None
+    center_offset_in_tool0_mm: list[float] | None = None
     leave_one_out_rms_mm: float | None = None
     two_step_surface_rms_mm: float | None = None
     mahalanobis: float | None = None
@@ -927,7 +951,9 @@ class TurntableResidual(Record):
 class TwoStep(Record):
     """The paper's two-step answer, beside the joint one."""
     tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     sphere_center_in_base_mm: list[float] | None = None
+    sphere_center_in_tool0_mm: list[float] | None = None
     surface_rms_mm: float | None = None
     leave_one_out_surface_rms_mm: float | None = None
     center_scatter_rms_mm: float | None = None

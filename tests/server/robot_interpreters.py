@@ -33,10 +33,6 @@ class Controller(ABC):
     def where(self) -> RigidTransform:
         """Return where the flange is."""
 
-    @abstractmethod
-    def input(self) -> bool:
-        """Return whether input 1 is on."""
-
     def operator(self) -> None:
         """The operator lets the program go on."""
         self.starts += 1
@@ -283,91 +279,6 @@ class _Eki:
         self._robot.shown.append("OK" if self.values["Answer/@Ok"] == "1" else "NO")
 
 
-def run_karel(files: Mapping[str, str], robot: Controller) -> None:
-    """The TP program, which calls the KAREL program for each of its words."""
-    registers: dict[int, int] = {}
-    body, _, tail = files["SCANCELL.LS"].partition("/POS")
-    at = {
-        int(m[1]): [float(v) for v in re.findall(r"[XYZWPR] = *(-?[\d.]+)", m[0])]
-        for m in re.finditer(r"P\[(\d+)\]\{.*?\};", tail, re.DOTALL)
-    }
-    lines = [m[1].strip() for m in re.finditer(r"^ *\d+:(.*);\s*$", body, re.MULTILINE)]
-    number = 0
-    while number < len(lines) and lines[number] != "END":
-        line = lines[number]
-        number += 1
-        if line.startswith(("!", "LBL[")) or line in ("UFRAME_NUM=0", "UTOOL_NUM=10", "WAIT    .50(sec)"):
-            continue
-        if line == "PAUSE":
-            robot.operator()
-        elif found := re.fullmatch(r"L P\[(\d+)\] (\d+)mm/sec FINE", line):
-            robot.move(parse_pose("fanuc", _slow(at[int(found[1])], float(found[2]), 250)))
-        elif found := re.fullmatch(r"CALL SCANTALK\('(\w+)'\)", line):
-            _talk(files["SCANTALK.KL"], found[1], registers, robot)
-        elif found := re.fullmatch(r"IF R\[(\d+)\]<>1,JMP LBL\[(\d+)\]", line):
-            if registers[int(found[1])] != 1:
-                robot.refused += 1
-                number = lines.index(f"LBL[{found[2]}]")
-        else:
-            raise SyntaxError(line)
-
-
-def _talk(text: str, parameter: str, registers: dict[int, int], robot: Controller) -> None:
-    (host, port) = re.search(r"socket client: (\S+), port (\d+)", text).groups()  # type: ignore[union-attr]
-    code = text.partition("BEGIN")[2]
-    rules: list[Rule] = [
-        (r"GET_TPE_PRM\(1, .*\)|OPEN FILE .*|CLOSE FILE \w+|SET_FILE_ATR\(.*\)|END SCANTALK|ENDIF", ""),
-        (r"MSG_(DISCO|CONNECT)\('C3:', status\)", r"MSG_\1()"),
-        (r"SET_INT_REG\((\d+), (\d), status\)", r"registers[\1] = \2"),
-        (r"IF (.*) = ('\w+') THEN", r"if \1 == \2:"),
-        (r"ELSE", "else:"),
-        (r"READ line \((\w+)\)", r"\1 = READ()"),
-        (r"at = CURPOS\(0, 0\)", "at = CURPOS()"),
-        (r"WRITE \((\w+), CR\)", ""),
-        (r"WRITE line \((.*)\)", lambda m: "WRITE(" + re.sub(r"(at\.\w)::0::3", r"f' {\1:.3f}'", m[1]) + ")"),
-    ]
-    python, depth = ["name = parameter"], 0
-    for line in filter(None, map(str.strip, code.splitlines())):
-        new = next(
-            (m.expand(by) if isinstance(by, str) else by(m) for p, by in rules if (m := re.fullmatch(p, line))),
-            None,
-        )
-        if new is None:
-            raise SyntaxError(line)
-        depth -= line in ("ELSE", "ENDIF")
-        python.append("    " * depth + (new or "pass"))
-        depth += line.startswith("IF ") or line == "ELSE"
-    words = {
-        "parameter": parameter, "registers": registers, "CHR": chr, "READ": robot.line,
-        "MSG_DISCO": robot.disconnect, "MSG_CONNECT": lambda: robot.connect(host, int(port)),
-        "WRITE": lambda *parts: robot.send("".join(parts).encode("ascii")),
-        "SUB_STR": lambda text, start, count: text[start - 1 : start - 1 + count],
-        "CURPOS": lambda: SimpleNamespace(**dict(zip("xyzwpr", to_pose("fanuc", robot.where()), strict=True))),
-    }  # fmt: skip
-    exec("\n".join(python), words)
-
-
-def run_inform(files: Mapping[str, str], robot: Controller) -> None:
-    text = files["SCANCELL.JBI"]
-    at = {
-        m[1]: [float(v) for v in m[2].split(",")] for m in re.finditer(r"^(P\d{5})=(.*?)\s*$", text, re.MULTILINE)
-    }
-    assert text.count("P0") >= len(at) == int(re.search(r"NPOS 0,0,0,(\d+)", text)[1])  # type: ignore[index]
-    for line in text.partition("///GROUP1 RB1")[2].split("\n"):
-        line = line.strip()
-        if not line or line in ("NOP", "END", "TIMER T=0.50") or line.startswith("'"):
-            continue
-        if line == "PAUSE":
-            robot.operator()
-        elif found := re.fullmatch(r"MOVL (P\d{5}) V=([\d.]+) PL=0", line):
-            robot.move(parse_pose("yaskawa", _slow(at[found[1]], float(found[2]), 250)))
-        elif found := re.fullmatch(r"WAIT IN#\(1\)=(ON|OFF)", line):
-            while robot.input() != (found[1] == "ON"):
-                pass
-        else:
-            raise SyntaxError(line)
-
-
 def _slow(numbers: list[float], speed: float, most: float) -> list[float]:
     assert 0 < speed <= most
     return numbers
@@ -378,5 +289,5 @@ def _require(is_so: bool) -> None:
 
 
 INTERPRETERS: dict[str, Callable[[Mapping[str, str], Controller], None]] = {
-    "krl": run_krl, "rapid": run_rapid, "karel": run_karel, "urscript": run_urscript, "inform": run_inform,
+    "krl": run_krl, "rapid": run_rapid, "urscript": run_urscript,
 }  # fmt: skip

@@ -38,7 +38,7 @@ def files(client: httpx.Client, name: str, **more: Any) -> dict[str, str]:
 
 def test_every_dialect_is_listed(client: httpx.Client) -> None:
     items = client.get("/robot-programs").json()["items"]
-    assert {item["name"] for item in items} == {"inform", "karel", "krl", "rapid", "urscript"}
+    assert {item["name"] for item in items} == {"krl", "rapid", "urscript"}
     session = make_session(client, cell=ABB_CELL)
     url = f"/sessions/{session}/robot-programs"
     assert_problem(client.post(f"{url}/basic", json={"host": "h", "port": 1}), 422, "krl")
@@ -83,26 +83,21 @@ READ: dict[str, Callable[[str], list[list[str]]]] = {
     "krl": rows(r"LIN \{([^}]*)\}", of=3),
     "rapid": rows(r"robtarget p\w+:=\[(\[[^\]]*\],\[[^\]]*\]),\[0,0"),
     "urscript": rows(r"movel\(p\[([^\]]*)\]", of=3),
-    "karel": rows(r"\tX = ([^}]*)\}"),
-    "inform": rows(r"P\d{5}=([^\r\n]*)"),
 }
 SLOW = {
     "krl": "$VEL.CP=0.050",
     "rapid": "speeddata vScan:=[50,20,50,20]",
     "urscript": "v=0.050",
-    "karel": "50mm/sec FINE",
-    "inform": "V=50.0",
 }
 
 
 class InCell(Controller):
     """A controller whose arm is the simulated cell's; those that run at once go to each stop together."""
 
-    def __init__(self, cell: Rig, stops: Sequence[int], together: Barrier, count: Callable[[], int]) -> None:
+    def __init__(self, cell: Rig, stops: Sequence[int], together: Barrier) -> None:
         super().__init__()
-        self._cell, self._stops, self._together, self._count = cell, stops, together, count
+        self._cell, self._stops, self._together = cell, stops, together
         self._moves = 0
-        self._is_on = False
 
     def move(self, base_from_tool0: RigidTransform) -> None:
         stop, part = divmod(self._moves, 3)  # to the approach, to the stop, back to the approach
@@ -118,13 +113,6 @@ class InCell(Controller):
 
     def where(self) -> RigidTransform:
         return RigidTransform(self._cell.cell.at(self._cell.now()).reported, "base", "tool0")
-
-    def input(self) -> bool:
-        """On while somebody presses it: once the capture of this stop is there."""
-        if not self._is_on:
-            until(lambda: self._count() > self._moves // 3)
-        self._is_on = not self._is_on
-        return self._is_on
 
 
 @pytest.fixture
@@ -144,7 +132,7 @@ class Running:
         programs: dict[str, dict[str, str]] = {}
         for name in names:
             session = self.sessions[name] = self._session(name, cell)
-            self.robots[name] = InCell(cell, stops, together, lambda s=session: len(captures(client, s)))
+            self.robots[name] = InCell(cell, stops, together)
             programs[name] = self._program(name, cell, stops)
         until(
             lambda: all(d["status"] == "live" for s in self.sessions.values() for d in devices(client, s).values())
@@ -171,12 +159,8 @@ class Running:
         client = self._client
         own = {**ABB_CELL, "pose_convention": PROGRAMS.get(name).convention}
         session = make_session(client, name=f"program in {name}", cell=own)
-        if name == "inform":  # it cannot talk: captures are taken at standstill, and an input lets it go on
-            cell.connect(client, session)
-            client.put(f"/sessions/{session}/live", json={"automatic": True})
-        else:
-            scanner = {"source": "frame-folder", "settings": {"folder": str(cell.folder)}}
-            assert client.put(f"/sessions/{session}/devices/scanner", json=scanner).status_code == 200
+        scanner = {"source": "frame-folder", "settings": {"folder": str(cell.folder)}}
+        assert client.put(f"/sessions/{session}/devices/scanner", json=scanner).status_code == 200
         return session
 
     def _program(self, name: str, cell: Rig, stops: Sequence[int]) -> dict[str, str]:
@@ -204,13 +188,12 @@ def test_the_program_of_each_dialect_takes_fourteen_captures(client: httpx.Clien
             wanted = RigidTransform(cell.cell.shots[number].reported, "base", "tool0")
             told = parse_pose(PROGRAMS.get(name).convention, capture["pose"])
             assert np.abs(wanted.difference(told)).max() < 2e-3
-        if name != "inform":
-            assert len(ran.robots[name].shown) == len(stops) + 2
+        assert len(ran.robots[name].shown) == len(stops) + 2
 
 
 def test_a_program_that_is_answered_no_asks_its_operator(client: httpx.Client, cell: Rig) -> None:
     weak = next(k for k in range(len(cell.cell.shots)) if cell.offset(k) < 0.28)
-    ran = Running(client, cell, [weak], [name for name in PROGRAMS.names() if name != "inform"])
+    ran = Running(client, cell, [weak], PROGRAMS.names())
     for name, session in ran.sessions.items():
         assert ran.robots[name].refused == 1, name
         assert captures(client, session) == []
