@@ -209,6 +209,31 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
     return replace(reading, unit_from="settings" if settings.unit else "format").adding(notes)
 
 
+def scan_poses(data: bytes, name: str) -> list[list[float] | None]:
+    """Return each scan's pose as rows of a 4×4 in mm, None where it has none; raises InputError as `read`."""
+    try:
+        import pye57
+    except ModuleNotFoundError:
+        to_do = "Install it: pip install 'scancell[e57]'; or export the cloud as PLY."
+        raise InputError("the extra 'e57', which reads E57", "an installation without it", to_do, name) from None
+    found: list[list[float] | None] = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scan.e57"
+        path.write_bytes(data)
+        try:
+            with pye57.E57(str(path)) as opened:
+                for number in range(int(opened.scan_count)):
+                    header = opened.get_header(number)
+                    pose = np.eye(4)
+                    if header.node.isDefined("pose"):
+                        pose[:3, :3] = header.rotation_matrix
+                        pose[:3, 3] = 1000 * np.asarray(header.translation)
+                    found.append(pose.ravel().tolist() if header.node.isDefined("pose") else None)
+        except (pye57.libe57.E57Exception, ValueError, RuntimeError) as error:
+            raise InputError("a whole E57 file", " ".join(str(error).split())[:120], _TO_DO, name) from None
+    return found
+
+
 def _scan(opened: Any, size: int, settings: E57Settings, where: str) -> tuple[FloatArray, bool]:
     """Return the points (N, 3) of a scan in the file's unit, NaN where invalid, and whether it has a pose."""
     scans = int(opened.scan_count)

@@ -1,0 +1,34 @@
+"""`scancell merge`: an E57 of several scans with their poses, without a session."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from server.cli import main
+from tests.merge_sets import in_one_frame, scan_set
+
+pye57 = pytest.importorskip("pye57")
+
+
+def test_an_e57_of_several_scans_is_merged_by_its_own_poses(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    there = scan_set("bracket", 2, count=12, views="table")
+    file = pye57.E57(str(tmp_path / "part.e57"), mode="w")
+    for scan, pose in zip(there.scans, there.reported, strict=True):
+        points = in_one_frame(scan, pose).reshape(-1, 3)
+        x, y, z = points[np.isfinite(points).all(axis=1)].T / 1000
+        w = 0.5 * np.sqrt(max(1 + np.trace(pose[:3, :3]), 1e-12))
+        r = pose[:3, :3]
+        turned = np.array([w, *(np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / (4 * w))])
+        file.write_scan_raw(
+            {"cartesianX": x, "cartesianY": y, "cartesianZ": z}, rotation=turned, translation=pose[:3, 3] / 1000
+        )
+    file.close()
+    out = tmp_path / "out"
+    status = main(["merge", str(tmp_path / "part.e57"), "--mesh", "none", "--out", str(out), "--json"])
+    told = json.loads(capsys.readouterr().out)["results"]["merge"]
+    assert (status, told["normals_outward"]) == (0, "visibility")
+    assert told["overlap_pairs"] > 500
+    assert (out / "clouds" / "merged.ply").stat().st_size > 10_000
+    assert json.loads((out / "results" / "merge.json").read_text())["points"] == told["points"]
