@@ -147,6 +147,15 @@ class Column(Record):
     align: Literal['left', 'right'] | None = None
 
 
+class DecidedBefore(Record):
+    """A decision that was made before captures were left out or added, or a limit was changed (by figure)."""
+    decision: str
+    solved: str | None = None
+    left_out: list[LeftOut] | None = None
+    added: list[str] | None = None
+    limits: list[str] | None = None
+
+
 class EncoderScaleError(Record):
     """The table turns by 1 + error for each unit read; `applied` where the answer accounts for it."""
     error: float
@@ -172,6 +181,13 @@ class EquipmentCertificate(Record):
     issued: str | None = None
     due: str | None = None
     file: str | None = None
+
+
+class Excluded(Record):
+    """Who left a capture out, when (ISO 8601) and why."""
+    who: str | None = None
+    when: str | None = None
+    why: str | None = None
 
 
 class Facing(Record):
@@ -279,6 +295,12 @@ class LeftInFiles(Record):
     tool: list[float]
     scanner: list[float]
     turntable: list[float] | None = None
+
+
+class LeftOut(Record):
+    """A capture that was left out after a decision, and why where that was told."""
+    capture: str
+    because: Excluded | None = None
 
 
 class MergeResidual(Record):
@@ -420,7 +442,7 @@ class RefinedCamera(Record):
 class RootCause(Record):
     """One root cause: what it is, as title and sentence, what speaks for it, and exactly what Apply changes."""
     id: str
-    kind: Literal['pose-reading', 'swapped-poses', 'shifted-poses', 'moved-sphere', 'changed-tool', 'sphere-diameter', 'point-unit', 'scaled-profile', 'table-direction', 'table-angles', 'not-the-flange', 'scan-elsewhere', 'scanner-axis']
+    kind: Literal['pose-reading', 'swapped-poses', 'shifted-poses', 'moved-sphere', 'changed-tool', 'sphere-diameter', 'point-unit', 'scaled-profile', 'table-direction', 'table-angles', 'not-the-flange', 'scan-elsewhere', 'scanner-axis', 'pose-list-order']
     title: str | None = None
     sentence: str | None = None
     evidence: list[BeforeAfter] | None = None
@@ -492,6 +514,7 @@ class SessionAnswer(Record):
     limits_changed: list[str] | None = None
     workpiece_sigma_mm: float | None = None
     verified: str | None = None
+    decided_before: list[DecidedBefore] | None = None
     equipment: list[Equipment] | None = None
 
 
@@ -536,6 +559,7 @@ class CameraResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -589,6 +613,7 @@ class ChainResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -629,6 +654,7 @@ class HandEyeResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -661,6 +687,7 @@ class LaserPlaneResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -692,6 +719,7 @@ class MergeResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -737,6 +765,7 @@ class RecheckResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -764,6 +793,7 @@ class TcpResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -819,6 +849,7 @@ class TurntableResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -844,6 +875,7 @@ class VerifyResult(Record):
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
+    solved: str | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
