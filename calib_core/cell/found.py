@@ -26,4 +26,4 @@ def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
 
 def carriers_found(result: Mapping[str, Any]) -> Carriers:
     """Return what carries scanner and ball, by a result as JSON data."""
-    return Carriers("tool0", "base") if result.get("tool0_from_laser") is not None else Carriers("base", "tool0")
+    return Carriers("base", "tool0") if result.get("base_from_laser") is not None else Carriers("tool0", "base")

@@ -63,8 +63,19 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /openapi.json",
         *(
             f"GET {_API}/{what}"
-            for what in ("formats", "conventions", "exports", "sources", "stages", "brands", "arms", "jobs")
+            for what in (
+                "formats",
+                "conventions",
+                "exports",
+                "sources",
+                "stages",
+                "brands",
+                "arms",
+                "jobs",
+                "findings",
+            )
         ),
+        f"GET {_API}/findings/{{code}}",
         f"GET {_API}/robot-programs",
         f"GET {_API}/movers",
         f"GET {_SESSION}/table-mover",
@@ -138,6 +149,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         # Reads numbers; nothing is stored.
         f"POST {_SESSION}/pose-lines",
         f"POST {_API}/controller-files",
+        f"POST {_API}/recognised-files",
         f"POST {_API}/readings",
         f"POST {_SESSION}/exports/{{name}}",
         f"POST {_SESSION}/read-back",

@@ -70,9 +70,10 @@ def trials() -> Iterator[Trial]:
 def role_that_should_do(method: str, path: str) -> str:
     """Return the least role of a route by the rule that people know, not by the server's own table.
 
-    Who looks needs `read`, who changes something `capture`. Tokens, the log, webhooks, removing a session, and
-    which answer of a cell is in force are the admin's, and so is what this server connects to or listens on in
-    the cell's network, and arming what moves; the login page, its files and the signs of life are anybody's.
+    Who looks needs `read`, who changes something `capture`, who decides which answer of a cell is in force, and
+    what is known of it, `release`. Tokens, the log, webhooks, a cell's policy and removing a session are the
+    admin's, and so is what this server connects to or listens on in the cell's network, and arming what moves;
+    the login page, its files and the signs of life are anybody's.
     """
     page = ("/login", "/web/{path:path}", "/said/{language}")
     if path in page or re.fullmatch(r"(/api/v1)?/(me|log(in|out)|health\S*)", path):
@@ -80,14 +81,24 @@ def role_that_should_do(method: str, path: str) -> str:
     if (
         "/tokens" in path
         or "/webhooks" in path
-        or path.endswith(("/audit", "/release", "/rollback"))
+        or path.endswith("/audit")
+        or (method != "GET" and path.endswith("/policy"))
         or (method, path) == ("DELETE", "/api/v1/sessions/{session_id}")
         or (method != "GET" and path.endswith(("/devices/{device}", "/robot-port")))
         or (method == "PUT" and path.endswith("/table-mover"))  # who may stop it need not be who may arm it
     ):
         return "admin"
+    if path.endswith(("/release", "/rollback", "/acknowledge")):
+        return "release"
     # What comes with these is looked at and answered; nothing of it is stored.
-    answers = ("/pose-lines", "/controller-files", "/readings", "/read-back", "/exports/{name}")
+    answers = (
+        "/pose-lines",
+        "/controller-files",
+        "/recognised-files",
+        "/readings",
+        "/read-back",
+        "/exports/{name}",
+    )
     looks = method in ("GET", "WS") or path.startswith("/scenes/") or path.endswith(answers)
     return "read" if looks else "capture"
 

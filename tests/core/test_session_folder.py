@@ -1,5 +1,6 @@
 import json
 import os
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -66,7 +67,9 @@ def test_results_are_written_and_read(tmp_path):
 
     path = write_result(tmp_path, "tcp", Figures(rms_mm=0.5))
     assert path == tmp_path / "results" / "tcp.json"
-    assert load_results(tmp_path) == {"tcp": {"rms_mm": 0.5}}
+    solved = load_results(tmp_path)["tcp"].pop("solved")
+    assert datetime.fromisoformat(solved).utcoffset() == timedelta(0)
+    assert load_results(tmp_path) == {"tcp": {"rms_mm": 0.5, "solved": solved}}
     assert result_data(Figures(rms_mm=float("nan"))) == {"rms_mm": None}
     assert oct(path.stat().st_mode & 0o777) == "0o644"
 
