@@ -9,8 +9,8 @@ from calib_core.errors import CalibrationError
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit
+from calib_core.steps import steps_that_show
 
-_STEPS = ("tcp", "turntable", "verify")
 _ENOUGH, _MOST_READ = 5, 12
 _CLEAR = 0.2  # of the radius: how far before its centre the middle of the seen part must lie
 
@@ -20,7 +20,8 @@ def side_of_ball(session: Session, read: ReadFile) -> Literal[1, -1] | None:
 
     None where there are none, where they do not agree, or where `scanner.z_axis` was told.
     """
-    captures = [c for c in session.captures if c.step in _STEPS and c.kind != "center" and not c.excluded]
+    steps = steps_that_show("sphere", "sphere-on-table")
+    captures = [c for c in session.captures if c.step in steps and c.kind != "center" and not c.excluded]
     if session.cell.scanner.z_axis is not None:
         return None
     sides: list[int] = []

@@ -21,7 +21,7 @@ def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
     for mount in _MOUNTS:
         if (rows := result.get(f"{mount}_from_laser")) is not None:
             return RigidTransform.from_rounded(rows, mount, "laser")
-    raise ConflictError("the scanner's pose on flange or base", "none", "Solve the stage 'tcp' first.", "tcp")
+    raise ConflictError("tool0_from_laser or base_from_laser", "neither", "Solve the stage 'tcp' first.", "tcp")
 
 
 def carriers_found(result: Mapping[str, Any]) -> Carriers:

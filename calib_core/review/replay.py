@@ -31,6 +31,7 @@ deviations of their row and column: a zero is never quite zero."""
 MAX_LISTED: Final = 100
 
 _ABOUT: Final = ("software", "method", "method_revision", "inputs_sha256", "solved")  # they explain a difference
+_TEXTS: Final = ("title", "sentence", "reason", "description")  # within records; what they tell is compared
 _WORDS: Final = ("findings", "warnings", "notes", "evidence", "frames")  # they tell the numbers
 _MISSING: Final = object()
 
@@ -230,6 +231,8 @@ def _pairs(a: Any, b: Any, path: str = "", size: float = 0.0) -> Iterator[tuple[
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         left, right = cast("Mapping[str, Any]", a), cast("Mapping[str, Any]", b)
         for name in [*left, *(name for name in right if name not in left)]:
+            if name in _TEXTS or (left.get(name) is None and right.get(name) is None):
+                continue  # a field of another version that says nothing is no difference
             place = f"{path}.{name}" if path else name
             yield from _pairs(left.get(name, _MISSING), right.get(name, _MISSING), place)
     elif isinstance(a, list) and isinstance(b, list):

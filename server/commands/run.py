@@ -1,6 +1,7 @@
 """`scancell run`: solves a session folder or an archive, without a server."""
 
 import argparse
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,7 +75,8 @@ def _run(options: argparse.Namespace) -> int:
     data = {"session": session.to_json(), "results": told}
     try:
         if target is not None:
-            _store(options, results, target)
+            for name, solved in _store(options, results, target).items():
+                told[name]["solved"] = solved
     finally:  # stored before it is printed, which may fail, and printed where it cannot be stored
         print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
     if target is None:
@@ -230,18 +232,20 @@ def _sent(api: "Scancell", path: Path) -> str:
         return str(api.archives_import_archive(archive.read_bytes())["id"])
 
 
-def _store(options: argparse.Namespace, results: Mapping[str, "Result"], folder: Path) -> None:
-    """Write the results; where only the session's own folder is read-only, say so and keep the answer."""
+def _store(options: argparse.Namespace, results: Mapping[str, "Result"], folder: Path) -> dict[str, str]:
+    """Write the results, and return when each was solved; a read-only session folder is told, and no error."""
     from calib_core.archive.folder import write_result
     from calib_core.errors import InputError
 
+    solved: dict[str, str] = {}
     try:
         for stage, result in results.items():
-            write_result(folder, stage, result)
+            solved[stage] = json.loads(write_result(folder, stage, result).read_bytes())["solved"]
     except InputError as error:
         if options.out is not None:
             raise
         remark(options, f"warning: the results are not stored: {error} (or use --out DIR)")
+    return solved
 
 
 COMMAND = Command(

@@ -77,6 +77,7 @@ _UPLOADS = {
     "Body_machines_read_back_tool": "ToolUpload",
     "Body_machines_read_controller": "ControllerUpload",
     "Body_machines_read_scanner_file": "ScannerFileUpload",
+    "Body_machines_recognise_files": "FilesUpload",
 }
 
 

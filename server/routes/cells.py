@@ -194,7 +194,7 @@ def put_policy(cell_id: CellId, body: Policy, store: StoreDep) -> Policy:
     return body
 
 
-@router.post("/cells/{cell_id}/acknowledge", status_code=201, response_model=Acknowledged)
+@router.post("/cells/{cell_id}/acknowledge", response_model=Acknowledged)
 def acknowledge_fault(
     cell_id: CellId, body: Acknowledgement, request: Request, idempotency: IdempotencyDep, store: StoreDep
 ) -> Response:
@@ -204,7 +204,7 @@ def acknowledge_fault(
     def act(db: Transaction) -> Data:
         return acknowledge(db, cell_id, body.fault, _who(request), body.why.strip())
 
-    return idempotency.run(store, body.to_json(), 201, act)[0]
+    return idempotency.run(store, body.to_json(), 200, act)[0]
 
 
 @router.post("/sessions/{session_id}/release", status_code=201, response_model=Release)

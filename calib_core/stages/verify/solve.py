@@ -27,6 +27,7 @@ from calib_core.stages.verify.held_out import HeldOut, Tool, held_out, together
 from calib_core.stages.verify.limits import LIMITS, late_limits
 from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
+from calib_core.steps import steps_that_show
 
 _ANSWER_SHARE = 0.6
 _VERDICTS: tuple[Verdict, ...] = ("pass", "warn", "fail")
@@ -140,7 +141,9 @@ def _that_calibrated(
     given: StageInput, held_out: Sequence[Capture], seen: Sequence[SphereObservation]
 ) -> list[Finding]:
     """Return which captures of the verification are those of the calibration."""
-    used = [c for c in given.session.captures if c.step in ("tcp", "turntable") and not c.excluded]
+    verifying, steps = {c.id for c in held_out}, steps_that_show("sphere", "sphere-on-table")
+    seen_before = [c for c in given.session.captures if c.step in steps and c.id not in verifying]
+    used = [c for c in seen_before if not c.excluded]
     own = [capture for capture in held_out if not capture.excluded]
     still = [capture for capture in used if capture.step == "tcp"]
     before = observe_stage(replace(given, captures=still)).observations if still else []
