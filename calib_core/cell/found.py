@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from calib_core.cell.walk import Carrier, Carriers
-from calib_core.errors import ConflictError
+from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 
 _MOUNTS: Final[tuple[Carrier, ...]] = ("tool0", "base")
@@ -15,13 +15,13 @@ def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
 
     Raises
     ------
-    ConflictError
+    InputError
         If it has none.
     """
     for mount in _MOUNTS:
         if (rows := result.get(f"{mount}_from_laser")) is not None:
             return RigidTransform.from_rounded(rows, mount, "laser")
-    raise ConflictError("tool0_from_laser or base_from_laser", "neither", "Solve the stage 'tcp' first.", "tcp")
+    raise InputError("tool0_from_laser or base_from_laser", "neither", "Solve the stage 'tcp' again.", "tcp")
 
 
 def carriers_found(result: Mapping[str, Any]) -> Carriers:

@@ -73,6 +73,9 @@ CELL: dict[str, tuple[Any, set[str]]] = {
     "known.camera": ({"camera_matrix": [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]}, OPTICS),
     "known.laser_plane": ({"normal": [0, 1, 0], "distance_mm": 5.0}, {"laser-plane"}),
     "known.tool0_from_laser": ([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], SPHERE),
+    "known.base_from_laser": ([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], SPHERE),
+    "equipment": ([{"kind": "sphere", "serial": "17"}], NONE),
+    "release": ({"needs": ["verify"]}, NONE),
     "known.base_from_turntable": ([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], TABLE),
     "findings": ({"stored-note": "warning"}, NONE),
     "wanted_mm": (0.2, NONE),
@@ -140,6 +143,9 @@ READ_BY = {
 }  # fmt: skip
 SPHERES, PLACED = ("p1", "t1", "v1", "r1"), ("p1", "t1", "v1", "r1", "s1")
 CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
+    "environment": ({"ball_c": 24.0}, NONE),
+    "excluded_because": ({"who": "me", "when": "2026-11-23T22:00:00+00:00", "why": "bumped"}, NONE),
+    "taken": ("2026-11-23T22:00:00+00:00", NONE),
     "id": ("x9", tuple(READ_BY)),
     "kind": ("cloud", tuple(READ_BY)),
     "files": (["captures/other.ply"], tuple(READ_BY)),

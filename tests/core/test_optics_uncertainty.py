@@ -132,7 +132,7 @@ def length(vector: FloatArray) -> float:
 
 
 def result_of(cell: Cell, solution: ChainSolution) -> dict[str, Any]:
-    return chain_result(solution, cell.turning, "here", "0" * 64).to_json()
+    return chain_result(solution, cell.turning, "here", "0" * 64, []).to_json()
 
 
 def test_answers_move_with_the_optics_as_if_all_were_solved_again(cell: Cell, whole: ChainSolution) -> None:

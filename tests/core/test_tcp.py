@@ -156,12 +156,12 @@ def test_a_sphere_that_moved_for_good_is_said_with_when(which: Sequence[int], sa
     solution = solve_tcp(shifted(of.observations, which, [2.0, -1.5, 1.0]), SPHERE, GIVEN)
     assert np.flatnonzero(~solution.used).tolist() == list(which)
     assert [cause.kind for cause in solution.causes] == ["moved-sphere"]
-    moved = solution.causes[0].sentence
-    assert said in moved
-    assert float(moved.split("moved by ")[1].split(" mm")[0]) == pytest.approx(2.7, abs=0.5)
+    moved = solution.causes[0].values
+    assert f"{moved['when']} {moved['capture']}" == said
+    assert moved["shift_mm"] == pytest.approx(2.7, abs=0.5)
     verdict, warnings = told(solution)
     assert verdict == "warn"
-    assert warnings[0] == moved
+    assert f"moved by {moved['shift_mm']:.2f} mm {said}" in warnings[0]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -36,7 +36,7 @@ def models_source() -> str:
     rows = "".join(f'    "{stage}": {_class(name)},\n' for stage, name in results.items())
     table = f"\n\nRESULTS: dict[str, type[Record]] = {{\n{rows}}}\n"
     models = "".join(_model(name, schemas[name]) for name in sorted(found))
-    return _HEAD.replace("{field}", ", Field" if " = Field(" in models else "") + models + table
+    return _HEAD.replace("{field}", ", Field" if models.count(" = Field(") else "") + models + table
 
 
 def _add_named(part: Any, schemas: Mapping[str, Any], found: dict[str, None]) -> None:
