@@ -2,6 +2,7 @@
 
 import asyncio
 import mimetypes
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,8 @@ def files(tmp_path: Path) -> PageFiles:
 
 def answer(files: PageFiles, path: str) -> Response:
     scope: dict[str, Any] = {"type": "http", "method": "GET", "path": path, "headers": []}
-    return asyncio.run(files.get_response(path, scope))
+    with ThreadPoolExecutor(1) as thread:  # the browser's tests leave a loop in this one
+        return thread.submit(asyncio.run, files.get_response(path, scope)).result()
 
 
 def mark(files: PageFiles) -> str:
