@@ -103,7 +103,7 @@ def test_a_few_captures_of_another_place_ask_for_a_name(cell):
                 capture["excluded"] = True
 
     result = solve(cell, mislabel)
-    assert any("t09, t10, t11 agree on another place" in warning for warning in result.warnings)
+    assert any("t09–t11 agree on another place" in warning for warning in result.warnings)
 
 
 def test_neither_tool_nor_tcp_captures(cell):
