@@ -198,10 +198,12 @@ def changes(
 def _capture_changes(
     before: Capture, after: Capture, files: tuple[Mapping[str, str], Mapping[str, str]]
 ) -> Iterator[Change]:
+    told = {"excluded"}
     if before.excluded != after.excluded:
+        told.add("excluded_because")
         yield Change(kind="left-out" if after.excluded else "taken-back", what=before.id)
     for path, a, b in _fields(before.to_json(), after.to_json()):
-        if path != "excluded":
+        if path.partition(".")[0] not in told:
             yield Change(kind="changed", what=f"{before.id} {path}", left=_words(a), right=_words(b))
     for name in before.files:
         digests = files[0].get(name), files[1].get(name)

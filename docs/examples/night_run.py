@@ -9,7 +9,8 @@ half-way, and one day the scanner is hit.  `Nights` is what a real cell's progra
 - approves: the new answer is fresh, passes, and is no further from the last one than drift and uncertainty allow;
 - measures again (recheck) where it is not, for most of what goes wrong at night is gone the second time;
 - holds where the second measurement cannot be used either: the answer in force stays;
-- raises an alarm where both agree that the tool has moved: somebody has to look before it is released.
+- raises an alarm where both agree that the tool has moved, or both find a drift: somebody has to look before it is
+  released.  A step that only the first measurement made is acknowledged by name.
 """
 
 import argparse
@@ -66,12 +67,18 @@ class Nights:
     def run(self) -> Night:
         """Calibrate, and decide."""
         session, answer, why = self._calibrate()
-        if answer is not None and not (why := self._moved(answer, self.in_force())):
+        if answer is not None and not (why := self._changed(answer)):
             return self._approve(session, rechecked=False)
         first, (session, answer, fault) = answer, self._calibrate()
         if answer is None:
             return Night("hold", True, f"{why}; then {fault}", session)
-        if not (moved := self._moved(answer, self.in_force())):
+        moved = self._moved(answer, self.in_force())
+        if not moved and "drift" in answer["faults"]:
+            if first is not None and not self._moved(first, self.in_force()):
+                return Night("alarm", True, "both measurements find a drift", session)
+            explained = f"only the first measurement was off: {why}"
+            self._api.cells_acknowledge_fault(self._cell["id"], {"fault": "drift", "why": explained[:1000]})
+        if not moved:
             return self._approve(session, rechecked=True, why=why)
         if first is not None and not self._moved(answer, first):
             return Night("alarm", True, moved, session)
@@ -97,9 +104,14 @@ class Nights:
         except ProblemError as problem:
             return session, None, str(problem)
         answer = self._api.answers_get_answer(session)
-        if not answer["faults"] and answer["verdict"] == "pass":
+        if set(answer["faults"]) <= {"drift"} and answer["verdict"] == "pass":
             return session, answer, ""
         return session, None, "; ".join([*answer["faults"], *answer["warnings"]])
+
+    def _changed(self, answer: Mapping[str, Any]) -> str:
+        """Return why an answer has to be measured again; nothing where it is as expected."""
+        moved = self._moved(answer, self.in_force())
+        return moved or ("the cell has drifted" if "drift" in answer["faults"] else "")
 
     def _moved(self, new: Mapping[str, Any], old: Mapping[str, Any] | None) -> str:
         """Return by how much the tool has moved where it works; nothing where that is to be expected."""

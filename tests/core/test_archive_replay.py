@@ -115,7 +115,6 @@ def test_a_zero_of_a_matrix_may_be_rounded_and_no_more():
     [
         ({"a": 1.0}, {}, "a"),
         ({}, {"a": 1.0}, "a"),
-        ({"a": None}, {}, "a"),
         ({"a": [1.0, 2.0]}, {"a": [1.0]}, "a[1]"),
         ({"a": 1.0}, {"a": "1.0"}, "a"),
         ({"a": True}, {"a": 1}, "a"),
@@ -129,6 +128,11 @@ def test_what_is_no_number_must_be_the_same(stored, fresh, path):
     found = compare(stored, fresh)
     assert [d.path for d in found.differences] == [path]
     assert found.differences[0].relative is None
+
+
+def test_a_field_that_says_nothing_and_that_the_other_version_lacks_is_no_difference():
+    assert compare({"a": None}, {}).equal
+    assert compare({}, {"a": None}).equal
 
 
 def test_the_worst_of_many_differences_are_listed():

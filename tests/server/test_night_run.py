@@ -38,7 +38,9 @@ def go_through(address: str, count: int, hit_in: int, knocked_in: int) -> list[A
             done.append(night)
             if number == hit_in:
                 assert night.did == "alarm", night
-                assert nights.in_force() == before
+                # The same answer goes on, marked: the cell has changed.
+                assert before["faults"] == []
+                assert nights.in_force() == {**before, "faults": ["drift"]}
                 with pytest.raises(ProblemError, match="acknowledge"):
                     api.cells_release(night.session, {"why": "looked at"})
                 api.cells_acknowledge_fault(cell.cell["id"], {"fault": "drift", "why": "the scanner was hit"})

@@ -134,7 +134,8 @@ def test_a_data_folder_of_2026_11_is_served_with_its_cell_s_history(start: Calla
         in_force = client.get(f"/cells/{CELL}/answer").json()
         answer = client.get(f"/sessions/{table}/answer").json()
         assert in_force["tool0_from_laser"] == answer["tool0_from_laser"]
-        assert (answer["stage"], answer["stale"], answer["faults"]) == ("chain", False, [])
+        # The stored sessions are of different seeds, so the cell has drifted: a fault of the moment, not the answer's.
+        assert (answer["stage"], answer["stale"], answer["faults"]) == ("chain", False, ["drift"])
         assert len(client.get(f"/sessions/{table}/results/chain/history").json()["items"]) == 3
         for name in ("tcp", "turntable-untold", "merge", "verify", "recheck"):
             exported = client.get(f"/sessions/{by_name[name]}/exports/json")
@@ -142,6 +143,7 @@ def test_a_data_folder_of_2026_11_is_served_with_its_cell_s_history(start: Calla
             assert client.get(f"/sessions/{by_name[name]}/report").status_code == 200
         refused = client.get(f"/sessions/{by_name['tcp-mixed']}/exports/json")
         assert (refused.status_code, "stale" in refused.text) == (409, True)
-        released = client.post(f"/sessions/{by_name['verify']}/release", json={"why": "as before"})
+        as_before = {"why": "as before", "allow": "drift"}
+        released = client.post(f"/sessions/{by_name['verify']}/release", json=as_before)
         assert released.status_code == 201, released.text
         assert client.get(f"/cells/{CELL}/drift").status_code == 200
