@@ -134,7 +134,7 @@ def test_a_data_folder_of_2026_11_is_served_with_its_cell_s_history(start: Calla
         in_force = client.get(f"/cells/{CELL}/answer").json()
         answer = client.get(f"/sessions/{table}/answer").json()
         assert in_force["tool0_from_laser"] == answer["tool0_from_laser"]
-        # The stored sessions are of different seeds, so the cell has drifted: a fault of the moment, not the answer's.
+        # The stored sessions are of different seeds: a drift, which is a fault of the moment.
         assert (answer["stage"], answer["stale"], answer["faults"]) == ("chain", False, ["drift"])
         assert len(client.get(f"/sessions/{table}/results/chain/history").json()["items"]) == 3
         for name in ("tcp", "turntable-untold", "merge", "verify", "recheck"):
