@@ -48,7 +48,12 @@ def test_a_flat_plate_passes_and_a_bowed_one_is_found() -> None:
 
 def test_a_wrong_tool_bends_the_plate() -> None:
     wrong = simulate_verify(3, replace(_BROUGHT, tool_off_mm=6.0))
-    assert figure(verified(wrong.session, wrong.files)).decision == "fail"
+    found = verified(wrong.session, wrong.files)
+    flat = figure(found)
+    assert flat.value_mm > 1.0 + flat.uncertainty_mm
+    # By the rule nothing is decided where U is above the limit; the tool's error at the sphere decides.
+    assert (flat.uncertainty_mm > 1.0, flat.decision) == (True, "undecided")
+    assert (figure(found, "tool").decision, found.decision, found.verdict) == ("fail", "fail", "fail")
 
 
 def test_what_is_beside_the_plate_is_left_out_and_a_capture_of_something_else_too() -> None:
