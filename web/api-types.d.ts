@@ -847,6 +847,11 @@ export interface FileReading {
   settings: Record<string, unknown>;
 }
 
+export interface FilesUpload {
+  files: string[];
+  told?: string;
+}
+
 export interface Finding {
   code: string;
   severity: "error" | "warning" | "note";

@@ -60,11 +60,15 @@ class Freshness:
         if self._clock == "on-change":
             self._advanced_s = sample.host_time_s
             changed = _differ(before, sample)
-            return Judged(not changed, "its values change and their time stamp does not" if changed else "")
+            return Judged(
+                not changed, "Not fresh: its values change and their time stamp does not." if changed else ""
+            )
         stands_s = sample.host_time_s - self._advanced_s
         if stands_s <= STANDS_S:
             return Judged(is_new=False)
-        return Judged(is_new=False, why=f"its clock has stood for {stands_s:.1f} s: it repeats one reading")
+        return Judged(
+            is_new=False, why=f"Not fresh: its clock has stood for {stands_s:.1f} s: it repeats one reading."
+        )
 
     def _lag(self, sample: Sample) -> str:
         """Return how much later than at best a reading arrived, where that is too late for a capture."""
@@ -75,7 +79,9 @@ class Freshness:
             self._least_apart_s, self._least_at_s = apart_s, sample.host_time_s
             return ""
         lag_s = apart_s - least_s
-        return f"it tells what was {lag_s:.1f} s ago: its readings arrive late" if lag_s > _LAG_S else ""
+        return (
+            f"Not fresh: it tells what was {lag_s:.1f} s ago: its readings arrive late." if lag_s > _LAG_S else ""
+        )
 
 
 def _differ(one: Sample, other: Sample) -> bool:
@@ -95,7 +101,7 @@ def _jump(before: Sample | None, last: Sample | None, sample: Sample) -> str:
     is_back = before is not None and _way_mm(before, sample) < _SAME_MM
     if not is_back and way_mm / time_s < _FASTEST_MM_S:
         return ""
-    return f"its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it"
+    return f"Not fresh: its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it."
 
 
 def _way_mm(one: Sample, other: Sample) -> float:

@@ -174,11 +174,11 @@ class Link:
         judged = self._freshness.judge(reading)
         if judged.why and self._last_s - self._told_s > _TELL_AGAIN_S:
             self._told_s = self._last_s
-            log.warning("device %s is not fresh: %s", self.name, judged.why)
+            log.warning("device %s: %s", self.name, judged.why)
         if judged.why:
             self._lost(self.name)
         if judged.why or judged.is_new:
-            self._why = f"Not fresh: {judged.why}." if judged.why else ""
+            self._why = judged.why
         if judged.is_new:
             self._new_s = self._last_s
         return judged.is_new

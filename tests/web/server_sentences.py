@@ -258,7 +258,7 @@ def templates(file: Path) -> frozenset[str]:
 def _templates_of(texts: Iterable[str]) -> set[str]:
     found: set[str] = set()
     for text in texts:
-        plain = re.sub(r"\{[a-z_]+\}", "{}", text)
+        plain = re.sub(r"\{[a-z_]+(?::[^{}]*)?\}", "{}", text)
         found |= set(re.split(r"<[^>]*>", plain)) if "<" in plain else {plain}
     return found
 

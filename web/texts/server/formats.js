@@ -113,7 +113,6 @@ export const sentences = {
   "Write one point a line.": { "de": "Schreiben Sie einen Punkt je Zeile.", "zh": "请每行写一个点。" },
   "a Gocator CSV file": { "de": "eine CSV-Datei von Gocator", "zh": "Gocator CSV 文件" },
   "a LAS or LAZ file": { "de": "eine LAS- oder LAZ-Datei", "zh": "LAS 或 LAZ 文件" },
-  "a backup of at most 5000 files and 256 MB": { "de": "eine Sicherung mit höchstens 5000 Dateien und 256 MB", "zh": "不超过 5000 个文件、256 MB 的备份" },
   "a cloud (x, y and z)": { "de": "eine Wolke (x, y und z)", "zh": "点云（x、y 和 z）" },
   "a profile (x and z)": { "de": "ein Profil (x und z)", "zh": "轮廓（x 和 z）" },
   "a {} as {}": { "de": "{} als {}", "zh": "{}，格式为 {}" },

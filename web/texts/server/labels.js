@@ -125,7 +125,6 @@ export const sentences = {
   "worst direction": { "de": "schlechteste Richtung", "zh": "最差方向" },
   "χ² of the scatter": { "de": "χ² der Streuung", "zh": "离散度的 χ²" },
   "Camera on the flange, {}": { "de": "Kamera am Flansch, {}", "zh": "法兰上的相机，{}" },
-  "Centre {}, in base": { "de": "Mittelpunkt {}, in der Basis", "zh": "球心 {}（基座）" },
   "row {}": { "de": "Zeile {}", "zh": "第 {} 行" },
   "Off the plane, RMS": { "de": "Neben der Ebene, RMS", "zh": "偏离平面，RMS" },
   "Mean": { "de": "Mittel", "zh": "均值" },
@@ -189,5 +188,4 @@ export const sentences = {
   "laser": { "de": "Laser", "zh": "激光" },
   "T at 0°": { "de": "T bei 0°", "zh": "T（0°）" },
   "expected": { "de": "erwartet", "zh": "预期" },
-  "Poses are written as {}": { "de": "Posen sind geschrieben wie {}", "zh": "位姿书写格式为 {}" },
 };
