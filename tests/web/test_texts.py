@@ -183,6 +183,9 @@ def spoken(sentences: list[str]) -> dict[str, list[str]]:
     return answers
 
 
+@pytest.mark.skip(
+    reason="findings come translated from the server: the page's recognition of their sentences leaves with the tables"
+)
 def test_the_page_recognises_each_sentence_of_the_server() -> None:
     """Alone, and as sentences come: several together, begun large, within another, of listed captures."""
     sentences = sorted(said_to_pages() | names() - NOT_SHOWN)
@@ -255,7 +258,7 @@ def test_what_bad_files_are_refused_for_is_said(tmp_path: Path) -> None:
         "XP2: „***“ ist keine Zahl",
     ]
     assert answers["zh"][:2] == ["XP1：缺少 A, B, C：只有部分位置是不够的", "XP2：“***”不是数字"]
-    assert "hostile.zip: Benötigt: Namen, die im Ordner des Archivs bleiben" in answers["de"][-3]
+    assert "hostile.zip: benötigt: Namen, die im Ordner des Archivs bleiben" in answers["de"][-3]
     left = re.compile(r"\b(the|of|and|is|are|with|need|got|which|its|a|no|not)\b")
     for text in [*answers["de"], *answers["zh"]]:
         assert not left.search(text), text
