@@ -183,9 +183,7 @@ def spoken(sentences: list[str]) -> dict[str, list[str]]:
     return answers
 
 
-@pytest.mark.skip(
-    reason="findings come translated from the server: the page's recognition of their sentences leaves with the tables"
-)
+@pytest.mark.skip(reason="findings come translated from the server: recognising sentences leaves with the tables")
 def test_the_page_recognises_each_sentence_of_the_server() -> None:
     """Alone, and as sentences come: several together, begun large, within another, of listed captures."""
     sentences = sorted(said_to_pages() | names() - NOT_SHOWN)
