@@ -1,13 +1,15 @@
-"""What a release consists of, made and tried: `make release OUT=dist [PYTHON_ZIP=…] [SIGNING_KEY=…]`.
+"""What a release is made of, and tried: `make release OUT=dist [PYTHON_ZIP=…] [SIGNING_KEY=…] [IMAGE_TOOL=…]`.
 
-The wheel, the portable zip where Windows' Python is given, a list of parts (CycloneDX), notes of one page, and the
-SHA-256 of each.  SIGNING_KEY is an ssh key with which the list of SHA-256 is signed: who has its public half
-checks it by `ssh-keygen -Y verify`.
+Both wheels, the portable zip where Windows' Python is given, the image where podman or docker is named, a list of
+parts (CycloneDX), notes of one page, and the SHA-256 of each; all are read again, and the wheel solves a session.
+SIGNING_KEY is an ssh key with which the list of SHA-256 is signed: who has its public half checks it by
+`ssh-keygen -Y verify`.
 """
 
 import argparse
 import hashlib
 import json
+import os
 import re
 import subprocess
 import sys
@@ -19,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
+import clean_environment
 import portable
 import wheelhouse
 
@@ -47,13 +50,42 @@ def locked_parts(lock: str) -> list[dict[str, Any]]:
     ]
 
 
+def parts_of_the_page() -> list[dict[str, Any]]:
+    """Return what the page brings of others: folders of `web/vendor`, whose READMEs tell version and package."""
+    found: list[dict[str, Any]] = []
+    for readme in sorted((wheelhouse.ROOT / "web" / "vendor").glob("*/README.md")):
+        told = re.search(r"^\D*(\d[\d.]*\d).*?npm package `([^`]+)`", readme.read_text(encoding="utf-8"))
+        assert told is not None, readme
+        files = sorted(file for file in readme.parent.iterdir() if file.suffix in (".js", ".css"))
+        hashes = [{"alg": "SHA-256", "content": hashlib.sha256(file.read_bytes()).hexdigest()} for file in files]
+        purl = f"pkg:npm/{told[2]}@{told[1]}"
+        part = {"type": "library", "bom-ref": purl, "name": told[2], "version": told[1], "purl": purl}
+        found.append({**part, "hashes": hashes})
+    return found
+
+
+def part_of_python(python_zip: Path) -> dict[str, Any]:
+    """Return Windows' Python, which the portable zip has, as a part."""
+    with tempfile.TemporaryDirectory() as folder:
+        version = portable.unpack(python_zip, Path(folder))
+    digest = hashlib.sha256(python_zip.read_bytes()).hexdigest()
+    part = {"type": "platform", "bom-ref": "python-windows", "name": "CPython for Windows x64", "version": version}
+    return {**part, "hashes": [{"alg": "SHA-256", "content": digest}]}
+
+
+def unlisted(parts: dict[str, Any], installed: set[str]) -> list[str]:
+    """Return what is installed, as `name==version`, and not named in a list of parts."""
+    named = [parts["metadata"]["component"], *parts["components"]]
+    return sorted(installed - {f"{part['name']}=={part['version']}".lower().replace("_", "-") for part in named})
+
+
 def list_of_parts(wheel: Path) -> dict[str, Any]:
     """Return the CycloneDX list of what a wheel installs with all extras, in the versions of the lock."""
     with zipfile.ZipFile(wheel) as archive:
         (name,) = [name for name in archive.namelist() if name.endswith(".dist-info/METADATA")]
         about = BytesParser().parsebytes(archive.read(name))
     digest = hashlib.sha256(wheel.read_bytes()).hexdigest()
-    parts = locked_parts(wheelhouse.LOCK.read_text(encoding="utf-8"))
+    parts = [*locked_parts(wheelhouse.LOCK.read_text(encoding="utf-8")), *parts_of_the_page()]
     own = f"pkg:pypi/scancell@{about['Version']}"
     return {
         "bomFormat": "CycloneDX",
@@ -115,19 +147,48 @@ def check(folder: Path) -> None:
     assert json.loads((folder / PARTS).read_text(encoding="utf-8"))["components"]
 
 
-def make(out: Path, python_zip: Path | None, key: Path | None, house: Path | None) -> None:
-    """Make all parts of a release in a folder."""
+def try_out(wheel: Path, parts: dict[str, Any]) -> None:
+    """Install the wheel where nothing else is, look for parts that are not listed, and solve a session."""
+    with tempfile.TemporaryDirectory() as folder:
+        programs = clean_environment.make(Path(folder) / "environment", wheel)
+        assert unlisted(parts, clean_environment.installed(programs)) == []
+        environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        for words in (["--version"], ["simulate", "tcp", "--seed", "3", "--out", "cell"], ["run", "cell"]):
+            command = [str(programs / "scancell"), *words]
+            subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=True)
+
+
+def image(out: Path, version: str, tool: str) -> None:
+    """Build the image by podman or docker, have it say its version, and keep it as a file."""
+    name, file = f"scancell:{version}", out / f"scancell-{version}-image.tar"
+    form = ["--format", "docker"] if Path(tool).name == "podman" else []
+    build = [tool, "build", *form, "--tag", name, "--file", "Containerfile", "."]
+    subprocess.run(build, cwd=wheelhouse.ROOT, check=True)
+    subprocess.run([tool, "run", "--rm", name, "scancell", "--version"], check=True)
+    subprocess.run([tool, "save", "--output", str(file), name], check=True)
+
+
+def make(
+    out: Path, python_zip: Path | None, key: Path | None, house: Path | None, image_tool: str | None = None
+) -> Path:
+    """Make all parts of a release in a folder, and read them again; return the wheel."""
     out.mkdir(parents=True, exist_ok=True)
     wheel = wheelhouse.build(out)
-    (out / PARTS).write_text(json.dumps(list_of_parts(wheel), indent=1) + "\n", encoding="utf-8")
-    changes = (wheelhouse.ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    (out / NOTES).write_text(notes(changes), encoding="utf-8")
+    wheelhouse.build(out, wheelhouse.ROOT / "scancell_client")
+    parts = list_of_parts(wheel)
     if python_zip is not None:
         portable.make(python_zip, out, house)
+        parts["components"].append(part_of_python(python_zip))
+    if image_tool is not None:
+        image(out, parts["metadata"]["component"]["version"], image_tool)
+    (out / PARTS).write_text(json.dumps(parts, indent=1) + "\n", encoding="utf-8")
+    changes = (wheelhouse.ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    (out / NOTES).write_text(notes(changes), encoding="utf-8")
     (out / SUMS).write_text(sums(out), encoding="utf-8")
     if key is not None:
         sign(out, key)
     check(out)
+    return wheel
 
 
 def main() -> None:
@@ -137,12 +198,16 @@ def main() -> None:
     parser.add_argument("--python-zip", type=Path, help="the embeddable Python of Windows: the portable zip too")
     parser.add_argument("--wheelhouse", type=Path, help="one for Windows that is there already")
     parser.add_argument("--signing-key", type=Path, help="an ssh key")
+    parser.add_argument("--image-tool", help="podman or docker: the image too")
     options = parser.parse_args()
-    make(options.out, options.python_zip, options.signing_key, options.wheelhouse)
+    wheel = make(options.out, options.python_zip, options.signing_key, options.wheelhouse, options.image_tool)
+    try_out(wheel, list_of_parts(wheel))
     for path in sorted(options.out.iterdir()):
         print(f"{path.stat().st_size / 1e6:8.1f} MB  {path.name}")
     if options.signing_key is None:
         print("Not signed: --signing-key names a key.", file=sys.stderr)
+    if options.image_tool is None:
+        print("Without the image: --image-tool names podman or docker.", file=sys.stderr)
     if options.python_zip is None:
         print("Without the portable zip: --python-zip names the embeddable Python of Windows.", file=sys.stderr)
 

@@ -47,11 +47,11 @@ def requirements(platform: str, python: str, extras: tuple[str, ...] = ()) -> li
     return [line for line in done.stdout.splitlines() if "==" in line]
 
 
-def build(out: Path) -> Path:
-    """Build the project's own wheel into a folder; return it."""
+def build(out: Path, source: Path = ROOT) -> Path:
+    """Build the project's own wheel, or that of a folder of it, into a folder; return it."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", folder]
-        subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+        subprocess.run(command, cwd=source, capture_output=True, check=True)
         (wheel,) = Path(folder).glob("*.whl")
         return Path(shutil.copy(wheel, out / wheel.name))
 
