@@ -67,6 +67,11 @@ test-fast: setup
 catalogues: setup
 	$(BIN)/python -m tests.catalogues
 
+# The wheel, the server, its page and the portable zip on a Windows Python: WINDOWS_PYTHON is a folder whose program
+# `python` runs one. No part of `make test`.
+test-windows: setup
+	WINDOWS_PYTHON="$(WINDOWS_PYTHON)" $(BIN)/python -m pytest tests/windows/on_windows*.py $(WINDOWS_TESTS)
+
 # One thing in four files, without names of hosts: what is developed with; what the demo runs; what the image has; the installer.
 COMPILE = $(BIN)/python -m uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --quiet
 # All wheels for a machine without a network: PLATFORM is windows, linux, linux-arm or macos-arm.
@@ -81,7 +86,7 @@ portable: setup
 	$(BIN)/python .ci/portable.py "$(PYTHON_ZIP)" $(OUT)
 
 release: setup
-	$(BIN)/python .ci/release.py $(OUT) $(if $(PYTHON_ZIP),--python-zip "$(PYTHON_ZIP)") $(if $(SIGNING_KEY),--signing-key "$(SIGNING_KEY)")
+	$(BIN)/python .ci/release.py $(OUT) $(if $(PYTHON_ZIP),--python-zip "$(PYTHON_ZIP)") $(if $(SIGNING_KEY),--signing-key "$(SIGNING_KEY)") $(if $(IMAGE_TOOL),--image-tool $(IMAGE_TOOL))
 
 lock: runtime
 	$(COMPILE) --all-extras --group dev --group build --group installer --output-file requirements.lock

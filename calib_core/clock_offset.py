@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
 _LEAST_WAY_MM = 4.0
 _LEAST_EXPOSURES = 20
@@ -85,11 +86,16 @@ def clock_offset(
     seen_s, measured = np.asarray(scanner_times_s, dtype=float), np.asarray(arcs, dtype=float)
     inside = (seen_s > at_s[0] + largest_s) & (seen_s < at_s[-1] - largest_s)
     if inside.sum() < _LEAST_EXPOSURES:
-        got = f"{int(inside.sum())} that lie within the robot's track by {largest_s:g} s"
+        got = message(
+            "{inside} that lie within the robot's track by {largest_s:g} s",
+            inside=int(inside.sum()),
+            largest_s=largest_s,
+        )
         raise MeasurementError(
-            f"{_LEAST_EXPOSURES} exposures with the sphere",
+            "{least_exposures} exposures with the sphere",
             got,
             "Move back and forth for longer, the sphere in view.",
+            least_exposures=_LEAST_EXPOSURES,
         )
     seen_s, measured = seen_s[inside], measured[inside]
     track = CubicSpline(at_s, way_mm)
@@ -102,8 +108,8 @@ def clock_offset(
     grid = np.arange(-largest_s, largest_s + _STEP_S / 2, _STEP_S)
     best = int(np.argmin([rest(float(offset)) for offset in grid]))
     if best in (0, len(grid) - 1):
-        to_do = "Move faster and over 30 mm, or set the devices' clocks."
-        raise MeasurementError(f"an offset within ±{largest_s:g} s", "one at its end", to_do)
+        to_do = message("Move faster and over 30 mm, or set the devices' clocks.")
+        raise MeasurementError("an offset within ±{largest_s:g} s", "one at its end", to_do, largest_s=largest_s)
     found: Any = minimize_scalar(
         rest, bounds=(grid[best - 1], grid[best + 1]), method="bounded", options={"xatol": 1e-7}
     )
@@ -119,9 +125,12 @@ def _way(positions_mm: FloatArray) -> FloatArray:
     away = positions_mm - positions_mm.mean(axis=0)
     way: FloatArray = away @ np.linalg.svd(away, full_matrices=False)[2][0]
     if np.ptp(way) < _LEAST_WAY_MM:
-        got = f"{np.ptp(way):.1f} mm"
+        got = message("{way:.1f} mm", way=np.ptp(way))
         raise MotionError(
-            f"a move over at least {_LEAST_WAY_MM:g} mm", got, "Move back and forth, the sphere in view."
+            "a move over at least {least_way_mm:g} mm",
+            got,
+            "Move back and forth, the sphere in view.",
+            least_way_mm=_LEAST_WAY_MM,
         )
     middle = way - (way.max() + way.min()) / 2
     if np.count_nonzero(np.diff(np.sign(middle[np.abs(middle) > np.ptp(way) / 4]))) < 2:

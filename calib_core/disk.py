@@ -5,11 +5,14 @@ milliseconds.  All that renames or removes goes through here, and tries again.
 """
 
 import os
+import re
+import secrets
 import shutil
 import stat
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path, PureWindowsPath
 from typing import Any, Final, TypeVar
 
@@ -17,6 +20,7 @@ AnyPath = TypeVar("AnyPath", Path, PureWindowsPath)
 
 _HELD = (5, 32, 33)
 """Windows' numbers for what passes: access denied, a sharing violation, a lock violation."""
+_SYSTEM = re.compile(r"(?:^|/)(?:\.[^/]*|Thumbs\.db|desktop\.ini|~\$[^/]*|__MACOSX/.*)\Z", re.IGNORECASE)
 _REMOTE_DRIVE: Final = 4
 _REMOTE_FILE_SYSTEMS: Final = {"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "afs", "ceph"}
 _MOUNTS: Final = Path("/proc/self/mounts")
@@ -63,6 +67,38 @@ def _mounted_as(path: str) -> str:
     return max([("", ""), *(m for m in mounts if f"{path}/".startswith(f"{m[0]}/"))])[1]
 
 
+def write_private(path: Path, content: bytes) -> None:
+    """Write a secret whole and durably, readable by its owner alone; of two writers the first wins.
+
+    Raises
+    ------
+    OSError
+    """
+    fresh = path.with_name(f"{path.name}.{secrets.token_hex(8)}")
+    handle = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        with suppress(FileExistsError):
+            _name_new(fresh, path)
+    finally:
+        remove_file(fresh, missing_ok=True)
+
+
+def _name_new(fresh: Path, path: Path) -> None:
+    """Give a file a name that nothing has; raises FileExistsError. Network and USB drives know no second names."""
+    try:
+        os.link(fresh, path)
+    except FileExistsError:
+        raise
+    except OSError:
+        if path.exists():
+            raise FileExistsError(path) from None
+        rename_new(fresh, path)
+
+
 def replace_file(source: Path, target: Path) -> None:
     """Rename a file, which nobody may have open, in place of what stands under its new name; raises OSError."""
     _until_let_go(lambda: source.replace(target))
@@ -91,6 +127,16 @@ def _allow_and_go_on(remove: Callable[[str], object], name: str, told: tuple[Any
     remove(name)
 
 
+def is_system_file(name: str) -> bool:
+    """Return whether a system or an office program put a file there, and nobody measured it; parts end in `/`."""
+    return _SYSTEM.search(name) is not None
+
+
+def is_held(error: OSError) -> bool:
+    """Return whether another program holds a file, as Windows says it: that passes."""
+    return getattr(error, "winerror", None) in _HELD
+
+
 def sync_folder(folder: Path) -> None:
     """Have the names in a folder on the disk."""
     if os.name == "nt":  # folders cannot be opened there; the rename itself is journalled
@@ -108,7 +154,7 @@ def _until_let_go(change: Callable[[], object]) -> None:
         try:
             change()
         except OSError as error:
-            if getattr(error, "winerror", None) not in _HELD:
+            if not is_held(error):
                 raise
             time.sleep(pause_s)
         else:

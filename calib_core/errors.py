@@ -6,13 +6,14 @@ The command line prints it, REST sends it as problem details and the page shows 
 from collections.abc import Mapping
 from typing import Self
 
-from calib_core.messages import ENGLISH, Catalogue, Message, message
+from calib_core.messages import ENGLISH, Catalogue, Message, Value, filled, message, sentences
 
 
 class CalibrationError(Exception):
     """Something a person can mend.
 
-    Its parts are texts; those that are messages (`calib_core.messages`) are said in other languages too.
+    Its parts are texts, or templates with named places that `values` fill; they are said in other languages too
+    (`calib_core.messages`).  A text with braces whose places have no values stays as it is.
 
     Parameters
     ----------
@@ -24,30 +25,39 @@ class CalibrationError(Exception):
         What the person should do now, as a sentence in the imperative.
     where : str, optional
         The file, capture or field that is at fault.
+    **values
+        What fills the places.
     """
 
     code = "calibration"
     status = 422
 
-    def __init__(self, need: str, got: str, to_do: str, where: str = "") -> None:
-        super().__init__(need, got, to_do, where)
-        self.need = need
-        self.got = got
-        self.to_do = to_do
+    def __init__(self, need: str, got: str, to_do: str, where: str = "", **values: Value) -> None:
+        self.need, self.got, self.to_do = (filled(text, values) for text in (need, got, to_do))
         self.where = where
+        super().__init__(self.need, self.got, self.to_do, where)
 
     def __str__(self) -> str:
         return self.said()
 
     def said(self, language: Catalogue = ENGLISH) -> str:
         """Return all of it in a language."""
-        place = f"{self.where}: " if self.where else ""
-        return f"{place}{language.say(self.reason)}"
+        return language.say(self.message)
+
+    @property
+    def message(self) -> Message:
+        """All of it."""
+        return message("{where}: {reason}", where=self.where, reason=self.reason) if self.where else self.reason
 
     @property
     def reason(self) -> Message:
         """All of it but where."""
         return message("need {need}, got {got}. {to_do}", need=self.need, got=self.got, to_do=self.to_do)
+
+    @property
+    def lack(self) -> Message:
+        """What is amiss, as a sentence: all of it but where, and what to do."""
+        return message("Need {need}, got {got}.", need=self.need, got=self.got)
 
     def at(self, where: str) -> "CalibrationError":
         """Return the same error, told to be at `where` (kept if a finer place is known already)."""
@@ -69,7 +79,7 @@ class CalibrationError(Exception):
 
     def adding(self, sentence: str) -> "CalibrationError":
         """Return the same error with a sentence more on what to do."""
-        to_do = Message("{to_do} {more}", {"to_do": self.to_do, "more": sentence})
+        to_do = sentences((self.to_do, sentence))
         return type(self)(self.need, self.got, to_do, self.where)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.frames import FRAMES, FloatArray, Frame, RigidTransform, skew
+from calib_core.messages import message
 
 EdgeState = Literal["measured", "known", "solved", "sought"]
 
@@ -105,10 +106,14 @@ class FrameGraph:
         missing = [edge for edge, _ in way if edge.transform is None]
         if missing:
             raise ConflictError(
-                f"{into}_from_{outof}",
-                f"{missing[0].name}, which is {missing[0].state}",
+                "{into}_from_{outof}",
+                "{missing}, which is {state}",
                 _to_do(missing[0]),
                 missing[0].source,
+                into=into,
+                outof=outof,
+                missing=missing[0].name,
+                state=missing[0].state,
             )
         return _along(way, _known_frame(into), self.shared)
 
@@ -124,7 +129,12 @@ class FrameGraph:
                 return found
         linked = ", ".join(dict.fromkeys(edge.name for edge in self.edges)) or "no transform"
         raise ConflictError(
-            f"transforms that lead from {outof} to {into}", f"{linked} alone", "Solve the stages between them."
+            "transforms that lead from {outof} to {into}",
+            "{linked} alone",
+            "Solve the stages between them.",
+            outof=outof,
+            into=into,
+            linked=linked,
         )
 
 
@@ -132,13 +142,13 @@ def _known_frame(name: str) -> Frame:
     for frame in FRAMES:
         if frame == name:
             return frame
-    raise InputError(f"a frame among {', '.join(FRAMES)}", repr(name)[:80], "Name a known frame.")
+    raise InputError("a frame among {frames}", repr(name)[:80], "Name a known frame.", frames=", ".join(FRAMES))
 
 
 def _to_do(edge: FrameEdge) -> str:
     if edge.state == "measured":
-        return "Name the capture whose pose counts."
-    return f"Solve the stage '{edge.source}', or give the transform in `cell.known`."
+        return message("Name the capture whose pose counts.")
+    return message("Solve the stage '{source}', or give the transform in `cell.known`.", source=edge.source)
 
 
 def _shortest(edges: Sequence[FrameEdge], into: Frame, outof: Frame) -> list[tuple[FrameEdge, bool]] | None:

@@ -67,7 +67,14 @@ def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
     """Return the rotation vector (…, 3) of rotations (…, 3, 3), its length in [0, π] rad."""
     from scipy.spatial.transform import Rotation
 
-    return np.asarray(Rotation.from_matrix(np.asarray(rotation, dtype=float)).as_rotvec())
+    return np.asarray(Rotation.from_matrix(np.asarray(rotation, dtype=float)).as_rotvec(), dtype=np.float64)
+
+
+def with_third(axis: FloatArray) -> FloatArray:
+    """Return a rotation (3, 3) whose third column is a unit vector (3,)."""
+    x: FloatArray = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]).astype(np.float64)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
 
 
 def nearest_rotation(matrix: ArrayLike) -> FloatArray:
@@ -104,7 +111,9 @@ class RigidTransform:
         _require_rigid(matrix, _EXACT)
         for frame in (self.into, self.outof):
             if frame not in FRAMES:
-                raise InputError(f"a frame among {', '.join(FRAMES)}", repr(frame), "Name a known frame.")
+                raise InputError(
+                    "a frame among {frames}", repr(frame), "Name a known frame.", frames=", ".join(FRAMES)
+                )
         matrix.flags.writeable = False
         object.__setattr__(self, "matrix", matrix)
 
@@ -161,9 +170,13 @@ class RigidTransform:
         """
         if self.outof != other.into:
             raise InputError(
-                f"frames that meet: {self.into}_from_{self.outof} @ {self.outof}_from_…",
-                f"{other.into}_from_{other.outof} on the right",
+                "frames that meet: {into}_from_{outof} @ {outof}_from_…",
+                "{other_into}_from_{other_outof} on the right",
                 "Invert one of the two or change their order.",
+                into=self.into,
+                outof=self.outof,
+                other_into=other.into,
+                other_outof=other.outof,
             )
         product = self.matrix @ other.matrix
         # Products of thousands of transforms drift off the rotations; one projection costs little.
@@ -198,9 +211,13 @@ class RigidTransform:
         """Return the 6-vector `xi` with ``other = self.perturbed(xi)``, rad and mm."""
         if (self.into, self.outof) != (other.into, other.outof):
             raise InputError(
-                f"two transforms {self.into}_from_{self.outof}",
-                f"{other.into}_from_{other.outof}",
+                "two transforms {into}_from_{outof}",
+                "{other_into}_from_{other_outof}",
                 "Compare transforms between the same frames.",
+                into=self.into,
+                outof=self.outof,
+                other_into=other.into,
+                other_outof=other.outof,
             )
         rotation = vector_from_rotation(self.rotation.T @ other.rotation)
         return np.concatenate([rotation, other.translation_mm - self.translation_mm])
@@ -217,7 +234,9 @@ def stack_matrices(transforms: Sequence[RigidTransform]) -> FloatArray:
 
 def _require_rigid(matrix: FloatArray, tolerance: float) -> None:
     if matrix.shape != (4, 4):
-        raise InputError("a 4×4 matrix", f"an array of shape {matrix.shape}", "Give 16 numbers, row by row.")
+        raise InputError(
+            "a 4×4 matrix", "an array of shape {matrix}", "Give 16 numbers, row by row.", matrix=matrix.shape
+        )
     rows = matrix.tolist()  # plain numbers: many times faster than arrays of nine
     if not all(map(isfinite, chain.from_iterable(rows))):
         raise InputError("a finite matrix", "NaN or infinity in it", "Check where the pose comes from.")
@@ -233,8 +252,9 @@ def _require_rigid(matrix: FloatArray, tolerance: float) -> None:
     if error > tolerance:
         raise InputError(
             "a rotation in the upper left 3×3 (orthonormal rows)",
-            f"rows that are off by {error:.2g}",
+            "rows that are off by {error:.2g}",
             "Check that the numbers are given row by row and that nothing was scaled.",
+            error=error,
         )
     if xx * (yy * zz - yz * zy) + xy * (yz * zx - yx * zz) + xz * (yx * zy - yy * zx) < 0:
         raise InputError(

@@ -7,6 +7,7 @@ from types import ModuleType
 from typing import Any
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 _DRAWING = "open3d.visualization.draw_plotly"
 
@@ -29,8 +30,10 @@ def open3d() -> Any:
         except ModuleNotFoundError:
             raise
         except (ImportError, OSError) as error:  # the loader's own words name the file
-            need = "the system's libraries libegl1, libgl1, libgomp1 and libusb-1.0-0, for Open3D"
-            to_do = "Install them, on Debian and Ubuntu with apt-get install libegl1 libgl1 libgomp1 libusb-1.0-0."
+            need = message("the system's libraries libegl1, libgl1, libgomp1 and libusb-1.0-0, for Open3D")
+            to_do = message(
+                "Install them, on Debian and Ubuntu with apt-get install libegl1 libgl1 libgomp1 libusb-1.0-0."
+            )
             raise InputError(need, str(error), to_do) from None
         finally:
             sys.modules.pop(_DRAWING, None)

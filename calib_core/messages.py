@@ -4,9 +4,11 @@ A `Message` is a `str`, its English text, so that it goes wherever a text goes; 
 so that whoever prints or sends it can say it in another language (`Catalogue.say`)::
 
     InputError(
-        need=message("a pose of {count} numbers ({names})", count=6, names="x y z W P R"),
-        got=plural("{count} number", "{count} numbers", by="count", count=5),
-        to_do=message("Write it as the controller shows it."),
+        "a pose of {count} numbers ({names})",
+        plural("{given} number", "{given} numbers", by="given", given=5),
+        "Write it as the controller shows it.",
+        count=6,
+        names="x y z W P R",
     )
 
 A place takes Python's format (`{shift_mm:.2f}`) and its unit stands in the text.  A number without a format is
@@ -17,13 +19,17 @@ is glued to another.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from numbers import Integral, Real
 from string import Formatter
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, TypeVar, cast
 
-Value: TypeAlias = "str | float | Sequence[str]"
-"""What fills a place: a number, a text or a message, or several texts."""
+T = TypeVar("T")
+Value: TypeAlias = object
+"""What fills a place: a number, a text or a message, or several texts; of anything else, how Python writes it."""
 
 _SHORTEST_RUN: Final = 3
 _MOST_NAMED: Final = 12
@@ -41,12 +47,32 @@ class Message(str):
 
     def __new__(cls, template: str, values: Mapping[str, Value], many: str = "", by: str = "") -> "Message":
         """Return the text as English says it."""
+        values = {name: _plain(value) for name, value in values.items()}
         self = super().__new__(cls, ENGLISH.fill(template, values, many, by))
         self.template, self.values, self.many, self.by = template, values, many, by
+        if values:
+            _remember(self)
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Message, (self.template, self.values, self.many, self.by)
+
+
+_MADE: Final[OrderedDict[str, Message]] = OrderedDict()
+_MOST_MADE: Final = 20_000
+
+
+def _remember(made: Message) -> None:
+    """Know a message by its English text: a record keeps the text alone."""
+    _MADE[str(made)] = made
+    while len(_MADE) > _MOST_MADE:
+        with suppress(KeyError):  # another thread was faster
+            _MADE.popitem(last=False)
+
+
+def made_lately(text: str) -> Message | None:
+    """Return the message whose English text this is, None where this process has made none of late."""
+    return text if isinstance(text, Message) else _MADE.get(text)
 
 
 def message(template: str, /, **values: Value) -> Message:
@@ -57,6 +83,37 @@ def message(template: str, /, **values: Value) -> Message:
 def plural(one: str, many: str, /, *, by: str, **values: Value) -> Message:
     """Return a text that differs with a count: the value `by`, or how many it lists."""
     return Message(one, values, many, by)
+
+
+class Sentences(tuple[str, ...]):
+    """Sentences one behind the other."""
+
+    __slots__ = ()
+
+
+def sentences(parts: Iterable[str]) -> Message:
+    """Return sentences, one behind the other, as one text; those that are empty are left out."""
+    return Message("{all}", {"all": Sentences(part for part in parts if part)})
+
+
+def templates(told: T, /) -> T:
+    """Return a table as it is; the texts in it are templates, or texts without places, that are translated."""
+    return told
+
+
+def filled(text: str, values: Mapping[str, Value]) -> str:
+    """Return a template with its places filled, or a text as it is that has none of them."""
+    if not values or isinstance(text, Message) or "{" not in text:
+        return text
+    try:
+        return Message(text, values)
+    except (KeyError, ValueError, IndexError, AttributeError):  # what somebody wrote, with braces of its own
+        return text
+
+
+def explained(what: str, why: object) -> Message:
+    """Return what something is said of, a colon, and what is said."""
+    return message("{what}: {why}", what=what, why=str(why))
 
 
 class Names(tuple[str, ...]):
@@ -101,6 +158,8 @@ class Catalogue:
         forms = self.texts.get(template) or ((template, many) if many else (template,))
         if not self.texts.get(template) and many:
             form = ENGLISH.form_of(_count(values[by]))
+        if not values:  # a text without places, in which braces are braces
+            return forms[0]
         return _Filler(self).vformat(forms[min(form, len(forms) - 1)], (), values)
 
     def sentences(self, parts: Iterable[str]) -> str:
@@ -124,6 +183,84 @@ class Catalogue:
         return self.listed(parts)
 
 
+def data_of(said: Message) -> dict[str, Any]:
+    """Return a message as JSON data, of which `message_of` makes it again."""
+    values = {name: _value_data(value) for name, value in said.values.items()}
+    more = {name: text for name, text in (("many", said.many), ("by", said.by)) if text}
+    return {"template": said.template, "values": values, **more}
+
+
+def message_of(data: Mapping[str, Any]) -> Message:
+    """Return a message from JSON data."""
+    values = {name: _value_of(value) for name, value in data.get("values", {}).items()}
+    return Message(data["template"], values, data.get("many", ""), data.get("by", ""))
+
+
+SAID: Final = "said"
+"""The field of a document for its messages' parts; what is stored, or comes from another process, has it."""
+
+
+def with_parts(document: dict[str, Any]) -> dict[str, Any]:
+    """Return a document with the parts of the messages in it, so that they can be said where it is read."""
+    made = {text: found for text in _texts_in(document) if (found := made_lately(text)) is not None}
+    return {**document, SAID: [data_of(one) for one in made.values()]} if made else document
+
+
+def remember_parts(document: Any) -> None:
+    """Know a document's messages, so that what is made of their texts can be said as well."""
+    for _ in parts_in(document):
+        pass
+
+
+def parts_in(document: Any) -> Iterator[Message]:
+    """Give the messages whose parts a document, or one within it, holds."""
+    if isinstance(document, dict):
+        for name, value in cast("dict[str, Any]", document).items():
+            if name == SAID and isinstance(value, list):
+                yield from (message_of(parts) for parts in cast("list[Any]", value))
+            else:
+                yield from parts_in(value)
+    elif isinstance(document, list) and not are_numbers(cast("list[Any]", document)):
+        for one in cast("list[Any]", document):
+            yield from parts_in(one)
+
+
+def are_numbers(items: Sequence[object]) -> bool:
+    """Return whether a list holds numbers, of which there may be many, and no texts."""
+    return not items or isinstance(items[0], int | float)
+
+
+def _texts_in(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for one in cast("dict[str, Any]", value).values():
+            yield from _texts_in(one)
+    elif isinstance(value, list) and not are_numbers(cast("list[Any]", value)):
+        for one in cast("list[Any]", value):
+            yield from _texts_in(one)
+
+
+_LISTS: Final = {"names": Names, "sentences": Sentences, "list": list}
+
+
+def _value_data(value: Any) -> Any:
+    if isinstance(value, Message):
+        return data_of(value)
+    if isinstance(value, list | tuple):
+        kind = next(name for name, made in _LISTS.items() if isinstance(value, made) or name == "list")
+        return {kind: [_value_data(one) for one in value]}  # pyright: ignore[reportUnknownVariableType]
+    return value
+
+
+def _value_of(data: Any) -> Any:
+    if not isinstance(data, dict):
+        return data
+    if "template" in data:
+        return message_of(data)  # pyright: ignore[reportUnknownArgumentType]
+    return next(_LISTS[kind](_value_of(one) for one in parts) for kind, parts in data.items())  # pyright: ignore
+
+
 class _Filler(Formatter):
     def __init__(self, catalogue: Catalogue) -> None:
         self._catalogue = catalogue
@@ -131,14 +268,31 @@ class _Filler(Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         said = self._catalogue
         if isinstance(value, str):
-            return said.say(value) if isinstance(value, Message) else value
+            return said.say(value)
         if isinstance(value, Names):
             return said.captures(value)
+        if isinstance(value, Sentences):
+            return said.sentences(said.say(part) for part in value)
         if isinstance(value, list | tuple):
             return said.listed(value, {"or": said.or_, ",": said.comma}.get(format_spec, ""))  # pyright: ignore[reportUnknownArgumentType]
         if isinstance(value, float) and not math.isfinite(value):
             return "–"
         return format(value, format_spec) if format_spec or isinstance(value, int) else _three_digits(value)
+
+
+def _plain(value: Any) -> Value:
+    """Return a value as a catalogue formats it, and a file keeps it."""
+    if isinstance(value, str):
+        return made_lately(value) or value
+    if isinstance(value, int | Names | Sentences) or (isinstance(value, list | tuple) and _are_texts(value)):
+        return value  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, Real):
+        return int(value) if isinstance(value, Integral) else float(value)
+    return str(value)
+
+
+def _are_texts(values: Iterable[object]) -> bool:
+    return all(isinstance(value, str) for value in values)
 
 
 def _three_digits(value: float) -> str:
@@ -147,7 +301,7 @@ def _three_digits(value: float) -> str:
 
 
 def _count(value: Value) -> int:
-    return int(value) if isinstance(value, int | float) else len(value)
+    return int(value) if isinstance(value, int | float) else len(cast("Sequence[str]", value))
 
 
 def _runs(names: Sequence[str]) -> list[list[str]]:

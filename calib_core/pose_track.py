@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.messages import plural
 
 _SLACK_S = 1e-3
 
@@ -42,7 +43,13 @@ def interpolate_poses(
     if len(track) < 2 or len(at) != len(track):
         raise InputError(
             "a pose track of at least two poses, each with its time",
-            f"{len(track)} poses and {len(at)} times",
+            plural(
+                "{count} pose and {count_other} times",
+                "{count} poses and {count_other} times",
+                by="count",
+                count=len(track),
+                count_other=len(at),
+            ),
             "Record the robot's pose from before the first profile to after the last.",
             where,
         )
@@ -59,10 +66,15 @@ def interpolate_poses(
     if outside.any():
         first = float(wanted[outside][0])
         raise InputError(
-            f"times within the pose track, {at[0]:g} s to {at[-1]:g} s",
-            f"{first:g} s ({int(outside.sum())} of {len(wanted)} outside)",
+            "times within the pose track, {start:g} s to {end:g} s",
+            "{first:g} s ({outside} of {count} outside)",
             "Check that scanner and robot share one clock, and record a longer track.",
             where,
+            start=at[0],
+            end=at[-1],
+            first=first,
+            outside=int(outside.sum()),
+            count=len(wanted),
         )
     wanted = np.clip(wanted, at[0], at[-1])
     rotations = Slerp(at, Rotation.from_matrix([pose.rotation for pose in ordered]))(wanted).as_matrix()

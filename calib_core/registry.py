@@ -69,7 +69,12 @@ class Registry(Generic[Entry]):
         entry = self._entries.get(name)
         if entry is None:
             raise InputError(
-                f"{self._what} among {', '.join(self._entries)}", f"'{name}'", "Name one of these.", where
+                "{what} among {entries}",
+                f"'{name}'",
+                "Name one of these.",
+                where,
+                what=self._what,
+                entries=", ".join(self._entries),
             )
         return entry
 

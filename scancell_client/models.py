@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 
 class Record(BaseModel):
@@ -235,6 +235,19 @@ class FlangeReading(Record):
     base_from_frame: list[list[float]] | None = None
 
 
+class FoundAxis(Record):
+    """An axis `in` base, as it stands there where all axes read zero."""
+    name: str
+    in_: str = Field(alias="in")
+    kind: Literal['rotary', 'linear']
+    axis_direction: list[float]
+    axis_point_mm: list[float] | None = None
+    direction: Literal[1, -1] | None = None
+    scale: float | None = None
+    scale_sigma: float | None = None
+    covariance: list[list[float]]
+
+
 class FoundFrame(Record):
     """A transform `into` `outof`: 4×4 rows in mm, its covariance 6×6 of rx ry rz tx ty tz in rad and mm."""
     into: str
@@ -242,6 +255,15 @@ class FoundFrame(Record):
     scanner: str | None = None
     matrix: list[list[float]]
     covariance: list[list[float]] | None = None
+
+
+class FoundSphere(Record):
+    """Where a ball's centre is `in` what carries it, its covariance (3, 3) in mm², and who saw it."""
+    name: str
+    in_: str = Field(alias="in")
+    center_mm: list[float]
+    covariance: list[list[float]]
+    captures: list[str] | None = None
 
 
 class Frame(Record):
@@ -496,6 +518,7 @@ class SessionAnswer(Record):
     verdict: Literal['pass', 'warn', 'fail']
     stale: bool
     faults: list[str]
+    findings: list[Finding] | None = None
     warnings: list[str]
     undetermined: list[Any]
     solved: str | None
@@ -560,6 +583,8 @@ class CameraResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -607,6 +632,8 @@ class ChainResult(Record):
     radial_rms_mm: float
     axial_rms_mm: float
     angle_rms_deg: float
+    spheres: list[FoundSphere] | None = None
+    axes: list[FoundAxis] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -614,6 +641,8 @@ class ChainResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -632,7 +661,8 @@ class ChainResult(Record):
     undetermined: list[Undetermined] | None = None
     two_step: TwoStep
     variance_components: VarianceComponents
-    scanner: ScannerFound | None = None
+    scanner: ScannerFound | str | None = None
+    scanner_errors: dict[str, ScannerFound] | None = None
     optics: list[OpticsShift] | None = None
     workpiece: AtPoint | None = None
     arm_errors: ArmErrorsFound | None = None
@@ -655,6 +685,8 @@ class HandEyeResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -688,6 +720,8 @@ class LaserPlaneResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -720,6 +754,8 @@ class MergeResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -766,6 +802,8 @@ class RecheckResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -787,6 +825,8 @@ class TcpResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    spheres: list[FoundSphere] | None = None
+    axes: list[FoundAxis] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -794,6 +834,8 @@ class TcpResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -812,7 +854,8 @@ class TcpResult(Record):
     undetermined: list[Undetermined] | None = None
     two_step: TwoStep
     variance_components: VarianceComponents
-    scanner: ScannerFound | None = None
+    scanner: ScannerFound | str | None = None
+    scanner_errors: dict[str, ScannerFound] | None = None
     optics: list[OpticsShift] | None = None
     workpiece: AtPoint | None = None
     arm_errors: ArmErrorsFound | None = None
@@ -823,10 +866,12 @@ class TcpResult(Record):
 
 
 class TurntableResult(Record):
-    """The turntable, with its evidence. As the server keeps it."""
+    """The turntable, with its evidence; the scanner's pose that it rests on is on the flange or in base. As the server keeps it."""
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    spheres: list[FoundSphere] | None = None
+    axes: list[FoundAxis] | None = None
     base_from_turntable: list[list[float]]
     axis_direction_in_base: list[float]
     axis_point_in_base_mm: list[float]
@@ -850,6 +895,8 @@ class TurntableResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None
@@ -858,7 +905,8 @@ class TurntableResult(Record):
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['turntable'] | None = None
     covariance: list[list[float]]
-    tool0_from_laser: list[list[float]]
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     undetermined: list[Undetermined] | None = None
     variance_components: VarianceComponents
     residuals: list[TurntableResidual]
@@ -876,6 +924,8 @@ class VerifyResult(Record):
     verdict: Literal['pass', 'warn', 'fail']
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] | None = None
     warnings: list[str] | None = None
     notes: list[str] | None = None

@@ -49,11 +49,15 @@ class Operations(Connection):
 
     def archives_import_archive(self, content: Any) -> Any:
         """Make a session from an archive, with its captures and results; what is wrong with it leaves
-        nothing behind. What else it holds (scene, report, truth, notes) is kept as it came: GET …/kept."""
+        nothing behind. Its results are solved anew at once, by a job (`replay`), to see whether they are
+        what its captures give; until then those that nobody who is trusted here has signed are `imported`,
+        and no answer to export or release. What else it holds (scene, report, truth, notes) is kept as it
+        came: GET …/kept."""
         return self.request("POST", "/api/v1/archives", content=content, headers={"Content-Type": "application/zip"})
 
     def archives_verify_archive(self, content: Any) -> Any:
-        """Check that an archive is whole, unaltered and a session; stores nothing."""
+        """Check that an archive is whole and a session, who signed it, and that its files agree; stores
+        nothing."""
         return self.request("POST", "/api/v1/archives/verify", content=content, headers={"Content-Type": "application/zip"})
 
     def archives_get_report(self, session_id: str, *, format_: str | None = None) -> Any:

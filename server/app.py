@@ -28,7 +28,6 @@ from server.http.events import Hub
 from server.http.head_requests import HeadRequests
 from server.http.language import AnswerLanguage
 from server.http.page_files import PageFiles
-from server.http.page_sentences import PageSentences
 from server.http.security_headers import SecurityHeaders
 from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
@@ -162,7 +161,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     for router in (*all_routers(), scenes_router, controls_router, trials_router, cloud_router):
         app.router.routes.extend(router.routes)
     app.state.page_files = PageFiles(settings.web)
-    app.state.page_sentences = PageSentences(settings.web)
     app.mount("/web", GZipMiddleware(app.state.page_files, minimum_size=500))
     app.add_middleware(HeadRequests)
     app.add_middleware(Timeouts, settings=settings)

@@ -133,14 +133,16 @@ def _listed() -> str:
     return "\n\n".join(parts)
 
 
-def _add(parent: argparse.ArgumentParser, commands: Iterable[Command], used: frozenset[str]) -> None:
-    """Add commands, or the actions of one."""
+def _add(
+    parent: argparse.ArgumentParser, commands: Iterable[Command], used: frozenset[str], *, required: bool = True
+) -> None:
+    """Add commands, or the actions of one; where the one has something to do by itself they are not `required`."""
     is_top = commands is COMMANDS  # whose list stands under the headings
     within = parent.add_subparsers(
         title="actions",
         help=argparse.SUPPRESS if is_top else None,
         metavar="COMMAND",
-        required=True,
+        required=required,
         parser_class=_Parser,
         prog=parent.prog,
     )
@@ -155,7 +157,8 @@ def _add(parent: argparse.ArgumentParser, commands: Iterable[Command], used: fro
         if command.name not in used:
             continue
         if command.actions:
-            _add(added, command.actions, used)
+            _add(added, command.actions, used, required=command.run is None)
+        if command.actions and command.run is None:
             continue
         command.arguments(added)
         _add_common(added.add_argument_group("common").add_argument, default=argparse.SUPPRESS)

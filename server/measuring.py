@@ -5,7 +5,9 @@ import logging
 from collections.abc import Callable
 from functools import cache
 
+from calib_core.captures.measured import measured_of, not_seen
 from calib_core.errors import CalibrationError, MeasurementError
+from calib_core.findings.codes.quality import MEASURING_FAILED, NOT_FINITE
 from calib_core.records import Capture, Measured, Session
 
 log = logging.getLogger("scancell")
@@ -58,35 +60,28 @@ def measured_with_text(session: Session, capture: Capture, read: Callable[[str],
         text = finite_text(measured)
         if text is not None:
             return measured, text
-        reason = "What is measured in it has no finite size."
-        to_do = "Check the numbers in its file: some are far too large."
+        nothing = measured_of(capture, [NOT_FINITE()])
     except MeasurementError as error:
-        reason, to_do = str(error), error.to_do
+        nothing = not_seen(capture, error)
     except CalibrationError:
         raise
     except Exception as error:  # a fault of the program must not lose a capture that may be unrepeatable
         log.exception("measuring capture %s failed unexpectedly", capture.id)
-        reason = f"measuring it failed by an error of the program itself ({type(error).__name__})"
-        to_do = "The capture is kept; report this with its file."
-    nothing = unmeasured(capture, reason, to_do)
+        nothing = measured_of(capture, [MEASURING_FAILED(how="program", error=type(error).__name__)])
     return nothing, nothing.model_dump_json(exclude_unset=True)
 
 
 def finite_text(measured: Measured) -> str | None:
     """Return what was measured as JSON text, None where it holds NaN or infinities.
 
-    Those become null in the text: where it has no more of them than fields that are empty, all numbers are finite.
+    Those become null in the text: where it has no more of them than fields that are empty, and findings without a
+    remedy, all numbers are finite.
     """
     text = measured.model_dump_json(exclude_unset=True)
-    empty = sum(getattr(measured, name) is None for name in measured.model_fields_set)
+    empty = sum(getattr(measured, name) is None for name in measured.model_fields_set) + len(measured.findings)
     if text.count("null") == empty:
         return text
     try:
         return json.dumps(measured.to_json(), allow_nan=False)
     except ValueError:
         return None
-
-
-def unmeasured(capture: Capture, reason: str, to_do: str) -> Measured:
-    """Return what is noted of a capture in which nothing was measured, and why."""
-    return Measured(capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=to_do)

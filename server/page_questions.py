@@ -5,6 +5,7 @@ from collections import OrderedDict
 from hashlib import blake2b
 from typing import TYPE_CHECKING, Any, Final
 
+from calib_core.messages import remember_parts, with_parts
 from calib_core.records import Measured, Session, parse_session
 from server.store.process_data import SessionTexts, with_stale
 
@@ -22,7 +23,8 @@ def guide_text(texts: SessionTexts) -> str:
     """Return a session's guide as JSON text."""
     from calib_core.stages.guide import guide
 
-    return json.dumps(guide(*_read(texts)).to_json(), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    found = with_parts(guide(*_read(texts)).to_json())
+    return json.dumps(found, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 def planned(texts: SessionTexts, captures: int, step: "PlannedStep") -> "PoseList":
@@ -49,6 +51,7 @@ def seen_in(text: str) -> Measured:
     known = _seen.pop(key, None)
     if known is None:
         known = Measured.model_validate_json(text)
+        remember_parts(known.model_extra)
         if known.image_size is not None:
             return known
         known = known.model_copy(update=_NOT_READ)
@@ -63,4 +66,5 @@ def _read(texts: SessionTexts) -> tuple[Session, list[Measured], dict[str, Any]]
     record = {**json.loads(texts.record), "captures": [json.loads(text) for text in texts.captures]}
     session = parse_session(record, texts.id)
     results = {stage: json.loads(text) for stage, text in texts.results.items()}
+    remember_parts(results)
     return session, [seen_in(text) for text in texts.measured], with_stale(session, results, texts.digests)

@@ -117,7 +117,9 @@ class Settings(BaseSettings):
     def _require_both_of_tls(self) -> "Settings":
         for name, path in (("tls_certificate", self.tls_certificate), ("tls_key", self.tls_key)):
             if path is None and (self.tls_certificate or self.tls_key):
-                raise InputError("tls_certificate and tls_key together", "one of them", f"Set {name} too.", name)
+                raise InputError(
+                    "tls_certificate and tls_key together", "one of them", "Set {name} too.", name, name=name
+                )
             if path is not None and not path.is_file():
                 raise InputError("a PEM file", "none in its place", "Check the path.", f"{name}: {path}")
         return self

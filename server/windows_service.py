@@ -14,6 +14,7 @@ from xml.sax.saxutils import escape
 from calib_core.disk import WINDOWS, remove_file
 from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_atomically
+from calib_core.messages import message
 from server.windows_links import link
 
 TASK = "scancell"
@@ -146,15 +147,17 @@ def _links() -> tuple[Path, Path]:
 
 def _require_windows() -> None:
     if not WINDOWS:
-        to_do = "Use docs/examples/scancell.service for systemd."
-        raise InputError("Windows", f"another system ({sys.platform})", to_do, "service")
+        to_do = message("Use docs/examples/scancell.service for systemd.")
+        raise InputError("Windows", "another system ({platform})", to_do, "service", platform=sys.platform)
 
 
 def _schtasks(*words: str, may_fail: bool = False) -> str:
     done = subprocess.run(["schtasks", *words], capture_output=True, check=False)
     said = " ".join((done.stdout or done.stderr).decode("utf-8", "replace").split())
     if done.returncode and not may_fail:
-        to_do = "With --system, open the prompt as administrator; `scancell service install` makes the task."
+        to_do = message(
+            "With --system, open the prompt as administrator; `scancell service install` makes the task."
+        )
         told = " ".join(done.stderr.decode("utf-8", "replace").split()) or said
         raise InputError("a task that Windows takes", told, to_do, f"schtasks {words[0]}")
     return said

@@ -1,28 +1,42 @@
 """Takes up new texts into the catalogues, and writes docs/findings: `make catalogues`.
 
-A text keeps the translation that any catalogue has of it; a new one is filled with what the page's old tables know
-of it.
+A text keeps the translation that any catalogue has of it; fill what is empty.
 """
 
+import ast
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypeGuard
 
 from babel.messages.catalog import Catalog
-from babel.messages.extract import extract
 from babel.messages.pofile import read_po, write_po
 
+import server.app  # noqa: F401 - it knows all kinds of errors
+from calib_core.errors import CalibrationError
 from calib_core.findings import pages, table
 from calib_core.findings.code import Plural
+from server.http.page_texts import english, plural_of
+
+
+def _kinds_of(error: type[CalibrationError]) -> Iterator[type[CalibrationError]]:
+    yield error
+    for kind in error.__subclasses__():
+        yield from _kinds_of(kind)
+
 
 ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "web" / "texts"
 LOCALE = ROOT / "calib_core" / "findings" / "locale"
 DOCS = ROOT / "docs" / "findings"
 TRANSLATED = ("de", "zh")
-KEYWORDS = {"message": (1,), "plural": (1, 2)}
+TEXTS = {"message": (0,), "Fault": (3, 4), "adding": (0,)}  # which arguments are texts; of errors the first three
 Text = tuple[str, str]  # the template, and its plural or nothing
+_ERRORS = {error.__name__ for error in _kinds_of(CalibrationError)}
+_LABELS = {"label", "limit_label", "title", "remark", "caption", "alt", "instruction", "why", "exit"}
+_LABEL = re.compile(r"[A-Z].*[a-z]|.* ")
 _PLACE = re.compile(r"\{[^{}]*\}")
 _ALWAYS = datetime(2026, 1, 1, tzinfo=UTC)  # the files change with their texts alone
 
@@ -30,6 +44,7 @@ _ALWAYS = datetime(2026, 1, 1, tzinfo=UTC)  # the files change with their texts 
 def texts_by_area() -> dict[str, set[Text]]:
     """Return all texts by the file that they stand in; one that several areas have stands in the first."""
     found: dict[str, set[Text]] = {}
+    known = {text for language in TRANSLATED for text in catalogue_of(language)}
     for area, codes in table.areas().items():
         for code in codes:
             for text in code.texts():
@@ -38,21 +53,68 @@ def texts_by_area() -> dict[str, set[Text]]:
     for top in ("calib_core", "server"):
         for file in sorted((ROOT / top).rglob("*.py")):
             room = file.relative_to(ROOT / top).parts[0].removesuffix(".py") if top == "calib_core" else "server"
-            found.setdefault(room, set()).update(messages_of(file))
+            found.setdefault(room, set()).update(messages_of(file, known))
     seen: set[str] = set()
     for texts in found.values():
-        texts -= {text for text in texts if text[0] in seen or not re.search("[A-Za-z]", _PLACE.sub("", text[0]))}
+        texts -= {
+            text for text in texts if text[0] in seen or not re.search("[a-z]{2}|: ", _PLACE.sub("", text[0]))
+        }
         seen |= {text[0] for text in texts}
     return {area: texts for area, texts in sorted(found.items()) if texts}
 
 
-def messages_of(file: Path) -> Iterator[Text]:
-    """Give the texts of `message` and `plural` in a source file."""
-    content = file.read_bytes()
-    if b"message(" not in content and b"plural(" not in content:
-        return
-    for _, said, _, _ in extract("python", io.BytesIO(content), KEYWORDS):
-        yield (said, "") if isinstance(said, str) else (str(said[0]), str(said[1]))
+def messages_of(file: Path, known: Container[str] = ()) -> Iterator[Text]:
+    """Give the texts in a source file: of messages, errors, tables of templates, and labels.
+
+    A label, or another text without places, is taken up when it is marked, `message("…")`; later its mark may go:
+    a catalogue knows it.
+    """
+    content = file.read_text(encoding="utf-8")
+    marked: set[int] = set()
+    for call in ast.walk(ast.parse(content)):
+        text = str(call.value) if _is_text(call) and id(call) not in marked else ""
+        if text in known and _LABEL.match(text):
+            yield text, ""
+        if not isinstance(call, ast.Call):
+            continue
+        name = getattr(call.func, "id", getattr(call.func, "attr", ""))
+        if name in ("message", "plural"):
+            marked |= {id(part) for part in call.args}
+        if name == "plural":
+            one, many = (_constants(part)[0] for part in call.args)
+            yield one, many
+        elif name == "templates":
+            yield from ((text, "") for text in _in_table(call.args[0]))
+        elif name in TEXTS or name in _ERRORS:
+            places = TEXTS.get(name, (0, 1, 2))
+            parts = [part for place, part in enumerate(call.args) if place in places]
+            parts += [one.value for one in call.keywords if one.arg in ("need", "got", "to_do")]
+            yield from ((text, "") for part in parts for text in _constants(part))
+        else:
+            labels = [one.value for one in call.keywords if one.arg in _LABELS]
+            yield from ((text, "") for part in labels for text in _constants(part) if text)
+
+
+def _in_table(part: ast.expr) -> Iterator[str]:
+    parts = (
+        part.values if isinstance(part, ast.Dict) else part.elts if isinstance(part, ast.Tuple | ast.List) else ()
+    )
+    yield from _constants(part)
+    for one in parts:
+        yield from _in_table(one)
+
+
+def _constants(part: ast.expr) -> list[str]:
+    """Return the texts that an argument may be."""
+    if isinstance(part, ast.IfExp):
+        return [*_constants(part.body), *_constants(part.orelse)]
+    if isinstance(part, ast.BoolOp):
+        return [text for value in part.values for text in _constants(value)]
+    return [str(part.value)] if _is_text(part) else []
+
+
+def _is_text(part: ast.AST) -> TypeGuard[ast.Constant]:
+    return isinstance(part, ast.Constant) and isinstance(part.value, str)
 
 
 def catalogue_of(language: str) -> dict[str, tuple[str, ...]]:
@@ -62,60 +124,10 @@ def catalogue_of(language: str) -> dict[str, tuple[str, ...]]:
         with file.open("rb") as stream:
             for one in read_po(stream, locale=language):
                 key = one.id if isinstance(one.id, str) else one.id[0]
-                forms = (one.string,) if isinstance(one.string, str) else tuple(one.string)
-                if key and any(forms):
+                forms = (one.string,) if isinstance(one.string, str) else tuple(one.string or ())
+                if key and all(forms):
                     found.setdefault(key, forms)
     return found
-
-
-def from_page(text: str, language: str) -> str:
-    """Return what the page's old tables say of a text, nothing where they do not know it."""
-    known = _page(language)
-    whole = _seeded(text, known)
-    if whole:
-        return whole
-    sentences = re.split(r"(?<=[.!?]) (?=[A-Z])", text)
-    parts = [_seeded(sentence, known) for sentence in sentences]
-    return (" " if language != "zh" else "").join(parts) if len(parts) > 1 and all(parts) else ""
-
-
-def _seeded(text: str, known: dict[str, str]) -> str:
-    places = _PLACE.findall(text)
-    template = _PLACE.sub("{}", text)
-    for wanted, stop in ((template, ""), (template.removesuffix("."), "."), (template + ".", "-")):
-        if wanted in known:
-            said = known[wanted]
-            if stop == ".":
-                said += "。" if re.search(r"[\u4e00-\u9fff]", said) else "."
-            return _placed(said.rstrip(".。") if stop == "-" else said, places)
-    return ""
-
-
-def _placed(said: str, places: list[str]) -> str:
-    following = iter(places)
-    try:
-        return re.sub(r"\{(\d?)\}", lambda hit: places[int(hit[1]) - 1] if hit[1] else next(following), said)
-    except (StopIteration, IndexError):
-        return ""
-
-
-_PAGES: dict[str, dict[str, str]] = {}
-
-
-def _page(language: str) -> dict[str, str]:
-    if language not in _PAGES:
-        _PAGES[language] = dict(_page_entries(language))
-    return _PAGES[language]
-
-
-def _page_entries(language: str) -> Iterator[tuple[str, str]]:
-    try:
-        from server.http.page_sentences import entries_of
-    except ImportError:  # the old tables have gone
-        return
-    for file in sorted((ROOT / "web" / "texts" / "server").glob("*.js")):
-        for said, words in entries_of(file):
-            yield said, words[language]
 
 
 def update() -> None:
@@ -132,6 +144,11 @@ def update() -> None:
             file = LOCALE / language / f"{area}.po"
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(content.getvalue())
+    for language in TRANSLATED:
+        content = io.BytesIO()
+        file = PAGE / f"{language}.po"
+        write_po(content, _page_catalogue(file, language), width=110, no_location=True)
+        file.write_bytes(content.getvalue())
     DOCS.mkdir(exist_ok=True)
     written = pages.files()
     for file in DOCS.glob("*.md"):
@@ -141,7 +158,27 @@ def update() -> None:
         (DOCS / name).write_text(content, encoding="utf-8")
 
 
-def _catalogue(language: str, texts: set[Text], known: dict[str, tuple[str, ...]]) -> Catalog:
+def _page_catalogue(file: Path, language: str) -> Catalog:
+    """Return the page's texts by their names, with the translations of those whose English is as before."""
+    known: dict[tuple[str | None, str], tuple[str, ...]] = {}
+    if file.exists():
+        with file.open("rb") as stream:
+            for one in read_po(stream, locale=language):
+                key = one.id if isinstance(one.id, str) else one.id[0]
+                known[one.context, key] = (one.string,) if isinstance(one.string, str) else tuple(one.string or ())
+    texts = english(PAGE)
+    made = _empty(language)
+    for name, text in texts.items():
+        many = texts.get(plural_of(name))
+        said = known.get((name, text), ("", "") if many else ("",))
+        if many:
+            made.add((text, many), said[: made.num_plurals], context=name)
+        elif not (name.endswith("many") and f"{name[:-4]}one" in texts):
+            made.add(text, said[0], context=name)
+    return made
+
+
+def _empty(language: str) -> Catalog:
     made = Catalog(
         language,
         project="scancell",
@@ -154,12 +191,17 @@ def _catalogue(language: str, texts: set[Text], known: dict[str, tuple[str, ...]
         fuzzy=False,
     )
     made.header_comment = "# Texts of scancell; made by `make catalogues`."
+    return made
+
+
+def _catalogue(language: str, texts: set[Text], known: dict[str, tuple[str, ...]]) -> Catalog:
+    made = _empty(language)
     for one, many in texts:
         if many:
-            forms = known.get(one) or tuple(from_page(text, language) for text in (one, many))
+            forms = known.get(one, ("",) * made.num_plurals)
             made.add((one, many), forms[-made.num_plurals :] if len(forms) > made.num_plurals else forms)
         else:
-            made.add(one, known[one][0] if one in known else from_page(one, language))
+            made.add(one, known[one][0] if one in known else "")
         made[one].flags.discard("python-format")
     return made
 

@@ -12,9 +12,12 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import gc
+import getpass
 import pickle
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -27,6 +30,11 @@ if TYPE_CHECKING:  # most tests need no browser
 
     from calib_core.simulation import SimulatedSession
     from tests.web.browsing import Watch
+
+# What tests sign is signed with a key of their own, which all processes of a run share.
+os.environ.setdefault(
+    "SCANCELL_KEY_FILE", str(Path(tempfile.gettempdir()) / f"scancell-tests-{getpass.getuser()}" / "key.pem")
+)
 
 # Else each process that a test starts compiles all sources again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

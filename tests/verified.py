@@ -55,5 +55,5 @@ def written(made: SimulatedSession, folder: Path, *, with_results: bool = True) 
     save_session(folder, made.session, made.files)
     if with_results:
         for name, result in run(made.session, made.files.__getitem__, "all").items():
-            write_result(folder, name, result)
+            write_result(folder, name, result, made.session)
     return folder

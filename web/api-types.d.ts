@@ -47,6 +47,9 @@ export interface ArchiveFacts {
   payload_bytes: number;
   scene: boolean;
   report: boolean;
+  sealed?: boolean | null;
+  signed_by?: string | null;
+  findings?: Finding[];
 }
 
 export interface ArchiveUpload {
@@ -290,6 +293,8 @@ export interface CameraResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -329,6 +334,8 @@ export interface Capture {
   files?: string[];
   pose?: number[] | null;
   table_deg?: number | null;
+  axes_deg?: Record<string, unknown> | null;
+  axes_mm?: Record<string, unknown> | null;
   mount?: string | null;
   center_mm?: number[] | null;
   poses?: number[][] | null;
@@ -399,6 +406,9 @@ export interface Cell {
   sphere_class?: "certified" | "bearing" | "coated" | "turned" | null;
   scanner?: Scanner;
   scanners?: Record<string, unknown> | null;
+  spheres?: Sphere[] | null;
+  sphere_distances?: SphereDistance[] | null;
+  axes?: CellAxis[] | null;
   robot?: Robot;
   turntable?: Turntable;
   board?: Board | null;
@@ -413,6 +423,17 @@ export interface Cell {
   workpiece_in_turntable_mm?: number[] | null;
   limits?: Limits;
   nominal?: Nominal | null;
+}
+
+export interface CellAxis {
+  name: string;
+  kind: "rotary" | "linear";
+  carries?: "object" | "robot";
+  on?: string | null;
+  direction?: 1 | -1 | null;
+  sigma_deg?: number | null;
+  sigma_mm?: number | null;
+  encoder?: "exact" | "scale" | null;
 }
 
 export interface CellDrift {
@@ -494,6 +515,8 @@ export interface ChainResult {
   radial_rms_mm: number;
   axial_rms_mm: number;
   angle_rms_deg: number;
+  spheres?: FoundSphere[];
+  axes?: FoundAxis[];
   method: string;
   method_revision?: number;
   software: string;
@@ -501,6 +524,8 @@ export interface ChainResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -519,7 +544,8 @@ export interface ChainResult {
   undetermined?: Undetermined[];
   two_step: TwoStep;
   variance_components: VarianceComponents;
-  scanner?: ScannerFound | null;
+  scanner?: ScannerFound | string | null;
+  scanner_errors?: Record<string, ScannerFound> | null;
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
@@ -542,7 +568,7 @@ export interface Changes {
   captures?: Record<string, unknown>;
 }
 
-export interface CheckFinding {
+export interface CheckLine {
   level: "error" | "warning" | "note";
   where: string;
   sentence: string;
@@ -867,7 +893,8 @@ export interface Finding {
 }
 
 export interface Findings {
-  items: CheckFinding[];
+  findings: Finding[];
+  items: CheckLine[];
   blocks_solving: boolean;
 }
 
@@ -882,12 +909,32 @@ export interface FolderState {
   watch: Watch | null;
 }
 
+export interface FoundAxis {
+  name: string;
+  in: string;
+  kind: "rotary" | "linear";
+  axis_direction: number[];
+  axis_point_mm?: number[] | null;
+  direction?: 1 | -1;
+  scale?: number;
+  scale_sigma?: number | null;
+  covariance: number[][];
+}
+
 export interface FoundFrame {
   into: string;
   outof: string;
   scanner?: string | null;
   matrix: number[][];
   covariance?: number[][] | null;
+}
+
+export interface FoundSphere {
+  name: string;
+  in: string;
+  center_mm: number[];
+  covariance: number[][];
+  captures?: string[];
 }
 
 export interface Frame {
@@ -937,12 +984,14 @@ export interface FrameOfFile {
 export interface Guide {
   steps: GuideStep[];
   current: GuideNow;
+  findings?: Finding[];
   last_capture?: GuideLast | null;
 }
 
 export interface GuideLast {
   capture: string;
   verdict: "pass" | "warn" | "fail";
+  findings?: Finding[];
   reason?: string | null;
   to_do?: string | null;
 }
@@ -987,6 +1036,8 @@ export interface HandEyeResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -1052,6 +1103,7 @@ export interface Known {
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
   base_from_turntable?: number[][] | null;
+  frames?: KnownFrame[] | null;
 }
 
 export interface KnownCamera {
@@ -1059,6 +1111,14 @@ export interface KnownCamera {
   distortion?: Record<string, number>;
   image_size?: unknown[] | null;
   segments?: CameraSegment[];
+}
+
+export interface KnownFrame {
+  into: string;
+  outof: string;
+  scanner?: string | null;
+  matrix: number[][];
+  covariance?: number[][] | null;
 }
 
 export interface KnownPlane {
@@ -1086,6 +1146,8 @@ export interface LaserPlaneResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -1202,6 +1264,7 @@ export interface Measured {
   capture: string;
   kind: "frame" | "profile" | "cloud" | "sweep" | "center";
   verdict: "pass" | "warn" | "fail";
+  findings?: Finding[];
   reason?: string | null;
   to_do?: string | null;
   points?: number;
@@ -1260,6 +1323,8 @@ export interface MergeResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -1336,6 +1401,16 @@ export interface MomentOfSession {
   numbers: Record<string, number>;
   guide: Guide;
   frames: Record<string, unknown> | null;
+}
+
+export interface MountedScanner {
+  kind?: "frame" | "profile" | "cloud" | "sweep" | "center" | null;
+  point_sigma_mm?: number | null;
+  z_axis?: "away" | "toward" | null;
+  errors?: "cover" | "apply" | null;
+  field_of_view?: FieldOfView | null;
+  pitch_mm?: number | null;
+  on?: "tool0" | "base";
 }
 
 export interface MoverChoice {
@@ -1662,6 +1737,8 @@ export interface RecheckResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -1929,6 +2006,7 @@ export interface SessionAnswer {
   verdict: "pass" | "warn" | "fail";
   stale: boolean;
   faults: string[];
+  findings?: Finding[];
   warnings: string[];
   undetermined: unknown[];
   solved: string | null;
@@ -2032,6 +2110,19 @@ export interface SkippedPart {
   file: string | null;
 }
 
+export interface Sphere {
+  name: string;
+  diameter_mm?: number | null;
+  diameter_sigma_mm?: number | null;
+  on?: string | null;
+}
+
+export interface SphereDistance {
+  between: string[];
+  mm: number;
+  sigma_mm?: number | null;
+}
+
 export interface SpherePlan {
   diameter_mm: number;
   captures: number | null;
@@ -2063,6 +2154,8 @@ export interface StageReplay {
   difference_count?: number;
   differences?: ReplayDifference[];
   why?: string[];
+  provenance?: "replayed" | "differs" | null;
+  finding?: Finding | null;
 }
 
 export interface StagesOfCell {
@@ -2095,6 +2188,8 @@ export interface StoredCameraResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2128,6 +2223,8 @@ export interface StoredCapture {
   files?: string[];
   pose?: number[] | null;
   table_deg?: number | null;
+  axes_deg?: Record<string, unknown> | null;
+  axes_mm?: Record<string, unknown> | null;
   mount?: string | null;
   center_mm?: number[] | null;
   poses?: number[][] | null;
@@ -2172,6 +2269,8 @@ export interface StoredChainResult {
   radial_rms_mm: number;
   axial_rms_mm: number;
   angle_rms_deg: number;
+  spheres?: FoundSphere[];
+  axes?: FoundAxis[];
   method: string;
   method_revision?: number;
   software: string;
@@ -2179,6 +2278,8 @@ export interface StoredChainResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2197,7 +2298,8 @@ export interface StoredChainResult {
   undetermined?: Undetermined[];
   two_step: TwoStep;
   variance_components: VarianceComponents;
-  scanner?: ScannerFound | null;
+  scanner?: ScannerFound | string | null;
+  scanner_errors?: Record<string, ScannerFound> | null;
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
@@ -2230,6 +2332,8 @@ export interface StoredHandEyeResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2262,6 +2366,8 @@ export interface StoredLaserPlaneResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2293,6 +2399,8 @@ export interface StoredMergeResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2338,6 +2446,8 @@ export interface StoredRecheckResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2374,6 +2484,8 @@ export interface StoredTcpResult {
   stale: boolean;
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
+  spheres?: FoundSphere[];
+  axes?: FoundAxis[];
   method: string;
   method_revision?: number;
   software: string;
@@ -2381,6 +2493,8 @@ export interface StoredTcpResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2399,7 +2513,8 @@ export interface StoredTcpResult {
   undetermined?: Undetermined[];
   two_step: TwoStep;
   variance_components: VarianceComponents;
-  scanner?: ScannerFound | null;
+  scanner?: ScannerFound | string | null;
+  scanner_errors?: Record<string, ScannerFound> | null;
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
@@ -2413,6 +2528,8 @@ export interface StoredTurntableResult {
   stale: boolean;
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
+  spheres?: FoundSphere[];
+  axes?: FoundAxis[];
   base_from_turntable: number[][];
   axis_direction_in_base: number[];
   axis_point_in_base_mm: number[];
@@ -2436,6 +2553,8 @@ export interface StoredTurntableResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2444,7 +2563,8 @@ export interface StoredTurntableResult {
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
-  tool0_from_laser: number[][];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   undetermined?: Undetermined[];
   variance_components: VarianceComponents;
   residuals: TurntableResidual[];
@@ -2461,6 +2581,8 @@ export interface StoredVerifyResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2594,6 +2716,8 @@ export interface TcpResidual {
 }
 
 export interface TcpResult {
+  spheres?: FoundSphere[];
+  axes?: FoundAxis[];
   method: string;
   method_revision?: number;
   software: string;
@@ -2601,6 +2725,8 @@ export interface TcpResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2619,7 +2745,8 @@ export interface TcpResult {
   undetermined?: Undetermined[];
   two_step: TwoStep;
   variance_components: VarianceComponents;
-  scanner?: ScannerFound | null;
+  scanner?: ScannerFound | string | null;
+  scanner_errors?: Record<string, ScannerFound> | null;
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
@@ -2722,6 +2849,8 @@ export interface TurntableResidual {
 }
 
 export interface TurntableResult {
+  spheres?: FoundSphere[];
+  axes?: FoundAxis[];
   base_from_turntable: number[][];
   axis_direction_in_base: number[];
   axis_point_in_base_mm: number[];
@@ -2745,6 +2874,8 @@ export interface TurntableResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];
@@ -2753,7 +2884,8 @@ export interface TurntableResult {
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
-  tool0_from_laser: number[][];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   undetermined?: Undetermined[];
   variance_components: VarianceComponents;
   residuals: TurntableResidual[];
@@ -2843,6 +2975,8 @@ export interface VerifyResult {
   verdict: "pass" | "warn" | "fail";
   pose_convention?: string | null;
   solved?: string | null;
+  provenance?: "solved" | "imported" | "replayed" | "differs" | null;
+  seal?: Record<string, unknown> | null;
   findings?: Finding[];
   warnings?: string[];
   notes?: string[];

@@ -9,7 +9,7 @@ import { place as placeAsked, route } from "./router.js";
 import { switchTheme, theme, whenThemeChanges } from "./theme.js";
 import { t } from "./texts.js";
 import { menu } from "./components/menu.js";
-import { install, notify } from "./components/toasts.js";
+import { forgive, install, notify } from "./components/toasts.js";
 
 /** @import {Place} from "./router.js" */
 
@@ -52,7 +52,7 @@ document.body.append(
   h("header", { class: "top" }, h("a", { class: "name", href: "/" }, "scancell"), middle, themeButton(), ...menu()),
   main,
 );
-install(document.body);
+install(main);
 whenRefused((reason) => notify(reason));
 let shown = 0;
 route(async (place) => {
@@ -60,6 +60,7 @@ route(async (place) => {
   const page = await pageOf(place);
   if (turn !== shown) return; // another address was taken meanwhile
   middle.replaceChildren();
+  forgive(() => true);
   document.title = "scancell";
   main.replaceChildren(page);
   // A new page begins where its content begins, for who listens to it as well.

@@ -120,6 +120,9 @@ export function bytes(count) {
   return count < 1e6 ? `${fixed(count / 1000, 0)}${THIN}kB` : `${fixed(count / 1e6, 1)}${THIN}MB`;
 }
 
+/** The time of day, as one compares it with a watch. @param {Date} date */
+export const clock = (date) => [date.getHours(), date.getMinutes(), date.getSeconds()].map((part) => String(part).padStart(2, "0")).join(":");
+
 /** @param {string | null | undefined} iso */
 export function when(iso) {
   if (!iso) return "";

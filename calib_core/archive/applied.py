@@ -6,6 +6,7 @@ from typing import Any, Final
 from calib_core.archive.folder import SESSION_FILE, parse_json, read_bytes, to_json_bytes, write_atomically
 from calib_core.causes.apply import applied
 from calib_core.errors import ConflictError
+from calib_core.messages import message
 from calib_core.records import Changes, RootCause, Session
 
 APPLIED_FILE: Final = "applied.json"
@@ -36,7 +37,7 @@ def undone(folder: Path, session: Session) -> Session:
     """
     entries = _entries(folder)
     if not entries:
-        to_do = "Nothing is to be undone."
+        to_do = message("Nothing is to be undone.")
         raise ConflictError("a remedy that was applied to this session", "none", to_do, str(folder))
     before, _ = applied(session, Changes.model_validate(entries[-1]["undo"]))
     write_atomically(folder / SESSION_FILE, to_json_bytes(before.to_json()))
@@ -48,4 +49,4 @@ def _entries(folder: Path) -> list[dict[str, Any]]:
     path = folder / APPLIED_FILE
     if not path.is_file():
         return []
-    return parse_json(read_bytes(path, "Remove it to forget what was applied."), str(path))["applied"]
+    return parse_json(read_bytes(path, message("Remove it to forget what was applied.")), str(path))["applied"]

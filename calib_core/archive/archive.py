@@ -6,12 +6,16 @@ import tempfile
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import IO, Any, Final, cast
 
+from pydantic import Field
+
 from calib_core import __version__
-from calib_core.archive.bag import Bag, Content, open_bag, write_bag
+from calib_core.archive.bag import Bag, Content, open_bag, opened_content, write_bag
 from calib_core.archive.bag_names import MAX_NAME_BYTES, is_device_name
+from calib_core.archive.bag_seal import SEAL_FILE, check_seal, seal_of
 from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
 from calib_core.archive.folder import (
     MAX_SESSION_BYTES,
@@ -27,8 +31,10 @@ from calib_core.disk import extended, remove_folder, rename_new, sync_folder
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.formats.points import require_file_size
 from calib_core.formats.shared.writing import replacing
+from calib_core.messages import message
 from calib_core.records import Record, Session, Verdict, parse_session
 from calib_core.records.callbacks import ReadFile
+from calib_core.records.findings import Finding
 from calib_core.records.plain_json import require_plain
 
 SCENE_FILE: Final = "scene.html"
@@ -45,7 +51,11 @@ class ArchivedSession:
 
 
 class ArchiveFacts(Record):
-    """What a verified archive holds: the session's name, its captures, each stage's verdict, and its size."""
+    """What a verified archive holds: the session's name, its captures, each stage's verdict, and its size.
+
+    `sealed` is true where it is as a key that is trusted here signed it, false where it was changed since, and
+    null where another key or nobody signed it; `findings` say what is not as it was signed, or does not agree.
+    """
 
     session: str
     captures: int
@@ -55,6 +65,9 @@ class ArchiveFacts(Record):
     payload_bytes: int
     scene: bool
     report: bool
+    sealed: bool | None = None
+    signed_by: str | None = None
+    findings: list[Finding] = Field(default_factory=list[Finding])
 
 
 def pack(folder: Path, out: Path, extra: Mapping[str, Content] | None = None) -> ArchiveFacts:
@@ -108,12 +121,28 @@ def pack_files(session: Session, payload: Mapping[str, Content], out: IO[bytes],
         "External-Description": f"scancell session {session.name}",
     }
     try:
-        write_bag(out, archive_name(session), payload, about)
+        write_bag(out, archive_name(session), payload, about, partial(_seal, payload))
     except CalibrationError as error:
         raise (
             error if error.where != "session" else type(error)(error.need, error.got, error.to_do, where)
         ) from None
     return verify(out, where)
+
+
+def _seal(payload: Mapping[str, Content], digests: Mapping[str, str]) -> dict[str, bytes]:
+    """Return the file with the seal of an archive that is being written, nothing where there is no key."""
+    moments = [""]
+    record: dict[str, Any] = {}
+    for name, content in payload.items():
+        if name == SESSION_FILE or PurePosixPath(name).match("results/*.json"):
+            data: Any = None
+            with suppress(InputError), opened_content(content) as file:  # it is said when the archive is verified
+                data = parse_json(file.read(), name)
+            if isinstance(data, dict):
+                moments.append(str(cast("dict[str, Any]", data).get("solved") or ""))
+                record = cast("dict[str, Any]", data) if name == SESSION_FILE else record
+    seal = seal_of(record, digests, max(moments))
+    return {} if seal is None else {SEAL_FILE: seal}
 
 
 def archive_name(session: Session) -> str:
@@ -133,6 +162,7 @@ def verify(source: Path | IO[bytes], where: str = "", limits: ArchiveLimits = LI
     with open_bag(source, where, limits) as bag:
         bag.verify()
         archived = read_archive(bag)
+        seal = check_seal(bag, archived.results)
         return ArchiveFacts(
             session=archived.session.name,
             captures=len(archived.session.captures),
@@ -142,6 +172,9 @@ def verify(source: Path | IO[bytes], where: str = "", limits: ArchiveLimits = LI
             payload_bytes=bag.payload_bytes,
             scene=SCENE_FILE in bag.payload,
             report=REPORT_FILE in bag.payload,
+            sealed=seal.holds,
+            signed_by=seal.signed_by,
+            findings=seal.findings,
         )
 
 
@@ -240,7 +273,9 @@ def read_archive(bag: Bag) -> ArchivedSession:
         for name in capture.files:
             if plain_name(name) not in there:
                 place = f"{bag.where}: {SESSION_FILE}: captures[{capture.id}]"
-                raise InputError(f"the file {ascii(name)[:80]}", "none", "Copy it there and pack again.", place)
+                raise InputError(
+                    "the file {name}", "none", "Copy it there and pack again.", place, name=ascii(name)[:80]
+                )
     results: dict[str, dict[str, Any]] = {}
     for name in bag.payload:
         path = PurePosixPath(name)
@@ -277,12 +312,16 @@ def _result(bag: Bag, name: str, stage: str) -> dict[str, Any]:
 def _json_object(bag: Bag, name: str) -> dict[str, Any]:
     where = f"{bag.where}: {name}"
     if name not in bag.payload:
-        raise InputError(f"an archive of a session, with data/{name}", "none", "Name another archive.", bag.where)
+        raise InputError(
+            "an archive of a session, with data/{name}", "none", "Name another archive.", bag.where, name=name
+        )
     require_file_size(bag.size(name), where, MAX_SESSION_BYTES)
     data = parse_json(bag.read(name), where)
     require_plain(data, where)
     if not isinstance(data, dict):
-        raise InputError("a JSON object {…}", f"a {type(data).__name__}", "Pack the session again.", where)
+        raise InputError(
+            "a JSON object {…}", "a {name}", "Pack the session again.", where, name=type(data).__name__
+        )
     return cast("dict[str, Any]", data)
 
 
@@ -293,15 +332,15 @@ def _folder_files(folder: Path, out: Path) -> dict[str, Content]:
     for place, folders, names in os.walk(folder, onerror=_raise):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in (name for name in folders if (Path(place) / name).is_symlink()):
-            _refuse_entry(Path(place) / name, "a link to a folder")
+            _refuse_entry(Path(place) / name, message("a link to a folder"))
         for name in names:
             path = Path(place) / name
             if name.startswith(".") or real_path(path) == real_path(out):
                 continue
             if not real_path(path).is_relative_to(root):
-                _refuse_entry(path, "a link that leads out of it")
+                _refuse_entry(path, message("a link that leads out of it"))
             if not path.is_file():
-                _refuse_entry(path, "a device, a pipe or a broken link")
+                _refuse_entry(path, message("a device, a pipe or a broken link"))
             files[path.relative_to(folder).as_posix()] = path
     return files
 

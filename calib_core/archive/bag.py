@@ -14,9 +14,13 @@ from typing import IO, Final
 from calib_core.archive.bag_names import require_distinct_names, require_packable_name
 from calib_core.archive.bag_zip import CHUNK_BYTES, LIMITS, ArchiveLimits, ZipFiles, open_zip
 from calib_core.errors import InputError, TooLargeError
+from calib_core.messages import message, plural
 
 Content = Path | bytes | Callable[[], IO[bytes]]
 """A file's content: its bytes, where they lie, or what opens them."""
+
+BagSource = Path | IO[bytes]
+"""A zipped bag: where it lies, or the open file."""
 
 DECLARATION: Final = "bagit.txt"
 MANIFEST: Final = "manifest-sha256.txt"
@@ -27,7 +31,7 @@ _DECLARED: Final = b"BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n"
 _VERSIONS: Final = ("1.0", "0.97")
 _MAX_TAG_BYTES: Final = 64_000_000
 _EARLIEST: Final = (1980, 1, 1, 0, 0, 0)  # every entry's time, so that the same session gives the same bytes
-_COPY_AGAIN: Final = "Copy the archive again from where it was made; it is not what was packed."
+_COPY_AGAIN: Final = message("Copy the archive again from where it was made; it is not what was packed.")
 _DENSE: Final = frozenset(
     {".npy", ".ply", ".pcd", ".png", ".jpg", ".jpeg", ".tif", ".tiff"}
 )  # deflating gains little
@@ -78,7 +82,7 @@ class Bag:
             yield chunk
         packed = self._manifest.get(name) or self._tags.get(name)
         if packed is not None and digest.hexdigest() != packed:
-            got = "another: the file was altered"
+            got = message("another: the file was altered")
             raise InputError("the SHA-256 that the manifest gives", got, _COPY_AGAIN, f"{self.where}: {name}")
 
     def verify(self) -> None:
@@ -121,7 +125,13 @@ def open_bag(source: Path | IO[bytes], where: str = "", limits: ArchiveLimits = 
         yield Bag(files, base, manifest, tags)
 
 
-def write_bag(out: IO[bytes], base: str, payload: Mapping[str, Content], about: Mapping[str, str]) -> None:
+def write_bag(
+    out: IO[bytes],
+    base: str,
+    payload: Mapping[str, Content],
+    about: Mapping[str, str],
+    more_tags: Callable[[Mapping[str, str]], Mapping[str, bytes]] = lambda _digests: {},
+) -> None:
     """Write a zipped bag; the same payload gives the same bytes.
 
     Parameters
@@ -134,6 +144,8 @@ def write_bag(out: IO[bytes], base: str, payload: Mapping[str, Content], about: 
         From names relative to ``data/`` to contents.
     about : mapping
         What ``bag-info.txt`` says beside the payload's size.
+    more_tags : callable, optional
+        Returns further tag files by name, given the payload's SHA-256 by their names in the bag.
 
     Raises
     ------
@@ -152,6 +164,7 @@ def write_bag(out: IO[bytes], base: str, payload: Mapping[str, Content], about: 
             "bag-info.txt": "".join(f"{key}: {' '.join(info[key].split())}\n" for key in info).encode(),
             DECLARATION: _DECLARED,
             MANIFEST: _manifest_text(digests),
+            **more_tags(digests),
         }
         tag_digests = {name: _add(archive, f"{base}/{name}", content) for name, content in tags.items()}
         _add(archive, f"{base}/{TAG_MANIFEST}", _manifest_text(tag_digests))
@@ -163,7 +176,7 @@ def _add(archive: zipfile.ZipFile, name: str, content: Content) -> str:
     entry.create_system = 3  # Unix, wherever it is written
     entry.external_attr = (stat.S_IFREG | 0o644) << 16
     digest = hashlib.sha256()
-    with _opened(content) as source:
+    with opened_content(content) as source:
         entry.file_size = source.seek(0, os.SEEK_END)
         entry.compress_type = zipfile.ZIP_STORED if _is_better_stored(name, source) else zipfile.ZIP_DEFLATED
         with archive.open(entry, "w") as file:
@@ -174,7 +187,8 @@ def _add(archive: zipfile.ZipFile, name: str, content: Content) -> str:
 
 
 @contextmanager
-def _opened(content: Content) -> Generator[IO[bytes]]:
+def opened_content(content: Content) -> Generator[IO[bytes]]:
+    """Give a file's content to be read; raises InputError where it cannot be."""
     if isinstance(content, bytes):
         yield io.BytesIO(content)
         return
@@ -235,11 +249,13 @@ def _base(files: ZipFiles) -> str:
     bases = {name.removesuffix(DECLARATION) for name in files.names if name.split("/")[-1] == DECLARATION}
     found = sorted((base for base in bases if base.count("/") <= 1), key=len)
     if not found:
-        got = f"none among {len(files.names)} files"
-        raise InputError(f"a bag, with {DECLARATION}", got, "Name an archive of a session.", files.where)
+        got = message("none among {count} files", count=len(files.names))
+        raise InputError(
+            "a bag, with {declaration}", got, "Name an archive of a session.", files.where, declaration=DECLARATION
+        )
     outside = [name for name in files.names if not name.startswith(found[0])]
     if outside:
-        got = f"{ascii(outside[0])[:80]} outside of {found[0]}"
+        got = message("{outside} outside of {found}", outside=ascii(outside[0])[:80], found=found[0])
         raise InputError("one bag and nothing beside it", got, "Pack the session again.", files.where)
     return found[0]
 
@@ -259,7 +275,7 @@ def _manifest(files: ZipFiles, base: str, name: str) -> dict[str, str]:
     digests: dict[str, str] = {}
     there = {file.removeprefix(base) for file in files.names}
     if name not in there:
-        raise InputError(f"a bag with {name}", "none", _COPY_AGAIN, files.where)
+        raise InputError("a bag with {name}", "none", _COPY_AGAIN, files.where, name=name)
     for line in _lines(files, base + name):
         digest, _, listed = line.partition(" ")
         listed = listed.lstrip(" ").removeprefix("*").removeprefix("./")
@@ -268,19 +284,22 @@ def _manifest(files: ZipFiles, base: str, name: str) -> dict[str, str]:
         if len(digest) != 64 or not listed:
             raise InputError("lines of a SHA-256 and a name", ascii(line)[:80], _COPY_AGAIN, place)
         if listed in digests:
-            raise InputError("each file once", f"{ascii(listed)[:80]} twice", _COPY_AGAIN, place)
+            raise InputError("each file once", "{listed} twice", _COPY_AGAIN, place, listed=ascii(listed)[:80])
         digests[listed] = digest.lower()
     return digests
 
 
 def _lines(files: ZipFiles, name: str) -> list[str]:
     if files.size(name) > _MAX_TAG_BYTES:
-        need, got = f"at most {_MAX_TAG_BYTES} bytes of a tag file", f"{files.size(name)}"
+        need, got = (
+            message("at most {max_tag_bytes} bytes of a tag file", max_tag_bytes=_MAX_TAG_BYTES),
+            f"{files.size(name)}",
+        )
         raise TooLargeError(need, got, "Split the session.", f"{files.where}: {name}")
     try:
         text = files.read(name).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        got = f"a byte that is no text at {error.start}"
+        got = message("a byte that is no text at {start}", start=error.start)
         raise InputError("text in UTF-8", got, _COPY_AGAIN, f"{files.where}: {name}") from None
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     return [line for line in lines if line.strip()]
@@ -290,7 +309,21 @@ def _require_same(there: Iterable[str], listed: Mapping[str, str], manifest: str
     missing, extra = listed.keys() - set(there), set(there) - listed.keys()
     if missing or extra:
         name = min(missing or extra)
-        got = f"{ascii(name)[:80]} missing" if missing else f"{ascii(name)[:80]} beside them"
+        got = (
+            message("{name} missing", name=ascii(name)[:80])
+            if missing
+            else message("{name} beside them", name=ascii(name)[:80])
+        )
         more = len(missing) + len(extra) - 1
-        got += f", and {more} more differences" if more else ""
-        raise InputError(f"the files that {manifest} names", got, _COPY_AGAIN, where)
+        got = (
+            plural(
+                "{got}, and {count} more difference",
+                "{got}, and {count} more differences",
+                by="count",
+                got=got,
+                count=more,
+            )
+            if more
+            else got
+        )
+        raise InputError("the files that {manifest} names", got, _COPY_AGAIN, where, manifest=manifest)

@@ -6,13 +6,14 @@ from collections.abc import Iterable
 from typing import Final
 
 from calib_core.errors import InputError
+from calib_core.messages import explained, message
 
 MAX_NAME_BYTES: Final = 1000
 MAX_PART_BYTES: Final = 240
 MAX_DEPTH: Final = 32
 
 _ASCII_CONTROLS = frozenset(map(chr, [*range(32), 127]))
-_RENAME = "Rename the file."
+_RENAME = message("Rename the file.")
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³]|conin\$|conout\$)[ ]*(\..*)?", re.IGNORECASE)
 _NOT_ON_WINDOWS = frozenset('<>"|?*')
 
@@ -33,8 +34,8 @@ def require_safe_name(name: str, where: str) -> None:
     """
     got = _fault(name)
     if got:
-        need = "names that stay inside the archive's folder and that every system can store"
-        raise InputError(need, f"{_shown(name)}: {got}", _RENAME, where)
+        need = message("names that stay inside the archive's folder and that every system can store")
+        raise InputError(need, explained(_shown(name), got), _RENAME, where)
 
 
 def require_distinct_names(names: Iterable[str], where: str) -> None:
@@ -48,11 +49,15 @@ def require_distinct_names(names: Iterable[str], where: str) -> None:
     """
     files: dict[str, str] = {}
     folders: dict[str, str] = {}
-    need = "names that differ by more than case and Unicode form"
+    need = message("names that differ by more than case and Unicode form")
     for name in names:
         other = files.get(folded(name))
         if other is not None:
-            got = f"{_shown(name)} twice" if other == name else f"{_shown(other)} and {_shown(name)}"
+            got = (
+                message("{name} twice", name=_shown(name))
+                if other == name
+                else message("{other} and {name}", other=_shown(other), name=_shown(name))
+            )
             raise InputError(need, got, _RENAME, where)
         files[folded(name)] = name
         parts = name.split("/")[:-1]
@@ -60,9 +65,18 @@ def require_distinct_names(names: Iterable[str], where: str) -> None:
             folder = "/".join(parts[:depth])
             other = folders.setdefault(folded(folder), folder)
             if other != folder:
-                raise InputError(need, f"the folders {_shown(other)} and {_shown(folder)}", _RENAME, where)
+                raise InputError(
+                    need,
+                    "the folders {other} and {folder}",
+                    _RENAME,
+                    where,
+                    other=_shown(other),
+                    folder=_shown(folder),
+                )
     for name in files.keys() & folders.keys():
-        raise InputError("files and folders with different names", f"{_shown(name)} as both", _RENAME, where)
+        raise InputError(
+            "files and folders with different names", "{name} as both", _RENAME, where, name=_shown(name)
+        )
 
 
 def folded(name: str) -> str:
@@ -83,12 +97,12 @@ def require_packable_name(name: str, where: str) -> None:
     InputError
     """
     require_safe_name(name, where)
-    need = "names that every system can store"
+    need = message("names that every system can store")
     for part in name.split("/"):
         if is_device_name(part):
-            raise InputError(need, f"{_shown(part)}, a device's on Windows", _RENAME, where)
+            raise InputError(need, "{part}, a device's on Windows", _RENAME, where, part=_shown(part))
         if not _NOT_ON_WINDOWS.isdisjoint(part):
-            got = f"{_shown(part)}, with a sign that Windows' names have not"
+            got = message("{part}, with a sign that Windows' names have not", part=_shown(part))
             raise InputError(need, got, _RENAME, where)
 
 
@@ -96,17 +110,17 @@ def _fault(name: str) -> str:
     """Return what is wrong with a name, nothing where it is good."""
     parts = name.split("/")
     if name.startswith("/"):
-        return "an absolute path"
+        return message("an absolute path")
     if "\\" in name or ":" in name:
-        return "a backslash or a colon, which leads elsewhere on Windows"
+        return message("a backslash or a colon, which leads elsewhere on Windows")
     if any(part in (".", "..") for part in parts):
-        return "a part that leads to another folder"
+        return message("a part that leads to another folder")
     if "" in parts:
-        return "an empty part"
+        return message("an empty part")
     if not _ASCII_CONTROLS.isdisjoint(name):
-        return "control characters"
+        return message("control characters")
     if any(part.endswith((" ", ".")) for part in parts):
-        return "a part that ends with a space or a full stop, which Windows drops"
+        return message("a part that ends with a space or a full stop, which Windows drops")
     return _too_long(name, parts)
 
 
@@ -114,10 +128,10 @@ def _too_long(name: str, parts: list[str]) -> str:
     try:
         size, longest = len(name.encode()), max(len(part.encode()) for part in parts)
     except UnicodeEncodeError:
-        return "half of a surrogate pair"
+        return message("half of a surrogate pair")
     if size > MAX_NAME_BYTES or longest > MAX_PART_BYTES:
-        return f"{size} bytes long"
-    return f"{len(parts)} folders deep" if len(parts) > MAX_DEPTH else ""
+        return message("{size} bytes long", size=size)
+    return message("{count} folders deep", count=len(parts)) if len(parts) > MAX_DEPTH else ""
 
 
 def _shown(name: str) -> str:

@@ -12,11 +12,12 @@ from typing import IO
 
 from calib_core.archive.bag_names import require_distinct_names, require_safe_name
 from calib_core.errors import InputError, TooLargeError
+from calib_core.messages import message
 
 CHUNK_BYTES = 1 << 20
 
-_COPY_AGAIN = "Copy the archive again from where it was made."
-_PACK_AGAIN = "Make it with `scancell archive pack`, and import nothing that you did not expect to be so."
+_COPY_AGAIN = message("Copy the archive again from where it was made.")
+_PACK_AGAIN = message("Make it with `scancell archive pack`, and import nothing that you did not expect to be so.")
 _END, _END_64, _LOCATOR_64 = b"PK\5\6", b"PK\6\6", b"PK\6\7"
 _END_BYTES, _LOCATOR_64_BYTES, _END_64_BYTES = 22, 20, 56
 _HEADER_BYTES = 30
@@ -128,7 +129,7 @@ def _opened(source: Path | IO[bytes], where: str) -> Generator[IO[bytes]]:
         yield source
         return
     if not source.is_file():
-        got = "something else" if source.exists() else "no such file"
+        got = message("something else") if source.exists() else message("no such file")
         raise InputError("an archive, a .zip file", got, "Name the archive.", where)
     try:
         file = source.open("rb")
@@ -146,7 +147,7 @@ def _damage_told(where: str) -> Generator[None]:
     except _DAMAGE as error:
         got = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
-            "an undamaged zip archive", f"one that cannot be read ({got})", _COPY_AGAIN, where
+            "an undamaged zip archive", "one that cannot be read ({found})", _COPY_AGAIN, where, found=got
         ) from None
 
 
@@ -163,7 +164,7 @@ def _require_directory(file: IO[bytes], where: str, limits: ArchiveLimits) -> No
         raise InputError("a zip archive", "something else" if size else "an empty file", _COPY_AGAIN, where)
     end = tail[-_END_BYTES:]
     if begin != b"PK\3\4" or end[:4] != _END or end[-2:] != b"\0\0":
-        got = "one that was cut off, is empty, or has something before or behind it"
+        got = message("one that was cut off, is empty, or has something before or behind it")
         raise InputError("a whole zip archive", got, _COPY_AGAIN, where)
     count, directory_bytes = struct.unpack("<H2xL", end[10:12] + b"\0\0" + end[12:16])
     locator = tail[-_END_BYTES - _LOCATOR_64_BYTES : -_END_BYTES]
@@ -173,14 +174,18 @@ def _require_directory(file: IO[bytes], where: str, limits: ArchiveLimits) -> No
             raise InputError("a whole zip archive", "one with a broken end", _COPY_AGAIN, where)
         count, directory_bytes = struct.unpack("<QQ", end_64[32:48])
     if count > limits.entries or directory_bytes > 400 * limits.entries:
-        _refuse_size(f"at most {limits.entries} entries", f"{count} in {directory_bytes} bytes", where)
+        _refuse_size(
+            message("at most {entries} entries", entries=limits.entries),
+            message("{count} in {directory_bytes} bytes", count=count, directory_bytes=directory_bytes),
+            where,
+        )
 
 
 def _checked(archive: zipfile.ZipFile, where: str, limits: ArchiveLimits) -> dict[str, zipfile.ZipInfo]:
     """Return the files by name, or refuse the archive."""
     entries = archive.infolist()
     if len(entries) > limits.entries:
-        _refuse_size(f"at most {limits.entries} entries", str(len(entries)), where)
+        _refuse_size(message("at most {entries} entries", entries=limits.entries), str(len(entries)), where)
     _require_apart(archive, entries, where)
     for entry in entries:
         require_safe_name(entry.orig_filename.removesuffix("/"), where)
@@ -188,11 +193,20 @@ def _checked(archive: zipfile.ZipFile, where: str, limits: ArchiveLimits) -> dic
             raise InputError("plain names", ascii(entry.orig_filename)[:80], _PACK_AGAIN, where)
         _require_ordinary(entry, where)
         if entry.file_size > max(limits.ratio * entry.compress_size, CHUNK_BYTES):
-            got = f"{entry.file_size} from {entry.compress_size} in {entry.filename}: a bomb"
-            _refuse_size(f"at most {limits.ratio} bytes unpacked from one packed", got, where)
+            got = message(
+                "{file_size} from {compress_size} in {filename}: a bomb",
+                file_size=entry.file_size,
+                compress_size=entry.compress_size,
+                filename=entry.filename,
+            )
+            _refuse_size(message("at most {ratio} bytes unpacked from one packed", ratio=limits.ratio), got, where)
     total_bytes = sum(entry.file_size for entry in entries)
     if total_bytes > limits.total_bytes:
-        _refuse_size(f"at most {limits.total_bytes / 1e6:.0f} MB unpacked", f"{total_bytes / 1e6:.0f} MB", where)
+        _refuse_size(
+            message("at most {total_bytes:.0f} MB unpacked", total_bytes=limits.total_bytes / 1000000.0),
+            message("{total_bytes:.0f} MB", total_bytes=total_bytes / 1000000.0),
+            where,
+        )
     # A folder's own entry counts as something in it: it may not be there twice, nor share its name with a file.
     require_distinct_names((e.filename + "(folder)" if e.is_dir() else e.filename for e in entries), where)
     return {entry.filename: entry for entry in entries if not entry.is_dir()}
@@ -203,14 +217,16 @@ def _require_ordinary(entry: zipfile.ZipInfo, where: str) -> None:
     place = f"{where}: {ascii(entry.filename)[:80]}"
     kind = stat.S_IFMT(entry.external_attr >> 16)
     if kind not in (0, stat.S_IFDIR if entry.is_dir() else stat.S_IFREG):
-        got = "a link" if kind == stat.S_IFLNK else "a device, a pipe or a folder by a file's name"
+        got = (
+            message("a link") if kind == stat.S_IFLNK else message("a device, a pipe or a folder by a file's name")
+        )
         raise InputError("files and folders alone", got, _PACK_AGAIN, place)
     if entry.is_dir() and entry.file_size:
         raise InputError("folders without content", "one with content", _PACK_AGAIN, place)
     if entry.flag_bits & _ENCRYPTED:
         raise InputError("entries that anyone can read", "an encrypted one", "Pack it without a password.", place)
     if entry.compress_type not in _METHODS:
-        got = f"method {entry.compress_type}"
+        got = message("method {compress_type}", compress_type=entry.compress_type)
         raise InputError("entries stored or deflated", got, "Pack it with an ordinary zip program.", place)
 
 

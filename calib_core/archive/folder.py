@@ -12,16 +12,18 @@ from typing import Any, cast
 
 from calib_core.archive.bag_names import require_distinct_names
 from calib_core.archive.observation_store import OWN_FOLDER, KeptObservations
+from calib_core.archive.seals import seal_state, signed_result, with_provenance
 from calib_core.archive.session_versions import to_present_format
 from calib_core.captures.observation_cache import KeepingReader
 from calib_core.disk import extended
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
 from calib_core.formats.shared.writing import write_atomically
+from calib_core.messages import message, with_parts
 from calib_core.moment import now
 from calib_core.records import Record, Session, parse_session
 from calib_core.records.callbacks import ReadFile
-from calib_core.records.plain_json import require_plain
+from calib_core.records.plain_json import require_plain, told_once
 
 SESSION_FILE = "session.json"
 _URDF_ENDINGS = (".urdf", ".xacro", ".xml")
@@ -50,9 +52,11 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     """
     folder = folder_of(path)
     file = folder / SESSION_FILE
-    data = parse_json(read_bytes(file, "Write the session's record there.", MAX_SESSION_BYTES), str(file))
+    data = parse_json(read_bytes(file, message("Write the session's record there."), MAX_SESSION_BYTES), str(file))
     if not isinstance(data, dict):
-        raise InputError("a JSON object {…}", f"a {type(data).__name__}", "Write the session's record.", str(file))
+        raise InputError(
+            "a JSON object {…}", "a {name}", "Write the session's record.", str(file), name=type(data).__name__
+        )
     record = to_present_format(cast("dict[str, Any]", data), str(file))
     record = _with_arm(record, folder)
     session = parse_session(record, str(file))
@@ -96,29 +100,38 @@ def folder_of(path: Path) -> Path:
         return path / "data" if (path / "bagit.txt").is_file() and not (path / SESSION_FILE).exists() else path
     if path.name == SESSION_FILE and path.is_file():
         return path.parent
-    need = f"a session folder with {SESSION_FILE} in it"
+    need = message("a session folder with {session_file} in it", session_file=SESSION_FILE)
     if path.suffix.lower() == ".zip" and path.is_file():
         raise InputError(need, "an archive", "Unpack it, and name the session folder inside.", str(path))
-    got = "another file" if path.exists() else "nothing there"
+    got = message("another file") if path.exists() else message("nothing there")
     raise InputError(need, got, "Name the session's folder.", str(path))
 
 
 def parse_json(data: bytes, where: str) -> Any:
     """Return the data of JSON text; raises InputError with line and column, or that the text was cut off."""
-    to_do = "Correct it there; a JSON checker shows the place."
+    to_do = message("Correct it there; a JSON checker shows the place.")
     try:
         text = data.decode("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError("JSON (UTF-8 text)", f"a byte that is no text at {error.start}", to_do, where) from None
+        raise InputError(
+            "JSON (UTF-8 text)", "a byte that is no text at {start}", to_do, where, start=error.start
+        ) from None
     if not text.strip():
         raise InputError("JSON", "an empty file", "Copy or save it again.", where)
     try:
-        return json.loads(text)
+        return json.loads(text, object_pairs_hook=told_once)
+    except InputError as error:
+        raise error.at(where) from None
     except json.JSONDecodeError as error:
         if error.pos >= len(text.rstrip()):
-            got = f"a text that ends too early, in line {error.lineno}"
+            got = message("a text that ends too early, in line {lineno}", lineno=error.lineno)
             raise InputError("JSON", got, "The file was cut off: copy it again.", where) from None
-        got = f"something else in line {error.lineno}, column {error.colno} ({error.msg.lower()})"
+        got = message(
+            "something else in line {lineno}, column {colno} ({msg})",
+            lineno=error.lineno,
+            colno=error.colno,
+            msg=error.msg.lower(),
+        )
         raise InputError("JSON", got, to_do, where) from None
     except (RecursionError, ValueError):  # nested too deeply, or integers of thousands of digits
         raise InputError("JSON of ordinary depth and numbers", "something beyond", to_do, where) from None
@@ -139,46 +152,55 @@ def save_session(folder: Path, session: Session, files: Mapping[str, bytes]) -> 
         path = folder / name
         if path.exists() and not (path.is_file() and path.read_bytes() == content):
             raise ConflictError(
-                "a folder without a session", f"{name} there", "Choose another folder.", str(folder)
+                "a folder without a session", "{name} there", "Choose another folder.", str(folder), name=name
             )
     for name, content in contents.items():
         write_atomically(folder / name, content)
 
 
-def write_result(folder: Path, stage: str, result: Record) -> Path:
-    """Write a stage's result as `results/<stage>.json` in a folder; returns its path, raises InputError.
+def write_result(folder: Path, stage: str, result: Record, session: Session) -> dict[str, Any]:
+    """Write a stage's result as `results/<stage>.json` in a folder; returns what it holds, raises InputError.
 
-    It is given the time, but where the very same result stands there already: that one keeps its own.
+    One that was solved just now, from `session`, is given the time and signed, but where the very same result
+    stands there already: that one stays.  One that came from elsewhere is written as it came.
     """
     path = folder / "results" / f"{stage}.json"
     data = result_data(result)
-    data["solved"] = data.get("solved") or _solved_before(path, data) or now()
+    if data.get("provenance") is None:
+        stored = _same_before(path, data)
+        if stored is not None:
+            return stored
+        data = signed_result({**data, "solved": data.get("solved") or now()}, session)
     write_atomically(path, to_json_bytes(data))
-    return path
+    return data
 
 
-def _solved_before(path: Path, data: Mapping[str, Any]) -> str | None:
-    """Return when the result that a file holds was solved, None where it is another one or none."""
+def _same_before(path: Path, data: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the signed result that a file holds, None where it is another one or none."""
+    same = dict.fromkeys(("solved", "seal", "provenance"))
     try:
         stored = json.loads(path.read_bytes())
-        return stored["solved"] if {**stored, "solved": None} == {**data, "solved": None} else None
-    except (OSError, ValueError, KeyError, TypeError):
+        return stored if seal_state(stored) and {**stored, **same} == {**data, **same} else None
+    except (OSError, ValueError, TypeError):
         return None
 
 
 def load_results(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the results that a session folder holds, by stage; raises InputError where one is not JSON."""
+    """Return the results that a session folder holds, by stage; raises InputError where one is not JSON.
+
+    Their provenance is what their seals prove.
+    """
     results: dict[str, dict[str, Any]] = {}
     for path in sorted((folder / "results").glob("*.json")):
-        data = parse_json(read_bytes(path, "Solve the session again.", MAX_SESSION_BYTES), str(path))
+        data = parse_json(read_bytes(path, message("Solve the session again."), MAX_SESSION_BYTES), str(path))
         if isinstance(data, dict):
-            results[path.stem] = cast("dict[str, Any]", data)
+            results[path.stem] = with_provenance(cast("dict[str, Any]", data))
     return results
 
 
 def result_data(result: Record) -> dict[str, Any]:
-    """Return a result as JSON data; what is no finite number becomes null, which JSON can say."""
-    return json.loads(result.model_dump_json())
+    """Return a result as JSON data, with its messages' parts; what is no finite number becomes null there."""
+    return with_parts(json.loads(result.model_dump_json()))
 
 
 def to_json_bytes(data: Any) -> bytes:
@@ -197,9 +219,9 @@ def _reader(folder: Path) -> ReadFile:
     def read(name: str) -> bytes:
         path = folder / name
         if not real_path(path).is_relative_to(root):
-            got = "one that leads out of it"
+            got = message("one that leads out of it")
             raise InputError("a file inside the session folder", got, "Copy it into captures/.", str(path))
-        return read_bytes(path, "Copy the file there, or remove its capture from session.json.")
+        return read_bytes(path, message("Copy the file there, or remove its capture from session.json."))
 
     return read
 
@@ -207,7 +229,7 @@ def _reader(folder: Path) -> ReadFile:
 def read_bytes(path: Path, to_do: str, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
     """Return a file's bytes; its size is looked at before it is read."""
     if not path.is_file():
-        got = "something else" if path.exists() else "no such file"
+        got = message("something else") if path.exists() else message("no such file")
         raise InputError("a file", got, to_do, str(path))
     try:
         require_file_size(path.stat().st_size, str(path), limit_bytes)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final, cast
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from calib_core.records import FORMAT
 
 Data = dict[str, Any]
@@ -28,7 +29,7 @@ def to_present_format(record: Mapping[str, Any], where: str) -> Data:
     """
     present = dict(record)
     if "format" not in present:
-        raise InputError("the field 'format'", "nothing", f'Add "format": "{FORMAT}".', where)
+        raise InputError("the field 'format'", "nothing", 'Add "format": "{format}".', where, format=FORMAT)
     for _ in _STEPS:  # no record takes more steps than there are
         step = _STEPS.get(str(present["format"]))
         if step is None:
@@ -36,8 +37,10 @@ def to_present_format(record: Mapping[str, Any], where: str) -> Data:
         present = step(present)
     if present["format"] != FORMAT:
         known = ", ".join([*_STEPS, FORMAT])
-        to_do = "Use a version of scancell that knows it, or correct the field."
-        raise InputError(f"a format among {known}", repr(present["format"])[:80], to_do, f"{where}: format")
+        to_do = message("Use a version of scancell that knows it, or correct the field.")
+        raise InputError(
+            "a format among {known}", repr(present["format"])[:80], to_do, f"{where}: format", known=known
+        )
     return present
 
 

@@ -4,6 +4,7 @@ import tempfile
 from types import TracebackType
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 
 class FileSpill:
@@ -58,5 +59,5 @@ class FileSpill:
 
     def _no_room(self, error: OSError) -> InputError:
         got = (error.strerror or type(error).__name__).lower()
-        to_do = "Make room there, merge with larger voxels, or allow more memory (cell.merge.memory_mb)."
+        to_do = message("Make room there, merge with larger voxels, or allow more memory (cell.merge.memory_mb).")
         return InputError("room for the merge's intermediate file", got, to_do, self._folder)

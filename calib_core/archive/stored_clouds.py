@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calib_core.errors import InputError, NotFoundError
 from calib_core.formats.format import Pieces
 from calib_core.formats.points import FORMATS
+from calib_core.messages import message
 
 CLOUD_FOLDER: Final = "clouds"
 CLOUD_FILE: Final = f"{CLOUD_FOLDER}/merged.ply"
@@ -94,7 +95,7 @@ def requested(name: str, wanted: str | None) -> tuple[str, str]:
     known = media_types()
     if wanted not in known:
         raise NotFoundError(
-            "a format among " + ", ".join(known), repr(wanted[:40]), "Name one of these.", "format"
+            "a format among {known}", repr(wanted[:40]), "Name one of these.", "format", known=", ".join(known)
         )
     return f"{CLOUD_FOLDER}/{stem}.ply", wanted
 
@@ -138,7 +139,7 @@ def _layout(head: bytes, size: int, where: str) -> _Layout:
     end = head.find(b"end_header\n")
     lines = head[: max(end, 0)].decode("ascii", "replace").splitlines()
     if end < 0 or lines[:2] != ["ply", "format binary_little_endian 1.0"]:
-        raise _not_ours(where, "another file")
+        raise _not_ours(where, message("another file"))
     vertices, names, faces = 0, list[str](), -1
     for line in lines[2:]:
         match line.split():
@@ -151,11 +152,13 @@ def _layout(head: bytes, size: int, where: str) -> _Layout:
             case ["comment", *_] | ["property", "list", "uchar", "int", "vertex_indices"]:
                 continue
             case _:
-                raise _not_ours(where, f"a line {line[:60]!r} in its header")
+                raise _not_ours(where, message("a line {line!r} in its header", line=line[:60]))
     layout = _Layout(tuple(names), vertices, None if faces < 0 else faces, end + len(b"end_header\n"))
     expected = layout.faces_at + max(faces, 0) * _FACE.itemsize
     if size != expected or names[:3] != ["x", "y", "z"]:
-        raise _not_ours(where, f"{size} bytes where its header announces {expected}")
+        raise _not_ours(
+            where, message("{size} bytes where its header announces {expected}", size=size, expected=expected)
+        )
     return layout
 
 
@@ -211,7 +214,7 @@ class StoredFile:
             self._file.seek(start + first * kind.itemsize)
             data = self._file.read(many * kind.itemsize)
             if len(data) != many * kind.itemsize:
-                raise _not_ours(self._where, "a file that became shorter while it was read")
+                raise _not_ours(self._where, message("a file that became shorter while it was read"))
             yield np.frombuffer(data, kind, many)
 
 
@@ -226,8 +229,8 @@ def in_format(stored: StoredFile, wanted: str, where: str) -> Pieces:
     fitting = cloud_formats() if stored.faces is None else mesh_formats()
     if wanted not in fitting:
         what, other = ("a cloud", "the mesh") if stored.faces is None else ("a mesh", "the cloud")
-        need = f"{what} as " + ", ".join(fitting)
-        raise InputError(need, f"'{wanted}'", f"Name one of these, or take {other}.", where)
+        need = message("{what} as {fitting}", what=what, fitting=", ".join(fitting))
+        raise InputError(need, f"'{wanted}'", "Name one of these, or take {other}.", where, other=other)
     entry = FORMATS.get(wanted, where)
     if wanted == "ply":
         return stored.bytes()

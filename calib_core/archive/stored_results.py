@@ -37,7 +37,7 @@ def require_result(stage: str, data: Mapping[str, Any], where: str) -> None:
     require_plain(dict(data), where)
     if data.get("stage") != stage:
         got = repr(data.get("stage"))[:80]
-        raise InputError(f"the result of the stage '{stage}'", got, "Solve the session again.", where)
+        raise InputError("the result of the stage '{stage}'", got, "Solve the session again.", where, stage=stage)
     try:
         result_record(stage).model_validate(data)
     except ValidationError as error:

@@ -38,10 +38,11 @@ def arm_of(arm: str | ArmTable) -> ArmTable:
     known = NAMED_ARMS.get(arm.lower())
     if known is None:
         raise InputError(
-            "an arm known by its name, " + ", ".join(NAMED_ARMS),
+            "an arm known by its name, {named_arms}",
             f"'{arm}'",
             "Name one of these, or give the arm's Denavit-Hartenberg table.",
             "cell.robot.arm",
+            named_arms=", ".join(NAMED_ARMS),
         )
     return known
 
@@ -128,7 +129,13 @@ def _reading(
     value = readings[place] if place < len(readings) else None
     if value is None:
         name = "joints_mm" if prismatic else "joints_deg"
-        raise InputError(f"a reading of each joint of the arm in {name}", f"none of joint {place + 1}", "Add it.")
+        raise InputError(
+            "a reading of each joint of the arm in {name}",
+            "none of joint {place}",
+            "Add it.",
+            name=name,
+            place=place + 1,
+        )
     return float(value)
 
 

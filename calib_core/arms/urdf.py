@@ -9,6 +9,7 @@ from calib_core.errors import InputError, TooLargeError
 from calib_core.formats.shared.number import number
 from calib_core.formats.shared.xml_file import Element, elements
 from calib_core.frames import FloatArray, rotation_from_vector
+from calib_core.messages import message
 from calib_core.poses.rotations import rotation_from_angles
 from calib_core.records import ArmJoint, ArmTable
 
@@ -52,7 +53,9 @@ def arm_from_urdf(data: bytes, name: str, base: str | None = None, tip: str | No
         If it is beyond 5 MB.
     """
     if len(data) > MAX_BYTES:
-        raise TooLargeError("a URDF of at most 5 MB", f"{len(data) / 1e6:.1f} MB", "Leave its meshes out.", name)
+        raise TooLargeError(
+            "a URDF of at most 5 MB", "{count:.1f} MB", "Leave its meshes out.", name, count=len(data) / 1000000.0
+        )
     joints = _joints(elements(data, name), name)
     by_child = {joint.child: joint for joint in joints.values()}
     links = {joint.parent for joint in by_child.values()} | by_child.keys()
@@ -66,8 +69,12 @@ def _table(to_base: list[_Joint], to_tip: list[_Joint], source: str, name: str) 
     shared = sum(1 for a, b in zip(to_base, to_tip, strict=False) if a is b)
     aside, along = to_base[shared:], to_tip[shared:]
     if _moving(aside) or not _moving(along):
-        got = f"{_moving(along)} on the way to the tip, and {_moving(aside)} on the way to the base"
-        to_do = "Name the links at the arm's base and at its flange."
+        got = message(
+            "{along} on the way to the tip, and {aside} on the way to the base",
+            along=_moving(along),
+            aside=_moving(aside),
+        )
+        to_do = message("Name the links at the arm's base and at its flange.")
         raise InputError("joints that lead from the base to the flange", got, to_do, name)
     place = np.eye(4)
     for joint in aside:
@@ -97,7 +104,7 @@ def _table(to_base: list[_Joint], to_tip: list[_Joint], source: str, name: str) 
 
 def _joints(rows: list[Element], name: str) -> dict[str, _Joint]:
     if not rows or rows[0].name != "robot":
-        got = f"<{rows[0].name}>" if rows else "no element"
+        got = f"<{rows[0].name}>" if rows else message("no element")
         raise InputError("a URDF, which begins with <robot>", got, "Give the robot's description.", name)
     inside: dict[int, dict[str, Mapping[str, str]]] = {}
     for row in rows:
@@ -109,7 +116,9 @@ def _joints(rows: list[Element], name: str) -> dict[str, _Joint]:
             joint = _joint(row, inside.get(id(row), {}), name)
             found[joint.name] = joint
     if not found or len(found) > _MOST_LINKS:
-        raise InputError("a URDF with joints", f"{len(found)} of them", "Give the arm's own description.", name)
+        raise InputError(
+            "a URDF with joints", "{count} of them", "Give the arm's own description.", name, count=len(found)
+        )
     return found
 
 
@@ -176,7 +185,9 @@ def _z_along(axis: FloatArray) -> FloatArray:
 
 def _link(named: str | None, usual: tuple[str, ...], links: set[str], name: str) -> str | None:
     if named is not None and named not in links:
-        raise InputError(f"a link '{named}'", ", ".join(sorted(links)[:12]), "Name one of the file's links.", name)
+        raise InputError(
+            "a link '{named}'", ", ".join(sorted(links)[:12]), "Name one of the file's links.", name, named=named
+        )
     return named or next((link for link in usual if link in links), None)
 
 

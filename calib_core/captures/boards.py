@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from calib_core.captures.observation_cache import seen_once
 from calib_core.errors import InputError
 from calib_core.formats.shared.images import decode_image
+from calib_core.messages import plural
 from calib_core.optics.board import BoardView, find_board
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.records import Board, Capture, Cell
@@ -86,7 +87,7 @@ def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:
     if len(capture.files) > 2:
         raise InputError(
             "one or two frames in a laser-plane capture, the board lit and the stripe on it",
-            f"{len(capture.files)} files",
+            plural("{count} file", "{count} files", by="count", count=len(capture.files)),
             "Give each pose of the board its own capture.",
             capture.id,
         )

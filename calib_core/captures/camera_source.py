@@ -23,8 +23,11 @@ def require_captures_of(session: Session, stage: StageName, what: str, known: st
     """Raise InputError where a session has no captures that a stage takes, of which frames need the result."""
     if not any(not capture.excluded for capture in stage_captures(session, stage)):
         raise InputError(
-            f"{what} to turn frames into points",
-            f"neither {known} nor captures with step '{stage}'",
-            f"Capture the board for '{stage}', or bring {known}.",
+            "{what} to turn frames into points",
+            "neither {known} nor captures with step '{stage}'",
+            "Capture the board for '{stage}', or bring {known}.",
             "session.json",
+            what=what,
+            known=known,
+            stage=stage,
         )

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.xml_file import Element, elements
+from calib_core.messages import message, plural
 from calib_core.records import Record
 
 _MM = {"metre": 1000.0, "m": 1000.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3}
@@ -48,18 +49,25 @@ def read_certificate(data: bytes, where: str = "certificate") -> Certificate:
         If it is no whole XML, declares entities, is no DCC, or has no diameter in a unit of length.
     """
     if len(data) > _LARGEST_BYTES:
-        raise InputError("a certificate of at most 20 MB", f"{len(data)} bytes", "Give the XML alone.", where)
+        raise InputError(
+            "a certificate of at most 20 MB",
+            plural("{count} byte", "{count} bytes", by="count", count=len(data)),
+            "Give the XML alone.",
+            where,
+        )
     found = elements(data, where)
     if not found or found[0].name != "digitalCalibrationCertificate":
-        got = f"<{found[0].name}>" if found else "nothing"
-        to_do = "Give the XML file of the certificate; of a PDF it is an attachment."
+        got = f"<{found[0].name}>" if found else message("nothing")
+        to_do = message("Give the XML file of the certificate; of a PDF it is an attachment.")
         raise InputError("a digital calibration certificate (DCC)", got, to_do, where)
     numbers = [e.text.strip() for e in found if e.name == "uniqueIdentifier"]
     reals = [e for e in found if e.name == "real"]
     diameters = [one for real in reals if (one := _diameter(real, found, where)) is not None]
     if not diameters:
-        to_do = "Type the diameter and its standard uncertainty instead."
-        raise InputError("a diameter in a unit of length", f"{len(reals)} other quantities", to_do, where)
+        to_do = message("Type the diameter and its standard uncertainty instead.")
+        raise InputError(
+            "a diameter in a unit of length", "{count} other quantities", to_do, where, count=len(reals)
+        )
     return Certificate(identifier=next(iter(numbers), ""), diameters=diameters)
 
 
@@ -75,7 +83,9 @@ def _diameter(real: Element, every: Sequence[Element], where: str) -> CertifiedD
         return None
     value = _number(own["value"], where) * factor
     if value <= 0:
-        raise InputError("a positive diameter", f"{value:g} mm", "Look at the certificate.", _at(real, where))
+        raise InputError(
+            "a positive diameter", "{value:g} mm", "Look at the certificate.", _at(real, where), value=value
+        )
     sigma, coverage = _sigma(inside, where)
     told = name or label or kind
     return CertifiedDiameter(

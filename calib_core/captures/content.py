@@ -11,16 +11,12 @@ from calib_core.errors import InputError
 from calib_core.formats.format import PointKind, Reading
 from calib_core.formats.points import known_points, read_file
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import plural
 from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell
 from calib_core.records.callbacks import ReadFile
-from calib_core.records.session import SphereClass
+from calib_core.records.sphere_class import diameter_sigma_mm
 from calib_core.steps import steps_that_show
-
-ASSUMED_CLASS: SphereClass = "coated"
-"""Of a sphere of which nothing is told but its diameter: most are sprayed or blasted so that they do not glare."""
-
-_CLASS_SIGMA_MM: dict[SphereClass, float] = {"certified": 0.002, "bearing": 0.01, "coated": 0.04, "turned": 0.1}
 
 _PREVIEW_POINTS = 400
 
@@ -49,16 +45,19 @@ def reading_of(capture: Capture, read: ReadFile) -> Reading:
         If the file is of no use, or the capture has not exactly one.
     """
     if len(capture.files) != 1:
-        got = f"{len(capture.files)} files"
-        raise InputError(f"one file in a {capture.kind} capture", got, "Give each its own capture.", capture.id)
+        got = plural("{count} file", "{count} files", by="count", count=len(capture.files))
+        raise InputError(
+            "one file in a {kind} capture", got, "Give each its own capture.", capture.id, kind=capture.kind
+        )
     name = capture.files[0]
     if capture.kind in ("profile", "cloud"):
         return read_as(capture, name, read, capture.kind)
     raise InputError(
         "a capture of kind profile, cloud or center",
-        f"kind '{capture.kind}', which this version cannot turn into points",
+        "kind '{kind}', which this version cannot turn into points",
         "Export the scanner's calibrated profiles or clouds.",
         capture.id,
+        kind=capture.kind,
     )
 
 
@@ -71,10 +70,11 @@ def pose_of(cell: Cell, capture: Capture) -> RigidTransform:
     """Return base_from_tool0 of a capture; raises InputError where its pose is missing or wrong."""
     if capture.pose is None:
         raise InputError(
-            f"the robot's pose in the capture's field 'pose' ({cell.pose_convention})",
+            "the robot's pose in the capture's field 'pose' ({pose_convention})",
             "none",
             "Read the pose of the flange from the controller and add it.",
             capture.id,
+            pose_convention=cell.pose_convention,
         )
     return parse_pose(cell.pose_convention, capture.pose, capture.id)
 
@@ -92,13 +92,6 @@ def sphere_of(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
             )
         diameter_mm = 1.0  # measured centres do not depend on it
     return SphereSize(diameter_mm, diameter_sigma_mm(cell))
-
-
-def diameter_sigma_mm(cell: Cell) -> float:
-    """Return the standard uncertainty of the sphere's diameter: as told, or that of its class."""
-    if cell.sphere_diameter_sigma_mm is not None:
-        return cell.sphere_diameter_sigma_mm
-    return _CLASS_SIGMA_MM[cell.sphere_class or ASSUMED_CLASS]
 
 
 @lru_cache(maxsize=64)

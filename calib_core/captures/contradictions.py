@@ -1,23 +1,29 @@
 """Captures that are kept but not used, because their records contradict each other or the cell."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from calib_core.captures.content import pose_of
-from calib_core.errors import InputError
-from calib_core.findings import Finding, about
+from calib_core.cell.consistency import without_readings
+from calib_core.errors import CalibrationError, InputError
+from calib_core.findings import Code, Finding, about
 from calib_core.findings.codes import captures as codes
 from calib_core.findings.codes import tcp as tcp_codes
 from calib_core.frames import RigidTransform, vector_from_rotation
-from calib_core.messages import Value, message
+from calib_core.messages import Message, Value, message
 from calib_core.poses.identity import AGREE_DEG, AGREE_MM
 from calib_core.records import Capture, Cell
 
 EXCLUDED = message("excluded by the user")
 """The reason of a capture that the user left out."""
+
+
+def not_a_frame(capture: Capture) -> Message:
+    """Return why a capture is of no use where frames are."""
+    return message("a capture of kind '{kind}', not a frame", kind=capture.kind)
 
 
 def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
@@ -44,12 +50,34 @@ def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
     found += [
         codes.CAPTURE_OF_OTHER_SCANNER(names, scanner=scanner, known=known) for scanner, names in others.items()
     ]
-    for field, setting in (("active_tool", "tool"), ("active_frame", "frame"), ("scanner", "scanner")):
+    lacking: dict[str, list[str]] = {}
+    for capture, axis in without_readings(cell, captures):
+        lacking.setdefault(axis, []).append(capture.id)
+    found += [codes.CAPTURE_WITHOUT_READING(names, axis=axis) for axis, names in lacking.items()]
+    settings = [("active_tool", "tool"), ("active_frame", "frame")]
+    if not cell.scanners:  # nobody said that there are several
+        settings.append(("scanner", "scanner"))
+    for field, setting in settings:
         for (own, usual), names in _minority(captures, field).items():
             found.append(codes.CAPTURE_OF_OTHER_TOOL(names, setting=setting, own=str(own), usual=str(usual)))
     if apart := _not_by_joints(cell, captures):
         found.append(codes.CAPTURE_NOT_BY_JOINTS(list(apart), each=apart))
     return first_reasons(found)
+
+
+def not_measured(failed: Mapping[str, CalibrationError], code: Code = codes.CAPTURE_NOT_MEASURED) -> list[Finding]:
+    """Return captures that do not show what is measured, one finding a need."""
+    groups: dict[tuple[str, str], dict[str, dict[str, Value]]] = {}
+    for name, error in failed.items():
+        cause = getattr(error.need, "template", error.need), getattr(error.got, "template", _kind_of(error.got))
+        values: dict[str, Value] = {"need": error.need, "got": error.got, "to_do": error.to_do}
+        groups.setdefault(cause, {})[name] = values
+    return [code(list(each), each=each, first=next(iter(each))) for each in groups.values()]
+
+
+def _kind_of(text: str) -> str:
+    """Return a text without its numbers, by which captures of one cause differ."""
+    return "".join(letter for letter in text if letter not in "-−+±0123456789.,")
 
 
 def first_reasons(found: Sequence[Finding]) -> list[Finding]:

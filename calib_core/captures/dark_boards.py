@@ -122,11 +122,10 @@ class PlaneViews:
         if here:
             return self._beside(capture, self._lit[here[0]][0])
         if not self._board.fixed:
-            to_do = (
-                f"{error.to_do} Where the board is dark, take it lit at the same robot pose or name that frame in "
-                "`board_of`; or set cell.board.fixed where it stands still in the base."
+            raise error.adding(
+                "Where the board is dark, take it lit at the same robot pose or name that frame in `board_of`; "
+                "or set cell.board.fixed where it stands still in the base."
             )
-            raise MeasurementError(error.need, error.got, to_do, error.where)
         stripe = self._stripe(capture)
         try:
             known = self.hand_eye.predict(self._pose(capture))
@@ -155,11 +154,14 @@ class PlaneViews:
         size = frame.shape[1], frame.shape[0]
         if self._camera.image_size[0] and self._camera.image_size != size:
             raise InputError(
-                f"frames of {self._camera.image_size[0]}×{self._camera.image_size[1]} pixels, as the camera was "
-                "calibrated with",
-                f"{size[0]}×{size[1]} pixels",
+                "frames of {width}×{height} pixels, as the camera was calibrated with",
+                "{width_other}×{height_other} pixels",
                 "Take all frames with one camera and one setting, or remove this capture.",
                 capture.id,
+                width=self._camera.image_size[0],
+                height=self._camera.image_size[1],
+                width_other=size[0],
+                height_other=size[1],
             )
         return stripe_of(capture, self._read)
 

@@ -1,4 +1,4 @@
-"""What a capture's record says it shows: the figures of the sphere in its points, or why there is nothing."""
+"""What a capture's record says it shows: the figures of the sphere in its points."""
 
 from typing import Any
 
@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.content import thinned, thinning
-from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
-from calib_core.records import Capture, Cell, Measured
+from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
 from calib_core.sphere.cloud import SphereFit
 
@@ -31,11 +30,3 @@ def figures_of(
         figures["zone"] = 2 * fit.radius_mm / cell.sphere_diameter_mm
         figures["extent_deg"] = float(np.rad2deg(fit.extent_rad))
     return figures
-
-
-def not_seen(capture: Capture, error: MeasurementError, **more: Any) -> Measured:
-    """Return the verdict `fail` with why a capture does not show what it is to show, and what to do."""
-    reason = f"Need {error.need}, got {error.got}."
-    return Measured(
-        capture=capture.id, kind=capture.kind, verdict="fail", reason=reason, to_do=error.to_do, **more
-    )

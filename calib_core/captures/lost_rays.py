@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from calib_core.chain.observations import SphereObservation
-from calib_core.findings import Finding, sentence_of
+from calib_core.findings import Finding
 from calib_core.findings.codes.captures import LOST_RAYS
 from calib_core.frames import FloatArray
-from calib_core.records import Measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +25,3 @@ def lost_rays(dropped: int) -> list[Finding]:
 def lost_rays_of(observations: Sequence[SphereObservation]) -> list[Finding]:
     """Return the same of the captures that a result rests on."""
     return lost_rays(sum(o.without_ray for o in observations))
-
-
-def telling_lost_rays(measured: Measured) -> Measured:
-    """Return what was measured of a capture, the centres that were dropped being told with it."""
-    said = [sentence_of(finding) for finding in lost_rays(measured.without_ray)]
-    reason = " ".join([*filter(None, [measured.reason]), *said])
-    return measured.model_copy(update={"reason": reason}) if said else measured

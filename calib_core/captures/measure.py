@@ -1,8 +1,6 @@
 """What one capture says about the sphere: measured when it arrives, shown, and given to the solvers."""
 
-from collections.abc import Sequence
-
-from calib_core.captures.advice import advise
+from calib_core.captures.advice import arc_findings
 from calib_core.captures.capture_observation import Seen
 from calib_core.captures.content import (
     pose_of,
@@ -10,10 +8,13 @@ from calib_core.captures.content import (
     shows_sphere,
     thinned,
 )
-from calib_core.captures.figures import figures_of, not_seen
-from calib_core.captures.lost_rays import telling_lost_rays
+from calib_core.captures.figures import figures_of
+from calib_core.captures.lost_rays import lost_rays
+from calib_core.captures.measured import measured_of, not_seen
 from calib_core.captures.observe import doubts_of, points_of, see_sphere
 from calib_core.errors import MeasurementError
+from calib_core.findings import Finding, measured_with
+from calib_core.findings.codes.quality import FILE_DOUBTFUL
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit
@@ -48,15 +49,16 @@ def measure_capture(session: Session, capture: Capture, read: ReadFile) -> Measu
     if capture.kind == "sweep":
         from calib_core.captures.sweep_sphere import measure_sweep
 
-        return telling_lost_rays(measure_sweep(session, capture, read))
+        return measure_sweep(session, capture, read)
     if capture.pose is not None or shows_sphere(capture):
         pose_of(session.cell, capture)
     if capture.kind == "center":
         assert capture.center_mm is not None
-        return Measured(capture=capture.id, kind="center", verdict="pass", center_mm=capture.center_mm)
-    measured = telling_lost_rays(_of_points(session, capture, read))
+        return measured_of(capture, [], center_mm=capture.center_mm)
+    measured = _of_points(session, capture, read)
     doubts = doubts_of(capture, read) if capture.kind in ("profile", "cloud") else []
-    return _doubted(measured, doubts) if doubts else measured
+    told = [FILE_DOUBTFUL([capture.id], shown="told", doubt=doubt) for doubt in doubts]
+    return measured_with(measured, [*told, *lost_rays(measured.without_ray)])
 
 
 def _of_points(session: Session, capture: Capture, read: ReadFile) -> Measured:
@@ -66,22 +68,13 @@ def _of_points(session: Session, capture: Capture, read: ReadFile) -> Measured:
         found = points_of(session, capture, read)
     except MeasurementError as error:
         return _nothing_seen(session, capture, read, error)
-    return Measured(
-        capture=capture.id,
-        kind=capture.kind,
-        verdict="pass",
+    return measured_of(
+        capture,
+        [],
         points=len(found.points),
         without_ray=found.without_ray,
         preview=thinned(found.points),
     )
-
-
-def _doubted(measured: Measured, doubts: Sequence[str]) -> Measured:
-    """Return what was measured with what its reader doubts: the file should be looked at before it is used."""
-    reason = " ".join(filter(None, ["The file is doubtful:", *doubts, measured.reason]))
-    to_do = measured.to_do or "Look at what was read; say otherwise in the capture's format and format_settings."
-    verdict = "fail" if measured.verdict == "fail" else "warn"
-    return measured.model_copy(update={"verdict": verdict, "reason": reason, "to_do": to_do})
 
 
 def _nothing_seen(session: Session, capture: Capture, read: ReadFile, error: MeasurementError) -> Measured:
@@ -110,17 +103,14 @@ def _waits_for_calibration(session: Session, capture: Capture) -> bool:
 
 
 def _measured(cell: Cell, capture: Capture, seen: Seen) -> Measured:
-    fit, advice, per_independent = seen.fit, None, None
+    fit, weak, per_independent = seen.fit, list[Finding](), None
     if isinstance(fit, ArcFit):
         assert cell.sphere_diameter_mm is not None
-        advice = advise(fit, seen.points, cell.sphere_diameter_mm)
+        weak = arc_findings(fit, seen.points, cell.sphere_diameter_mm)
         per_independent = fit.points_per_independent
-    return Measured(
-        capture=capture.id,
-        kind=capture.kind,
-        verdict="warn" if advice else "pass",
-        reason=advice[0] if advice else None,
-        to_do=advice[1] if advice else None,
+    return measured_of(
+        capture,
+        weak,
         points=len(seen.points),
         on_sphere=int(seen.on_sphere.sum()),
         without_ray=seen.without_ray,

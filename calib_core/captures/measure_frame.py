@@ -6,17 +6,20 @@ import numpy as np
 
 from calib_core.captures.boards import Image, board_in, board_of, read_frame, shows_stripe_alone, stripe_of
 from calib_core.captures.content import pose_of, shows_sphere
-from calib_core.captures.figures import not_seen
+from calib_core.captures.measured import measured_of, not_seen
 from calib_core.captures.sweep import sweep_poses
 from calib_core.errors import MeasurementError
+from calib_core.findings import Finding
+from calib_core.findings.codes import quality as codes
+from calib_core.findings.codes.camera import BOARD_TURN_AMBIGUOUS
 from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
 from calib_core.optics.stripe import find_stripe
-from calib_core.records import Capture, Measured, Session, Verdict
+from calib_core.records import Capture, Measured, Session
 from calib_core.records.callbacks import ReadFile
 
 _PREVIEW_POINTS = 200
-_SOFT_EDGE_PX = 6.0
+_SOFT_EDGE_PX, _MOST_SATURATED = 6.0, 0.25
 
 
 def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measured:
@@ -40,13 +43,9 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         if view is None and shows_stripe_alone(session.cell, capture, read):
             return _measured_alone(session, capture, read)
         return not_seen(capture, error, image_size=_size(capture, read), **_board_figures(view))
-    doubt = _doubt(view)
-    return Measured(
-        capture=capture.id,
-        kind=capture.kind,
-        verdict="warn" if doubt else "pass",
-        reason=doubt[0] if doubt else " ".join(view.notes) or None,
-        to_do=doubt[1] if doubt else None,
+    return measured_of(
+        capture,
+        _of_board(view),
         points=len(pixels),
         preview=_thinned(pixels),
         image_size=view.image_size,
@@ -56,14 +55,9 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
 
 def _measured_alone(session: Session, capture: Capture, read: ReadFile) -> Measured:
     """Return what is seen in a frame of the stripe on a dark board."""
-    board = board_of(session.cell)
-    if capture.board_of is not None:
-        reason = f"The stripe alone: the board is taken from {capture.board_of}."
-    elif board.fixed:
-        reason = "The stripe alone: the board stands where lit frames and the robot's pose tell."
-    else:
-        reason = "The stripe alone: it counts with a frame of the lit board at the same robot pose."
-    return _seen_stripe(capture, read_frame(capture, read), "pass", reason, None)
+    board = "named" if capture.board_of is not None else "fixed" if board_of(session.cell).fixed else "pose"
+    found = codes.STRIPE_ALONE(board=board, other=capture.board_of or "")
+    return _seen_stripe(capture, read_frame(capture, read), found)
 
 
 def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measured:
@@ -85,32 +79,17 @@ def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measur
         if place != shown:
             read_frame(capture, read, place)  # refuses what is no image
     middle = read_frame(capture, read, shown)
-    return _seen_stripe(
-        capture,
-        middle,
-        "warn",
-        "The stripe is seen, but camera and plane of light are not known yet: it cannot become points.",
-        "Solve the laser plane; this capture is then measured by itself.",
-    )
+    return _seen_stripe(capture, middle, codes.WAITS_FOR_CAMERA())
 
 
-def _seen_stripe(capture: Capture, frame: Image, verdict: Verdict, reason: str, to_do: str | None) -> Measured:
-    """Return the stripe in pixels with what is to be said of it; where there is none, why."""
+def _seen_stripe(capture: Capture, frame: Image, found: Finding) -> Measured:
+    """Return the stripe in pixels with what is noticed of it; where there is none, why."""
     height, width = frame.shape[:2]
     try:
         pixels = find_stripe(frame).pixels
     except MeasurementError as error:
         return not_seen(capture, error, image_size=(width, height))
-    return Measured(
-        capture=capture.id,
-        kind=capture.kind,
-        verdict=verdict,
-        reason=reason,
-        to_do=to_do,
-        points=len(pixels),
-        preview=_thinned(pixels),
-        image_size=(width, height),
-    )
+    return measured_of(capture, [found], points=len(pixels), preview=_thinned(pixels), image_size=(width, height))
 
 
 def _thinned(pixels: FloatArray) -> list[list[float]]:
@@ -135,13 +114,15 @@ def _board_figures(view: BoardView | None) -> dict[str, Any]:
     }
 
 
-def _doubt(view: BoardView) -> tuple[str, str] | None:
-    """Return what is wrong with a board that was found, and what to do; None where it is fine."""
+def _of_board(view: BoardView) -> list[Finding]:
+    """Return what is noticed of a board that was found."""
+    found: list[Finding] = []
     if np.isfinite(view.edge_width_px) and view.edge_width_px > _SOFT_EDGE_PX:
-        return (
-            f"The board's edges are {view.edge_width_px:.0f} pixels wide.",
-            "Focus the camera or hold it still.",
-        )
-    if view.saturated > 0.25:
-        return (f"{view.saturated:.0%} of the board is saturated.", "Shorten the exposure or dim the lamps.")
-    return None
+        found.append(codes.EDGES_SOFT(width_px=view.edge_width_px))
+    if view.saturated > _MOST_SATURATED:
+        found.append(codes.BOARD_SATURATED(share=view.saturated))
+    if view.in_colour:
+        found.append(codes.IN_COLOUR())
+    if view.left_out:
+        found.append(codes.CORNERS_COVERED(count=view.left_out))
+    return [*found, *([BOARD_TURN_AMBIGUOUS()] if view.turn_is_ambiguous else [])]

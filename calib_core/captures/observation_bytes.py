@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
+from calib_core.messages import Message, data_of, message_of
 
 _NUMBERS = "fiub"
 
@@ -32,7 +33,8 @@ def to_bytes(seen: object) -> bytes:
     """Return one of the kinds above, or the error that nothing is seen, as bytes."""
     arrays: list[NDArray[Any]] = []
     if isinstance(seen, MeasurementError):
-        data: Any = {"error": [seen.need, seen.got, seen.to_do, seen.where]}
+        parts = (seen.need, seen.got, seen.to_do, seen.where)
+        data: Any = {"error": [data_of(part) if isinstance(part, Message) else part for part in parts]}
     else:
         data = _to_data(seen, arrays)
     body = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
@@ -64,7 +66,9 @@ def _whole(head: Any, body: bytes) -> object:
         arrays.append(np.frombuffer(body, kind, count, start).reshape(shape).copy())
         start += count * kind.itemsize
     if "error" in head["seen"]:
-        return MeasurementError(*head["seen"]["error"])
+        return MeasurementError(
+            *(message_of(part) if isinstance(part, dict) else part for part in head["seen"]["error"])
+        )
     return _from_data(head["seen"], arrays)
 
 

@@ -10,7 +10,8 @@ from calib_core.captures.content import pose_of, reading_of, sphere_of
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.raw_frames import of_frames
-from calib_core.cell.carriers import carriers_of
+from calib_core.cell.axes import read_axes
+from calib_core.cell.carriers import carriers_of, scanner_name, scanner_told
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.formats.format import Reading
@@ -36,7 +37,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
         If the sphere is not found in it.
     """
     pose, carriers = pose_of(session.cell, capture), carriers_of(session.cell, capture)
-    sigma_mm = session.cell.scanner.point_sigma_mm
+    sigma_mm = scanner_told(session.cell, capture).point_sigma_mm
     if capture.kind == "center":
         return SphereObservation(
             capture=capture.id,
@@ -47,6 +48,8 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
             center_covariance=np.eye(3) * (sigma_mm or CENTER_SIGMA_MM) ** 2,
             point_sigma_mm=sigma_mm or CENTER_SIGMA_MM,
             carriers=carriers,
+            scanner=scanner_name(session.cell, capture),
+            readings=read_axes(session.cell, capture),
         )
     with _named(capture):
         seen = see_sphere(session, capture, read)
@@ -62,6 +65,8 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
         center_covariance=fit.covariance * _scale(sigma_mm, fit),
         point_sigma_mm=sigma_mm or fit.point_sigma_mm,
         carriers=carriers,
+        scanner=scanner_name(session.cell, capture),
+        readings=read_axes(session.cell, capture),
     )
 
 
@@ -78,18 +83,22 @@ def arc_observation(
     `without_ray`: how many stripe centres of its frame were dropped.
     """
     x, z = fit.center_mm
+    told = scanner_told(cell, capture)
     return SphereObservation(
         capture=capture.id,
         base_from_tool0=pose,
         kind="profile",
         points_in_laser_mm=np.insert(points_mm, 1, 0.0, axis=1),
         center_in_laser_mm=np.array([x, 0.0, z]),
-        center_covariance=fit.covariance * _scale(cell.scanner.point_sigma_mm, fit),
+        center_covariance=fit.covariance * _scale(told.point_sigma_mm, fit),
         circle_radius_mm=fit.radius_mm,
         point_sigma_mm=fit.point_sigma_mm,
         side=capture.side,
         without_ray=without_ray,
         carriers=carriers_of(cell, capture),
+        scanner=scanner_name(cell, capture),
+        readings=read_axes(cell, capture),
+        common_sigma_mm=told.point_sigma_mm if cell.scanners else None,
     )
 
 
@@ -134,7 +143,7 @@ def see_sphere(session: Session, capture: Capture, read: ReadFile) -> Seen:
 def point_settings(session: Session, capture: Capture, read: ReadFile) -> list[object]:
     """Return all but its files' bytes that the sphere in a capture's points depends on, as JSON data."""
     cell = session.cell
-    diameter_mm, z_axis = cell.sphere_diameter_mm, cell.scanner.z_axis
+    diameter_mm, z_axis = cell.sphere_diameter_mm, scanner_told(cell, capture).z_axis
     told: list[object] = [capture.kind, capture.format, capture.format_settings, diameter_mm, z_axis]
     if of_frames(capture):
         from calib_core.captures.stripe_frames import calibration_of
@@ -146,7 +155,7 @@ def point_settings(session: Session, capture: Capture, read: ReadFile) -> list[o
 def _look(cell: Cell, capture: Capture, seen: SeenPoints) -> Seen:
     points = seen.points
     if capture.kind in ("profile", "frame"):
-        arc = fit_arc(points, cell.sphere_diameter_mm, cell.scanner.z_axis)
+        arc = fit_arc(points, cell.sphere_diameter_mm, scanner_told(cell, capture).z_axis)
         return Seen(points, arc.inliers, arc, seen.without_ray)
     sphere = fit_sphere(points, cell.sphere_diameter_mm)
     return Seen(points, sphere.inliers, sphere)

@@ -60,17 +60,21 @@ def _require_unit(cell: Cell, captures: Sequence[Capture]) -> None:
     where = "captures: pose"
     if convention.mm_per_unit == 1 and 0 < far < _NEARER_THAN_A_ROBOT_CAN_MM:
         raise InputError(
-            f"flange positions in millimetres (pose_convention '{convention.name}')",
-            f"positions about {far:.3g} from the base: they look like metres",
+            "flange positions in millimetres (pose_convention '{convention}')",
+            "positions about {far:.3g} from the base: they look like metres",
             "Multiply x y z by 1000, or name the convention that counts in metres.",
             where,
+            convention=convention.name,
+            far=far,
         )
     if convention.mm_per_unit == 1000 and far > _FARTHER_THAN_A_ROBOT_CAN_M:
         raise InputError(
-            f"flange positions in metres (pose_convention '{convention.name}')",
-            f"positions about {far:.0f} from the base: they look like millimetres",
+            "flange positions in metres (pose_convention '{convention}')",
+            "positions about {far:.0f} from the base: they look like millimetres",
             "Divide x y z by 1000, or name the convention that counts in millimetres.",
             where,
+            convention=convention.name,
+            far=far,
         )
     if convention.form == "rotation-vector" and np.linalg.norm(numbers[:, 3:], axis=1).max() > 1.1 * _TURN_RAD:
         raise InputError(

@@ -13,6 +13,7 @@ from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.fusion.scan import Scan, as_rows
+from calib_core.messages import message, plural
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
 
@@ -188,7 +189,12 @@ def _profiles(
     for name, profile in zip(names, profiles, strict=True):
         if len(profile) != len(profiles[0]):
             raise InputError(
-                f"{len(profiles[0])} columns, like the scan's first profile",
+                plural(
+                    "{count} column, like the scan's first profile",
+                    "{count} columns, like the scan's first profile",
+                    by="count",
+                    count=len(profiles[0]),
+                ),
                 f"{len(profile)}",
                 "Export every profile with all its columns, blank ones too, or split the scan there.",
                 name,
@@ -202,7 +208,7 @@ def _on_columns(profiles: Sequence[FloatArray]) -> list[FloatArray]:
     """Return profiles without blanks (N, 2) on common columns, by their x; those of no point are NaN."""
     seen = [profile for profile in profiles if len(profile)]
     if not seen:
-        to_do = "Lengthen the exposure or dim the room, and let the stripe cross the object."
+        to_do = message("Lengthen the exposure or dim the room, and let the stripe cross the object.")
         raise MeasurementError("a laser stripe in one of the scan's frames", "none", to_do)
     pitch_mm = float(np.median(np.concatenate([np.abs(np.diff(p[:, 0])) for p in seen])))
     low = min(float(p[:, 0].min()) for p in seen)

@@ -1,9 +1,11 @@
-"""Standstill of a capture: what its exposures at one commanded pose say, as a record and in words."""
+"""Standstill of a capture: what its exposures at one commanded pose say, as a record and as findings."""
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from calib_core.findings import Finding
+from calib_core.findings.codes.quality import NOT_STILL
 from calib_core.frames import RigidTransform
 from calib_core.records import Still
 from calib_core.sphere.arc import ArcFit
@@ -46,15 +48,11 @@ def still_of(arcs: Iterable[tuple[RigidTransform, ArcFit]]) -> Still | None:
     )
 
 
-def doubt_of(still: Still | None) -> tuple[str, str] | None:
-    """Return reason and what to do where something moved, else None."""
+def standstill_findings(still: Still | None) -> list[Finding]:
+    """Return that something moved between exposures, where it did."""
     if still is None or still.stands_still:
-        return None
-    reason = (
-        f"The sphere moved by {still.movement_mm:.3f} mm between {still.exposures} exposures at one commanded "
-        f"pose, where noise alone lets it scatter {still.noise_mm:.3f} mm."
-    )
-    return reason, "Let the arm settle before the capture, and fix what shakes: scanner, sphere or stand."
+        return []
+    return [NOT_STILL(exposures=still.exposures, movement_mm=still.movement_mm, noise_mm=still.noise_mm)]
 
 
 def is_resting(poses: Sequence[RigidTransform], within_mm: float, within_rad: float) -> bool:

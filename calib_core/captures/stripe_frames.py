@@ -14,6 +14,7 @@ from calib_core.captures.camera_source import camera_of, require_captures_of
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.solved_optics import camera_from_result, solve_once
 from calib_core.errors import InputError
+from calib_core.messages import plural
 from calib_core.optics.triangulate import ProfileCalibration, stripe_in_frame
 from calib_core.records import Capture, KnownCamera, KnownPlane, Session
 from calib_core.records.callbacks import ReadFile
@@ -43,7 +44,7 @@ def see_profile_frame(session: Session, capture: Capture, read: ReadFile) -> See
     if len(capture.files) != 1:
         raise InputError(
             "one frame in a capture of the sphere",
-            f"{len(capture.files)} files",
+            plural("{count} file", "{count} files", by="count", count=len(capture.files)),
             "Give each its own capture.",
             capture.id,
         )

@@ -94,5 +94,10 @@ def sweep_profile(
 def _require_count(got: int, files: int, field: str, capture: Capture) -> None:
     if got != files:
         raise InputError(
-            f"as many {field} as files, {files}", f"{got}", "Give one for each file, in their order.", capture.id
+            "as many {field} as files, {files}",
+            f"{got}",
+            "Give one for each file, in their order.",
+            capture.id,
+            field=field,
+            files=files,
         )

@@ -7,15 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.content import shows_sphere, sphere_of, thinned
-from calib_core.captures.figures import figures_of, not_seen
-from calib_core.captures.lost_rays import SeenPoints
+from calib_core.captures.figures import figures_of
+from calib_core.captures.lost_rays import SeenPoints, lost_rays
+from calib_core.captures.measured import measured_of, not_seen
 from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.observe import arc_observation, point_settings
-from calib_core.captures.standstill import doubt_of, still_of
+from calib_core.captures.standstill import standstill_findings, still_of
 from calib_core.captures.sweep import sweep_poses, sweep_profile
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
+from calib_core.findings import Finding
+from calib_core.findings.codes.quality import FEW_PROFILES, SWEEP_EMPTY, SWEEP_OF_OBJECT, SWEEP_PROFILES
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import message
 from calib_core.records import Capture, Measured, Session, Still
 from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit, fit_arc
@@ -75,14 +79,11 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
     if not arcs:
         return not_seen(capture, _no_arc(profiles), points=points, without_ray=without_ray, profiles=0)
     still = still_of((seen.pose, arc) for seen, arc in arcs)
-    doubt = doubt_of(still) or _doubt_of_count(len(arcs), len(profiles), still)
+    noticed = standstill_findings(still) or [_count(len(arcs), len(profiles), still)]
     fullest, largest = max(arcs, key=lambda pair: pair[1].radius_mm)
-    return Measured(
-        capture=capture.id,
-        kind="sweep",
-        verdict="warn" if doubt else "pass",
-        reason=doubt[0] if doubt else _count(len(arcs), len(profiles)),
-        to_do=doubt[1] if doubt else None,
+    return measured_of(
+        capture,
+        [*noticed, *lost_rays(without_ray)],
         still=still,
         points=points,
         without_ray=without_ray,
@@ -99,14 +100,13 @@ def _measured_object(session: Session, capture: Capture, read: ReadFile) -> Meas
     fullest = max(profiles, key=len)
     points = sum(map(len, profiles))
     preview = thinned(fullest) if points else []
-    return Measured(
-        capture=capture.id,
-        kind="sweep",
-        verdict="pass" if points else "fail",
-        reason=f"{len(poses)} profiles." if points else "Nothing came back to the scanner in any profile.",
-        to_do=None if points else "Check distance and exposure, and take the sweep again.",
+    without_ray = sum(one.without_ray for one in seen)
+    noticed = SWEEP_OF_OBJECT(count=len(poses)) if points else SWEEP_EMPTY()
+    return measured_of(
+        capture,
+        [noticed, *lost_rays(without_ray)],
         points=points,
-        without_ray=sum(one.without_ray for one in seen),
+        without_ray=without_ray,
         preview=preview,
         preview_on_sphere=[False] * len(preview),
     )
@@ -141,20 +141,16 @@ def _no_arc(profiles: list[_Profile]) -> MeasurementError:
     """Return why the profile with the most points shows no sphere, said of the whole sweep."""
     fullest = max(profiles, key=lambda profile: len(profile.points)).found
     assert isinstance(fullest, MeasurementError)
-    got = f"{fullest.got} (none of {len(profiles)} profiles shows it)"
+    got = message("{found} (none of {count} profiles shows it)", found=fullest.got, count=len(profiles))
     return MeasurementError(fullest.need, got, fullest.to_do, fullest.where)
 
 
-def _doubt_of_count(arcs: int, profiles: int, still: Still | None) -> tuple[str, str] | None:
-    """Return reason and what to do where a sweep across the sphere shows it too seldom."""
-    if arcs >= _FEW_PROFILES or (still is not None and still.exposures == arcs):
-        return None
-    return _count(arcs, profiles), "Move more slowly across the sphere, or record more profiles."
-
-
-def _count(arcs: int, profiles: int) -> str:
-    text = f"{arcs} of {profiles} profiles show the sphere's arc"
-    return f"{text}; {MOST_PROFILES} of them, evenly spread, are used." if arcs > MOST_PROFILES else f"{text}."
+def _count(arcs: int, profiles: int, still: Still | None) -> Finding:
+    """Return how many profiles of a sweep show the sphere; too few are a doubt."""
+    enough = arcs >= _FEW_PROFILES or (still is not None and still.exposures == arcs)
+    used = "thinned" if arcs > MOST_PROFILES else "all"
+    code = SWEEP_PROFILES if enough else FEW_PROFILES
+    return code(used=used, arcs=arcs, profiles=profiles, most=MOST_PROFILES)
 
 
 def _spread(count: int) -> NDArray[np.intp]:

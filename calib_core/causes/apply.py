@@ -7,9 +7,10 @@ from calib_core.causes.flange import brought_back
 from calib_core.causes.readings import Reading, changes_of, moved_poses
 from calib_core.causes.table import angles_of
 from calib_core.errors import InputError
+from calib_core.messages import message
 from calib_core.records import Capture, Changes, RootCause, Session, parse_session
 
-_AGAIN = "Solve it again: the session has changed since."
+_AGAIN = message("Solve it again: the session has changed since.")
 
 
 def merge_patch(data: Any, changes: Any) -> Any:
@@ -72,12 +73,14 @@ def changes_for(session: Session, cause: RootCause) -> Changes:
         If it has no remedy, or its captures are gone.
     """
     if cause.changes is None:
-        raise InputError("a root cause with a remedy", f"'{cause.id}', which has none", cause.sentence, "cause")
+        raise InputError(
+            "a root cause with a remedy", "'{cause}', which has none", cause.sentence, "cause", cause=cause.id
+        )
     there = {capture.id for capture in session.captures}
     gone = sorted({*cause.changes.captures, *cause.poses_from.values()} - there)
     if gone:
         raise InputError(
-            "the captures that the cause is about", f"{', '.join(gone)} removed since", _AGAIN, "cause"
+            "the captures that the cause is about", "{gone} removed since", _AGAIN, "cause", gone=", ".join(gone)
         )
     if cause.pose_reading is not None:
         return changes_of(Reading.recorded(cause.pose_reading), session.cell, session.captures)
@@ -113,6 +116,10 @@ def cause_named(causes: Sequence[RootCause], name: str) -> RootCause:
     if not found:
         listed = ", ".join(f"'{cause.id}'" for cause in causes) or "none was found in this session"
         raise InputError(
-            f"a root cause among {listed}", repr(name)[:80], "Solve the session to see them.", "cause"
+            "a root cause among {listed}",
+            repr(name)[:80],
+            "Solve the session to see them.",
+            "cause",
+            listed=listed,
         )
     return found[0]

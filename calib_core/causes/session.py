@@ -17,6 +17,7 @@ from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.findings import causes_of
 from calib_core.findings.codes import causes as codes
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.records import BeforeAfter, Capture, Changes, RootCause, Session
 from calib_core.records.callbacks import ReadFile
 
@@ -165,7 +166,9 @@ def _file_causes(session: Session, captures: Sequence[Capture], read: ReadFile) 
         seen = len(_observed(trial, asked, read)[0])
         if seen >= _ENOUGH * len(asked) and seen > before:
             evidence = BeforeAfter(
-                label=f"Captures that show the sphere, of {len(asked)}", before=float(before), after=float(seen)
+                label=message("Captures that show the sphere, of {count}", count=len(asked)),
+                before=float(before),
+                after=float(seen),
             )
             found.append((seen, _is_usual(trial), cause.model_copy(update={"evidence": [evidence]})))
     # A diameter a thousand times smaller shows the sphere as well as points a thousand times larger do.

@@ -12,11 +12,11 @@ import numpy as np
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.table_angles import with_found_angles
 from calib_core.chain.table_frame import TableFrame
-from calib_core.chain.table_start import TableStart, table_guess
+from calib_core.chain.table_start import Mounts, TableStart, table_guess
 from calib_core.errors import CalibrationError
 from calib_core.findings import Finding
 from calib_core.findings.codes import causes as codes
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray
 from calib_core.records import BeforeAfter, Capture, Cell, Changes, RootCause, TableReading
 
 LEAST_CAPTURES = 6
@@ -46,7 +46,7 @@ def table_causes(
     captures: Sequence[Capture],
     observations: Sequence[TableObservation],
     sphere: SphereSize,
-    tool0_from_laser: RigidTransform,
+    mounts: Mounts,
 ) -> list[Finding]:
     """Return what would make captures of the sphere on the table fit far better: angles read otherwise.
 
@@ -57,7 +57,7 @@ def table_causes(
     observations : sequence of TableObservation
         With the angles as told.
     sphere : SphereSize
-    tool0_from_laser : RigidTransform
+    mounts : RigidTransform, or each scanner's by its name
         About the tool; that of the tcp stage's start is good enough.
 
     Returns
@@ -67,28 +67,26 @@ def table_causes(
     """
     if len(observations) < LEAST_CAPTURES:
         return []
-    now = _guess(observations, sphere, tool0_from_laser)
+    now = _guess(observations, sphere, mounts)
     if now is not None and _fits(now):
         return []
     try:
-        found = with_found_angles(observations, sphere, tool0_from_laser)
+        found = with_found_angles(observations, sphere, mounts)
     except CalibrationError:
         return []
     angles = np.array([o.angle_rad for o in found])
     tried: list[_Tried] = []
     for reading, unit in (*_factors(observations, angles), *_lost_steps(observations, angles)):
-        start = _guess(read_anew(observations, reading), sphere, tool0_from_laser)
+        start = _guess(read_anew(observations, reading), sphere, mounts)
         if start is not None and _fits(start) and _explains(start, now):
             tried.append(_Tried(reading, unit, start))
     tried.sort(key=lambda one: _cost(one.start.misfit_mm))
     return [_cause(one, now, captures) for one in tried[:1]]
 
 
-def _guess(
-    observations: Sequence[TableObservation], sphere: SphereSize, tool0_from_laser: RigidTransform
-) -> TableStart | None:
+def _guess(observations: Sequence[TableObservation], sphere: SphereSize, mounts: Mounts) -> TableStart | None:
     try:
-        return table_guess(observations, sphere, tool0_from_laser)
+        return table_guess(observations, sphere, mounts)
     except CalibrationError:  # fewer than three angles
         return None
 

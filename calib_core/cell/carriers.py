@@ -1,19 +1,40 @@
 """What carries scanner and ball in a cell, as its record says."""
 
-from calib_core.cell.walk import Carrier, Carriers
-from calib_core.records import Capture, Cell
+from calib_core.cell.layout import Carrier
+from calib_core.cell.walk import Carriers
+from calib_core.records import Capture, Cell, Scanner
 
 
-def scanner_mount(cell: Cell) -> Carrier:
-    """Return what carries the scanner."""
+def scanner_mount(cell: Cell, scanner: str | None = None) -> Carrier:
+    """Return what carries a scanner; without a name, the cell's only or first one."""
+    scanners = cell.scanners or {}
+    told = scanners[scanner] if scanner in scanners else next(iter(scanners.values()), None)
+    if told is not None and "on" in told.model_fields_set:
+        return told.on
     return "base" if cell.arrangement == "sphere-on-robot" else "tool0"
 
 
-def ball_carrier(cell: Cell) -> Carrier:
-    """Return what carries the ball of the TCP's captures: the other end of the robot."""
-    return "tool0" if scanner_mount(cell) == "base" else "base"
+def other_end(mount: Carrier) -> Carrier:
+    """Return what carries a ball of which nothing is told: the robot's other end, from its scanner."""
+    return "tool0" if mount == "base" else "base"
+
+
+def ball_on_flange(cell: Cell) -> bool:
+    """Return whether the flange carries the ball of the TCP's captures, and the scanner stands still."""
+    return other_end(scanner_mount(cell)) == "tool0"
+
+
+def scanner_told(cell: Cell, capture: Capture) -> Scanner:
+    """Return what is told of the scanner that took a capture."""
+    return (cell.scanners or {}).get(capture.scanner or "", cell.scanner)
+
+
+def scanner_name(cell: Cell, capture: Capture) -> str:
+    """Return the name of the scanner that took a capture; empty where the cell has one."""
+    return (capture.scanner or next(iter(cell.scanners or ()), "")) if len(cell.scanners or {}) > 1 else ""
 
 
 def carriers_of(cell: Cell, capture: Capture) -> Carriers:
     """Return what carries scanner and ball in a capture; a turntable stands in base."""
-    return Carriers(scanner_mount(cell), "base" if capture.step == "turntable" else ball_carrier(cell))
+    mount = scanner_mount(cell, capture.scanner)
+    return Carriers(mount, "base" if capture.step == "turntable" else other_end(mount))

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from calib_core.cell.walk import Carrier, Carriers
+from calib_core.cell.layout import Carrier
+from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 

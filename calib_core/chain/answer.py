@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.cell.walk import Carrier
-from calib_core.chain.model import ChainState
+from calib_core.cell.layout import Carrier
+from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.frames import FloatArray, RigidTransform
 
@@ -49,42 +49,34 @@ class Answer:
         return float(np.sqrt(np.mean(known**2))) if len(known) else None
 
 
-def expected_in_laser(observations: Sequence[SphereObservation], state: ChainState) -> FloatArray:
-    """Return where each capture should see the sphere's centre in L, its pose taken as recorded, (K, 3)."""
-    rotations = np.array([o.ball_from_scanner.rotation for o in observations])
-    translations = np.array([o.ball_from_scanner.translation_mm for o in observations])
-    arms = np.einsum("kji,kj->ki", rotations, state.center - translations)
-    return (arms - state.tool_translation) @ state.tool_rotation
-
-
 def answer_of(
     observations: Sequence[SphereObservation],
     used: np.ndarray,
     sides: np.ndarray,
     state: ChainState,
     left_out: Sequence[ChainState | None],
+    data: ChainData,
 ) -> Answer:
-    """Return how all captures lie about one state of the unknowns."""
-    expected = expected_in_laser(observations, state)
-    radius = state.radius_mm
-    sphere = SphereSize(2 * radius)
-    distances = [surface_distances(o, q, radius) for o, q in zip(observations, expected, strict=True)]
-    offsets = np.array(
-        [
-            (o.ball_from_scanner @ state.mount_from_laser).apply(o.sphere_center_in_laser_mm(sphere, int(side)))
-            - state.center
-            for o, side in zip(observations, sides, strict=True)
-        ]
-    )
+    """Return how all captures, of which `data` has arrays, lie about one state of the unknowns."""
+    walk = data.walk
+    expected = walk.seen(state.position)
+    radii = radii_of(data, state)
+    distances = [surface_distances(*each) for each in zip(observations, expected, radii, strict=True)]
+    own = [
+        o.sphere_center_in_laser_mm(SphereSize(2 * r), int(side)) - q
+        for o, q, r, side in zip(observations, expected, radii, sides, strict=True)
+    ]
+    turned = data.rotations @ state.position.mount_rotations[walk.scanner]
+    offsets = np.einsum("kij,kj->ki", turned, np.array(own))
     used_distances = np.concatenate([d for d, u in zip(distances, used, strict=True) if u])
     scatter = np.linalg.norm(offsets[used], axis=1)
     without = [
-        np.nan if s is None else _rms(surface_distances(o, expected_in_laser([o], s)[0], s.radius_mm))
-        for o, s in zip(observations, left_out, strict=True)
+        np.nan if s is None else _rms_of(o, k, data, s)
+        for k, (o, s) in enumerate(zip(observations, left_out, strict=True))
     ]
     return Answer(
         mount_from_laser=state.mount_from_laser,
-        ball=observations[0].carriers.ball,
+        ball="tool0" if observations[0].carriers.ball == "tool0" else "base",
         center_mm=state.center,
         surface_rms_mm=_rms(used_distances),
         center_scatter_rms_mm=_rms(scatter),
@@ -92,6 +84,17 @@ def answer_of(
         offset_mm=offsets,
         leave_one_out_rms_mm=np.array(without),
     )
+
+
+def radii_of(data: ChainData, state: ChainState) -> list[float]:
+    """Return each capture's ball's radius by a state, mm."""
+    return (data.radii_mm + state.scanner[data.nuisance_of[:, 0]]).tolist()
+
+
+def _rms_of(observation: SphereObservation, capture: int, data: ChainData, state: ChainState) -> float:
+    here = data.walk.chosen(np.array([capture])).seen(state.position)[0]
+    radius = float(data.radii_mm[capture] + state.scanner[data.nuisance_of[capture, 0]])
+    return _rms(surface_distances(observation, here, radius))
 
 
 def surface_distances(

@@ -86,11 +86,12 @@ class ArmShares:
         factor = np.empty((data.count, 0))
         if sigmas.is_alike:
             factor = alike_factor(*data.walk.poses, sigmas.reach)
-        found = np.zeros((1 + 6 * many, lengths + drift + 6 * factor.shape[1]))
+        alike = lengths + drift + 6 * factor.shape[1]
+        found = np.zeros((1 + 6 * many, alike + 6 * (data.stop.max(initial=-1) + 1)))
         if lengths:
             found[0, 0] = data.arm_scale_sigma
         sizes = np.diag([sigmas.alike_position_mm] * 3 + [sigmas.alike_orientation_rad] * 3)
-        found[1:, lengths + drift :] = np.kron(factor[self.pivots], sizes)
+        found[1:, lengths + drift : alike] = np.kron(factor[self.pivots], sizes)
         return found
 
     def errors(self, covariance: FloatArray, sigmas: Sequence[Sigmas], weights: FloatArray) -> ArmErrors:

@@ -52,7 +52,7 @@ def arm_lengths_error(judged: Judged) -> ArmLengths | None:
     if data.arm_scale_sigma <= 0:
         return None
     believed = judged.fit.minimum.at.cost
-    exact = replace(data, nuisance_sigmas=np.where(_LENGTHS, 0.0, data.nuisance_sigmas))
+    exact = replace(data, nuisance_sigmas=np.where(_LENGTHS[data.kinds], 0.0, data.nuisance_sigmas))
     neither = fit(*_held(replace(exact, arm_scale_sigma=0.0), found), sigmas).at.cost
     if neither - believed < _BEYOND_CHANCE - _AS_WELL:
         return None

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.cell.walk import Walk
+from calib_core.cell.layout import Layout, MovedAxis, index_of
+from calib_core.cell.walk import Carrier, Walk, ways
 from calib_core.chain import scanner
 from calib_core.chain.model import ARM_SCALE_SIGMA, DRIFT_SIGMA_MM, ChainData
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -18,6 +19,7 @@ def chain_data(
     sphere: SphereSize,
     profile_sigma_mm: float | None,
     priors: scanner.ScannerPriors | None = None,
+    layout: Layout | None = None,
 ) -> ChainData:
     """Return observations as arrays.
 
@@ -28,36 +30,51 @@ def chain_data(
         The points' standard deviation in every profile.
     priors : ScannerPriors, optional
         None takes the scanner and the arm's lengths as exact.
+    layout : Layout, optional
+        What the ways may lead over; left out, what the observations say.
     """
     count = len(observations)
+    layout = layout or layout_of(observations)
     seen = [np.abs(o.points_in_laser_mm[:, 0]).max() for o in observations if len(o.points_in_laser_mm)]
     half_width = float(max(seen, default=1.0))
     merged = [_merged_points(o) for o in observations]
-    sigmas = np.array([profile_sigma_mm or o.point_sigma_mm or 1.0 for o in observations])
+    sigmas = np.array([_point_sigma(o, profile_sigma_mm) for o in observations])
+    radii = np.array([(o.sphere or sphere).radius_mm for o in observations])
     alike = np.array([o.points_per_independent for o in observations])
     weights = 1 / (sigmas**2 * alike)
     anchors, information, gradient = np.zeros((count, 3)), np.zeros((count, 11, 11)), np.zeros((count, 11))
     effective = np.zeros(count)
     for k, o in enumerate(observations):
         if o.kind == "profile":
-            effective[k] = weights[k] * _scatter_left(o, *merged[k], sphere.radius_mm)
+            effective[k] = weights[k] * _scatter_left(o, *merged[k], radii[k])
         else:
             anchors[k] = o.center_in_laser_mm
-            information[k], gradient[k] = _quadratic(o, sphere.radius_mm, half_width)
+            information[k], gradient[k] = _quadratic(o, radii[k], half_width)
     points = np.ascontiguousarray(np.concatenate([m[0] for m in merged]) if merged else np.empty((0, 3)))
     lengths = [len(m[0]) for m in merged]
     circles = np.array([[*o.center_in_laser_mm, o.circle_radius_mm or 0.0] for o in observations]).reshape(-1, 4)
     circles = np.repeat(circles, lengths, axis=0)
     # By x alone, in which a scanner's noise does not act: a point's own noise must not enter its shape.
     across = (points[:, 0] - circles[:, 0]) / np.maximum(circles[:, 3], 1e-12)
-    cosine = np.sqrt(np.maximum(1 - across**2, 0.0)) * circles[:, 3] / sphere.radius_mm
+    cosine = np.sqrt(np.maximum(1 - across**2, 0.0)) * circles[:, 3] / np.repeat(radii, lengths)
     basis = np.column_stack([scanner.bow_of(points, half_width), scanner.incidence_shapes(cosine)])
-    radius_sigma = sphere.sigma_mm / 2
+    of_scanner = index_of([(o.scanner, o.carriers.scanner) for o in observations], layout.mounts)
+    place = index_of([(o.carriers.ball, o.ball) for o in observations], layout.places)
+    readings = [[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations]
+    walk = ways(
+        layout,
+        [o.base_from_tool0 for o in observations],
+        [o.carriers for o in observations],
+        of_scanner,
+        place,
+        np.array(readings, dtype=float).reshape(count, len(layout.axes)),
+    )
+    rotations, translations = walk.across_robot()
+    nuisance_of, kinds, nuisance_sigmas = _nuisances(observations, sphere, of_scanner, len(layout.mounts), priors)
     return ChainData(
-        rotations=np.array([o.ball_from_scanner.rotation for o in observations]).reshape(-1, 3, 3),
-        translations=np.array([o.ball_from_scanner.translation_mm for o in observations]).reshape(-1, 3),
-        walk=Walk.of([o.base_from_tool0 for o in observations], [o.carriers for o in observations]),
-        mount=observations[0].carriers.scanner if observations else "tool0",
+        rotations=rotations,
+        translations=translations,
+        walk=walk,
         points=points,
         counts=np.concatenate([m[1] for m in merged]) if merged else np.empty(0),
         basis=np.ascontiguousarray(basis),
@@ -67,15 +84,78 @@ def chain_data(
         anchors=anchors,
         anchor_information=information,
         anchor_gradient=gradient,
-        radius_mm=sphere.radius_mm,
-        nuisance_sigmas=priors.sigmas(radius_sigma) if priors else scanner.nothing_believed(radius_sigma),
+        radius_mm=float(radii[0]) if count else sphere.radius_mm,
+        radii_mm=radii,
+        nuisance_sigmas=nuisance_sigmas,
+        nuisance_of=nuisance_of,
+        kinds=kinds,
         half_width_mm=half_width,
         order=np.linspace(-1.0, 1.0, count),
         pose_scale=np.ones(count),
         points_per_independent=alike,
+        stop=_stops(walk),
+        held=layout.fixed.copy(),
         arm_scale_sigma=ARM_SCALE_SIGMA if priors else 0.0,
         drift_sigma_mm=DRIFT_SIGMA_MM if priors else 0.0,
     )
+
+
+def layout_of(observations: Sequence[SphereObservation], axes: Sequence[MovedAxis] = ()) -> Layout:
+    """Return the layout that observations lead over, in the order in which they first appear.
+
+    Of axes that are not told, a ball that rides on one has it turn.
+    """
+    seen: list[tuple[str, Carrier]] = [(o.scanner, o.carriers.scanner) for o in observations]
+    mounts = dict.fromkeys(seen)
+    places = dict.fromkeys((o.carriers.ball, o.ball) for o in observations)
+    told = {axis.name for axis in axes}
+    others = dict.fromkeys(carrier for carrier, _ in places if carrier not in ("base", "tool0", *told))
+    every = (*axes, *(MovedAxis(name) for name in others))
+    return Layout(tuple(mounts) or Layout.mounts, tuple(places) or Layout.places, every)
+
+
+def _stops(walk: Walk) -> np.ndarray:
+    """Return which captures of several scanners were taken at one stop of the robot: `ChainData.stop`."""
+    numbers = np.full(len(walk.scanner), -1)
+    if len(walk.layout.mounts) == 1:
+        return numbers
+    poses = np.hstack([walk.rotations.reshape(-1, 9), walk.translations, walk.readings])
+    _, stop, count = np.unique(poses, axis=0, return_inverse=True, return_counts=True)
+    stop = stop.ravel()
+    several = np.array([len(set(walk.scanner[stop == n].tolist())) > 1 for n in range(len(count))])
+    some = several[stop] & (walk.over_robot != 0)
+    numbers[some] = np.unique(stop[some], return_inverse=True)[1].ravel()
+    return numbers
+
+
+def _point_sigma(observation: SphereObservation, profile_sigma_mm: float | None) -> float:
+    return observation.common_sigma_mm or profile_sigma_mm or observation.point_sigma_mm or 1.0
+
+
+def _nuisances(
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    of_scanner: np.ndarray,
+    scanners: int,
+    priors: scanner.ScannerPriors | None,
+) -> tuple[np.ndarray, np.ndarray, FloatArray]:
+    """Return each capture's eight nuisances (K, 8), the kind of each (N,), and how uncertain each is (N,).
+
+    The first ball's radius and the first scanner's errors, then the other balls' and the other scanners'.
+    """
+    sizes = list(dict.fromkeys(o.sphere or sphere for o in observations)) or [sphere]
+    radii = [0, *range(scanner.COUNT, scanner.COUNT + len(sizes) - 1)]
+    own = scanner.COUNT - 1
+    first = [1, *range(scanner.COUNT + len(sizes) - 1, scanner.COUNT + len(sizes) - 1 + own * (scanners - 1), own)]
+    kinds = np.array(
+        [*range(scanner.COUNT), *[0] * (len(sizes) - 1), *list(range(1, scanner.COUNT)) * (scanners - 1)]
+    )
+    size = index_of([o.sphere or sphere for o in observations], sizes)
+    errors = np.array(first)[of_scanner][:, None] + np.arange(own)
+    by_kind = priors.sigmas(0.0) if priors else scanner.nothing_believed(0.0)
+    sigmas = by_kind[kinds]
+    sigmas[radii] = [one.sigma_mm / 2 for one in sizes]
+    return np.column_stack([np.array(radii)[size], errors]).astype(np.int64), kinds, sigmas
 
 
 def _scatter_left(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.cell.walk import Position
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.estimation import Minimum, minimise
 from calib_core.frames import FloatArray, rotation_from_vector
@@ -28,9 +29,9 @@ class CenterLinearisation:
 
 
 def centers_suffice(data: ChainData) -> bool:
-    """Return whether `fit_centers` applies: no profile, no turntable, nothing held, all heard."""
+    """Return whether `fit_centers` applies: no profile, one scanner, one still ball, nothing held, all heard."""
     heard = bool((data.anchor_information[:, 0, 0] > 0).all())
-    return heard and len(data.points) == 0 and data.table is None and data.held is None
+    return heard and len(data.points) == 0 and data.unknowns == 9 and not data.held.any()
 
 
 def fit_centers(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainState, CenterLinearisation]:
@@ -64,12 +65,8 @@ def fit_centers(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[C
         return CenterLinearisation(cost, gradient, hessian)
 
     def retract(state: ChainState, step: FloatArray, _at: CenterLinearisation) -> ChainState:
-        return replace(
-            state,
-            tool_rotation=state.tool_rotation @ rotation_from_vector(step[:3]),
-            tool_translation=state.tool_translation + step[3:6],
-            center=state.center + step[6:],
-        )
+        turned = state.tool_rotation @ rotation_from_vector(step[:3])
+        return _with(state, turned, state.tool_translation + step[3:6], state.center + step[6:])
 
     near = _approached(data, start, weights, measured)
     return minimise(linearise, retract, near or start, _STEP_LIMIT, _TOLERANCE)
@@ -90,4 +87,8 @@ def _approached(
         return None
     if not found:
         return None
-    return replace(start, tool_rotation=rotation, tool_translation=translation, center=center)
+    return _with(start, rotation, translation, center)
+
+
+def _with(state: ChainState, rotation: FloatArray, translation: FloatArray, center: FloatArray) -> ChainState:
+    return replace(state, position=Position(rotation[None], translation[None], center[None]))

@@ -14,7 +14,7 @@ from calib_core.chain.arm_lengths import ArmLengths, arm_lengths_error
 from calib_core.chain.likelihood import ChainLinearisation, fit
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.rejection import Judged
-from calib_core.chain.scanner import NAMES, OF_FILES, incidence_shapes
+from calib_core.chain.scanner import COUNT, NAMES, incidence_shapes
 from calib_core.frames import FloatArray, skew
 
 _SIGNIFICANT = 4.0
@@ -44,7 +44,7 @@ class Held:
         The same with the scanner's errors as they were found.
     active : (n,)
         Which nuisances were sought (`scanner.NAMES`).
-    covariance : (9 + table + n, …)
+    covariance : (P, P)
         Of the unknowns and the nuisances.
     facing : {1, -1}
         +1 where z grows away from the scanner.
@@ -58,10 +58,10 @@ class Held:
         Half the width that the scanner's points fill.
     arm : ArmErrors or None
         How the unknowns and the nuisances err together with the arm.
-    left : (9 + table + n,) or None
+    left : (P,) or None
         By how much they are off, as far as that is known: for errors of the scanner that were found and stay in
         its files. Its square is in the covariance.
-    by_lengths : (9 + table + n,) or None
+    by_lengths : (P,) or None
         What lengths of the arm that are off do to the unknowns. Its square is in the covariance.
     """
 
@@ -93,9 +93,29 @@ class Held:
 
     @property
     def tool_and_scanner(self) -> np.ndarray:
-        """The columns of the covariance that are of the tool and of the nuisances."""
+        """The columns of the covariance that are of the first mount and of its scanner's nuisances."""
+        return self.columns_of(0)
+
+    def columns_of(self, scanner: int) -> np.ndarray:
+        """Return the columns of the covariance that are of a scanner's mount and of its nuisances."""
+        first = len(self.covariance) - len(self.active)
+        mount = self.state.walk.layout.mount(scanner)
+        return np.concatenate([np.arange(mount.start, mount.stop), first + self.nuisances_of(scanner)])
+
+    def nuisances_of(self, scanner: int) -> np.ndarray:
+        """Return which of `active` are a scanner's, or its ball's."""
+        return np.flatnonzero(np.isin(self.active, self.nuisance_row(scanner)))
+
+    def nuisance_row(self, scanner: int) -> np.ndarray:
+        """Return which nuisances a scanner's eight are."""
+        return self.data.nuisance_of[int(np.argmax(self.data.walk.scanner == scanner))]
+
+    @property
+    def mounts_and_scanners(self) -> np.ndarray:
+        """The columns of the covariance that are of all mounts and of all nuisances."""
         size = len(self.covariance)
-        return np.concatenate([np.arange(6), np.arange(size - len(self.active), size)])
+        mounts = self.state.walk.layout.of_mounts
+        return np.concatenate([mounts, np.arange(size - len(self.active), size)])
 
     def at_point(self, point_in_laser_mm: FloatArray, half_width_mm: float) -> FloatArray:
         """Return the covariance (3, 3), mm², along the flange's axes, of a point that the scanner measures.
@@ -105,7 +125,7 @@ class Held:
         rows = point_rows(self.state.tool_rotation, point_in_laser_mm, half_width_mm, self.facing)
         # An answer whose points are corrected errs by what is unknown of the correction, one whose points are not
         # by the whole error: the same covariance, about another mean.
-        jacobian = rows[:, np.concatenate([np.arange(6), 6 + self.active])]
+        jacobian = rows[:, np.concatenate([np.arange(6), 6 + self.active[self.active < COUNT]])]
         some = self.tool_and_scanner
         return jacobian @ self.covariance[np.ix_(some, some)] @ jacobian.T
 
@@ -138,7 +158,7 @@ def _arm(judged: Judged, applied: bool) -> ArmErrors | None:
     if arm is None:
         return None
     arm = arm.of(judged.inflation * np.eye(data.width))
-    of_files = OF_FILES[data.active]
+    of_files = data.of_files[data.active]
     if applied or not of_files.any():
         return arm
     return arm.held_at(judged.fit.covariance, data.unknowns + np.flatnonzero(of_files))
@@ -150,17 +170,17 @@ def _held(judged: Judged, apply: bool, lengths: ArmLengths | None) -> Held:
     covariance = judged.fit.covariance * judged.inflation
     heights = data.points[:, 2] - np.repeat(found.centers_in_laser[:, 2], np.diff(data.offsets))
     facing = -1 if len(heights) and heights.mean() > 0 else 1
-    of_files = np.flatnonzero(OF_FILES & (data.nuisance_sigmas > 0))
+    of_files = np.flatnonzero(data.of_files & (data.nuisance_sigmas > 0))
     if len(of_files) == 0:
         return Held(found, at, found, active, covariance, facing, apply, _with_arm(lengths, []), *given)
     surprise, errors = _surprise(judged, covariance, of_files)
     errors = _with_arm(lengths, errors)
     if apply:
         return Held(found, at, found, active, covariance, facing, True, errors, *given)
-    exact = replace(data, nuisance_sigmas=np.where(OF_FILES, 0.0, data.nuisance_sigmas))
+    exact = replace(data, nuisance_sigmas=np.where(data.of_files, 0.0, data.nuisance_sigmas))
     if data.tool_prior is not None:
-        exact = replace(exact, tool_prior=data.tool_prior.without(OF_FILES[active]))
-    values = np.where(OF_FILES, 0.0, found.scanner)
+        exact = replace(exact, tool_prior=data.tool_prior.without(data.of_files[active]))
+    values = np.where(data.of_files, 0.0, found.scanner)
     answer = fit(exact, replace(found, scanner=values), judged.fit.sigmas)
     shift = _off(found, replace(answer.state, scanner=values), active, len(covariance))
     covariance = covariance + surprise * np.outer(shift, shift)
@@ -197,7 +217,7 @@ def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> t
     square = float(np.sum((vectors.T @ found) ** 2 / np.maximum(values, 1e-4)))
     errors: list[ScannerError] = []
     for n, index in enumerate(of_files):
-        error, name = float(found[n] * scale[n]), NAMES[index]
+        error, name = float(found[n] * scale[n]), NAMES[data.kinds[index]]
         chance = float(scale[n] * np.sqrt(max(by_chance[n, n], 1e-6)))
         if abs(error) > max(_SIGNIFICANT * chance, _WORTH_SAYING[name]):
             errors.append(ScannerError(name, error, float(np.sqrt(own[n, n]))))
@@ -207,10 +227,8 @@ def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> t
 def _off(truth: ChainState, answer: ChainState, active: np.ndarray, size: int) -> FloatArray:
     """Return by how much all unknowns (size,) of an answer are off if another state is true."""
     row = np.zeros(size)
-    row[:9] = truth.still_difference(answer)
-    if truth.table is not None and answer.table is not None:
-        step = truth.table.step_to(answer.table)
-        row[9 : 9 + len(step)] = step
+    step = truth.step_to(answer)
+    row[: len(step)] = step
     row[size - len(active) :] = (answer.scanner - truth.scanner)[active]
     return row
 

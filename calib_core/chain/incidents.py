@@ -52,7 +52,7 @@ def named_causes(
     observations: Sequence[SphereObservation],
     judged: Judged,
     offset_in_base_mm: FloatArray,
-    given: GivenSigmas = (None, None, 0.0),
+    given: GivenSigmas = (None, None),
 ) -> list[Happened]:
     """Return the causes that are beyond doubt.
 
@@ -76,7 +76,7 @@ def named_causes(
     if change and any(given):
         # Told sigmas that are too small make chance look like a change: it must stand when they are estimated too.
         doubted = judge_these(
-            observations, judged.data, judged.fit.state, judged.used, (None, None, 0.0), judged.fit
+            observations, judged.data, judged.fit.state, judged.used, (None,) * len(given), judged.fit
         )
         change = _change(observations, doubted)
     return [change] if change else []
@@ -140,8 +140,7 @@ def change_scores(judged: Judged) -> tuple[dict[str, FloatArray], dict[str, Floa
     gains: dict[str, FloatArray] = {}
     sizes: dict[str, FloatArray] = {}
     count = len(rest)
-    for kind, columns in (("moved-sphere", slice(6, 9)), ("changed-tool", slice(0, 6))):
-        own = at.jacobian[:, :, columns]
+    for kind, own in (("moved-sphere", by_place(judged)), ("changed-tool", by_mount(judged))):
         width = own.shape[2]
         turned = np.swapaxes(own, 1, 2)
         scores = np.einsum("kpi,ki->kp", turned, rest[:, :3])
@@ -158,6 +157,20 @@ def change_scores(judged: Judged) -> tuple[dict[str, FloatArray], dict[str, Floa
             gain[k] = float(score[k] @ size[k])
         gains[kind], sizes[kind] = gain, size
     return gains, sizes
+
+
+def by_mount(judged: Judged) -> FloatArray:
+    """Return how each capture's sphere is expected elsewhere by its own scanner's mount, (K, 3, 6)."""
+    at, walk = judged.fit.minimum.at, judged.data.walk
+    first = np.array([walk.layout.mount(n).start for n in range(len(walk.layout.mounts))])[walk.scanner]
+    return np.take_along_axis(at.jacobian, (first[:, None] + np.arange(6))[:, None, :], axis=2)
+
+
+def by_place(judged: Judged) -> FloatArray:
+    """Return how each capture's sphere is expected elsewhere by its own place, (K, 3, 3)."""
+    at, walk = judged.fit.minimum.at, judged.data.walk
+    first = walk.layout.firsts[walk.place]
+    return np.take_along_axis(at.jacobian, (first[:, None] + np.arange(3))[:, None, :], axis=2)
 
 
 def _by_all(reduced: FloatArray, at: ChainLinearisation) -> FloatArray:

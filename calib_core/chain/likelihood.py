@@ -15,11 +15,11 @@ import numpy as np
 
 from calib_core.arms.alike import alike_factor
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction, prior
+from calib_core.chain.scanner import COUNT
 from calib_core.estimation import Minimum, minimise
 from calib_core.frames import FloatArray
 
-# In rad and mm: far enough to travel, near enough to stay in the valley.
-_STEP_LIMIT = np.array([0.1] * 3 + [20.0] * 6)
+# Far enough to travel, near enough to stay in the valley.
 _NUISANCE_STEP = np.array([1.0, 0.02, 0.02, 0.02, 0.02, 1.0, 1.0, 1.0])
 _SHARED_STEP = 10.0  # standard deviations
 _LEAST_SIGMA_MM = 1e-4  # keeps the prior of a capture's own centre invertible
@@ -32,7 +32,7 @@ class ChainLinearisation:
     Attributes
     ----------
     cost, gradient, hessian
-        Of the unknowns (9, the table's, the nuisances, the shared ones), pose errors integrated out.
+        Of the unknowns (the layout', the nuisances, the shared ones), pose errors integrated out.
     centers_in_laser : (K, 3)
         Each capture's own centre, settled, mm.
     information, vector : (K, 3 + n, 3 + n), (K, 3 + n)
@@ -43,8 +43,8 @@ class ChainLinearisation:
         Predicted minus present centre, and the prediction's derivative by all unknowns.
     nuisances : slice
         Which of the unknowns they are.
-    levers : (K, 3) or None
-        The prediction's derivative by the table's angle.
+    levers : (K, 3, A) or None
+        The prediction's derivative by the readings of the axes.
     precision : (K, 3, 3)
         Of each capture's centre by its pose's own error, 1/mm².
     """
@@ -133,21 +133,19 @@ def linearise(
     points, shifts = without_scanner_errors(data, state)
     constant, slopes = _anchors_at(data, state)
     own = state.centers_in_laser.copy()
-    those, ray = (points, shifts, data.counts), ray_of(state)
+    those, (radii, rays) = (points, shifts, data.counts), spheres_of(data, state)
     cost = constant + settle_centers(
-        *those, data.offsets, data.weights, data.effective, ray, data.anchors,
+        *those, data.offsets, data.weights, data.effective, rays, data.anchors,
         np.ascontiguousarray(data.anchor_information[:, :3, :3]), np.ascontiguousarray(slopes[:, :3]),
-        state.radius_mm, predicted, precision, own,
+        radii, predicted, precision, own,
     )  # fmt: skip
     sharpness = data.anchor_information.copy()
     gradients = slopes + np.einsum("kij,kj->ki", sharpness[:, :, :3], own - data.anchors)
     nuisance_information(
-        *those, data.points, data.basis, data.offsets, data.weights, data.effective, ray, state.radius_mm, own,
+        *those, data.points, data.basis, data.offsets, data.weights, data.effective, rays, radii, own,
         gradients, sharpness,
     )  # fmt: skip
-    kept = np.concatenate([np.arange(3), 3 + active])
-    information = np.ascontiguousarray(sharpness[:, kept[:, None], kept])
-    vector = -gradients[:, kept]
+    information, vector = _among_all(data, sharpness, gradients)
     offset = predicted - own
     gain, share = np.empty((count, 3, 3)), np.empty((count, 3, 3))
     pose_error_gain(information, spread, gain, share)
@@ -171,26 +169,47 @@ def linearise(
     )
 
 
+def _among_all(data: ChainData, sharpness: FloatArray, gradients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return information and vector over centre and sought nuisances, by a capture's centre and eight."""
+    kept = np.concatenate([np.arange(3), 3 + data.active])
+    many = len(data.nuisance_sigmas)
+    if many > COUNT:
+        at = np.concatenate([np.broadcast_to(np.arange(3), (data.count, 3)), 3 + data.nuisance_of], axis=1)
+        rows = np.arange(data.count)[:, None]
+        wide, slopes = np.zeros((data.count, 3 + many, 3 + many)), np.zeros((data.count, 3 + many))
+        wide[rows[:, :, None], at[:, :, None], at[:, None, :]] = sharpness
+        slopes[rows, at] = gradients
+        sharpness, gradients = wide, slopes
+    return np.ascontiguousarray(sharpness[:, kept[:, None], kept]), -gradients[:, kept]
+
+
 def without_scanner_errors(data: ChainData, state: ChainState) -> tuple[FloatArray, FloatArray]:
     """Return the profiles' points (M, 3) as a right scanner had given them, and their distances outside, (M,)."""
-    _, scale_x, scale_z, shear, bow, *shapes = state.scanner
     points = data.points.copy()
+    if len(state.scanner) == COUNT:
+        _, scale_x, scale_z, shear, bow, *shapes = state.scanner
+        outside = data.basis[:, 1:] @ np.array(shapes)
+    else:
+        each = np.repeat(data.own(state.scanner), np.diff(data.offsets), axis=0)
+        _, scale_x, scale_z, shear, bow = each[:, :5].T
+        outside = np.einsum("ij,ij->i", data.basis[:, 1:], each[:, 5:])
     points[:, 0] += scale_x * data.points[:, 0] + shear * data.points[:, 2]
     points[:, 2] += scale_z * data.points[:, 2] + bow * data.basis[:, 0]
-    return points, data.basis[:, 1:] @ np.array(shapes)
+    return points, outside
 
 
-def ray_of(state: ChainState) -> FloatArray:
-    """Return by how much, in x and z, one unit of measured z moves a point (2,), as a state sees the scanner."""
-    _, _, scale_z, shear, *_ = state.scanner
-    return np.array([shear, 1 + scale_z])
+def spheres_of(data: ChainData, state: ChainState) -> tuple[FloatArray, FloatArray]:
+    """Return balls' radii (K,), mm, and by how much, in x and z, one unit of measured z moves a point (K, 2)."""
+    own = data.own(state.scanner)
+    return data.radii_mm + own[:, 0], np.column_stack([own[:, 3], 1 + own[:, 2]])
 
 
 def _anchors_at(data: ChainData, state: ChainState) -> tuple[float, FloatArray]:
     """Return the constant part of the clouds' and centres' cost, and their slope (K, 11) at their anchors."""
-    bent = data.anchor_information[:, :, 3:] @ state.scanner
-    cost = data.anchor_gradient[:, 3:] @ state.scanner + 0.5 * bent[:, 3:] @ state.scanner
-    return float(cost.sum()), data.anchor_gradient + bent
+    own = data.own(state.scanner)
+    bent = np.einsum("kij,kj->ki", data.anchor_information[:, :, 3:], own)
+    cost = np.sum((data.anchor_gradient[:, 3:] + 0.5 * bent[:, 3:]) * own)
+    return float(cost), data.anchor_gradient + bent
 
 
 def normal_equations(
@@ -249,8 +268,8 @@ def fit(data: ChainData, start: ChainState, sigmas: Sigmas) -> Minimum[ChainStat
     """
     noise = noise_of(data, start, sigmas)
     many = noise.shared.shape[2]
-    limit = [_STEP_LIMIT, [] if data.table is None else data.table.step_limit()]
-    limit = np.concatenate([*limit, _NUISANCE_STEP[data.active], np.full(many, _SHARED_STEP)])
+    sought = _NUISANCE_STEP[data.kinds[data.active]]
+    limit = np.concatenate([data.walk.layout.step_limit(), sought, np.full(many, _SHARED_STEP)])
     begin = replace(start, shared=np.zeros(many), active=data.active)
     precision = noise.precision
     return minimise(lambda s: linearise(data, s, noise.spread, precision, noise.shared), retract, begin, limit)
@@ -270,7 +289,7 @@ def linearised_at(data: ChainData, state: ChainState, sigmas: Sigmas) -> ChainLi
 
 def noise_of(data: ChainData, state: ChainState, sigmas: Sigmas) -> Noise:
     """Return what errors of robot and table do to each capture's centre, as a state sees it."""
-    levers = None if data.table is None else prediction(data, state).levers
+    levers = prediction(data, state).levers if data.walk.layout.axes else None
     factor = np.empty((data.count, 0))
     if sigmas.is_alike:
         factor = alike_factor(*data.walk.poses, sigmas.reach)
@@ -284,8 +303,10 @@ class NoiseShapes:
 
     Attributes
     ----------
-    moving, turning, angle : (K, 3, 3), (K, 3, 3), (K, 3, 3) or None
-        Covariance by a position's error, by an orientation's about any axis, and by the table's angle.
+    moving, turning, axes : (K, 3, 3), (K, 3, 3), (A, K, 3, 3)
+        Covariance by a position's error, by an orientation's about any axis, and by each axis's reading.
+    stops : (K, c)
+        1 where a capture is of a stop of the robot that several share, whose own error is theirs together.
     scale : (K, 1, 1)
         By how much a capture's own pose variance is larger.
     moves : (K, 3, 6)
@@ -296,8 +317,9 @@ class NoiseShapes:
 
     moving: FloatArray
     turning: FloatArray
-    angle: FloatArray | None
+    axes: FloatArray
     scale: FloatArray
+    stops: FloatArray
     moves: FloatArray
     drawn: FloatArray
 
@@ -312,19 +334,21 @@ class NoiseShapes:
     ) -> "NoiseShapes":
         """Return those of captures whose spheres are seen at (K, 3), by a state's tool."""
         walk = data.walk
-        laser_from_base = walk.laser_from_base(state.tool_rotation)
+        laser_from_base = walk.laser_from_base(state.position)
         drawn = [np.empty((data.count, 3, 0))]
         if data.arm_scale_sigma > 0:
             from_middle = walk.translations - middle
             drawn.append(laser_from_base @ from_middle[:, :, None] * data.arm_scale_sigma)
         if data.drift_sigma_mm > 0:
             drawn.append(laser_from_base * (data.order * data.drift_sigma_mm)[:, None, None])
-        arms = walk.levers(state.tool_rotation, state.tool_translation, centers_in_laser)
+        arms = walk.levers(state.position, centers_in_laser)
+        by_axis = np.empty((0, data.count, 3)) if levers is None else np.moveaxis(levers, 2, 0)
         return cls(
             moving=np.abs(walk.over_robot)[:, None, None] * np.eye(3),
             turning=_turning(arms),
-            angle=None if levers is None else levers[:, :, None] * levers[:, None, :],
+            axes=by_axis[:, :, :, None] * by_axis[:, :, None, :],
             scale=data.pose_scale[:, None, None],
+            stops=(data.stop[:, None] == np.arange(data.stop.max(initial=-1) + 1)).astype(float),
             moves=walk.moves(laser_from_base, arms),
             drawn=np.concatenate(drawn, axis=2),
         )
@@ -332,17 +356,26 @@ class NoiseShapes:
     def noise(self, sigmas: Sigmas, factor: FloatArray) -> Noise:
         """Return the noise of some sigmas, with a factor (K, m) of the alike part."""
         spread = self._by_pose(sigmas.position_mm, sigmas.orientation_rad)
-        if self.angle is not None:
-            spread += sigmas.angle_rad**2 * self.angle
+        together = [self.drawn]
+        if self.stops.size:
+            spread[self.stops.any(axis=1)] = _LEAST_SIGMA_MM**2 * np.eye(3)
+            moved = self._drawn(sigmas.position_mm, sigmas.orientation_rad, self.stops)
+            together.append(np.sqrt(self.scale) * moved)
+        for sigma, axis in zip(sigmas.axes, self.axes, strict=False):
+            spread += sigma**2 * axis
         spread *= self.scale
         if not sigmas.is_alike:
-            return Noise(spread, self.drawn)
+            return Noise(spread, np.concatenate(together, axis=2))
         left = np.maximum(1 - np.sum(factor**2, axis=1), 0.0)
         alike = self._by_pose(sigmas.alike_position_mm, sigmas.alike_orientation_rad)
         spread += left[:, None, None] * alike
-        moves = self.moves * np.repeat([sigmas.alike_position_mm, sigmas.alike_orientation_rad], 3)
-        shared = (moves[:, :, None, :] * factor[:, None, :, None]).reshape(len(moves), 3, -1)
-        return Noise(spread, np.concatenate([self.drawn, shared], axis=2))
+        together.insert(1, self._drawn(sigmas.alike_position_mm, sigmas.alike_orientation_rad, factor))
+        return Noise(spread, np.concatenate(together, axis=2))
+
+    def _drawn(self, position_mm: float, orientation_rad: float, factor: FloatArray) -> FloatArray:
+        """Return how captures move by errors of unit variance that they have by a factor (K, m), (K, 3, 6 m)."""
+        moves = self.moves * np.repeat([position_mm, orientation_rad], 3)
+        return (moves[:, :, None, :] * factor[:, None, :, None]).reshape(len(moves), 3, -1)
 
     def _by_pose(self, position_mm: float, orientation_rad: float) -> FloatArray:
         return _spread(self.moving, position_mm) + orientation_rad**2 * self.turning

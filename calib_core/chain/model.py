@@ -1,25 +1,20 @@
-"""What the captures say, as arrays, the unknowns, and where these expect each capture's sphere.
+"""What the captures say, as arrays, the unknowns, and where these expect each capture's ball.
 
-Unknown are mount_from_laser (6), the still sphere's centre in what carries it (3), where captures of a turntable
-are among them its axis and mountings (`chain.table`); then the sphere's radius and the scanner's errors, where
-they are uncertain (`chain.scanner`); last what is drawn rather than fixed: pose errors that captures share, each
-of unit variance.
+Unknown are the edges' (`cell.layout`): mounts of scanners, places of balls, axes; then the balls' radii and the
+scanners' errors, where they are uncertain (`chain.scanner`); last what is drawn rather than fixed: pose errors
+that captures share, each of unit variance.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.cell.walk import Carrier, Walk
+from calib_core.cell.layout import AxisState, Layout
+from calib_core.cell.walk import Position, Walk
 from calib_core.chain import scanner
-from calib_core.chain.table import TableReadings, TableState
-from calib_core.frames import (
-    FloatArray,
-    RigidTransform,
-    nearest_rotation,
-    rotation_from_vector,
-    vector_from_rotation,
-)
+from calib_core.chain.table import TableState
+from calib_core.frames import FloatArray, RigidTransform
 
 ARM_SCALE_SIGMA = 2e-4
 """How far an arm's lengths are off, as a share: beyond what its maker promises the captures must show it."""
@@ -27,23 +22,28 @@ ARM_SCALE_SIGMA = 2e-4
 DRIFT_SIGMA_MM = 0.04
 """How far the sphere drifts from a session's middle to its end, per axis: warmth, settling."""
 
-_MOUNT_PRIOR = 1e-10  # 1/mm²: keeps a mounting finite all of whose captures were rejected
+_PLACE_PRIOR = 1e-10  # 1/mm²: keeps a place finite all of whose captures were rejected
 
 
 @dataclass(frozen=True)
 class Sigmas:
-    """Standard deviations, per axis, of a robot pose's position and orientation, and of the table's angle.
+    """Standard deviations, per axis, of a robot pose's position and orientation, and of the readings of axes.
 
-    `alike` are those of the part that captures share where their poses are alike; `reach` is a factor on the
-    distances over which they are.
+    `axes` are in rad or mm, as the cell lists them.  `alike` are those of the part that captures share where their
+    poses are alike; `reach` is a factor on the distances over which they are.
     """
 
     position_mm: float
     orientation_rad: float
-    angle_rad: float = 0.0
+    axes: tuple[float, ...] = ()
     alike_position_mm: float = 0.0
     alike_orientation_rad: float = 0.0
     reach: float = 1.0
+
+    @property
+    def angle_rad(self) -> float:
+        """Of the first axis: a turntable's angle."""
+        return self.axes[0] if self.axes else 0.0
 
     @property
     def is_alike(self) -> bool:
@@ -58,30 +58,29 @@ class Sigmas:
 
 @dataclass(frozen=True, eq=False)
 class ToolPrior:
-    """What is known of mount_from_laser and of the scanner beforehand.
+    """What is known of the mounts and of the scanners beforehand.
 
-    R (3, 3), T (3,), the scanner's values (8,), and the inverse covariance (6 + n, 6 + n) of rx … tz and of
-    those n nuisances that are sought.
+    R (S, 3, 3), T (S, 3), the scanners' values (N,), and the inverse covariance (6 S + n, 6 S + n) of rx … tz of
+    each mount and of those n nuisances that are sought.
     """
 
-    rotation: FloatArray
-    translation: FloatArray
+    rotations: FloatArray
+    translations: FloatArray
     scanner: FloatArray
     information: FloatArray
 
     def without(self, held: np.ndarray) -> "ToolPrior":
         """Return what is known where some nuisances, a mask (n,), are nothing for sure."""
-        kept = np.concatenate([np.ones(6, dtype=bool), ~held])
+        kept = np.concatenate([np.ones(6 * len(self.rotations), dtype=bool), ~held])
         return replace(self, information=self.information[np.ix_(kept, kept)])
 
     def deviation(self, state: "ChainState") -> FloatArray:
-        """Return how far a state is from it, (6 + n,): small, so that the rotation counts as a vector."""
-        turned = self.rotation.T @ state.tool_rotation
-        turn = 0.5 * np.array(
-            [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
-        )
-        off = (state.scanner - self.scanner)[state.active]
-        return np.concatenate([turn, state.tool_translation - self.translation, off])
+        """Return how far a state is from it, (6 S + n,): small, so that the rotation counts as a vector."""
+        turned = np.swapaxes(self.rotations, 1, 2) @ state.position.mount_rotations
+        turn = 0.5 * (turned - np.swapaxes(turned, 1, 2))
+        shift = state.position.mount_translations - self.translations
+        off = np.column_stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0], shift]).ravel()
+        return np.concatenate([off, (state.scanner - self.scanner)[state.active]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +90,9 @@ class ChainData:
     Attributes
     ----------
     rotations, translations : (K, 3, 3), (K, 3)
-        From what carries the scanner into what carries the ball, poses as recorded.
+        From what carries the scanner into what carries the ball, poses as recorded: `Walk.across_robot`.
     walk : Walk
-        Where the robot stands on the way between them.
-    mount : Carrier
-        What carries the scanner.
+        The way from each scanner to its ball.
     points, counts, basis : (M, 3), (M,), (M, 4)
         Profiles' points in L, neighbours merged; how many measured points each stands for; what a bow moves it
         along z and the shapes of the error by incidence (`chain.scanner`).
@@ -103,8 +100,10 @@ class ChainData:
         Where each capture's points begin, 1/σ² of one, and how many independent ones one counts as (N_eff / N).
     anchors, anchor_information, anchor_gradient : (K, 3), (K, 11, 11), (K, 11)
         For clouds and centers, whose likelihood is quadratic in (centre, nuisances): where, how sharp, how steep.
-    radius_mm, nuisance_sigmas : float, (8,)
-        The sphere's; how uncertain it and the scanner's errors are, 0: exact.
+    radius_mm, radii_mm, nuisance_sigmas : float, (K,), (N,)
+        The first ball's radius as told, each capture's; how uncertain those and scanners' errors are (0: exact).
+    nuisance_of, kinds : (K, 8), (N,)
+        Which nuisances each capture's eight (`scanner.NAMES`) are, and which name each nuisance has.
     half_width_mm : float
         Half the width that the scanner's points fill.
     arm_scale_sigma, drift_sigma_mm : float
@@ -115,17 +114,18 @@ class ChainData:
         By how much a capture's pose variance is larger than the sigmas say: captures that lie off count less.
     points_per_independent : (K,)
         How many of a capture's points say as much as one that errs by itself.
-    table : TableReadings or None
-        What the captures say of the turntable.
-    held : (P,) bool or None
-        Unknowns that keep their values, without the radius.
+    stop : (K,) int
+        Captures of several scanners at one stop of the robot, whose error is common, have one number; −1: alone.
+    held : (P,) bool
+        Unknowns that keep their values, without the nuisances.
+    distances : tuple
+        Known distances between places: (one, other, mm, sigma in mm).
     tool_prior : ToolPrior or None
     """
 
     rotations: FloatArray
     translations: FloatArray
     walk: Walk
-    mount: Carrier
     points: FloatArray
     counts: FloatArray
     basis: FloatArray
@@ -136,15 +136,19 @@ class ChainData:
     anchor_information: FloatArray
     anchor_gradient: FloatArray
     radius_mm: float
+    radii_mm: FloatArray
     nuisance_sigmas: FloatArray
+    nuisance_of: np.ndarray
+    kinds: np.ndarray
     half_width_mm: float
     order: FloatArray
     pose_scale: FloatArray
     points_per_independent: FloatArray
+    stop: np.ndarray
+    held: np.ndarray
     arm_scale_sigma: float = 0.0
     drift_sigma_mm: float = 0.0
-    table: TableReadings | None = None
-    held: np.ndarray | None = None
+    distances: tuple[tuple[int, int, float, float], ...] = ()
     tool_prior: ToolPrior | None = None
 
     @property
@@ -154,13 +158,18 @@ class ChainData:
 
     @property
     def active(self) -> np.ndarray:
-        """Which of the eight nuisances are unknowns (with a prior) as well."""
+        """Which of the nuisances are unknowns (with a prior) as well."""
         return np.flatnonzero(self.nuisance_sigmas > 0)
+
+    @property
+    def of_files(self) -> np.ndarray:
+        """Which nuisances move the points of a scanner's files, (N,)."""
+        return scanner.OF_FILES[self.kinds]
 
     @property
     def unknowns(self) -> int:
         """The number of unknowns, held ones included, without the nuisances."""
-        return 9 + (self.table.size if self.table else 0)
+        return self.walk.layout.unknowns
 
     @property
     def width(self) -> int:
@@ -170,7 +179,18 @@ class ChainData:
     @property
     def free_unknowns(self) -> int:
         """The number of unknowns that are sought, without the nuisances."""
-        return self.unknowns - (0 if self.held is None else int(self.held.sum()))
+        return self.unknowns - int(self.held.sum())
+
+    @property
+    def known_columns(self) -> np.ndarray:
+        """The columns of what a `ToolPrior` is about: all mounts and the nuisances that are sought."""
+        return np.concatenate([self.walk.layout.of_mounts, np.arange(self.unknowns, self.width)])
+
+    def holding(self, columns: int | slice | Sequence[int] | np.ndarray, held: bool = True) -> "ChainData":
+        """Return the same with some unknowns held at their values, or sought."""
+        mask = self.held.copy()
+        mask[columns] = held
+        return replace(self, held=mask)
 
     def silent(self, used: np.ndarray) -> "ChainData":
         """Return the same captures, of which those outside a mask (K,) say nothing."""
@@ -189,45 +209,67 @@ class ChainData:
         if used.all():
             return self
         lengths = np.diff(self.offsets)
+        points = np.repeat(used, lengths)
+        each = (
+            "rotations", "translations", "weights", "effective", "order", "pose_scale", "points_per_independent",
+            "anchors", "anchor_information", "anchor_gradient", "radii_mm", "nuisance_of", "stop",
+        )  # fmt: skip
         return replace(
             self,
-            rotations=self.rotations[used],
-            translations=self.translations[used],
+            **{name: getattr(self, name)[used] for name in each},
             walk=self.walk.chosen(used),
-            points=self.points[np.repeat(used, lengths)],
-            counts=self.counts[np.repeat(used, lengths)],
-            basis=self.basis[np.repeat(used, lengths)],
+            points=self.points[points],
+            counts=self.counts[points],
+            basis=self.basis[points],
             offsets=np.concatenate([[0], np.cumsum(lengths[used])]),
-            weights=self.weights[used],
-            effective=self.effective[used],
-            order=self.order[used],
-            pose_scale=self.pose_scale[used],
-            points_per_independent=self.points_per_independent[used],
-            anchors=self.anchors[used],
-            anchor_information=self.anchor_information[used],
-            anchor_gradient=self.anchor_gradient[used],
-            table=self.table and self.table.chosen(used),
         )
+
+    def of_one_scanner(self, which: int, ways: FloatArray) -> "ChainData":
+        """Return one scanner's captures of one ball alone, the ways (A, 3) of axes under the robot known."""
+        walk = self.walk
+        if len(walk.layout.mounts) == len(walk.layout.places) == 1 and not walk.layout.axes:
+            return self
+        place = walk.place[int(np.argmax(walk.scanner == which))]
+        some = self.chosen((walk.scanner == which) & (walk.place == place))
+        alone = Layout((walk.layout.mounts[which],), (walk.layout.places[place],))
+        kept, zero = some.nuisance_of[0], np.zeros(some.count, dtype=np.int64)
+        moved = some.walk.translations + some.walk.readings @ ways
+        readings = np.empty((some.count, 0))
+        own = replace(some.walk, layout=alone, translations=moved, scanner=zero, place=zero, readings=readings)
+        rotations, translations = own.across_robot()
+        return replace(
+            some,
+            walk=own,
+            rotations=rotations,
+            translations=translations,
+            nuisance_sigmas=self.nuisance_sigmas[kept],
+            nuisance_of=np.tile(np.arange(len(kept)), (some.count, 1)),
+            kinds=self.kinds[kept],
+            stop=zero - 1,
+            held=alone.fixed.copy(),
+            distances=(),
+        )
+
+    def own(self, values: FloatArray) -> FloatArray:
+        """Return each capture's eight (K, 8) of the nuisances' values (N,)."""
+        return values[self.nuisance_of]
 
 
 @dataclass(frozen=True, eq=False)
 class ChainState:
-    """One guess of the unknowns, and of where each capture's own sphere centre lies in L.
+    """One guess of the unknowns, and of where each capture's own ball's centre lies in L.
 
-    `scanner` (8,) holds what is added to the nominal radius and the scanner's errors, of which `active` (n,) are
-    sought; `shared` (L,) the pose errors that captures share; `mount` carries the scanner.
+    `scanner` (N,) holds what is added to the told radii and the scanners' errors, of which `active` (n,) are
+    sought; `shared` (L,) the pose errors that captures share.
     """
 
-    tool_rotation: FloatArray
-    tool_translation: FloatArray
-    center: FloatArray
+    walk: Walk
+    position: Position
     nominal_radius_mm: float
     centers_in_laser: FloatArray
     scanner: FloatArray
     active: np.ndarray
-    table: TableState | None = None
     shared: FloatArray | None = None
-    mount: Carrier = "tool0"
 
     @classmethod
     def predicted(
@@ -238,42 +280,81 @@ class ChainState:
         center: FloatArray,
         table: TableState | None = None,
     ) -> "ChainState":
-        """Return a guess in which every pose is taken as exact."""
-        none = np.empty((0, 3)), np.zeros(scanner.COUNT), data.active
-        guess = cls(tool_rotation, tool_translation, center, data.radius_mm, *none, table, mount=data.mount)
+        """Return a guess of one scanner, one still ball and a turntable, in which every pose is taken as exact."""
+        layout = data.walk.layout
+        places = np.tile(np.asarray(center, dtype=float), (len(layout.places), 1))
+        axes: tuple[AxisState, ...] = ()
+        if table is not None:
+            places[layout.on_axis(layout.table)] = table.mounts
+            axes = (table.axis,)
+        mount = np.array(tool_rotation, dtype=float)[None], np.array(tool_translation, dtype=float)[None]
+        return cls.at(data, Position(*mount, places, axes))
+
+    @classmethod
+    def at(cls, data: ChainData, position: Position) -> "ChainState":
+        """Return a guess of all edges, in which every pose and reading is taken as exact."""
+        values = np.zeros(len(data.nuisance_sigmas))
+        guess = cls(data.walk, position, data.radius_mm, np.empty((0, 3)), values, data.active)
         return replace(guess, centers_in_laser=prediction(data, guess).centers_in_laser)
 
     def moved(self, step: FloatArray) -> "ChainState":
         """Return the unknowns after a step (P,); the captures' own centres stay."""
-        width = 9 if self.table is None else 14 + self.table.mounts.size
+        layout = self.walk.layout
+        width = layout.unknowns
         last = width + len(self.active)
         values = self.scanner.copy()
         values[self.active] += step[width:last]
+        shared = None if self.shared is None else self.shared + step[last:]
+        return replace(self, position=self.position.moved(layout, step), scanner=values, shared=shared)
+
+    def with_mounts_of(self, rotations: FloatArray, translations: FloatArray) -> "ChainState":
+        """Return the same with the mounts (S, 3, 3), (S, 3) of another guess."""
         return replace(
-            self,
-            tool_rotation=nearest_rotation(self.tool_rotation @ rotation_from_vector(step[:3])),
-            tool_translation=self.tool_translation + step[3:6],
-            center=self.center + step[6:9],
-            scanner=values,
-            shared=None if self.shared is None else self.shared + step[last:],
-            table=self.table and self.table.moved(step[9:width]),
+            self, position=replace(self.position, mount_rotations=rotations, mount_translations=translations)
         )
 
-    def still_difference(self, other: "ChainState") -> FloatArray:
-        """Return rx ry rz tx ty tz of the tool and the sphere's centre, (9,), from this state to another one."""
-        turn = vector_from_rotation(self.tool_rotation.T @ other.tool_rotation)
-        shift = other.tool_translation - self.tool_translation
-        return np.concatenate([turn, shift, other.center - self.center])
+    def step_to(self, other: "ChainState") -> FloatArray:
+        """Return the step of the edges' unknowns that leads from this state to another one that is near."""
+        return self.position.step_to(self.walk.layout, other.position)
+
+    @property
+    def tool_rotation(self) -> FloatArray:
+        """Of the first scanner's mount, (3, 3)."""
+        return self.position.mount_rotations[0]
+
+    @property
+    def tool_translation(self) -> FloatArray:
+        """Of the first scanner's mount, (3,)."""
+        return self.position.mount_translations[0]
+
+    @property
+    def center(self) -> FloatArray:
+        """The first ball's centre in what carries it, (3,)."""
+        return self.position.places[0]
+
+    @property
+    def table(self) -> TableState:
+        """The last axis that carries a ball, with the places on it."""
+        layout = self.walk.layout
+        axis, places = self.position.axes[layout.table], self.position.places[layout.on_axis(layout.table)]
+        if layout.axes[layout.table].kind == "linear":  # whose places are in base
+            places = (places - axis.origin) @ axis.rotation
+        return TableState.of(axis, places)
 
     @property
     def radius_mm(self) -> float:
-        """The sphere's radius."""
+        """The first ball's radius."""
         return self.nominal_radius_mm + float(self.scanner[0])
 
     @property
     def mount_from_laser(self) -> RigidTransform:
-        """The scanner's pose on what carries it."""
-        return RigidTransform.of(self.tool_rotation, self.tool_translation, self.mount, "laser")
+        """The first scanner's pose on what carries it."""
+        return self.mount(0)
+
+    def mount(self, which: int) -> RigidTransform:
+        """Return a scanner's pose on what carries it."""
+        at, carrier = self.position, self.walk.layout.mounts[which][1]
+        return RigidTransform.of(at.mount_rotations[which], at.mount_translations[which], carrier, "laser")
 
     @property
     def tool_in_laser(self) -> FloatArray:
@@ -283,15 +364,15 @@ class ChainState:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Where the unknowns expect each capture's sphere.
+    """Where the unknowns expect each capture's ball.
 
     Attributes
     ----------
     centers_in_laser : (K, 3)
     jacobian : (K, 3, P)
         Of these by the unknowns; zero for held ones.
-    levers : (K, 3) or None
-        Of these by the table's angle, mm/rad.
+    levers : (K, 3, A) or None
+        Of these by the readings of the axes, mm/rad and mm/mm.
     """
 
     centers_in_laser: FloatArray
@@ -300,30 +381,26 @@ class Prediction:
 
 
 def prediction(data: ChainData, state: ChainState) -> Prediction:
-    """Return where the unknowns expect each capture's sphere in L, poses and angles taken as recorded."""
+    """Return where the unknowns expect each capture's ball in L, poses and readings taken as recorded."""
     from calib_core.kernels.chain import predict_centers
 
-    count = data.count
-    centers = np.empty((count, 3))
-    centers[:] = state.center
-    places = None
-    if data.table is not None and state.table is not None:
-        places = state.table.places(data.table)
-        centers[places.on_table] = places.centers
-    predicted, jacobian = np.empty((count, 3)), np.empty((count, 3, 9))
+    count, walk, at = data.count, data.walk, state.position
+    balls, by_edges, levers = walk.balls(at)
+    predicted, narrow = np.empty((count, 3)), np.empty((count, 3, 9))
     # A transform's own arrays are read-only and strided: numba would compile another kernel for them.
-    tool = np.require(state.tool_rotation, None, ["C", "W"]), np.require(state.tool_translation, None, ["C", "W"])
-    predict_centers(data.rotations, data.translations, *tool, centers, predicted, jacobian)
-    levers = None
-    if places is not None:
-        narrow, jacobian = jacobian, np.zeros((count, 3, data.unknowns))
-        on_table, by_center = places.on_table, narrow[places.on_table, :, 6:9]
-        jacobian[:, :, :6] = narrow[:, :, :6]
-        jacobian[~on_table, :, 6:9] = narrow[~on_table, :, 6:9]
-        jacobian[on_table, :, 9:] = by_center @ places.jacobian
-        levers = np.zeros((count, 3))
-        levers[on_table] = np.einsum("kij,kj->ki", by_center, places.levers)
-    if data.held is not None:
+    mounts = np.require(at.mount_rotations, None, ["C", "W"]), np.require(at.mount_translations, None, ["C", "W"])
+    predict_centers(data.rotations, data.translations, *mounts, walk.scanner, balls, predicted, narrow)
+    jacobian = narrow
+    if by_edges is not None and levers is not None:
+        jacobian, levers = narrow[:, :, 6:9] @ by_edges, narrow[:, :, 6:9] @ levers
+    elif data.unknowns > 9:
+        jacobian = np.zeros((count, 3, data.unknowns))
+        jacobian[:, :, 6:9] = narrow[:, :, 6:9]
+    if jacobian is not narrow:
+        for n in range(len(walk.layout.mounts)):
+            own = walk.scanner == n
+            jacobian[own, :, walk.layout.mount(n)] = narrow[own, :, :6]
+    if data.held.any():
         jacobian[:, :, data.held] = 0.0
     return Prediction(predicted, jacobian, levers)
 
@@ -333,13 +410,13 @@ def prior(data: ChainData, state: ChainState, shared: int) -> tuple[float, Float
 
     A held unknown gets a one in the Hessian, so that its row does not vanish.
     """
-    active = data.active
-    width, last = data.unknowns, data.unknowns + len(active)
+    active, layout = data.active, data.walk.layout
+    width, last = data.unknowns, data.width
     diagonal = np.zeros(last + shared)
-    if data.table is not None:
-        diagonal[14:width] = _MOUNT_PRIOR
-    if data.held is not None:
-        diagonal[:width][data.held] = 1.0
+    for n in range(len(layout.places)):
+        if n or layout.places[0][0] not in ("base", "tool0"):
+            diagonal[layout.place(n)] = _PLACE_PRIOR
+    diagonal[:width][data.held] = 1.0
     cost, gradient = 0.0, np.zeros_like(diagonal)
     if data.tool_prior is None:
         sigmas = data.nuisance_sigmas[active]
@@ -353,9 +430,17 @@ def prior(data: ChainData, state: ChainState, shared: int) -> tuple[float, Float
         diagonal[last:] = 1.0
     hessian = np.diag(diagonal)
     if data.tool_prior is not None:
-        at = np.concatenate([np.arange(6), np.arange(width, last)])
+        at = data.known_columns
         deviation = data.tool_prior.deviation(state)
         gradient[at] += data.tool_prior.information @ deviation
         cost += 0.5 * float(deviation @ data.tool_prior.information @ deviation)
         hessian[np.ix_(at, at)] += data.tool_prior.information
+    for one, other, length_mm, sigma_mm in data.distances:
+        apart = state.position.places[other] - state.position.places[one]
+        distance = float(np.linalg.norm(apart))
+        row = np.zeros(len(diagonal))
+        row[layout.place(one)], row[layout.place(other)] = -apart / distance, apart / distance
+        cost += 0.5 * ((distance - length_mm) / sigma_mm) ** 2
+        gradient += row * (distance - length_mm) / sigma_mm**2
+        hessian += np.outer(row, row) / sigma_mm**2
     return cost, gradient, hessian

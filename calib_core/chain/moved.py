@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.chain.held import Held, point_rows
 from calib_core.chain.likelihood import linearised_at
-from calib_core.chain.scanner import OF_FILES
+from calib_core.chain.scanner import COUNT
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
 
@@ -23,7 +23,7 @@ class OpticsError:
     ----------
     source : {"camera", "plane"}
         Whose error: the plane's is what the camera's leaves open.
-    step : (9 + table + n,)
+    step : (P,)
         By how much the answer moves: the unknowns and the nuisances, as in `Held.covariance`.
     at_mm : (3,)
         A point of L where the scanner sees the workpiece.
@@ -39,7 +39,7 @@ class OpticsError:
 
 
 def shift_by(held: Held, points: FloatArray) -> FloatArray:
-    """Return by how much an answer's unknowns and nuisances move (9 + table + n,) where its points move.
+    """Return by how much an answer's unknowns and nuisances move (P,) where its points move.
 
     Captures, sides, weights and sigmas stay; the new minimum lies where the likelihood's slope, which the moved
     points change, is taken out again by its curvature: one Gauss–Newton step.
@@ -60,9 +60,9 @@ def shift_by(held: Held, points: FloatArray) -> FloatArray:
     kept[:unknowns] = step[:unknowns]
     if held.applied:  # only what is taken out of the points moves an answer
         sought = held.data.active
-        found = np.zeros(len(OF_FILES))
+        found = np.zeros(len(held.data.kinds))
         found[sought] = step[before.nuisances]
-        kept[unknowns:] = np.where(OF_FILES, found, 0.0)[held.active]
+        kept[unknowns:] = np.where(held.data.of_files, found, 0.0)[held.active]
     return kept
 
 
@@ -80,7 +80,7 @@ def at_point_by(held: Held, errors: Sequence[OpticsError]) -> FloatArray:
     total = np.zeros((3, 3))
     for error in errors:
         rows = point_rows(held.state.tool_rotation, error.at_mm, held.half_width_mm, held.facing)
-        rows = rows[:, np.concatenate([np.arange(6), 6 + held.active])]
+        rows = rows[:, np.concatenate([np.arange(6), 6 + held.active[held.active < COUNT]])]
         moved = rows @ error.step[held.tool_and_scanner] + held.state.tool_rotation @ error.point_mm
         total += np.outer(moved, moved)
     return total

@@ -1,8 +1,8 @@
 """What one capture tells the chain about the sphere: the solvers' input, already measured in frame L."""
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -12,6 +12,8 @@ from calib_core.cell.walk import Carriers
 from calib_core.frames import FloatArray, RigidTransform
 
 SCANNER_ON_FLANGE = Carriers()
+TABLE = "table"
+"""The axis of `cell.turntable`."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,14 @@ class SphereObservation:
         How many stripe centres of its frame were dropped, as they lie beyond the fold of the camera's distortion.
     carriers : Carriers
         What carries scanner and ball.
+    scanner, ball : str
+        The names of the scanner and of the ball's place; empty where there is one of each.
+    readings : mapping
+        Where the axes stood, by their names, rad and mm.
+    sphere : SphereSize or None
+        The ball's size, where it is not that of all.
+    common_sigma_mm : float or None
+        The points' standard deviation in all profiles of this scanner, where scanners differ.
     """
 
     capture: str
@@ -70,6 +80,11 @@ class SphereObservation:
     points_per_independent: float = 1.0
     without_ray: int = 0
     carriers: Carriers = SCANNER_ON_FLANGE
+    scanner: str = ""
+    ball: str = ""
+    readings: Mapping[str, float] = field(default_factory=dict[str, float])
+    sphere: SphereSize | None = None
+    common_sigma_mm: float | None = None
 
     @property
     def ball_from_scanner(self) -> RigidTransform:
@@ -99,11 +114,21 @@ class TableObservation:
     ----------
     sphere : SphereObservation
     angle_rad : float
-        The table's angle as read.
+        The table's angle as read; mm of a linear axis.
     mount : str
         The name of the sphere's mounting; empty where the user gave none.
+    axis : str
+        Which axis carries it; where others stood is in the sphere's readings.
     """
 
     sphere: SphereObservation
     angle_rad: float
     mount: str
+    axis: str = TABLE
+
+    @property
+    def placed(self) -> SphereObservation:
+        """The sphere on the axis that carries it."""
+        carriers = replace(self.sphere.carriers, ball=self.axis)
+        readings = {**self.sphere.readings, self.axis: self.angle_rad}
+        return replace(self.sphere, carriers=carriers, ball=self.mount, readings=readings)

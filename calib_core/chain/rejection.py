@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.leave_one_out import without_each
-from calib_core.chain.likelihood import noise_of
+from calib_core.chain.likelihood import noise_of, spheres_of
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.scanner import spheres_seen
 from calib_core.chain.sides import with_better_sides
-from calib_core.chain.start import Start
 from calib_core.chain.variance import (
     ChainFit,
     GivenSigmas,
@@ -64,7 +63,7 @@ class Judged:
     threshold : float
         Beyond it a capture is left out.
     given : tuple of float or None
-        Sigmas of position (mm), orientation (rad) and table angle (rad) that were told and held; None: estimated.
+        Sigmas of position (mm), orientation (rad) and axes' readings that were told and held; None: estimated.
     excess : float
         By how much more than given sigmas say the captures scatter: a ratio of variances, 1 where all is well.
         Where it is more, the sigmas of the fit are estimated instead.
@@ -82,16 +81,10 @@ class Judged:
     inflation: float = 1.0
 
 
-def judge(observations: Sequence[SphereObservation], data: ChainData, start: Start, sigmas: GivenSigmas) -> Judged:
-    """Return the captures that belong together, fitted, and the distances of all."""
-    state = ChainState.predicted(data, start.rotation, start.translation, start.center)
-    return judge_from(observations, data, state, core_of(start.misfit_mm), sigmas)
-
-
 def with_more_spread(judged: Judged, spread: FloatArray) -> Judged:
-    """Return the same with a covariance (9, 9) of the tool and the sphere's centre added."""
-    covariance = judged.fit.covariance.copy()
-    covariance[:9, :9] += spread / judged.inflation
+    """Return the same with a covariance (P, P) of the edges' unknowns added."""
+    covariance, size = judged.fit.covariance.copy(), len(spread)
+    covariance[:size, :size] += spread / judged.inflation
     return replace(judged, fit=replace(judged.fit, covariance=covariance))
 
 
@@ -111,7 +104,7 @@ def judge_from(
     state : ChainState
         Near the answer.
     core : (K,) bool
-    sigmas : of a pose's position (mm) and orientation (rad) and of the table's angle (rad); None: estimated
+    sigmas : of a pose's position (mm) and orientation (rad) and of each axis's readings; None: estimated
     """
     judged = _grown(observations, data, state, core, sigmas)
     other = with_better_sides(judged.data, judged.fit, without_each(judged.fit.minimum.at))
@@ -127,8 +120,7 @@ def judge_from(
 
 def estimated(given: GivenSigmas) -> GivenSigmas:
     """Return the same with nothing told but that there is no error at all."""
-    position, orientation, angle = (0.0 if sigma == 0 else None for sigma in given)
-    return position, orientation, angle
+    return tuple(0.0 if sigma == 0 else None for sigma in given)
 
 
 def _is_contradicted(data: ChainData, told: ChainFit, given: GivenSigmas) -> bool:
@@ -137,11 +129,11 @@ def _is_contradicted(data: ChainData, told: ChainFit, given: GivenSigmas) -> boo
     What poses share would take up part of it, as if poses that are alike erred alike.
     """
     free = fit_with_sigmas(data, told.state, estimated(given), told.sigmas, 2)
-    pairs = (
+    pairs = [
         (told.sigmas.position_mm, free.sigmas.position_mm),
         (told.sigmas.orientation_rad, free.sigmas.orientation_rad),
-        (told.sigmas.angle_rad, free.sigmas.angle_rad),
-    )
+        *zip(told.sigmas.axes, free.sigmas.axes, strict=True),
+    ]
     if not any(found > _LARGER * one for (one, found), sigma in zip(pairs, given, strict=True) if sigma):
         return False
     gain = log_probability(data, free, estimated(given)) - log_probability(data, told, given)
@@ -214,20 +206,21 @@ def _threshold(count: int, freedom: int, estimated: bool) -> float:
 def _squared_distances(observations: Sequence[SphereObservation], data: ChainData, found: ChainFit) -> FloatArray:
     """Return each capture's squared Mahalanobis distance from what the other used captures expect, (K,)."""
     state, at = found.state, found.minimum.at
+    radii, _ = spheres_of(data, state)
     without = without_each(at)
     centers = at.centers_in_laser + at.offset + without.moved
     ordinary = replace(data, pose_scale=np.minimum(data.pose_scale, 1.0))
     spread = noise_of(ordinary, state, found.sigmas).spread + without.spread
-    measured, circle_mm = spheres_seen(observations, state.scanner, data.half_width_mm, state.radius_mm)
+    measured, circle_mm = spheres_seen(observations, data.own(state.scanner), data.half_width_mm, radii)
     profile = np.isfinite(circle_mm)
     off, rows = measured - centers, np.broadcast_to(np.eye(3), spread.shape).copy()
     # Of a profile the circle was measured: x, z and radius.
-    cut = np.sqrt(np.maximum(state.radius_mm**2 - centers[profile, 1] ** 2, 1e-6))
+    cut = np.sqrt(np.maximum(radii[profile] ** 2 - centers[profile, 1] ** 2, 1e-6))
     off[profile] = np.column_stack([off[profile][:, [0, 2]], circle_mm[profile] - cut])
     rows[profile] = [[1.0, 0, 0], [0, 0, 1.0], [0, 0, 0]]
     # Far beyond the sphere the slope would explode; the distance then speaks by x and z.
     rows[profile, 2, 1] = np.clip(-centers[profile, 1] / cut, -10, 10)
     own = np.array([o.center_covariance for o in observations])
     covariance = data.points_per_independent[:, None, None] * own + rows @ spread @ np.swapaxes(rows, 1, 2)
-    covariance[profile, 2, 2] += (_LINEARITY * state.radius_mm) ** 2
+    covariance[profile, 2, 2] += (_LINEARITY * radii[profile]) ** 2
     return np.einsum("ki,ki->k", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])

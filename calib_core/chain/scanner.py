@@ -91,35 +91,41 @@ def corrected(observation: SphereObservation, values: FloatArray, half_width_mm:
     return replace(moved, center_in_laser_mm=np.array([x, 0.0, z]), circle_radius_mm=float(radius))
 
 
+def _times(moves: FloatArray, change: FloatArray) -> FloatArray:
+    return np.einsum("nij,nj->ni", moves, change)
+
+
 def spheres_seen(
-    observations: Sequence[SphereObservation], values: FloatArray, half_width_mm: float, radius_mm: float
+    observations: Sequence[SphereObservation], values: FloatArray, half_width_mm: float, radii_mm: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the centres (K, 3) and circles' radii (K,), NaN where none, that a right scanner had measured.
 
-    As `corrected` makes them, and without what the error by incidence (`values`, 8) does to a profile's circle.
+    As `corrected` makes them, and without what the error by incidence does to a profile's circle; `values` (K, 8).
     """
     centers = np.array([o.center_in_laser_mm for o in observations]).reshape(-1, 3)
     radii = np.array([o.circle_radius_mm or np.nan for o in observations], dtype=float)
     arcs = [o.points_in_laser_mm[:, [0, 2]] for o in observations]
     has_arc = np.isfinite(radii) & np.array([len(arc) > 0 for arc in arcs], dtype=bool)
-    change, shapes = values[OF_FILES], values[5:]
-    moved = centers + displacements(centers, bow_of(centers, half_width_mm)) @ change
-    if not has_arc.any() or not values[1:].any():
+    change, shapes = values[:, OF_FILES], values[:, 5:]
+    moved = centers + _times(displacements(centers, bow_of(centers, half_width_mm)), change)
+    if not has_arc.any() or not values[:, 1:].any():
         return moved, radii
     arcs = [arc for arc, has in zip(arcs, has_arc, strict=True) if has]
     offsets = np.concatenate([[0], np.cumsum([len(arc) for arc in arcs])])
-    points = np.concatenate(arcs)
+    points, each = np.concatenate(arcs), np.repeat(np.flatnonzero(has_arc), [len(arc) for arc in arcs])
     circles = np.column_stack([centers[:, [0, 2]], radii])[has_arc]
     if change.any():
         in_space = np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
-        points = points + (displacements(in_space, bow_of(in_space, half_width_mm)) @ change)[:, [0, 2]]
+        moves = displacements(in_space, bow_of(in_space, half_width_mm))
+        points = points + _times(moves, change[each])[:, [0, 2]]
         circles = circle_steps(points, offsets, circles)
     if shapes.any():
         own = np.repeat(circles, np.diff(offsets), axis=0)
         apart, radius = points - own[:, :2], own[:, 2]
-        cosine = np.sqrt(np.maximum(1 - (apart[:, 0] / radius) ** 2, 0.0)) * radius / radius_mm
+        radii_there = radii_mm[each]
+        cosine = np.sqrt(np.maximum(1 - (apart[:, 0] / radius) ** 2, 0.0)) * radius / radii_there
         # A distance to the sphere is r/R of the one in the plane of light.
-        outside = incidence_shapes(cosine) @ shapes * radius_mm / radius
+        outside = np.einsum("ij,ij->i", incidence_shapes(cosine), shapes[each]) * radii_there / radius
         distance = np.hypot(apart[:, 0], apart[:, 1])
         points = own[:, :2] + apart * (1 - outside / distance)[:, None]
         circles = circle_steps(points, offsets, circles)

@@ -11,7 +11,7 @@ from math import lgamma
 import numpy as np
 
 from calib_core.chain.leave_one_out import WithoutOne
-from calib_core.chain.likelihood import ChainLinearisation, fit, ray_of, without_scanner_errors
+from calib_core.chain.likelihood import ChainLinearisation, fit, spheres_of, without_scanner_errors
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.start import Start
 from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, log_probability
@@ -35,8 +35,8 @@ class ChosenSides:
     start : Start
     log_odds : float or None
         By how much (natural logarithm) its sides are likelier than others; None: not in doubt.
-    spread : (9, 9)
-        Covariance of the unknowns by what other sides would make them, weighted by how likely those are.
+    spread : (P, P)
+        Covariance of the edges' unknowns by what other sides would make them, weighted by how likely those are.
     """
 
     start: Start
@@ -62,7 +62,7 @@ def likeliest_sides(data: ChainData, starts: Sequence[Start], sigmas: GivenSigma
     best = starts[0]
     rivals = [s for s in starts[1:] if s.scatter_mm < _PLAUSIBLE_MM][:_MOST_RIVALS]
     if data.count > _FEW or not rivals:
-        return ChosenSides(best, None, np.zeros((9, 9)))
+        return ChosenSides(best, None, np.zeros((data.unknowns, data.unknowns)))
     # A capture that is far off whatever the sides has another fault, and no vote.
     nearest = np.min([s.misfit_mm for s in (best, *rivals)], axis=0)
     voting = data.silent(nearest <= max(_LOST * best.scatter_mm, 2 * _PLAUSIBLE_MM))
@@ -78,7 +78,7 @@ def likeliest_sides(data: ChainData, starts: Sequence[Start], sigmas: GivenSigma
     ranked = sorted(found.values(), key=lambda one: -one[0])
     likely, start, state = ranked[0]
     chances = np.exp([other - likely for other, _, _ in ranked])
-    offsets = np.array([state.still_difference(other) for _, _, other in ranked])
+    offsets = np.array([state.step_to(other) for _, _, other in ranked])
     spread = np.einsum("n,ni,nj->ij", chances / chances.sum(), offsets, offsets)
     return ChosenSides(start, likely - ranked[1][0] if len(ranked) > 1 else None, spread)
 
@@ -103,7 +103,7 @@ def with_better_sides(data: ChainData, found: ChainFit, without: WithoutOne) -> 
         What the unknowns become without each capture.
     """
     best, at = found.state, found.minimum.at
-    near = np.abs(at.centers_in_laser[:, 1]) < _NEAR * data.radius_mm
+    near = np.abs(at.centers_in_laser[:, 1]) < _NEAR * data.radii_mm
     candidates = np.flatnonzero(near & (np.diff(data.offsets) > 0) & (data.weights > 0))
     gains = np.array([_gain(data, best, at, without, int(k)) for k in candidates])
     order = candidates[np.argsort(-gains)][: int((gains > _BETTER).sum())]
@@ -126,6 +126,7 @@ def _gain(data: ChainData, state: ChainState, at: ChainLinearisation, without: W
     only[capture] = True
     one = data.chosen(only)
     points, shifts = without_scanner_errors(one, state)
+    radii, rays = spheres_of(one, state)
     expected = (at.centers_in_laser + at.offset + without.moved)[[capture]]
     spread = np.linalg.inv(at.precision[[capture]]) + without.spread[[capture]]
     precision = np.asarray(np.linalg.inv(spread), dtype=float)
@@ -134,8 +135,8 @@ def _gain(data: ChainData, state: ChainState, at: ChainLinearisation, without: W
         own = at.centers_in_laser[[capture]] * [1.0, side, 1.0]
         costs.append(
             settle_centers(
-                points, shifts, one.counts, one.offsets, one.weights, one.effective, ray_of(state),
-                one.anchors, np.zeros((1, 3, 3)), np.zeros((1, 3)), state.radius_mm, expected, precision, own,
+                points, shifts, one.counts, one.offsets, one.weights, one.effective, rays,
+                one.anchors, np.zeros((1, 3, 3)), np.zeros((1, 3)), radii, expected, precision, own,
             )
         )  # fmt: skip
     return costs[0] - costs[1]

@@ -20,9 +20,10 @@ from calib_core.chain.spread import (
     robust_costs,
     spread_captures,
 )
-from calib_core.chain.table_start import both_centers_in_base
+from calib_core.chain.table_start import Mounts, both_centers_in_base
 from calib_core.errors import MotionError
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray
+from calib_core.messages import plural
 
 UNKNOWN_ANGLE_SIGMA_RAD = 0.02
 """Of an angle that was found from the captures: millimetres along the circle, where they then say next to nothing.
@@ -39,7 +40,7 @@ _LEAST_AREA = 0.02  # of a triangle beside the square of its longest edge: flatt
 def with_found_angles(
     observations: Sequence[TableObservation],
     sphere: SphereSize,
-    mount_from_laser: RigidTransform,
+    mount_from_laser: Mounts,
     direction: int = 1,
 ) -> list[TableObservation]:
     """Return captures with the angles that their spheres' places tell, the first one's zero.
@@ -48,7 +49,7 @@ def with_found_angles(
     ----------
     observations : captures whose angles are ignored
     sphere : SphereSize
-    mount_from_laser : RigidTransform
+    mount_from_laser : RigidTransform, or that of each scanner by its name
     direction : {1, -1}
         The sense in which angles are to count, right-handed about the axis that points up, or left-handed.
 
@@ -86,7 +87,12 @@ def _best_axis(centers: FloatArray, mounts: np.ndarray, few: np.ndarray) -> tupl
     if not circles:
         raise MotionError(
             "four captures or more of one mounting, the table turned between them (angles unknown)",
-            f"{len(mounts)} captures, none of whose mountings has four at different places",
+            plural(
+                "{count} capture, none of whose mountings has four at different places",
+                "{count} captures, none of whose mountings has four at different places",
+                by="count",
+                count=len(mounts),
+            ),
             "Turn the table by 45° and capture the sphere again, all around; then do so at a second height.",
         )
     costs = [_axis_cost(centers, mounts, circle, few, exact=False) for circle in circles]

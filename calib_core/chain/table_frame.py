@@ -10,10 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.table import AXIS_UNKNOWNS, SCALE_COLUMN, TableState
+from calib_core.cell.layout import AXIS_UNKNOWNS, SCALE_COLUMN
+from calib_core.chain.table import TableState
 from calib_core.frames import FloatArray, RigidTransform
 
-_LEVEL = np.sin(np.deg2rad(12.0))
+LEVEL = float(np.sin(np.deg2rad(12.0)))
+"""An axis whose z is less is level: which of its ends points up does not tell them apart."""
+
 _STEP_RAD, _STEP_MM = 1e-6, 1e-3
 
 
@@ -80,7 +83,7 @@ def frame_by_rule(state: TableState, given_direction: int | None = None, upward:
     """
     axis = state.rotation[:, 2]
     if upward is None:
-        upward = bool(axis[2] > 0) if abs(axis[2]) > _LEVEL else (given_direction or 1) > 0
+        upward = bool(axis[2] > 0) if abs(axis[2]) > LEVEL else (given_direction or 1) > 0
     sign = 1.0 if upward else -1.0
     origin = state.origin + axis * state.mounts[0, 2]
     z = sign * axis

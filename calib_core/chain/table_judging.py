@@ -13,18 +13,13 @@ from calib_core.chain.likelihood import fit
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged, judge_from, judge_these
-from calib_core.chain.table import SCALE_COLUMN
 from calib_core.chain.variance import GivenSigmas
 from calib_core.estimation import covariance_of
-
-TABLE_COLUMN = 9
-"""Where the table's unknowns begin, after those of the tool and the still sphere."""
 
 SCALE_SIGMAS = 4.0
 """From so many standard deviations on an encoder's scale error is believed."""
 
 _WORTH_SAYING = 1e-4
-_SCALE = TABLE_COLUMN + SCALE_COLUMN
 
 
 @dataclass(frozen=True)
@@ -64,9 +59,10 @@ def judge_table(
     """
     judged = judge_from(observations, data, state, core, sigmas)
     scale = encoder_scale(judged)
+    column = data.walk.layout.scale(data.walk.layout.table)
     if scale.applied or (judged.used.all() and not scale.significant):
         return judged, scale
-    free = judge_from(observations, _with_free_scale(data), state, core, sigmas)
+    free = judge_from(observations, data.holding(column, held=False), state, core, sigmas)
     found = encoder_scale(free)
     if not found.significant or free.used.sum() < judged.used.sum():
         return judged, scale
@@ -77,14 +73,7 @@ def judge_table(
 
 def encoder_scale(judged: Judged) -> EncoderScale:
     """Return the encoder's scale error as the captures want it, whether it was sought or held."""
-    applied = judged.data.held is None or not judged.data.held[_SCALE]
-    free = fit(_with_free_scale(judged.data), judged.fit.state, judged.fit.sigmas)
-    assert free.state.table is not None
-    sigma = float(np.sqrt(covariance_of(free.at.hessian)[_SCALE, _SCALE] * judged.excess))
-    return EncoderScale(free.state.table.scale - 1, sigma, applied)
-
-
-def _with_free_scale(data: ChainData) -> ChainData:
-    held = np.zeros(data.unknowns, dtype=bool) if data.held is None else data.held.copy()
-    held[_SCALE] = False
-    return replace(data, held=held)
+    column = judged.data.walk.layout.scale(judged.data.walk.layout.table)
+    free = fit(judged.data.holding(column, held=False), judged.fit.state, judged.fit.sigmas)
+    sigma = float(np.sqrt(covariance_of(free.at.hessian)[column, column] * judged.excess))
+    return EncoderScale(free.state.table.scale - 1, sigma, not judged.data.held[column])

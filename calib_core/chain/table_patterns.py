@@ -11,7 +11,6 @@ import numpy as np
 
 from calib_core.chain.likelihood import without_pose_errors
 from calib_core.chain.rejection import Judged
-from calib_core.chain.table import SCALE_COLUMN
 from calib_core.estimation import covariance_of
 from calib_core.findings import Finding
 from calib_core.findings.codes.turntable import AXIS_WOBBLES, ENCODER_ECCENTRIC
@@ -42,17 +41,15 @@ class Pattern:
         return ENCODER_ECCENTRIC(size_deg=size_deg)
 
 
-def pattern_of(judged: Judged, table_column: int) -> Pattern | None:
+def pattern_of(judged: Judged) -> Pattern | None:
     """Return the likeliest pattern that chance does not explain and that is large enough to matter, or None.
 
     Parameters
     ----------
     judged : Judged
         Of captures of the table, with others or alone.
-    table_column : int
-        Where the table's unknowns begin.
     """
-    found = [p for p in _patterns(judged, table_column) if p.chance < _RARE and p.size_rad > _least(p.kind)]
+    found = [p for p in _patterns(judged) if p.chance < _RARE and p.size_rad > _least(p.kind)]
     return min(found, key=lambda p: p.chance, default=None)
 
 
@@ -60,17 +57,17 @@ def _least(kind: str) -> float:
     return _LEAST_LEAN_RAD if kind == "wobble" else _LEAST_ECCENTRIC_RAD
 
 
-def _patterns(judged: Judged, table_column: int) -> list[Pattern]:
+def _patterns(judged: Judged) -> list[Pattern]:
     from scipy.special import chdtrc  # scipy.stats has it too, but takes a second to import
 
-    at, table = judged.fit.minimum.at, judged.data.table
-    assert table is not None
-    on_table = (table.mounts >= 0) & judged.used
-    angle = table.angles_rad
-    tilts = at.jacobian[:, :, table_column : table_column + 2]
-    by_angle = at.jacobian[:, :, table_column + SCALE_COLUMN] / np.where(angle == 0, 1.0, angle)[:, None]
-    lever = np.zeros_like(by_angle) if at.levers is None else at.levers
-    by_angle = np.where(on_table[:, None], lever, by_angle)
+    at, walk = judged.fit.minimum.at, judged.data.walk
+    assert at.levers is not None
+    table = walk.layout.table
+    if walk.layout.axes[table].kind == "linear":
+        return []
+    on_table = walk.layout.rides[walk.place, table] & judged.used
+    angle, first = walk.readings[:, table], walk.layout.axis(table).start
+    tilts, by_angle = at.jacobian[:, :, first : first + 2], at.levers[:, :, table]
     found: list[Pattern] = []
     for kind, times in (("wobble", 2), ("wobble", 3), ("encoder", 1)):
         moves = tilts if kind == "wobble" else by_angle[:, :, None]

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.cell.walk import Walk
 from calib_core.chain.answer import surface_distances
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereSize, TableObservation
-from calib_core.chain.table import TableReadings
 from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.table_start import both_centers_in_base
 from calib_core.frames import FloatArray
@@ -52,7 +52,7 @@ class TableResiduals:
 
 def table_residuals(
     observations: Sequence[TableObservation],
-    readings: TableReadings,
+    walk: Walk,
     state: ChainState,
     frame: TableFrame,
 ) -> TableResiduals:
@@ -61,16 +61,16 @@ def table_residuals(
     Parameters
     ----------
     observations : K captures of the table
-    readings : TableReadings
+    walk : Walk
         Of the same captures.
     state : ChainState
     frame : TableFrame
         The state's.
     """
-    assert state.table is not None
-    expected = state.table.places(readings).centers
-    mount_from_laser = state.mount_from_laser
-    both = both_centers_in_base(observations, SphereSize(2 * state.radius_mm), mount_from_laser)
+    expected = walk.balls(state.position)[0]
+    layout = state.walk.layout
+    mounts = {name: state.mount(n) for n, (name, _) in enumerate(layout.mounts)}
+    both = both_centers_in_base(observations, SphereSize(2 * state.radius_mm), mounts)
     first = np.linalg.norm(both[:, 0] - expected, axis=1) <= np.linalg.norm(both[:, 1] - expected, axis=1)
     centers = np.where(first[:, None], both[:, 0], both[:, 1])
     sides = np.where(first, 1, -1) * [o.sphere.circle_radius_mm is not None for o in observations]
@@ -80,7 +80,7 @@ def table_residuals(
     away = arms[:, :2] / radius[:, None]
     around = np.column_stack([-away[:, 1], away[:, 0]]) * frame.direction
     tangential = np.einsum("ki,ki->k", offsets[:, :2], around)
-    laser = [(o.sphere.ball_from_scanner @ mount_from_laser).inverse() for o in observations]
+    laser = [(o.sphere.ball_from_scanner @ mounts[o.sphere.scanner]).inverse() for o in observations]
     rms = [
         float(np.sqrt(np.mean(surface_distances(o.sphere, t.apply(c), state.radius_mm) ** 2)))
         for o, t, c in zip(observations, laser, expected, strict=True)

@@ -7,12 +7,13 @@ wins: neither right sides nor clean captures are needed.  The sense of b × d is
 Of many captures few propose guesses; all of them say how well these fit.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
 
+from calib_core.cell.walk import Position
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.spread import (
     AGREE_MM,
@@ -26,6 +27,10 @@ from calib_core.chain.spread import (
 from calib_core.chain.table import TableReadings, TableState
 from calib_core.errors import InputError, MotionError
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import plural
+
+Mounts = RigidTransform | Mapping[str, RigidTransform]
+"""The scanner's pose on what carries it, or that of each by its name."""
 
 _TRIPLES = 40
 _TRIALS = 160
@@ -38,11 +43,15 @@ _MUCH_WORSE = 8.0
 
 @dataclass(frozen=True, eq=False)
 class TableStart:
-    """A guess of the table, each capture's side (±1; 0: none) and how far it is from the guess (K,), mm."""
+    """A guess of the table, each capture's side (±1; 0: none) and how far it is from the guess (K,), mm.
+
+    `position`: of all edges, where there are more axes.
+    """
 
     state: TableState
     sides: np.ndarray
     misfit_mm: FloatArray
+    position: Position | None = None
 
     @property
     def scatter_mm(self) -> float:
@@ -58,12 +67,17 @@ def readings_of(observations: Sequence[TableObservation]) -> tuple[TableReadings
 
 
 def both_centers_in_base(
-    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: RigidTransform
+    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: Mounts
 ) -> FloatArray:
     """Return each capture's possible sphere centres in base, (K, 2, 3): on the +y and on the −y side."""
     centers = np.empty((len(observations), 2, 3))
     for k, o in enumerate(observations):
-        base_from_laser = o.sphere.ball_from_scanner @ mount_from_laser
+        one_mount = (
+            mount_from_laser
+            if isinstance(mount_from_laser, RigidTransform)
+            else mount_from_laser[o.sphere.scanner]
+        )
+        base_from_laser = o.sphere.ball_from_scanner @ one_mount
         for n, side in enumerate((1, -1)):
             one = o.sphere.side or side
             centers[k, n] = base_from_laser.apply(o.sphere.sphere_center_in_laser_mm(sphere, one))
@@ -71,7 +85,7 @@ def both_centers_in_base(
 
 
 def find_table_start(
-    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: RigidTransform
+    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: Mounts
 ) -> TableStart:
     """Return the guess on which most captures agree.
 
@@ -93,9 +107,10 @@ def find_table_start(
         if other.scatter_mm * _MUCH_WORSE < start.scatter_mm:
             raise InputError(
                 "table angles in degrees (table_deg)",
-                f"angles up to {np.abs(degrees).max():.4g} that fit the captures only as radians",
+                "angles up to {degrees:.4g} that fit the captures only as radians",
                 "Multiply them by 180/π.",
                 "captures: table_deg",
+                degrees=np.abs(degrees).max(),
             )
     _require_one_place(observations, readings, centers, start)
     sides = np.array([0 if o.sphere.circle_radius_mm is None else 1 for o in observations])
@@ -103,7 +118,7 @@ def find_table_start(
 
 
 def table_guess(
-    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: RigidTransform
+    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: Mounts
 ) -> TableStart:
     """Return the guess on which most captures agree, however badly; raises MotionError without three angles."""
     readings, _ = readings_of(observations)
@@ -118,7 +133,12 @@ def _require_angles(readings: TableReadings) -> None:
     count = len(readings.angles_rad)
     raise MotionError(
         "captures of one mounting of the sphere at three table angles or more (better eight all around)",
-        f"{count} captures, of which no mounting has three different angles",
+        plural(
+            "{count} capture, of which no mounting has three different angles",
+            "{count} captures, of which no mounting has three different angles",
+            by="count",
+            count=count,
+        ),
         "Turn the table by 45° and capture the sphere again, all around; then do so at a second height.",
     )
 
@@ -148,8 +168,9 @@ def _require_motion(readings: TableReadings, centers: FloatArray) -> None:
     if distances and max(distances) < _STILL_MM:
         raise MotionError(
             "a sphere that moves when the table turns",
-            f"one that stays within {max(distances):.2f} mm: it stands on the axis, or the table did not turn",
+            "one that stays within {most:.2f} mm: it stands on the axis, or the table did not turn",
             "Mount it well off the axis (80 mm or more) and check that the table turns between captures.",
+            most=max(distances),
         )
 
 
@@ -175,10 +196,15 @@ def _require_one_place(
             for other, place in enumerate(start.state.mounts)
         )
         raise InputError(
-            f"one place of the sphere on the table in the mounting '{observations[int(off[0])].mount}'",
-            f"another place in {names}, by ({x:.0f}, {y:.0f}, {z:.0f}) mm",
+            "one place of the sphere on the table in the mounting '{mount}'",
+            "another place in {names}, by ({x:.0f}, {y:.0f}, {z:.0f}) mm",
             "Correct their `mount`: the labels are mixed up." if known else "Give these a `mount` of their own.",
             "captures: mount",
+            mount=observations[int(off[0])].mount,
+            names=names,
+            x=x,
+            y=y,
+            z=z,
         )
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import without_pose_errors
 from calib_core.chain.rejection import Judged, estimated
-from calib_core.chain.table_judging import TABLE_COLUMN
 from calib_core.chain.variance import fit_with_sigmas
 from calib_core.estimation import covariance_of
 from calib_core.findings import Finding
@@ -73,16 +72,17 @@ def tool_move(judged: Judged) -> ToolMove | None:
         return None
     known = covariance_of(data.tool_prior.information)
     wide = known.copy()
-    wide[range(6), range(6)] += _ELSEWHERE**2
+    count = 6 * len(data.tool_prior.rotations)
+    wide[range(count), range(count)] += np.tile(_ELSEWHERE, count // 6) ** 2
     information = covariance_of(wide)
     free = replace(data, tool_prior=replace(data.tool_prior, information=information))
     sigmas = estimated(judged.given) if judged.excess > 1 else judged.given  # what was told may not hold
     fitted = fit_with_sigmas(free, judged.fit.state, sigmas, judged.fit.sigmas)
     assert free.tool_prior is not None
     off = free.tool_prior.deviation(fitted.state)
-    some = np.concatenate([np.arange(6), np.arange(data.unknowns, data.width)])
+    some = data.known_columns
     left = covariance_of(fitted.minimum.at.hessian)[np.ix_(some, some)]
-    squared, directions = _squared_distance(off[:6], known, wide, left)
+    squared, directions = _squared_distance(off[:count], known, wide, left)
     if directions == 0:
         return None
     freedom = max(3 * int(judged.used.sum()) - data.free_unknowns, 3)
@@ -111,8 +111,10 @@ def with_tool_move(held: Held, move: ToolMove | None, still: int) -> Held:
     at = held.at
     reduced, _ = without_pose_errors(at.information, at.vector, at.gain, at.share)
     jacobian, known = at.jacobian[still:], reduced[still:, :3, :3]
-    pull = np.einsum("kip,kij,kj->p", jacobian, known, jacobian[:, :, :6] @ move.off[:6])
-    table = slice(TABLE_COLUMN, held.data.unknowns)
+    layout = held.data.walk.layout
+    moved = jacobian[:, :, layout.of_mounts] @ move.off[: len(layout.of_mounts)]
+    pull = np.einsum("kip,kij,kj->p", jacobian, known, moved)
+    table = layout.axis_and_places(layout.table)
     by_move = np.zeros(len(held.covariance))
     by_move[table] = np.sqrt(move.share) * (covariance_of(at.hessian) @ pull)[table]
     return replace(held, covariance=held.covariance + np.outer(by_move, by_move))
@@ -128,9 +130,10 @@ def _squared_distance(off: FloatArray, known: FloatArray, wide: FloatArray, left
     prior = covariance_of(wide)
     gain = np.eye(len(wide)) - left @ prior
     spread = gain @ known @ gain.T + gain @ left
-    spread = ((spread + spread.T) / 2)[:6, :6]
-    unit = np.linalg.inv(np.linalg.cholesky(wide[:6, :6]))
-    told, vectors = np.linalg.eigh(np.eye(6) - unit @ left[:6, :6] @ unit.T)
+    count = len(off)
+    spread = ((spread + spread.T) / 2)[:count, :count]
+    unit = np.linalg.inv(np.linalg.cholesky(wide[:count, :count]))
+    told, vectors = np.linalg.eigh(np.eye(count) - unit @ left[:count, :count] @ unit.T)
     seen = (vectors[:, told > _TOLD_BY_TABLE]).T @ unit
     if len(seen) == 0:
         return 0.0, 0

@@ -10,21 +10,24 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.arms.alike import visits
-from calib_core.chain.answer import Answer, answer_of, expected_in_laser
-from calib_core.chain.arrays import chain_data
+from calib_core.cell.layout import AxisState, Layout, MovedAxis
+from calib_core.cell.walk import Position
+from calib_core.chain.answer import Answer, answer_of
+from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.incidents import Happened, named_causes
 from calib_core.chain.influence import Influence, influence_of
 from calib_core.chain.leave_one_out import WithoutOne, without_each
-from calib_core.chain.model import ChainState, Sigmas
+from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.rail_start import find_ways, shifted
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, judge, with_more_spread
+from calib_core.chain.rejection import Judged, core_of, judge_from, with_more_spread
 from calib_core.chain.scanner import ScannerPriors, corrected
-from calib_core.chain.sides import likeliest_sides
-from calib_core.chain.start import centers_of, find_starts
+from calib_core.chain.sides import ChosenSides, likeliest_sides
+from calib_core.chain.start import Start, centers_of, find_starts
 from calib_core.chain.two_step import (
     EQUAL_ORIENTATION_RAD,
     TwoStepAnswer,
@@ -36,8 +39,8 @@ from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.chain.undetermined import OpenDirection, open_directions
 from calib_core.chain.warm_up import WarmUp, warm_up_of
 from calib_core.errors import MotionError
-from calib_core.frames import FloatArray
-from calib_core.messages import Value
+from calib_core.frames import FloatArray, with_third
+from calib_core.messages import Value, plural
 
 Progress = Callable[[float, str], None]
 _LEAST_CAPTURES = 5
@@ -51,7 +54,8 @@ class TcpOptions:
 
     `apply_scanner`: scale, shear and bow that are found are taken out of the points, and the tool is that of such
     points; otherwise it belongs to the files as they are, and the errors are in its covariance alone.
-    `taken_at_s`: when captures were taken, by their ids.
+    `taken_at_s`: when captures were taken, by their ids.  `axes`: those that the cell names, with the standard
+    deviations of their readings, rad or mm.
     """
 
     position_sigma_mm: float | None = None
@@ -60,6 +64,13 @@ class TcpOptions:
     priors: ScannerPriors = field(default_factory=ScannerPriors)
     apply_scanner: bool = False
     taken_at_s: tuple[tuple[str, float], ...] = ()
+    axes: tuple[MovedAxis, ...] = ()
+    axis_sigmas: tuple[float | None, ...] = ()
+
+    def sigmas_of(self, layout: Layout) -> list[float | None]:
+        """Return what is told of the readings of some of the axes."""
+        told = dict(zip((axis.name for axis in self.axes), self.axis_sigmas, strict=True))
+        return [told[axis.name] for axis in layout.axes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,32 +186,38 @@ def solve_tcp(
     observations = with_effective_points(observations, sphere)
 
     tell(0.05, "Searching tool, sphere and sides")
-    starts = find_starts(centers_of(observations, sphere))
+    groups = by_scanner(observations)
+    layout = layout_of(observations, moving_axes(observations, options.axes))
+    ways, starts = _starts(observations, sphere, layout, groups)
 
     tell(0.35, "Fitting all captures jointly")
     measured_sigma = pooled_point_sigma(observations, sphere)
     point_sigma = options.point_sigma_mm or measured_sigma
-    data = chain_data(observations, sphere, point_sigma, options.priors)
-    data = replace(data, pose_scale=visits(data.rotations, data.translations))
-    given = options.position_sigma_mm, options.orientation_sigma_rad, 0.0
-    chosen = likeliest_sides(data, starts, given)
-    start = chosen.start
-    judged = with_more_spread(judge(observations, data, start, given), chosen.spread)
+    observations = with_own_sigmas(observations, sphere, options.point_sigma_mm)
+    data = chain_data(observations, sphere, point_sigma, options.priors, layout)
+    data = replace(data, pose_scale=visits_of(data))
+    given = options.position_sigma_mm, options.orientation_sigma_rad, *options.sigmas_of(layout)
+    every = [
+        likeliest_sides(data.of_one_scanner(n, ways), of_scanner, given[:2]) for n, of_scanner in enumerate(starts)
+    ]
+    chosen, start = every[0], every[0].start
+    state, core, spread = together(data, groups, every, ways)
+    judged = with_more_spread(judge_from(observations, data, state, core, given), spread)
 
     tell(0.7, "Leaving out each capture in turn")
     held = hold_files(judged, options.apply_scanner)
     state = held.state
-    seen = [corrected(o, state.scanner, data.half_width_mm) for o in observations]
-    sides = sides_of(seen, state)
+    seen = as_corrected(observations, data, state)
+    sides = sides_of(seen, data, state)
     without = without_each(held.at)
-    joint = answer_of(seen, judged.used, sides, state, left_out_states(held, without, judged.used))
+    joint = answer_of(seen, judged.used, sides, state, left_out_states(held, without, judged.used), data)
 
     tell(0.85, "Computing the paper's two steps beside it")
     paper, paper_answer, paper_covariance = _paper(seen, sphere, judged, state, sides)
 
     tell(0.95, "Looking for causes")
     covariance = held.covariance
-    point = seen_point(observations, state, judged.used)
+    point = seen_point(data, state, judged.used)
     warm_up = warm_up_of(observations, judged, dict(options.taken_at_s))
     causes = named_causes(observations, judged, joint.offset_mm, given)
     if warm_up is not None and warm_up.found:  # a drift explains them better than any sudden change
@@ -225,7 +242,7 @@ def solve_tcp(
         two_step=paper,
         two_step_covariance=paper_covariance,
         two_step_answer=paper_answer,
-        rival_scatter_mm=starts[0].rival_scatter_mm,
+        rival_scatter_mm=starts[0][0].rival_scatter_mm,
         sides_log_odds=chosen.log_odds,
         start_scatter_mm=start.scatter_mm,
         weights=data.pose_scale / judged.data.pose_scale,
@@ -240,17 +257,119 @@ def solve_tcp(
     )
 
 
+def by_scanner(observations: Sequence[SphereObservation]) -> list[np.ndarray]:
+    """Return which observations are of each scanner, in the order in which scanners first appear."""
+    names = [(o.scanner, o.carriers.scanner) for o in observations]
+    return [np.flatnonzero([other == name for other in names]) for name in dict.fromkeys(names)]
+
+
+def moving_axes(observations: Sequence[SphereObservation], axes: Sequence[MovedAxis]) -> tuple[MovedAxis, ...]:
+    """Return the axes that carry the robot and that moved between captures of the still sphere.
+
+    Raises
+    ------
+    MotionError
+        If one of them turns: it cannot be told from the robot's own first axis by such captures.
+    """
+    moved = [axis for axis in axes if axis.carries == "robot"]
+    moved = [axis for axis in moved if len({o.readings.get(axis.name, 0.0) for o in observations}) > 1]
+    turning = [axis.name for axis in moved if axis.kind == "rotary"]
+    if turning:
+        raise MotionError(
+            "captures of the still sphere with the axis '{axis}' at one angle",
+            "captures at several angles of it: a rotary axis under the robot is not found yet",
+            "Leave it where it is for these captures.",
+            axis=turning[0],
+        )
+    return tuple(moved)
+
+
+def _starts(
+    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
+) -> tuple[FloatArray, list[list[Start]]]:
+    """Return the ways (A, 3) of axes under the robot, and each scanner's starts, the likeliest first."""
+    every = [centers_of([observations[k] for k in some], sphere) for some in groups]
+    if not layout.axes:
+        return np.zeros((0, 3)), [find_starts(centers) for centers in every]
+    readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
+    over = np.array([o.carriers.over_robot for o in observations])
+    first = next((n for n, some in enumerate(groups) if over[some[0]] > 0), None)
+    if first is None:
+        raise MotionError(
+            "a scanner on the flange where the robot stands on a linear axis",
+            "scanners that stand still alone",
+            "Leave the axis where it is for these captures.",
+        )
+    ways, _ = find_ways(every[first], readings[groups[first]])
+    return ways, [
+        find_starts(shifted(centers, readings[some], ways, int(over[some[0]])))
+        for centers, some in zip(every, groups, strict=True)
+    ]
+
+
+def with_own_sigmas(
+    observations: Sequence[SphereObservation], sphere: SphereSize, told_mm: float | None
+) -> list[SphereObservation]:
+    """Return observations of several scanners with the points' noise of each."""
+    groups, found = by_scanner(observations), list(observations)
+    if len(groups) > 1 and told_mm is None:
+        for some in groups:
+            pooled = pooled_point_sigma([observations[k] for k in some], sphere)
+            for k in some:
+                found[k] = replace(found[k], common_sigma_mm=found[k].common_sigma_mm or pooled)
+    return found
+
+
+def visits_of(data: ChainData) -> FloatArray:
+    """Return how often each capture's scanner was at its pose, (K,)."""
+    found = np.ones(data.count)
+    for n in range(len(data.walk.layout.mounts)):
+        own = data.walk.scanner == n
+        found[own] = visits(data.rotations[own], data.translations[own])
+    return found
+
+
+def together(
+    data: ChainData, groups: Sequence[np.ndarray], chosen: Sequence[ChosenSides], ways: FloatArray
+) -> tuple[ChainState, np.ndarray, FloatArray]:
+    """Return a state from what scanners found one by one, captures that agree with it, and the sides' spread."""
+    layout, starts = data.walk.layout, [one.start for one in chosen]
+    core, spread = np.zeros(data.count, dtype=bool), np.zeros((data.unknowns, data.unknowns))
+    centers: list[list[FloatArray]] = [[] for _ in layout.places]
+    for n, (some, one) in enumerate(zip(groups, chosen, strict=True)):
+        core[some] = core_of(one.start.misfit_mm)
+        place = int(data.walk.place[some[0]])
+        centers[place].append(one.start.center)
+        columns = [
+            *range(*layout.mount(n).indices(data.unknowns)),
+            *range(*layout.place(place).indices(data.unknowns)),
+        ]
+        spread[np.ix_(columns, columns)] += one.spread
+    position = Position(
+        np.array([start.rotation for start in starts]),
+        np.array([start.translation for start in starts]),
+        np.array([np.mean(found, axis=0) for found in centers]),
+        tuple(AxisState(with_third(way), np.zeros(3)) for way in ways),
+    )
+    return ChainState.at(data, position), core, spread
+
+
 def say_nothing(_fraction: float, _message: str) -> None:
     """Take progress and tell nobody."""
 
 
 def _require_motion(observations: Sequence[SphereObservation]) -> None:
+    if len(groups := by_scanner(observations)) > 1:
+        for some in groups:
+            _require_motion([observations[k] for k in some])
+        return
     count = len(observations)
     if count < _LEAST_CAPTURES:
         raise MotionError(
-            f"at least {_LEAST_CAPTURES} captures of the sphere (better 10 to 15)",
+            "at least {least_captures} captures of the sphere (better 10 to 15)",
             str(count),
             "Add two shifts of the scanner without turning it, then three tilts about different axes.",
+            least_captures=_LEAST_CAPTURES,
         )
     rotations = np.array([o.base_from_tool0.rotation for o in observations])
     positions = np.array([o.base_from_tool0.translation_mm for o in observations])
@@ -259,12 +378,22 @@ def _require_motion(observations: Sequence[SphereObservation]) -> None:
     if np.linalg.norm(positions - positions[0], axis=1).max() < _SAME_POSE_MM:
         raise MotionError(
             "captures from different robot poses",
-            f"{count} captures from one and the same pose",
+            plural(
+                "{count} capture from one and the same pose",
+                "{count} captures from one and the same pose",
+                by="count",
+                count=count,
+            ),
             "Record the robot's pose anew at each capture: shift the scanner twice, then tilt it three times.",
         )
     raise MotionError(
         "at least three orientations of the scanner, about axes that are not parallel",
-        f"{count} captures with one orientation: they fix the scanner's rotation, but nothing of its position",
+        plural(
+            "{count} capture with one orientation: they fix the scanner's rotation, but nothing of its position",
+            "{count} captures with one orientation: they fix the scanner's rotation, but nothing of its position",
+            by="count",
+            count=count,
+        ),
         "Tilt the flange by 10 to 30° about two different axes and capture the sphere again.",
     )
 
@@ -283,14 +412,23 @@ def pooled_point_sigma(observations: Sequence[SphereObservation], sphere: Sphere
     return float(np.sqrt(np.average(sigmas**2, weights=freedom)))
 
 
-def seen_point(observations: Sequence[SphereObservation], state: ChainState, used: np.ndarray) -> FloatArray:
-    """Return where the scanner saw the sphere on average, in the plane of light, (3,), mm."""
-    return expected_in_laser(observations, state)[used].mean(axis=0) * [1.0, 0.0, 1.0]
+def as_corrected(
+    observations: Sequence[SphereObservation], data: ChainData, state: ChainState
+) -> list[SphereObservation]:
+    """Return observations as scanners without the errors of a state would have made them."""
+    each = zip(observations, data.own(state.scanner), strict=True)
+    return [corrected(o, values, data.half_width_mm) for o, values in each]
 
 
-def sides_of(observations: Sequence[SphereObservation], state: ChainState) -> np.ndarray:
+def seen_point(data: ChainData, state: ChainState, used: np.ndarray) -> FloatArray:
+    """Return where the first scanner saw the sphere on average, in the plane of light, (3,), mm."""
+    some = used & (data.walk.scanner == 0)
+    return data.walk.chosen(some).seen(state.position).mean(axis=0) * [1.0, 0.0, 1.0]
+
+
+def sides_of(observations: Sequence[SphereObservation], data: ChainData, state: ChainState) -> np.ndarray:
     """Return the sign of each profile's sphere centre along y of L, as a state expects it; 0 for other kinds."""
-    heights = expected_in_laser(observations, state)[:, 1]
+    heights = data.walk.seen(state.position)[:, 1]
     return np.array(
         [
             0 if o.circle_radius_mm is None else (1 if y >= 0 else -1)
@@ -316,8 +454,10 @@ def _paper(
 
     Of a long session only some captures, evenly spread, are left out in turn: each time all is solved again.
     """
+    if judged.data.walk.layout.axes:
+        return None, TwoStepAnswer(None, None, None, (), "the robot stands on an axis that moved"), None
     sphere = SphereSize(2 * state.radius_mm, sphere.sigma_mm)
-    used = np.flatnonzero(judged.used).tolist()
+    used = np.flatnonzero(judged.used & (judged.data.walk.scanner == 0)).tolist()
     rotations, translations = judged.data.rotations[used], judged.data.translations[used]
     centers = np.array([observations[k].sphere_center_in_laser_mm(sphere, int(sides[k])) for k in used])
     answer = two_step(rotations, translations, centers)
@@ -333,13 +473,19 @@ def _paper(
         left_out[used[n]] = _paper_state(
             two_step(rotations[rest], translations[rest], centers[rest], without_capture(own_groups, n)), state
         )
-    covariance = two_step_covariance(
-        [observations[k] for k in used], sphere, centers, rotations, translations, judged.fit
-    )
-    return answer_of(observations, judged.used, sides, found, left_out), answer, covariance
+    some, walk = [observations[k] for k in used], judged.data.walk.chosen(np.array(used))
+    covariance = two_step_covariance(some, sphere, centers, rotations, translations, judged.fit, walk)
+    return answer_of(observations, judged.used, sides, found, left_out, judged.data), answer, covariance
 
 
 def _paper_state(answer: TwoStepAnswer, joint: ChainState) -> ChainState | None:
     if answer.rotation is None or answer.translation is None or answer.center is None:
         return None
-    return replace(joint, tool_rotation=answer.rotation, tool_translation=answer.translation, center=answer.center)
+    at = joint.position
+    place = Position(
+        np.array([answer.rotation, *at.mount_rotations[1:]]),
+        np.array([answer.translation, *at.mount_translations[1:]]),
+        np.array([answer.center, *at.places[1:]]),
+        at.axes,
+    )
+    return replace(joint, position=place)

@@ -15,23 +15,26 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.chain.arrays import chain_data
+from calib_core.cell.layout import AxisState, Layout, MovedAxis
+from calib_core.cell.walk import Position
+from calib_core.chain.arrays import chain_data, layout_of
+from calib_core.chain.axes_start import axes_start
 from calib_core.chain.circles import PaperAxis, paper_axis
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
+from calib_core.chain.mirrored import mirror_spread, with_spread
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.rejection import Judged, core_of
-from calib_core.chain.scanner import COUNT, OF_FILES, ScannerPriors, corrected
-from calib_core.chain.table import SCALE_COLUMN
+from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
-from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_table
+from calib_core.chain.table_judging import EncoderScale, judge_table
 from calib_core.chain.table_patterns import Pattern, pattern_of
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
-from calib_core.chain.table_start import TableStart, both_centers_in_base, find_table_start, readings_of
+from calib_core.chain.table_start import Mounts, TableStart, both_centers_in_base, find_table_start, readings_of
 from calib_core.chain.table_tool import ToolMove, tool_move
-from calib_core.chain.tcp import pooled_point_sigma, say_nothing
+from calib_core.chain.tcp import pooled_point_sigma, say_nothing, with_own_sigmas
 from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import MotionError
 from calib_core.estimation import covariance_of
@@ -53,6 +56,14 @@ class KnownTool:
     held: Held | None = None
     two_step: RigidTransform | None = None
 
+    @property
+    def mounts(self) -> Mounts:
+        """The answer of that stage, of several scanners by their names."""
+        if self.held is None or len(self.held.state.walk.layout.mounts) == 1:
+            return self.mount_from_laser
+        state = self.held.state
+        return {name: state.mount(n) for n, (name, _) in enumerate(state.walk.layout.mounts)}
+
 
 @dataclass(frozen=True)
 class TurntableOptions:
@@ -60,6 +71,7 @@ class TurntableOptions:
 
     `direction` is the cell's; `encoder_scale` asks for the encoder's scale as an unknown (False: never; None: if
     the captures leave no doubt that it is off).  `angles_unknown`: the angles were found from the captures.
+    `axes`: those of the cell where it names them, with the standard deviations of their readings, rad or mm.
     """
 
     position_sigma_mm: float | None = None
@@ -69,12 +81,15 @@ class TurntableOptions:
     direction: int | None = None
     encoder_scale: bool | None = None
     angles_unknown: bool = False
+    axes: tuple[MovedAxis, ...] = ()
+    axis_sigmas: tuple[float | None, ...] = ()
     priors: ScannerPriors = field(default_factory=ScannerPriors)
 
     @property
     def sigmas(self) -> GivenSigmas:
-        """Position, orientation, angle."""
-        return self.position_sigma_mm, self.orientation_sigma_rad, self.angle_sigma_rad
+        """Position, orientation, and the readings of all axes."""
+        readings = self.axis_sigmas if self.axes else (self.angle_sigma_rad,)
+        return self.position_sigma_mm, self.orientation_sigma_rad, *readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +113,8 @@ class TurntableSolution:
         The paper's way on the same captures, by the two steps' tool where there is one.
     encoder : EncoderScale
     options : TurntableOptions
+    unknowns_covariance : (P, P)
+        Of the edges' unknowns.
     pattern : Pattern or None
         What repeats with the table's angle, beyond chance.
     tool_move : ToolMove or None
@@ -120,9 +137,16 @@ class TurntableSolution:
     circles: PaperAxis
     encoder: EncoderScale
     options: TurntableOptions
+    unknowns_covariance: FloatArray
     pattern: Pattern | None = None
     tool_move: ToolMove | None = None
     by_arm_mm: float = 0.0
+
+    @property
+    def turns(self) -> bool:
+        """Whether the axis that carries the sphere is rotary."""
+        layout = self.state.walk.layout
+        return layout.axes[layout.table].kind == "rotary"
 
 
 def solve_turntable(
@@ -158,27 +182,29 @@ def solve_turntable(
         observations = corrected_table(observations, tool.held)
 
     tell(0.1, "Searching the axis and the sphere's sides")
-    start = find_table_start(observations, sphere, tool.mount_from_laser)
+    start = _start(observations, sphere, tool, options)
 
     tell(0.3, "Fitting all captures of the table jointly")
     options = _with_still_robot(observations, options)
     point_sigma = options.point_sigma_mm or pooled_point_sigma([o.sphere for o in observations], sphere)
+    observations = with_table_sigmas(observations, sphere, options.point_sigma_mm)
     data = _data(observations, sphere, point_sigma, tool, options)
     judged, encoder = _judge(observations, data, tool, start, options)
 
     tell(0.7, "Holding the tool")
     move = tool_move(judged)
     state, covariance = _tool_held(judged, tool, move)
+    spread = mirror_spread([o.placed for o in observations], data, state, options.direction)
+    covariance = with_spread(covariance, spread)
 
     tell(0.8, "Testing the encoder, drawing the paper's circles")
-    readings, mounts = readings_of(observations)
-    size = slice(TABLE_COLUMN, data.unknowns)
-    assert state.table is not None
+    mounts = readings_of(observations)[1]
+    size = data.walk.layout.axis_and_places(data.walk.layout.table)
     frame = frame_by_rule(state.table, options.direction)
-    residuals = table_residuals(observations, readings, state, frame)
+    residuals = table_residuals(observations, data.walk, state, frame)
     return TurntableSolution(
         frame=frame,
-        covariance=frame_covariance(state.table, covariance[size, size], options.direction),
+        covariance=frame_covariance(state.table, covariance[np.ix_(size, size)], options.direction),
         state=state,
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,
@@ -191,7 +217,8 @@ def solve_turntable(
         circles=paper_circles(observations, sphere, tool, residuals.sides, judged.used),
         encoder=encoder,
         options=options,
-        pattern=pattern_of(judged, TABLE_COLUMN),
+        unknowns_covariance=covariance,
+        pattern=pattern_of(judged),
         tool_move=move,
         by_arm_mm=tool.held.sigmas.largest_position_mm if tool.held else 0.0,
     )
@@ -205,17 +232,26 @@ def paper_circles(
     used: np.ndarray,
 ) -> PaperAxis:
     """Return the paper's circles and axis through the captures' own centres, by the two steps' tool if any."""
-    both = both_centers_in_base(observations, sphere, tool.two_step or tool.mount_from_laser)
+    both = both_centers_in_base(observations, sphere, _by_paper(tool))
     centers = np.where(sides[:, None] >= 0, both[:, 0], both[:, 1])
+    if any(o.sphere.readings for o in observations):  # other axes moved as well: no circles
+        return PaperAxis([], None, None)
     return paper_axis(centers, readings_of(observations)[0].mounts, used)
+
+
+def _by_paper(tool: KnownTool) -> Mounts:
+    if tool.two_step is None:
+        return tool.mounts
+    return tool.two_step if isinstance(tool.mounts, RigidTransform) else tool.mounts
 
 
 def _require_captures(observations: Sequence[TableObservation]) -> None:
     if len(observations) < _LEAST_CAPTURES:
         raise MotionError(
-            f"at least {_LEAST_CAPTURES} captures of the sphere on the turntable (better 8 at each of 2 heights)",
+            "at least {least_captures} captures of the sphere on the turntable (better 8 at each of 2 heights)",
             str(len(observations)),
             "Turn the table by 45° and capture the sphere again, all around; then do so at a second height.",
+            least_captures=_LEAST_CAPTURES,
         )
 
 
@@ -234,26 +270,58 @@ def _data(
     tool: KnownTool,
     options: TurntableOptions,
 ) -> ChainData:
-    data = chain_data([o.sphere for o in observations], sphere, point_sigma)
-    data = replace(data, table=readings_of(observations)[0])
-    held = np.zeros(data.unknowns, dtype=bool)
-    held[6:9] = True  # no sphere stands beside the table
-    held[TABLE_COLUMN + SCALE_COLUMN] = not options.encoder_scale
-    data = replace(data, held=held)
-    if tool.held is None:
-        held[:6] = True
-        return replace(data, held=held)
-    known = tool.held
-    some = known.tool_and_scanner
+    placed, known = [o.placed for o in observations], tool.held
+    layout = _layout(observations, tool, options)
+    data = chain_data(placed, sphere, point_sigma, layout=layout)
+    data = data.holding(layout.scale(layout.table), not options.encoder_scale)
+    for n, axis in enumerate(layout.axes):
+        if axis.carries == "robot":  # known with the tool, or never moved
+            data = data.holding(layout.axis(n))
+    if known is None:
+        return data.holding(layout.of_mounts)
+    some = known.mounts_and_scanners
     found = known.found
     # Where points are corrected by what was found, its uncertainty is left.
-    values = np.where(OF_FILES, 0.0, found.scanner) if known.applied else found.scanner
-    prior = ToolPrior(
-        found.tool_rotation, found.tool_translation, values, covariance_of(known.covariance[np.ix_(some, some)])
-    )
-    sigmas = np.zeros(COUNT)
+    values = np.where(known.data.of_files, 0.0, found.scanner) if known.applied else found.scanner
+    mounts = found.position.mount_rotations, found.position.mount_translations
+    prior = ToolPrior(*mounts, values, covariance_of(known.covariance[np.ix_(some, some)]))
+    sigmas = np.zeros(len(data.kinds))
     sigmas[known.active] = 1.0  # the prior of the tool and the scanner together takes their place
     return replace(data, tool_prior=prior, nuisance_sigmas=sigmas)
+
+
+def _layout(observations: Sequence[TableObservation], tool: KnownTool, options: TurntableOptions) -> Layout:
+    layout = layout_of([o.placed for o in observations], options.axes)
+    return layout if tool.held is None else replace(layout, mounts=tool.held.state.walk.layout.mounts)
+
+
+def _start(
+    observations: Sequence[TableObservation], sphere: SphereSize, tool: KnownTool, options: TurntableOptions
+) -> TableStart:
+    """Return where the fit starts: by circles about one axis, or by all axes' directions."""
+    if not options.axes:
+        return find_table_start(observations, sphere, tool.mounts)
+    data = chain_data([o.placed for o in observations], sphere, None, layout=_layout(observations, tool, options))
+    mounts = _mounts(tool)
+    centers = both_centers_in_base(observations, sphere, tool.mounts)
+    position, misfit = axes_start(data.walk, centers, mounts, _known_axes(tool))
+    state = ChainState.at(data, position)
+    return TableStart(state.table, np.zeros(len(observations)), misfit, position)
+
+
+def _known_axes(tool: KnownTool) -> dict[str, AxisState]:
+    """Return the axes that were found with the tool."""
+    if tool.held is None:
+        return {}
+    state = tool.held.state
+    return {axis.name: at for axis, at in zip(state.walk.layout.axes, state.position.axes, strict=True)}
+
+
+def _mounts(tool: KnownTool) -> tuple[FloatArray, FloatArray]:
+    if tool.held is None:
+        return tool.mount_from_laser.rotation[None], tool.mount_from_laser.translation_mm[None]
+    answer = tool.held.state.position
+    return answer.mount_rotations, answer.mount_translations
 
 
 def table_with_effective_points(
@@ -264,11 +332,24 @@ def table_with_effective_points(
     return [replace(o, sphere=s) for o, s in zip(observations, spheres, strict=True)]
 
 
+def with_table_sigmas(
+    observations: Sequence[TableObservation], sphere: SphereSize, told_mm: float | None
+) -> list[TableObservation]:
+    """Return captures of the table by several scanners with the points' noise of each."""
+    spheres = with_own_sigmas([o.sphere for o in observations], sphere, told_mm)
+    return [replace(o, sphere=s) for o, s in zip(observations, spheres, strict=True)]
+
+
 def corrected_table(observations: Sequence[TableObservation], held: Held) -> list[TableObservation]:
     """Return captures of the table as a scanner without the errors that were found would have made them."""
     widths = [np.abs(o.sphere.points_in_laser_mm[:, 0]).max(initial=1.0) for o in observations]
     half_width = float(max(widths))
-    return [replace(o, sphere=corrected(o.sphere, held.found.scanner, half_width)) for o in observations]
+    names = [name for name, _ in held.state.walk.layout.mounts]
+    values = [held.found.scanner[held.nuisance_row(names.index(o.sphere.scanner))] for o in observations]
+    return [
+        replace(o, sphere=corrected(o.sphere, own, half_width))
+        for o, own in zip(observations, values, strict=True)
+    ]
 
 
 def _judge(
@@ -278,15 +359,12 @@ def _judge(
     start: TableStart,
     options: TurntableOptions,
 ) -> tuple[Judged, EncoderScale]:
-    mounting = tool.mount_from_laser
-    state = ChainState.predicted(data, mounting.rotation, mounting.translation_mm, np.zeros(3), start.state)
-    spheres = [o.sphere for o in observations]
-    if tool.held is not None:
-        found = tool.held.found
-        values = data.tool_prior.scanner if data.tool_prior else state.scanner
-        state = replace(
-            state, tool_rotation=found.tool_rotation, tool_translation=found.tool_translation, scanner=values
-        )
+    spheres = [o.placed for o in observations]
+    at = start.position or Position(*_mounts(tool), start.state.mounts, (start.state.axis,))
+    state = ChainState.at(data, at)
+    if data.tool_prior is not None:
+        known = data.tool_prior
+        state = replace(state.with_mounts_of(known.rotations, known.translations), scanner=known.scanner)
     return judge_table(
         spheres, data, state, core_of(start.misfit_mm), options.sigmas, options.encoder_scale is False
     )
@@ -301,40 +379,38 @@ def _tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tuple[
     if tool.held is None:
         return fitted.state, fitted.covariance * judged.inflation
     known, data = tool.held, judged.data
-    assert data.held is not None
-    held = data.held.copy()
-    held[:6] = True
-    nothing = np.zeros(COUNT)
-    exact = replace(data, held=held, tool_prior=None, nuisance_sigmas=nothing)
-    answer = known.state
+    mounts = data.walk.layout.of_mounts
+    nothing = np.zeros(len(data.kinds))
+    exact = replace(data.holding(mounts), tool_prior=None, nuisance_sigmas=nothing)
+    answer = known.state.position
     begin = replace(
-        fitted.state,
-        tool_rotation=answer.tool_rotation,
-        tool_translation=answer.tool_translation,
-        scanner=np.where(OF_FILES, 0.0, answer.scanner),
+        fitted.state.with_mounts_of(answer.mount_rotations, answer.mount_translations),
+        scanner=np.where(data.of_files, 0.0, known.state.scanner),
     )
     found = fit(exact, begin, fitted.sigmas)
     width = data.unknowns
     inverse = covariance_of(found.at.hessian)
     as_if_known = covariance_of(fitted.minimum.at.hessian)
     # By how much estimated sigmas enlarged the covariance of the fit with the tool free, so they do here.
-    grown = np.sqrt(np.maximum(np.diag(fitted.covariance)[6:width] / np.diag(as_if_known)[6:width], 1.0))
+    free = np.setdiff1d(np.arange(width), mounts)
+    grown = np.sqrt(np.maximum(np.diag(fitted.covariance)[free] / np.diag(as_if_known)[free], 1.0))
     own = inverse[:width, :width].copy()
-    own[6:, 6:] *= np.outer(grown, grown) * judged.inflation
-    sigmas = np.zeros(COUNT)
+    own[np.ix_(free, free)] *= np.outer(grown, grown) * judged.inflation
+    sigmas = nothing.copy()
     sigmas[known.active] = 1.0
+    every = np.zeros(width, dtype=bool)
     whole = linearised_at(
-        replace(data, held=None, tool_prior=None, nuisance_sigmas=sigmas), found.state, fitted.sigmas
+        replace(data, held=every, tool_prior=None, nuisance_sigmas=sigmas), found.state, fitted.sigmas
     )
     # Errors that poses share are eliminated with the table's unknowns: they follow too.
     count, size = len(known.active), len(whole.hessian)
-    by = np.concatenate([np.arange(6), np.arange(width, width + count)])
+    by = np.concatenate([mounts, np.arange(width, width + count)])
     rest = np.setdiff1d(np.arange(size), by)
-    rest = rest[~np.isin(rest, np.flatnonzero(held))]
+    rest = rest[~np.isin(rest, np.flatnonzero(exact.held))]
     follows = np.zeros((size, len(by)))
     follows[rest] = -covariance_of(whole.hessian[np.ix_(rest, rest)]) @ whole.hessian[np.ix_(rest, by)]
     follows = follows[:width]
-    some = known.tool_and_scanner
+    some = known.mounts_and_scanners
     carried = known.covariance[np.ix_(some, some)]
     if move is not None:
         carried = carried + move.share * np.outer(move.off, move.off)

@@ -24,6 +24,7 @@ def two_step_covariance(
     rotations: FloatArray,
     translations: FloatArray,
     fit: ChainFit,
+    walk: Walk,
 ) -> FloatArray | None:
     """Return the 6×6 covariance of the two-step mount_from_laser, or None beyond 60 captures (it would be slow).
 
@@ -39,11 +40,12 @@ def two_step_covariance(
         From what carries the scanner into what carries the ball.
     fit : ChainFit
         Of the same captures: its sigmas are used.
+    walk : Walk
+        Their ways.
     """
     if len(observations) > _MOST_CAPTURES:
         return None
-    walk = Walk.of([o.base_from_tool0 for o in observations], [o.carriers for o in observations])
-    levers = walk.levers(fit.state.tool_rotation, fit.state.tool_translation, centers)
+    levers = walk.levers(fit.state.position, centers)
     spread = pose_spread(levers, fit.sigmas)
     alike = Sigmas(fit.sigmas.alike_position_mm, fit.sigmas.alike_orientation_rad)
     spread = spread + pose_spread(levers, alike)

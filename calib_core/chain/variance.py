@@ -27,20 +27,42 @@ from calib_core.frames import FloatArray
 # and their reach.  Arms of this class repeat to some hundredths of a millimetre and are true to some tenths.
 # A joint that errs turns the flange and moves it: of real arms the shared position is 0.3 to 1 m times the shared
 # orientation, so the two are believed together, their ratio within a factor of two.
-_PRIOR = np.log([0.1, 1.5e-4, 1e-4, 0.03, 7e-5, 1.0])
-_WIDTHS = np.log([3.0, 3.0, 3.0, 3.0, 3.0, 1.6])
-_LOW = np.log([0.002, 2e-6, 1e-6, 1e-3, 1e-6, 0.3])
-_HIGH = np.log([50.0, 2e-2, 2e-2, 50.0, 2e-2, 3.0])
+# Mean, factor, least and largest of each.
+_POSITION, _ORIENTATION = (0.1, 3.0, 0.002, 50.0), (1.5e-4, 3.0, 2e-6, 2e-2)
+_READING = {"rotary": (1e-4, 3.0, 1e-6, 2e-2), "linear": (0.03, 3.0, 0.001, 50.0)}
+_ALIKE = ((0.03, 3.0, 1e-3, 50.0), (7e-5, 3.0, 1e-6, 2e-2), (1.0, 1.6, 0.3, 3.0))
 _IMPOSSIBLE = -1e12
 _MOST_CAPTURES = 60  # from so many the amplitudes are known well enough
 
-_AMPLITUDES = ("position_mm", "orientation_rad", "angle_rad", "alike_position_mm", "alike_orientation_rad")
+_TIED = np.linalg.inv([[1.0, 0.8], [0.8, 1.0]])  # inverse of the prior's correlation
 
-_TIED = np.eye(6)  # inverse of the prior's correlation
-_TIED[3:5, 3:5] = np.linalg.inv([[1.0, 0.8], [0.8, 1.0]])
+GivenSigmas = tuple[float | None, ...]
+"""Of a pose's position (mm) and orientation (rad) and of each axis's readings; None: to be estimated."""
 
-GivenSigmas = tuple[float | None, float | None, float | None]
-"""Of a pose's position (mm) and orientation (rad) and of the table's angle (rad); None: to be estimated."""
+
+@dataclass(frozen=True, eq=False)
+class Believed:
+    """What is believed of the sigmas' logarithms: mean, width, least and largest, (5 + A,) each."""
+
+    mean: FloatArray
+    width: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, data: ChainData) -> "Believed":
+        """Return it for captures whose ways lead over some axes."""
+        axes = [_READING[axis.kind] for axis in data.walk.layout.axes]
+        return cls(*np.log(np.array([_POSITION, _ORIENTATION, *axes, *_ALIKE])).T)
+
+    def penalty(self, logarithms: FloatArray, free: np.ndarray) -> float:
+        """Return half the squared distance of the free ones from what is believed."""
+        off = np.where(free, (logarithms - self.mean) / self.width, 0.0)
+        return 0.5 * float(off @ off - off[-3:-1] @ off[-3:-1] + off[-3:-1] @ _TIED @ off[-3:-1])
+
+    def logarithms(self, sigmas: Sigmas) -> FloatArray:
+        """Return the logarithms of some sigmas, within the limits."""
+        return np.clip(np.log(np.maximum(_values(sigmas, len(self.mean) - 5), 1e-12)), self.low, self.high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +76,7 @@ class ChainFit:
     sigmas : Sigmas
         Given, or the posterior's mode.
     covariance : (P, P)
-        Of the unknowns (9, the table's, the nuisances), the uncertainty of estimated sigmas included.
+        Of the unknowns (the layout', the nuisances), the uncertainty of estimated sigmas included.
     arm : ArmErrors or None
         How these err together with the arm; of a fit whose covariance is averaged.
     """
@@ -87,8 +109,9 @@ def fit_with_sigmas(
     rounds : int
         How often sigmas and unknowns follow each other at most.
     """
-    log_sigmas = _PRIOR.copy() if guess is None else _logarithms(guess)
-    free = np.array([value is None for value in given] + [True] * 3)
+    believed = Believed.of(data)
+    log_sigmas = believed.mean.copy() if guess is None else believed.logarithms(guess)
+    free = _free(given)
     sigmas = _sigmas(log_sigmas, given)
     if guess is None and centers_suffice(data):
         start = fit_centers(data, start, sigmas).state
@@ -96,19 +119,19 @@ def fit_with_sigmas(
     density = _Density(data, minimum, log_sigmas, given, free)
     for _ in range(rounds):
         before = log_sigmas
-        log_sigmas = density.with_free(maximum(density, log_sigmas[free], _WIDTHS[free], _LOW[free], _HIGH[free]))
+        limits = believed.width[free], believed.low[free], believed.high[free]
+        log_sigmas = density.with_free(maximum(density, log_sigmas[free], *limits))
         sigmas = _sigmas(log_sigmas, given)
         minimum = fit(data, minimum.state, sigmas)
         density = _Density(data, minimum, log_sigmas, given, free)
-        if np.abs(log_sigmas - before)[:5].max() < 0.1:
+        if np.abs(log_sigmas - before)[:-1].max() < 0.1:
             break
     return ChainFit(minimum, sigmas, covariance_of(minimum.at.hessian)[: data.width, : data.width])
 
 
 def log_probability(data: ChainData, found: ChainFit, given: GivenSigmas) -> float:
     """Return how likely a fit's choice of sides is, but for a constant: the density at its most likely sigmas."""
-    free = np.array([value is None for value in given] + [True] * 3)
-    log_sigmas = _logarithms(found.sigmas)
+    free, log_sigmas = _free(given), Believed.of(data).logarithms(found.sigmas)
     return _Density(data, found.minimum, log_sigmas, given, free)(log_sigmas[free])
 
 
@@ -137,31 +160,43 @@ def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigma
 def mean_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> Sigmas:
     """Return sigmas whose squares are means over what they may be: a covariance by them is near the mean one."""
     every, weights = _likely_sigmas(data, found, given)
-    squares = np.array([[getattr(one, name) ** 2 for name in _AMPLITUDES] for one in every])
-    reach = float(np.exp(weights @ np.log([one.reach for one in every])))
-    return Sigmas(**dict(zip(_AMPLITUDES, np.sqrt(weights @ squares).tolist(), strict=True)), reach=reach)
+    count = len(data.walk.layout.axes)
+    values = np.array([_values(one, count) for one in every])
+    means = np.sqrt(weights @ values**2)
+    means[-1] = np.exp(weights @ np.log(values[:, -1]))
+    return _of_values(means)
 
 
 def _likely_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> tuple[list[Sigmas], FloatArray]:
     """Return what the sigmas may be, and how likely that is: they add up to 1."""
-    free = np.array([value is None for value in given] + [True] * 3)
-    log_sigmas = _logarithms(found.sigmas)
+    free, believed = _free(given), Believed.of(data)
+    log_sigmas = believed.logarithms(found.sigmas)
     density = _Density(data, found.minimum, log_sigmas, given, free)
-    posterior: Posterior = posterior_about(density, log_sigmas[free], _WIDTHS[free])
+    posterior: Posterior = posterior_about(density, log_sigmas[free], believed.width[free])
     kept = posterior.weights > 1e-3
     every = [_sigmas(density.with_free(node), given) for node in posterior.nodes[kept]]
     return every, posterior.weights[kept] / posterior.weights[kept].sum()
 
 
+def _free(given: GivenSigmas) -> np.ndarray:
+    return np.array([value is None for value in given] + [True] * 3)
+
+
 def _sigmas(log_sigmas: FloatArray, given: GivenSigmas) -> Sigmas:
-    found = np.exp(log_sigmas).tolist()
+    found = np.exp(log_sigmas)
     own = [sought if value is None else value for sought, value in zip(found, given, strict=False)]
-    return Sigmas(*own, *found[3:])
+    return _of_values(np.array([*own, *found[-3:]]))
 
 
-def _logarithms(sigmas: Sigmas) -> FloatArray:
-    values = [getattr(sigmas, name) for name in (*_AMPLITUDES, "reach")]
-    return np.clip(np.log(np.maximum(values, 1e-12)), _LOW, _HIGH)
+def _of_values(values: FloatArray) -> Sigmas:
+    position, orientation, *axes, alike_position, alike_orientation, reach = values.tolist()
+    return Sigmas(position, orientation, tuple(axes), alike_position, alike_orientation, reach)
+
+
+def _values(sigmas: Sigmas, axes: int) -> FloatArray:
+    own = [*sigmas.axes, *[0.0] * axes][:axes]
+    alike = sigmas.alike_position_mm, sigmas.alike_orientation_rad, sigmas.reach
+    return np.array([sigmas.position_mm, sigmas.orientation_rad, *own, *alike])
 
 
 class _Density:
@@ -176,18 +211,19 @@ class _Density:
         free: np.ndarray,
     ) -> None:
         self._likelihood = _Restricted(data, minimum, _representative(data))
+        self._believed = Believed.of(data)
         self._log_sigmas, self._given, self._free = log_sigmas, given, free
 
     def with_free(self, node: FloatArray) -> FloatArray:
-        """Return all six logarithms, of which the free ones are a node's."""
+        """Return all logarithms, of which the free ones are a node's."""
         every = self._log_sigmas.copy()
         every[self._free] = node
         return every
 
     def __call__(self, node: FloatArray) -> float:
-        off = np.zeros(len(_PRIOR))
-        off[self._free] = (node - _PRIOR[self._free]) / _WIDTHS[self._free]
-        return self._likelihood.value(_sigmas(self.with_free(node), self._given)) - 0.5 * float(off @ _TIED @ off)
+        every = self.with_free(node)
+        penalty = self._believed.penalty(every, self._free)
+        return self._likelihood.value(_sigmas(every, self._given)) - penalty
 
 
 def _representative(data: ChainData) -> np.ndarray:
@@ -196,8 +232,8 @@ def _representative(data: ChainData) -> np.ndarray:
     chosen = np.arange(count)
     if (visits(data.rotations, data.translations) > 1).any():
         numbers = np.hstack([np.round(data.rotations.reshape(count, 9), 5), np.round(data.translations, 2)])
-        if data.table is not None:
-            numbers = np.column_stack([numbers, data.table.angles_rad, data.table.mounts])
+        if data.walk.layout.axes or len(data.walk.layout.mounts) > 1 or len(data.walk.layout.places) > 1:
+            numbers = np.column_stack([numbers, data.walk.readings, data.walk.place, data.walk.scanner])
         chosen = np.sort(np.unique(numbers, axis=0, return_index=True)[1])
     if len(chosen) > _MOST_CAPTURES:
         chosen = chosen[np.linspace(0, len(chosen) - 1, _MOST_CAPTURES).astype(int)]

@@ -12,6 +12,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from calib_core.chain.incidents import by_mount, by_place
 from calib_core.chain.likelihood import without_pose_errors
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation
@@ -205,8 +206,8 @@ def _scores(judged: Judged, used: np.ndarray) -> list[_Scores]:
     misfit += float((believed**2)[others[data.unknowns :]].sum())
     found: list[_Scores] = []
     moves: list[tuple[Moved, FloatArray]] = [
-        ("scanner", at.jacobian[:, :, 3:6] @ state.tool_rotation),
-        ("sphere", at.jacobian[:, :, 6:9]),
+        ("scanner", by_mount(judged)[:, :, 3:] @ state.position.mount_rotations[data.walk.scanner]),
+        ("sphere", by_place(judged)),
     ]
     for moved, own in moves:
         turned = np.swapaxes(own, 1, 2)[used]

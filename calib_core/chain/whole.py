@@ -10,22 +10,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.arms.alike import visits
+from calib_core.cell.walk import Position
 from calib_core.chain.answer import answer_of
 from calib_core.chain.arm_errors import ArmErrors
-from calib_core.chain.arrays import chain_data
+from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
 from calib_core.chain.leave_one_out import without_each
+from calib_core.chain.mirrored import mirror_spread, with_spread
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged
-from calib_core.chain.scanner import corrected
-from calib_core.chain.table import SCALE_COLUMN, TableReadings
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
-from calib_core.chain.table_judging import TABLE_COLUMN, EncoderScale, judge_table
+from calib_core.chain.table_judging import EncoderScale, judge_table
 from calib_core.chain.table_patterns import pattern_of
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_start import readings_of
@@ -33,11 +32,14 @@ from calib_core.chain.table_tool import with_tool_move
 from calib_core.chain.tcp import (
     Progress,
     TcpSolution,
+    as_corrected,
     left_out_states,
     pooled_point_sigma,
     say_nothing,
     seen_point,
     sides_of,
+    visits_of,
+    with_own_sigmas,
 )
 from calib_core.chain.turntable import (
     KnownTool,
@@ -46,6 +48,7 @@ from calib_core.chain.turntable import (
     corrected_table,
     paper_circles,
     table_with_effective_points,
+    with_table_sigmas,
 )
 from calib_core.chain.undetermined import open_directions
 from calib_core.frames import FloatArray
@@ -115,29 +118,35 @@ def solve_chain(
     tell(0.1, "Fitting all captures of both kinds jointly")
     tcp_observations = with_effective_points(tcp_observations, sphere)
     table_observations = table_with_effective_points(table_observations, sphere)
+    tcp_observations = with_own_sigmas(tcp_observations, sphere, options.point_sigma_mm)
+    table_observations = with_table_sigmas(table_observations, sphere, options.point_sigma_mm)
     judged, encoder, point_sigma = _judge(tcp_observations, table_observations, sphere, tcp, turntable, options)
 
     tell(0.8, "Comparing with the stages' own answers")
     unmoved = hold_files(judged, tcp.options.apply_scanner)
     held = with_tool_move(unmoved, turntable.tool_move, len(tcp_observations))
+    held = _with_mirror([*tcp_observations, *(o.placed for o in table_observations)], judged, held, options)
     covariance = held.covariance
     still = _tcp_part(tcp_observations, tcp, judged, held, point_sigma)
     turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoder, options)
     turning = replace(turning, tool_move=turntable.tool_move, by_arm_mm=turntable.by_arm_mm)
-    size = slice(TABLE_COLUMN, judged.data.unknowns)
+    layout = judged.data.walk.layout
+    size = layout.axis_and_places(layout.table)
     tool_shift = tcp.joint.mount_from_laser.difference(still.joint.mount_from_laser)
     table_shift = turntable.frame.base_from_turntable.difference(turning.frame.base_from_turntable)
     some = np.ix_(_WITHOUT_RZ, _WITHOUT_RZ)
     # A tool that moved is what these would tell: they are held against what the captures say without it.
-    assert unmoved.state.table is not None
-    table_unmoved = frame_covariance(unmoved.state.table, unmoved.covariance[size, size], options.direction)
+    table_unmoved = frame_covariance(
+        unmoved.state.table, unmoved.covariance[np.ix_(size, size)], options.direction
+    )
     by_unknowns = np.zeros((6, len(covariance)))
     by_unknowns[:, size] = turning.covariance.pose_by_unknowns
     return ChainSolution(
         tcp=still,
         turntable=turning,
         cross_covariance=covariance[:6, size] @ turning.covariance.pose_by_unknowns.T,
-        scanner_with_table=turning.covariance.pose_by_unknowns @ covariance[size, held.tool_and_scanner[6:]],
+        scanner_with_table=turning.covariance.pose_by_unknowns
+        @ covariance[np.ix_(size, held.tool_and_scanner[6:])],
         tcp_distance=_distance(tool_shift, tcp.covariance[:6, :6], unmoved.covariance[:6, :6]),
         turntable_distance=_distance(
             table_shift[_WITHOUT_RZ], turntable.covariance.pose[some], table_unmoved.pose[some]
@@ -149,6 +158,13 @@ def solve_chain(
     )
 
 
+def _with_mirror(
+    observations: Sequence[SphereObservation], judged: Judged, held: Held, options: TurntableOptions
+) -> Held:
+    spread = mirror_spread(observations, judged.data, held.state, options.direction)
+    return replace(held, covariance=with_spread(held.covariance, spread))
+
+
 def _judge(
     tcp_observations: Sequence[SphereObservation],
     table_observations: Sequence[TableObservation],
@@ -157,24 +173,17 @@ def _judge(
     turntable: TurntableSolution,
     options: TurntableOptions,
 ) -> tuple[Judged, EncoderScale, float | None]:
-    spheres = [*tcp_observations, *(o.sphere for o in table_observations)]
+    spheres = [*tcp_observations, *(o.placed for o in table_observations)]
     point_sigma = options.point_sigma_mm or pooled_point_sigma(spheres, sphere)
-    readings, _ = readings_of(table_observations)
     still = len(tcp_observations)
-    table = TableReadings(
-        np.concatenate([np.zeros(still), readings.angles_rad]),
-        np.concatenate([np.full(still, -1), readings.mounts]),
-        readings.mount_count,
-    )
-    data = replace(chain_data(spheres, sphere, point_sigma, options.priors), table=table)
-    repeated = visits(data.rotations[:still], data.translations[:still])
+    layout = layout_of(spheres, options.axes)
+    data = chain_data(spheres, sphere, point_sigma, options.priors, layout)
+    repeated = visits_of(data.chosen(np.arange(data.count) < still))
     data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))
-    held = np.zeros(data.unknowns, dtype=bool)
-    held[TABLE_COLUMN + SCALE_COLUMN] = not turntable.encoder.applied
-    data = replace(data, held=held)
-    tool = tcp.joint.mount_from_laser
-    center = tcp.joint.center_mm
-    start = ChainState.predicted(data, tool.rotation, tool.translation_mm, center, turntable.state.table)
+    data = data.holding(layout.scale(layout.table), not turntable.encoder.applied)
+    one, other = tcp.held.state.position, turntable.state.position
+    mounts = one.mount_rotations, one.mount_translations
+    start = ChainState.at(data, Position(*mounts, np.concatenate([one.places, other.places]), other.axes))
     start = replace(start, scanner=np.where(data.nuisance_sigmas > 0, tcp.held.state.scanner, 0.0))
     core = np.concatenate([tcp.used, turntable.used])
     return *judge_table(spheres, data, start, core, options.sigmas, options.encoder_scale is False), point_sigma
@@ -192,10 +201,11 @@ def _tcp_part(
     used = judged.used[:count]
     without = without_each(held.at)
     left_out = left_out_states(held, without, used)
-    seen = [corrected(o, state.scanner, judged.data.half_width_mm) for o in observations]
-    sides = sides_of(seen, state)
-    joint = answer_of(seen, used, sides, state, left_out)
-    point = seen_point(observations, state, used)
+    data = judged.data.chosen(np.arange(judged.data.count) < count)
+    seen = as_corrected(observations, data, state)
+    sides = sides_of(seen, data, state)
+    joint = answer_of(seen, used, sides, state, left_out, data)
+    point = seen_point(data, state, used)
     squared = judged.squared_distance[:count]
     return replace(
         alone,
@@ -230,19 +240,19 @@ def _table_part(
 ) -> TurntableSolution:
     """Return the turntable by the whole chain's answer."""
     state, count = held.state, len(observations)
-    assert state.table is not None
     if held.applied:
         observations = corrected_table(observations, held)
-    readings, mounts = readings_of(observations)
+    mounts = readings_of(observations)[1]
+    walk = judged.data.walk.chosen(np.arange(judged.data.count) >= judged.data.count - count)
     frame = frame_by_rule(state.table, options.direction)
-    residuals = table_residuals(observations, readings, state, frame)
+    residuals = table_residuals(observations, walk, state, frame)
     used = judged.used[-count:]
     two_step = tcp.two_step.mount_from_laser if tcp.two_step else None
     tool = KnownTool(tcp.joint.mount_from_laser, None, two_step)
-    size = slice(TABLE_COLUMN, judged.data.unknowns)
+    size = judged.data.walk.layout.axis_and_places(judged.data.walk.layout.table)
     return TurntableSolution(
         frame=frame,
-        covariance=frame_covariance(state.table, held.covariance[size, size], options.direction),
+        covariance=frame_covariance(state.table, held.covariance[np.ix_(size, size)], options.direction),
         state=state,
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,
@@ -255,7 +265,8 @@ def _table_part(
         circles=paper_circles(observations, sphere, tool, residuals.sides, used),
         encoder=encoder,
         options=options,
-        pattern=pattern_of(judged, TABLE_COLUMN),
+        unknowns_covariance=held.covariance,
+        pattern=pattern_of(judged),
     )
 
 

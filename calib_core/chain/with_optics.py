@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from calib_core.chain.held import Held
 from calib_core.chain.moved import OpticsError, at_point_by, spread_of
 from calib_core.chain.table_frame import frame_covariance
-from calib_core.chain.table_judging import TABLE_COLUMN
 from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.whole import ChainSolution
 
@@ -26,17 +27,16 @@ def with_optics(solution: TcpSolution, errors: Sequence[OpticsError]) -> TcpSolu
 def chain_with_optics(solution: ChainSolution, errors: Sequence[OpticsError]) -> ChainSolution:
     """Return a whole chain whose covariances have errors of camera and plane of light."""
     tcp, table = with_optics(solution.tcp, errors), solution.turntable
-    size = slice(TABLE_COLUMN, len(tcp.held.covariance) - len(tcp.held.active))
+    size = table.state.walk.layout.axis_and_places(table.state.walk.layout.table)
     covariance = tcp.held.covariance
-    assert table.state.table is not None
-    frame = frame_covariance(table.state.table, covariance[size, size], table.options.direction)
+    frame = frame_covariance(table.state.table, covariance[np.ix_(size, size)], table.options.direction)
     by_unknowns = frame.pose_by_unknowns
     return replace(
         solution,
         tcp=tcp,
         turntable=replace(table, covariance=frame),
         cross_covariance=covariance[:6, size] @ by_unknowns.T,
-        scanner_with_table=by_unknowns @ covariance[size, tcp.held.tool_and_scanner[6:]],
+        scanner_with_table=by_unknowns @ covariance[np.ix_(size, tcp.held.tool_and_scanner[6:])],
     )
 
 

@@ -145,10 +145,10 @@ def _frame(frame: Frame) -> list[str]:
         return [f"  {head}", *matrix]
     texts = [quantity_text(number.quantity) for number in frame.numbers]
     labels = max(len(number.label) for number in frame.numbers)
-    before = max(text.index(" ±") if " ±" in text else len(text) for text in texts)
+    widths = [len(text.split(" ±")[0]) for text in texts]
     rows = [
-        f"  {number.label:{labels}}  {' ' * (before - (text.index(' ±') if ' ±' in text else len(text)))}{text}"
-        for number, text in zip(frame.numbers, texts, strict=True)
+        f"  {number.label:{labels}}  {' ' * (max(widths) - width)}{text}"
+        for number, text, width in zip(frame.numbers, texts, widths, strict=True)
     ]
     return [f"  {head}", *(matrix if frame.convention == "matrix" else []), *rows]
 

@@ -1,23 +1,24 @@
 """What exports write: tool and table of a solved session, with what is known about them."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_results import require_result
 from calib_core.cell.found import scanner_frame
-from calib_core.errors import ConflictError
+from calib_core.errors import ConflictError, InputError
+from calib_core.findings import Finding, findings_in, judgement, worst_of
+from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Record, Session
+from calib_core.messages import message
+from calib_core.records import Record, Session, Verdict
 from calib_core.records.decided_before import DecidedBefore
-from calib_core.records.faults import in_order, refuse_faults
+from calib_core.records.faults import NOT_CONFIRMED, in_order, refuse_faults
+from calib_core.records.results import FoundFrame
 from calib_core.steps import tool_stages
-
-NOT_CONFIRMED: Final = ("fail", "conditional-fail")
-"""Decisions of a verification that make the fault `verify-fail`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,8 @@ class Answer:
         The faults that were worked out when somebody asked; not stored with it.
     decided_before : tuple of DecidedBefore
         Decisions after which the verification's evidence was changed.
+    provenance : tuple of str
+        How the results that it rests on came to be here, each kind once.
     """
 
     session: Session
@@ -59,7 +62,7 @@ class Answer:
     tool_covariance: FloatArray
     base_from_turntable: RigidTransform | None = None
     table_covariance: FloatArray | None = None
-    verdict: str = "pass"
+    verdict: Verdict = "pass"
     inputs_sha256: str = ""
     date: str = ""
     stale: bool = False
@@ -67,6 +70,7 @@ class Answer:
     decision: str | None = None
     of_moment: tuple[str, ...] = ()
     decided_before: tuple[DecidedBefore, ...] = ()
+    provenance: tuple[str, ...] = ()
 
     @property
     def tool0_from_laser(self) -> RigidTransform:
@@ -75,10 +79,40 @@ class Answer:
             raise ConflictError(
                 "a scanner on the flange, which a controller knows as a tool",
                 "one that stands still: base_from_laser",
-                "Export it as json, csv or for ROS, or type it in as a user frame from `scancell answer`.",
+                "Export it as a user frame of its brand, or as json, csv or for ROS.",
                 self.stage,
             )
         return self.mount_from_laser
+
+    @property
+    def frames(self) -> tuple[FoundFrame, ...]:
+        """All transforms that its stages found, those of every scanner and axis."""
+        found = [frame for result in self.results.values() for frame in result.get("frames") or ()]
+        return tuple(FoundFrame.model_validate(frame) for frame in found)
+
+    def scanners(self) -> dict[str, tuple[RigidTransform, FloatArray]]:
+        """Return by name where each scanner of a cell that names them is, with its covariance (6, 6)."""
+        found: dict[str, tuple[RigidTransform, FloatArray]] = {}
+        for frame in self.frames:
+            if frame.outof == "laser" and frame.scanner is not None:
+                on: Literal["tool0", "base"] = "tool0" if frame.into == "tool0" else "base"
+                covariance = np.array(frame.covariance or np.full((6, 6), np.nan), dtype=float)
+                found.setdefault(
+                    frame.scanner, (RigidTransform.from_rounded(frame.matrix, on, "laser"), covariance)
+                )
+        return found
+
+    def of_scanner(self, name: str | None) -> "Answer":
+        """Return the answer as that of one of several scanners; raises InputError where there is no such one."""
+        if name is None:
+            return self
+        scanners = self.scanners()
+        if name not in scanners:
+            known = ", ".join(scanners) or message("none by name")
+            raise InputError("a scanner that was solved", "'{name}'", "Name one of these: {known}.", "of_scanner",
+                             name=name, known=known)  # fmt: skip
+        frame, covariance = scanners[name]
+        return replace(self, mount_from_laser=frame, tool_covariance=covariance)
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -87,6 +121,8 @@ class Answer:
             "stale": self.stale,
             "fail": self.verdict == "fail",
             "verify-fail": self.decision in NOT_CONFIRMED,
+            "not-replayed": "imported" in self.provenance,
+            "differs": "differs" in self.provenance,
         }
         return in_order(name for name, held in holds.items() if held)
 
@@ -104,6 +140,13 @@ class Answer:
     def rotation_sigma_deg(self) -> float:
         """The standard deviation of the tool's orientation about its worst axis."""
         return float(np.rad2deg(_worst(self.tool_covariance[:3, :3])))
+
+    @property
+    def findings(self) -> list[Finding]:
+        """What speaks against using it, and all that its results notice."""
+        table = () if self.base_from_turntable is None or self.stage == "chain" else ("turntable",)
+        noticed = [one for part in (self.stage, *table) for one in findings_in(self.results[part])]
+        return judgement([*(FAULT_CODES[name]() for name in self.all_faults), *noticed])["findings"]
 
     def require_usable(self, allow: Collection[str] = ()) -> None:
         """Raise NotUsableError where the answer has faults of its own that are not allowed."""
@@ -160,6 +203,8 @@ def answer_of(
     turntable = None
     if table is not None:
         turntable = RigidTransform.from_rounded(table["base_from_turntable"], "base", "turntable")
+    decided = decision if "verify" not in stale or decision in NOT_CONFIRMED else None
+    of_others = [*parts, *(["verify"] if decided is not None else [])]
     return Answer(
         session=_as_solved(session, result),
         results={name: record for name, record in data.items() if name in parts or name not in stale},
@@ -168,12 +213,13 @@ def answer_of(
         tool_covariance=np.array(result["covariance"], dtype=float)[:6, :6],
         base_from_turntable=turntable,
         table_covariance=table_covariance,
-        verdict=next((v for v in ("fail", "warn") if v in verdicts), "pass"),
+        verdict=worst_of(verdicts),
         inputs_sha256=str(result.get("inputs_sha256", "")),
         date=date,
         stale=any(part in stale for part in parts),
         warnings=tuple(result.get("warnings", ())),
-        decision=decision if "verify" not in stale or decision in NOT_CONFIRMED else None,
+        decision=decided,
+        provenance=tuple(dict.fromkeys(data[part].get("provenance") or "solved" for part in of_others)),
     )
 
 

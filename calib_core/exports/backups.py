@@ -7,6 +7,7 @@ from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.export import write_export
 from calib_core.formats.zip_files import opened_files, with_file_replaced
+from calib_core.messages import message
 
 _MOST_REASONS = 3
 
@@ -58,6 +59,6 @@ def _only(files: Mapping[str, bytes], patched: Callable[[bytes], bytes]) -> tupl
     if done:
         listed = ", ".join(list(done)[:5])
         raise InputError("one file that defines it", f"{len(done)}: {listed}", "Give the right one alone.", "into")
-    got = "; ".join(reasons[:_MOST_REASONS]) or f"none of {len(files)} files"
-    to_do = "Choose a tool that the backup defines, or give the file that defines it."
+    got = "; ".join(reasons[:_MOST_REASONS]) or message("none of {count} files", count=len(files))
+    to_do = message("Choose a tool that the backup defines, or give the file that defines it.")
     raise InputError("a file that defines the tool", got, to_do, "into")

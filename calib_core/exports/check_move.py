@@ -19,6 +19,7 @@ from calib_core.exports.entry import Export, Settings
 from calib_core.exports.workpiece import seen_in_laser_mm
 from calib_core.exports.writing import provenance, tool_pose
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
+from calib_core.messages import message
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.steps import steps_that_show
@@ -84,22 +85,29 @@ def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
         If the captures do not tell where the sphere stood.
     """
     answer.require_usable()
+    _ = answer.tool0_from_laser  # of a scanner that stands still there is no tool to check
     if "undetermined" in (result := answer.results[answer.stage]) and result["undetermined"]:
         raise ConflictError(
             "a tool that is determined", "one that is not, in parts", "Capture what the guide asks."
         )
     seen = seen_in_laser_mm(answer.session, result)
     if seen is None or "sphere_center_in_base_mm" not in result:
-        to_do = "Capture the sphere standing still, with the robot's poses."
+        to_do = message("Capture the sphere standing still, with the robot's poses.")
         raise InputError("captures of the sphere with poses", "none", to_do, answer.stage)
     center = np.array(result["sphere_center_in_base_mm"], dtype=float)
     point = np.array([seen[0], 0.0, seen[2]])  # in the light plane
     diameter = answer.session.cell.sphere_diameter_mm
     free_mm = float(np.linalg.norm(point)) - (diameter or 0.0) / 2
     if free_mm < _LEAST_FREE_MM:
-        got = f"one {free_mm:.0f} mm from the sphere's surface"
-        to_do = "Look at the captures: the scanner would touch the sphere."
-        raise InputError(f"a scanner's origin {_LEAST_FREE_MM:g} mm off the sphere", got, to_do, answer.stage)
+        got = message("one {free_mm:.0f} mm from the sphere's surface", free_mm=free_mm)
+        to_do = message("Look at the captures: the scanner would touch the sphere.")
+        raise InputError(
+            "a scanner's origin {least_free_mm:g} mm off the sphere",
+            got,
+            to_do,
+            answer.stage,
+            least_free_mm=_LEAST_FREE_MM,
+        )
     away = -point / np.linalg.norm(point)  # from the sphere to the scanner's origin, in L
     targets = tuple(
         CheckTarget(name, target, _placed(rotation, center + rotation @ away * settings.approach_mm, point))
@@ -124,8 +132,8 @@ def _three_sides(answer: Answer) -> list[tuple[str, FloatArray]]:
             rotations[capture.id] = pose.rotation @ answer.tool0_from_laser.rotation
     names = list(rotations)[:_MOST_ORIENTATIONS]
     if len(names) < SIDES:
-        to_do = "Capture the sphere from three sides."
-        raise InputError(f"{SIDES} captures with poses", f"{len(names)}", to_do, answer.stage)
+        to_do = message("Capture the sphere from three sides.")
+        raise InputError("{sides} captures with poses", f"{len(names)}", to_do, answer.stage, sides=SIDES)
     apart = {
         (a, b): float(np.linalg.norm(vector_from_rotation(rotations[a].T @ rotations[b])))
         for a, b in combinations(names, 2)

@@ -11,6 +11,7 @@ from calib_core.exports.check_move import CheckSettings, check_move
 from calib_core.exports.entry import Export
 from calib_core.exports.writing import Name, provenance, tool_pose
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.poses.numbers import to_pose
 
 
@@ -135,7 +136,8 @@ def check_export(
 
     media_type = "application/zip" if suffix == ".zip" else "text/plain"
     found = MoveExport(
-        f"{brand}-check-move", f"{title}: check move", media_type, suffix, write, settings, brand,
+        f"{brand}-check-move", message('{title}: check move', title=title), media_type, suffix, write, settings,
+        brand,
         convention=convention, program=program,
     )  # fmt: skip
     return found

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export
-from calib_core.exports.neutral import FrameSettings, edges, position_and_quaternion
+from calib_core.exports.neutral import FrameSettings, edges_known, position_and_quaternion
 from calib_core.exports.writing import provenance
 
 _NAMES = ["parent", "child", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"]
@@ -19,8 +19,7 @@ def _write(answer: Answer, settings: FrameSettings) -> str:
     text.writelines(f"# {line}\n" for line in provenance(answer))
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow([*_NAMES, *_SIGMAS])
-    for parent, child, frame in edges(answer, settings):
-        covariance = answer.tool_covariance if frame is answer.mount_from_laser else answer.table_covariance
+    for parent, child, frame, covariance in edges_known(answer, settings):
         sigmas = np.sqrt(np.maximum(np.diag(covariance), 0)).tolist() if covariance is not None else [""] * 6
         position = [repr(float(v)) for v in frame.translation_mm]
         rows.writerow([parent, child, *position, *position_and_quaternion(frame)[1], *sigmas])

@@ -39,6 +39,8 @@ class Export:
         The robot brand that it belongs to, or empty.
     patch : callable, optional
         (backup, answer, settings) to the backup with one entry changed and every other byte as it was.
+    comment : str
+        What begins a line that the other program does not read: an answer with faults is marked in one.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Export:
     settings: type[Settings] = field(default=Settings)
     brand: str = ""
     patch: Patch | None = None
+    comment: str = "#"
 
     def describe(self) -> dict[str, Any]:
         """Return the entry as JSON data, with the JSON Schema of its settings."""

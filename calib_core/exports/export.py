@@ -14,10 +14,13 @@ from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.entry import Export, Settings
 from calib_core.exports.registry import all_exports, export_named
+from calib_core.exports.writing import marked
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import message
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import to_pose
 from calib_core.records import Record, Session
+from calib_core.records.faults import OF_RESULTS
 from calib_core.records.field_errors import input_error
 from calib_core.steps import table_stages
 
@@ -30,7 +33,7 @@ def export(
     results: Mapping[str, Record | Mapping[str, Any]],
     name: str,
     stale: Collection[str] = (),
-    allow: Collection[str] = ("stale", "fail"),
+    allow: Collection[str] = OF_RESULTS,
     settings: Mapping[str, Any] | None = None,
     backup: bytes | None = None,
     date: str = "",
@@ -79,12 +82,15 @@ def write_export(
     try:
         chosen = entry.settings.model_validate(dict(settings or {}))
     except ValidationError as error:
-        raise input_error(error, settings, f"settings of '{name}'") from None
+        raise input_error(error, settings, message("settings of '{name}'", name=name)) from None
+    answer = answer.of_scanner(getattr(chosen, "of_scanner", None))
     if backup is None:
-        content = entry.write(answer, chosen)
+        content = marked(entry.write(answer, chosen), answer, entry)
     elif entry.patch is None:
         able = ", ".join(e.name for e in all_exports() if e.patch)
-        raise InputError(f"an export that can change a backup: {able}", f"'{name}'", "Name one of these.", "into")
+        raise InputError(
+            "an export that can change a backup: {able}", f"'{name}'", "Name one of these.", "into", able=able
+        )
     else:
         content = entry.patch(backup, answer, chosen)
     return (content.encode() if isinstance(content, str) else content), entry
@@ -123,6 +129,7 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
         "standard_deviation": dict(zip(_ORDER, sigmas.tolist(), strict=True)),
         "confidence_95": result.get("confidence_95", {}),
         "undetermined": result.get("undetermined", []),
+        "frames": result.get("frames", []),
         "pose_convention": session.cell.pose_convention,
         "conventions": {name: _in_convention(name, frame, covariance[:6, :6]) for name in CONVENTIONS},
     }
@@ -130,8 +137,8 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
 
 _TABLE_FIELDS = (
     "verdict", "inputs_sha256", "base_from_turntable", "axis_direction_in_base", "axis_point_in_base_mm",
-    "direction", "axis_direction_sigma_deg", "axis_point_sigma_mm", "mounts", "tool0_from_laser", "covariance",
-    "turntable_covariance",
+    "direction", "axis_direction_sigma_deg", "axis_point_sigma_mm", "mounts", "tool0_from_laser",
+    "base_from_laser", "covariance", "turntable_covariance",
 )  # fmt: skip
 
 
@@ -153,7 +160,7 @@ def table_frames(results: Mapping[str, Record | Mapping[str, Any]]) -> dict[str,
             covariance = np.array(data.get("turntable_covariance") or data["covariance"], dtype=float)
             found[stage]["conventions"] = {name: _in_convention(name, frame, covariance) for name in CONVENTIONS}
             if stage == "chain":
-                tool = RigidTransform.from_rounded(data["tool0_from_laser"], "tool0", "laser")
+                tool = scanner_frame(data)
                 own = np.array(data["covariance"], dtype=float)
                 found[stage]["tool_conventions"] = {name: _in_convention(name, tool, own) for name in CONVENTIONS}
     return found

@@ -10,7 +10,7 @@ def _write(answer: Answer, settings: FrameSettings) -> str:
     lines = [f"# {line}" for line in provenance(answer)]
     for parent, child, frame in edges(answer, settings):
         (x, y, z), (qx, qy, qz, qw) = position_and_quaternion(frame)
-        kind = "eye_in_hand" if child == settings.scanner else "eye_to_hand"
+        kind = "eye_in_hand" if parent == settings.flange else "eye_to_hand"
         lines += [
             "---" if len(lines) > len(provenance(answer)) else "# parameters of one sensor",
             "parameters:",

@@ -7,7 +7,7 @@ import numpy as np
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Settings
 from calib_core.exports.writing import Part, wanted
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.poses.numbers import to_pose
 from calib_core.poses.rotations import angles_from_rotation
 
@@ -27,13 +27,28 @@ class FrameSettings(Settings):
 
 
 def edges(answer: Answer, settings: FrameSettings) -> Iterator[tuple[str, str, RigidTransform]]:
-    """Yield parent, child and parent_from_child of what is to be written."""
+    """Yield parent, child and parent_from_child of what is to be written: every scanner, table and other axis."""
+    for parent, child, frame, _ in edges_known(answer, settings):
+        yield parent, child, frame
+
+
+def edges_known(
+    answer: Answer, settings: FrameSettings
+) -> Iterator[tuple[str, str, RigidTransform, FloatArray | None]]:
+    """Yield the same with the covariance (6, 6) of each, where it is stated."""
     with_tool, with_table = wanted(answer, settings.part, "both")
-    if with_tool:
-        mount = settings.flange if answer.mount_from_laser.into == "tool0" else settings.base
-        yield mount, settings.scanner, answer.mount_from_laser
+    names = {"tool0": settings.flange, "base": settings.base}
+    named = {f"{settings.scanner}_{name}": known for name, known in answer.scanners().items()}
+    scanners = named or {settings.scanner: (answer.mount_from_laser, answer.tool_covariance)}
+    for child, (frame, covariance) in scanners.items() if with_tool else ():
+        yield names[frame.into], child, frame, covariance
     if with_table and answer.base_from_turntable is not None:
-        yield settings.base, settings.turntable, answer.base_from_turntable
+        yield settings.base, settings.turntable, answer.base_from_turntable, answer.table_covariance
+    for axis in answer.frames if settings.part != "tool" else ():
+        if axis.into == "base" and axis.outof not in ("laser", "turntable"):
+            frame = RigidTransform.from_rounded(axis.matrix, "base", "turntable")
+            covariance = None if axis.covariance is None else np.array(axis.covariance, dtype=float)
+            yield settings.base, axis.outof, frame, covariance
 
 
 def position_and_quaternion(frame: RigidTransform) -> tuple[list[str], list[str]]:

@@ -6,12 +6,11 @@ from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export
 from calib_core.exports.writing import (
     NumberedSettings,
+    Written,
+    frames_written,
     listed,
     patched_line,
     program_export,
-    table_pose,
-    tool_pose,
-    wanted,
 )
 
 
@@ -51,17 +50,13 @@ class Statements:
         return [f"{self.frame} {settings.frame}, {self.call}({_numbers(pose)})"]
 
     def _patch(self, backup: bytes, answer: Answer, settings: NumberedSettings) -> bytes:
-        entries: list[tuple[str, str, str]] = []
-        with_tool, with_table = wanted(answer, settings.part, "tool")
-        if with_tool:
-            entries.append(self._entry(self.tool, settings.tool, tool_pose(answer, self.convention)))
-        if with_table:
-            entries.append(self._entry(self.frame, settings.frame, table_pose(answer, self.convention)))
+        entries = [self._entry(one) for one in frames_written(answer, settings, self.convention, "tool")]
         return patched_line(backup, answer, "' ", entries)
 
-    def _entry(self, word: str, number: int, pose: list[float]) -> tuple[str, str, str]:
+    def _entry(self, one: Written) -> tuple[str, str, str]:
+        word, number = (self.tool, one.settings.tool) if one.kind == "tool" else (self.frame, one.settings.frame)
         before = rf"^[ \t]*{word}[ \t]+{number}[ \t]*,[ \t]*{self.call_pattern}[ \t]*\("
-        return f"{word} {number}, {self.call}(…)", before, _numbers(pose)
+        return f"{word} {number}, {self.call}(…)", before, _numbers(one.pose)
 
 
 def _numbers(pose: list[float]) -> str:

@@ -48,7 +48,11 @@ def planned_program(session: Session, plan: PoseList, brand: str) -> PlannedProg
     entry = next((e for e in all_exports() if isinstance(e, MoveExport) and e.brand == brand), None)
     if entry is None:
         raise InputError(
-            f"a brand among {', '.join(program_brands())}", f"'{brand}'", "Name one of these.", "brand"
+            "a brand among {program_brands}",
+            f"'{brand}'",
+            "Name one of these.",
+            "brand",
+            program_brands=", ".join(program_brands()),
         )
     approaches = [pose.approach_numbers for pose in plan.poses]
     stops: list[Stop] = []

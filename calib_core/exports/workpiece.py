@@ -14,6 +14,7 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.guidance.budget import together
 from calib_core.guidance.calibrated import Calibrated, View
+from calib_core.messages import message
 from calib_core.poses.numbers import parse_pose
 from calib_core.records import Record, Session
 from calib_core.steps import steps_that_show, table_stages, tool_stages
@@ -107,7 +108,7 @@ def covariance_in(result: Mapping[str, Any], name: str) -> FloatArray:
     whole = name.startswith("cross") or (square and _is_covariance(covariance))
     if not ((np.abs(covariance) < _LARGEST).all() and whole):
         where = f"results/{result['stage']}.json: {name}"
-        got = "numbers that cannot be one" if square else "another shape"
+        got = message("numbers that cannot be one") if square else message("another shape")
         raise InputError("a covariance of six numbers", got, "Solve the session again.", where)
     return covariance
 
@@ -158,7 +159,7 @@ def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any])
     poses = _poses(session, set(angles_deg), ("turntable",))
     if not poses:
         return None
-    tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
+    carriers, tool = carriers_found(result), scanner_frame(result)
     table = RigidTransform.from_rounded(result["base_from_turntable"], "base", "turntable")
     for name in ("covariance", "turntable_covariance", "cross_covariance"):
         covariance_in(result, name)
@@ -170,7 +171,10 @@ def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any])
         turn = RigidTransform.of(
             [0.0, 0.0, result["direction"] * angle], [0.0, 0.0, 0.0], "turntable", "turntable"
         )
-        in_laser = (base_from_tool0 @ tool).inverse().apply((table @ turn).apply(place))
+        base_from_mount = (
+            base_from_tool0 if carriers.scanner == "tool0" else RigidTransform.identity("base", "base")
+        )
+        in_laser = (base_from_mount @ tool).inverse().apply((table @ turn).apply(place))
         total += together(known, View(base_from_tool0.rotation, angle, in_laser), place)
     return _summed("both", mount["mount"], place, total / len(poses))
 

@@ -1,14 +1,17 @@
 """What the writers of controllers' files share: settings, numbers as text, the note on where they come from."""
 
 import re
-from collections.abc import Callable, Iterable, Sequence
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, StringConstraints
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export, Patch, Settings
+from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.poses.numbers import to_pose
 from calib_core.records.faults import FAULTS
 
@@ -16,20 +19,82 @@ Part = Literal["tool", "table", "both"]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w{0,31}(\[\d{1,4}\])?$")]
 
 
-class NumberedSettings(Settings):
-    """Which tool and user frame are written; of a backup, only the tool unless `part` says otherwise."""
+class ControllerSettings(Settings):
+    """What of the answer is written; of a backup, the scanner alone unless `part` says otherwise.
+
+    A scanner that stands still is written as a user frame: `scanner_frame`, or `frame` where there is no table.
+    `of_scanner` names the scanner of a cell that has several.
+    """
+
+    part: Part | None = None
+    of_scanner: str | None = None
+
+
+class NumberedSettings(ControllerSettings):
+    """Which tool and user frames are written."""
 
     tool: int = Field(default=1, ge=0, le=999)
     frame: int = Field(default=1, ge=0, le=999)
-    part: Part | None = None
+    scanner_frame: int | None = Field(default=None, ge=0, le=999)
+
+    def of_fixed_scanner(self, with_table: bool) -> Self:
+        """Return them with the user frame of a scanner that stands still; left out, the one after the table's."""
+        number = self.frame + with_table if self.scanner_frame is None else self.scanner_frame
+        return self.model_copy(update={"frame": number})
 
 
-class NamedSettings(Settings):
-    """What tool and user frame are called; of a backup, only the tool unless `part` says otherwise."""
+class NamedSettings(ControllerSettings):
+    """What tool and user frames are called."""
 
     tool: Name = "tScanner"
     frame: Name = "fTable"
-    part: Part | None = None
+    scanner_frame: Name = "fScanner"
+
+    def of_fixed_scanner(self, with_table: bool) -> Self:
+        """Return them with the user frame of a scanner that stands still."""
+        named = "frame" in self.model_fields_set and "scanner_frame" not in self.model_fields_set
+        return self if named and not with_table else self.model_copy(update={"frame": self.scanner_frame})
+
+
+@dataclass(frozen=True)
+class Written:
+    """A frame as a controller takes it: the robot's tool, or a user frame.
+
+    Attributes
+    ----------
+    kind : str
+    pose : list of float
+        In the controller's convention.
+    settings : Settings
+        Whose `tool` or `frame` is its own.
+    note : str
+        What it is, of a user frame.
+    """
+
+    kind: Literal["tool", "frame"]
+    pose: list[float]
+    settings: Any
+    note: str = ""
+
+
+def frames_written(answer: Answer, settings: Any, convention: str, default: Part) -> Iterator[Written]:
+    """Give what is to be written: the scanner, as a user frame where it stands still, and the table.
+
+    Raises
+    ------
+    ConflictError
+        If the table is asked for and there is none.
+    """
+    with_scanner, with_table = wanted(answer, settings.part, default)
+    scanner = to_pose(convention, RigidTransform(answer.mount_from_laser.matrix, "base", "tool0"))
+    if with_scanner and answer.mount_from_laser.into == "tool0":
+        yield Written("tool", scanner, settings)
+    elif with_scanner:
+        own = settings.of_fixed_scanner(with_table)
+        yield Written("frame", scanner, own, "the scanner, which stands still: its frame in base")
+    if with_table:
+        note = "the turntable at 0 deg: z is its axis"
+        yield Written("frame", table_pose(answer, convention), settings, note)
 
 
 def wanted(answer: Answer, part: Part | None, default: Part) -> tuple[bool, bool]:
@@ -70,18 +135,54 @@ def listed(pose: Iterable[float], position: int, orientation: int, separator: st
     return separator.join(fixed(v, position if i < 3 else orientation) for i, v in enumerate(pose))
 
 
+MARKS: Final = ("NOT TO BE USED", "not_to_be_used", "DO-NOT-USE", "DO NOT USE", "ATTENTION", "attention")
+"""How files say that their answer has faults."""
+
+
+def marked(content: str | bytes, answer: Answer, entry: Export) -> str | bytes:
+    """Return what an export wrote with a line that names the answer's faults, where its writer does not mark it.
+
+    Raises
+    ------
+    ConflictError
+        If the file is no text, so that it cannot be marked.
+    """
+    if not answer.all_faults:
+        return content
+    data = content.encode() if isinstance(content, str) else content
+    if any(mark_of.encode(encoding) in data for mark_of in MARKS for encoding in ("ascii", "utf-16-le")):
+        return content
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        raise ConflictError(
+            "an answer without faults for a format that is no text and does not mark it",
+            "one with {faults}",
+            "Mend the answer, or choose another format.",
+            entry.name,
+            faults=", ".join(answer.all_faults),
+        ) from None
+    return "".join(f"{entry.comment} {line}\n" for line in _faults_told(answer)) + text
+
+
+def _faults_told(answer: Answer) -> list[str]:
+    faults = " and ".join(FAULTS[name].said for name in answer.faults)
+    also = " and ".join(FAULTS[name].said for name in answer.of_moment)
+    return [
+        *([f"NOT TO BE USED: this answer is {faults}"] if faults else []),
+        *([f"ATTENTION: this answer is {also}"] if also else []),
+    ]
+
+
 def provenance(answer: Answer) -> list[str]:
     """Return what a person at the controller should know, in ASCII: session, uncertainty, date, hash.
 
     An answer with faults says so first.
     """
     name = ascii_of(answer.session.name) or "without a name"
-    faults = " and ".join(FAULTS[name].said for name in answer.faults)
-    also = " and ".join(FAULTS[name].said for name in answer.of_moment)
     position, rotation = answer.position_sigma_mm, answer.rotation_sigma_deg
     return [
-        *([f"NOT TO BE USED: this answer is {faults}"] if faults else []),
-        *([f"ATTENTION: this answer is {also}"] if also else []),
+        *_faults_told(answer),
         f"scancell: scanner frame (laser) in {answer.mount_from_laser.into}, of session {name}",
         f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date[:10] or 'at an unknown date'}",
         f"standard uncertainty {position:.4f} mm, {rotation:.5f} deg (worst axis)",
@@ -127,9 +228,9 @@ def only_match(pattern: str, text: str, what: str, flags: int = re.MULTILINE | r
     """
     found = list(re.finditer(pattern, text, flags))
     if len(found) != 1:
-        got = f"{len(found)} of them" if found else "none"
-        to_do = "Give the file that defines it, or name another with --tool or --frame."
-        raise InputError(f"one {what} in the backup", got, to_do, "into")
+        got = message("{count} of them", count=len(found)) if found else message("none")
+        to_do = message("Give the file that defines it, or name another with --tool or --frame.")
+        raise InputError("one {what} in the backup", got, to_do, "into", what=what)
     return found[0]
 
 
@@ -182,11 +283,8 @@ def patched_by(
 
     def patch(backup: bytes, answer: Answer, settings: Any) -> bytes:
         text, encoding = as_bytes_kept(backup)
-        with_tool, with_table = wanted(answer, settings.part, "tool")
-        if with_tool:
-            text = put(text, "tool", tool_pose(answer, convention), settings, answer)
-        if with_table:
-            text = put(text, "frame", table_pose(answer, convention), settings, answer)
+        for one in frames_written(answer, settings, convention, "tool"):
+            text = put(text, one.kind, one.pose, one.settings, answer)
         return put_back(text, encoding)
 
     return patch
@@ -212,7 +310,7 @@ def program_export(
     comment: str,
     settings: type[Settings],
     tool: Lines,
-    table: Lines,
+    frame: Lines,
     around: tuple[Sequence[str], Sequence[str]] = ((), ()),
     patch: Patch | None = None,
     convention: str | None = None,
@@ -227,7 +325,7 @@ def program_export(
         What a comment begins with.
     settings : type
         With a field `part`.
-    tool, table : callable
+    tool, frame : callable
         (its numbers, settings, answer) to the lines that set the tool, and the user frame.
     around : pair of sequence of str
         Lines before and after.
@@ -239,12 +337,10 @@ def program_export(
     numbers_of = convention or name
 
     def write(answer: Answer, chosen: Any) -> str:
-        with_tool, with_table = wanted(answer, chosen.part, "both")
         lines = [*around[0], *(f"{comment}{line}" for line in provenance(answer))]
-        lines += tool(tool_pose(answer, numbers_of), chosen, answer) if with_tool else []
-        if with_table:
-            own = table(table_pose(answer, numbers_of), chosen, answer)
-            lines += [f"{comment}the turntable at 0 deg: z is its axis", *own]
+        for one in frames_written(answer, chosen, numbers_of, "both"):
+            lines += [f"{comment}{one.note}"] if one.note else []
+            lines += (tool if one.kind == "tool" else frame)(one.pose, one.settings, answer)
         return "\r\n".join([*lines, *around[1]]) + "\r\n"
 
     return Export(name, title, "text/plain", suffix, write, settings, name, patch)

@@ -32,18 +32,16 @@ How to convert a place that judges (all you need to know is on this page)
    Verdict, `warnings`, `notes` and `causes` are made there, the captures' reasons by `reasons_of(findings)`.
    Nobody sets a verdict, and nobody looks into a sentence: ask `has(findings, codes.MOVED_SPHERE)`.
 
-4. **Translate**: `make catalogues` takes up new texts into `locale/de/AREA.po` and `locale/zh/AREA.po` (with what
-   the page's old tables know of them) and writes `docs/findings/`; fill what is empty.
-   `tests/core/test_findings.py` names what misses.  Where main moved: rebase, take either side of a .po, run
-   `make catalogues` again.
-
-5. **Shrink the lists** in `tests/core/findings_to_convert.py`: your files leave them.  The old sentences leave
-   `web/texts/server/` with you.
+4. **Translate**: `make catalogues` takes up new texts into `locale/de/AREA.po` and `locale/zh/AREA.po` and writes
+   `docs/findings/`; fill what is empty.  `tests/core/test_findings.py` names what misses.  Where main moved:
+   rebase, take either side of a .po, run `make catalogues` again.
 
 Texts that are no findings (refusals, labels, guide) are messages: `message("…{count}…", count=3)`, see
-`calib_core/messages.py`; they are translated by the same command, into the catalogue of their room.
+`calib_core/messages.py`; they are translated by the same command, into the catalogue of their room.  Records keep
+them as English texts; `telling.told` says a whole answer in a language, at the edge.
 """
 
+from calib_core.findings.bridge import complete_measured, findings_in
 from calib_core.findings.catalogues import LANGUAGES, catalogue
 from calib_core.findings.code import Code, Plural
 from calib_core.findings.judgement import (
@@ -53,11 +51,23 @@ from calib_core.findings.judgement import (
     has_code,
     judged,
     judgement,
+    measured_judgement,
+    measured_with,
+    message_of_finding,
     reasons_of,
     sentence_of,
+    to_do_of,
     verdict_of,
+    worst_of,
 )
-from calib_core.findings.reading import as_read, in_language, with_severities
+from calib_core.findings.reading import (
+    as_read,
+    findings_as_read,
+    guide_as_read,
+    in_language,
+    measured_as_read,
+    with_severities,
+)
 from calib_core.findings.table import CODES, code_named
 from calib_core.records.findings import Finding, Severity
 
@@ -73,13 +83,23 @@ __all__ = [
     "catalogue",
     "causes_of",
     "code_named",
+    "complete_measured",
+    "findings_as_read",
+    "findings_in",
+    "guide_as_read",
     "has",
     "has_code",
     "in_language",
     "judged",
     "judgement",
+    "measured_as_read",
+    "measured_judgement",
+    "measured_with",
+    "message_of_finding",
     "reasons_of",
     "sentence_of",
+    "to_do_of",
     "verdict_of",
     "with_severities",
+    "worst_of",
 ]

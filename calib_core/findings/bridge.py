@@ -1,17 +1,29 @@
-"""The bridge to sentences: findings for what a result says without one.
+"""Findings for what is said without one: by results and captures that were stored before 0.2."""
 
-It stays for results of releases before 0.2, which have no findings.  For the stages of today it leaves piece by
-piece: `tests/core/findings_to_convert.py` lists the files that still build sentences.
-"""
-
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 from calib_core.findings.codes.stored import SAID_BEFORE, SAID_NOTE, SAID_WARNING
 from calib_core.messages import ENGLISH
-from calib_core.records import Result
+from calib_core.records import Measured, Result
 from calib_core.records.findings import Finding
 
 _R = TypeVar("_R", bound=Result)
+
+
+def complete_measured(measured: Measured) -> Measured:
+    """Return what was measured in a capture with a finding for what it says without one."""
+    if measured.findings or measured.reason is None:
+        return measured
+    code = {"fail": SAID_BEFORE, "warn": SAID_WARNING}.get(measured.verdict, SAID_NOTE)
+    sentence = ENGLISH.sentences([measured.reason, measured.to_do or ""])
+    return measured.model_copy(update={"findings": [code([measured.capture], sentence=sentence)]})
+
+
+def findings_in(data: Mapping[str, Any]) -> list[Finding]:
+    """Return the findings of a result, given as JSON data."""
+    told = {name: value for name, value in data.items() if name != "evidence"}
+    return complete(Result.model_validate({"method": "", "software": "", "inputs_sha256": "", **told})).findings
 
 
 def complete(result: _R) -> _R:

@@ -51,28 +51,29 @@ def _contents(language: str) -> Iterator[str]:
 
 
 def entries(content: str) -> Iterator[dict[str, Any]]:
-    """Give the entries of a gettext file: `msgid`, `msgid_plural` where it has one, and `msgstr` by its forms."""
-    one: dict[str, Any] = {}
+    """Give a gettext file's entries: `msgid`, `msgctxt` and `msgid_plural` if any, and `msgstr` by its forms."""
+    one: dict[str, Any] = {"msgstr": []}
     field = ""
     for line in [*content.splitlines(), ""]:
-        if line.startswith("msgid "):
-            one, field = {"msgid": "", "msgstr": []}, "msgid"
-        elif line.startswith("msgid_plural "):
-            field = one["msgid_plural"] = ""
-            field = "msgid_plural"
-        elif line.startswith("msgstr"):
+        keyword, _, said = line.partition(" ")
+        if keyword in ("msgctxt", "msgid", "msgid_plural"):
+            field, one[keyword] = keyword, ""
+        elif keyword.startswith("msgstr"):
             field = "msgstr"
             one["msgstr"].append("")
-        elif not line.startswith('"'):
+        elif line.startswith('"'):
+            said = line
+        else:
             if field == "msgstr":
                 yield one
+                one = {"msgstr": []}
             field = ""
             continue
-        said = json.loads(line[line.index('"') :])
+        text = json.loads(said)
         if field == "msgstr":
-            one["msgstr"][-1] += said
+            one["msgstr"][-1] += text
         else:
-            one[field] += said
+            one[field] += text
 
 
 def _plural_rule(header: str) -> str:

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from string import Formatter
-from typing import Any, Final
+from typing import Any, Final, cast
 
-from calib_core.messages import ENGLISH, Catalogue, Message, Names, Value
+from calib_core.messages import ENGLISH, Catalogue, Message, Names, Value, data_of
 from calib_core.records.causes import RootCause
 from calib_core.records.findings import Finding, MessageParts, Severity, Told
 
@@ -85,8 +85,10 @@ class Code:
         by_capture = {name: _told(some) for name, some in (each or {}).items()}
         first = next(iter((each or {}).values()), {})
         filled = {**first, **values}
-        parts = {name: parts_of(value) for name, value in filled.items() if isinstance(value, Message)} | {
-            f"{capture}:{name}": parts_of(value)
+        parts = {
+            name: MessageParts(**data_of(value)) for name, value in filled.items() if isinstance(value, Message)
+        } | {
+            f"{capture}:{name}": MessageParts(**data_of(value))
             for capture, some in (each or {}).items()
             for name, value in some.items()
             if isinstance(value, Message)
@@ -163,29 +165,6 @@ def _told(values: Mapping[str, Value]) -> dict[str, Told]:
         if isinstance(value, int | float)
         else str(value)
         if isinstance(value, str)
-        else ", ".join(value)
+        else ", ".join(cast(Sequence[str], value))
         for name, value in values.items()
     }
-
-
-def parts_of(said: Message) -> MessageParts:
-    """Return a message as it is stored."""
-    values: dict[str, Any] = {
-        name: parts_of(value).to_json()
-        if isinstance(value, Message)
-        else value
-        if isinstance(value, str | int | float)
-        else list(value)
-        for name, value in said.values.items()
-    }
-    more = {"many": said.many, "by": said.by}
-    return MessageParts(template=said.template, values=values, **{k: v for k, v in more.items() if v})
-
-
-def message_of(parts: MessageParts) -> Message:
-    """Return a stored message."""
-    values = {
-        name: message_of(MessageParts.model_validate(value)) if isinstance(value, dict) else value
-        for name, value in parts.values.items()
-    }
-    return Message(parts.template, values, parts.many, parts.by)

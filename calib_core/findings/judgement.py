@@ -3,21 +3,21 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, TypeVar
 
-from calib_core.findings.bridge import complete
-from calib_core.findings.code import Choice, Code, message_of
+from calib_core.findings.bridge import complete, complete_measured
+from calib_core.findings.code import Choice, Code, Plural
 from calib_core.findings.table import CODES
-from calib_core.messages import ENGLISH, Catalogue, Value
-from calib_core.records import Result, RootCause, Verdict
-from calib_core.records.findings import Finding
+from calib_core.messages import ENGLISH, Catalogue, Message, Names, Value, message_of
+from calib_core.records import Measured, Result, RootCause, Verdict
+from calib_core.records.findings import Finding, Severity
 
 _ORDER: Final = ("error", "warning", "note")
+_VERDICTS: Final[Mapping[Severity, Verdict]] = {"error": "fail", "warning": "warn", "note": "pass"}
 _R = TypeVar("_R", bound=Result)
 
 
 def verdict_of(findings: Iterable[Finding]) -> Verdict:
     """Return `fail` with an error, `warn` with a warning, else `pass`; what only follows does not count."""
-    found = {finding.severity for finding in findings if finding.behind is None}
-    return "fail" if "error" in found else "warn" if "warning" in found else "pass"
+    return worst_of(_VERDICTS[finding.severity] for finding in findings if finding.behind is None)
 
 
 def has(findings: Iterable[Finding], *codes: Code) -> bool:
@@ -46,6 +46,47 @@ def judgement(findings: Iterable[Finding]) -> dict[str, Any]:
         "notes": [sentence_of(finding) for finding in shown if finding.severity == "note"],
         "causes": causes_of(_told_with_causes(found)),
     }
+
+
+def measured_judgement(findings: Iterable[Finding], language: Catalogue = ENGLISH) -> dict[str, Any]:
+    """Return what of a measured capture is made of its findings: verdict, reason, and what to do."""
+    told = judgement(findings)
+    found: list[Finding] = told["findings"]
+    notes = [sentence_of(finding, language) for finding in found if finding.severity == "note"]
+    doubts = [finding for finding in found if finding.severity != "note"]
+    reason = language.sentences([*(finding.text for finding in doubts), *notes])
+    to_do = language.sentences(dict.fromkeys(finding.to_do for finding in doubts))
+    return {"findings": found, "verdict": told["verdict"], "reason": reason or None, "to_do": to_do or None}
+
+
+def measured_with(measured: Measured, more: Sequence[Finding]) -> Measured:
+    """Return what was measured in a capture with further findings."""
+    found = [*complete_measured(measured).findings, *more]
+    return measured.model_copy(update=measured_judgement(found)) if more else measured
+
+
+def worst_of(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return the worst of several verdicts."""
+    found = set(verdicts)
+    return "fail" if "fail" in found else "warn" if "warn" in found else "pass"
+
+
+def message_of_finding(finding: Finding) -> str:
+    """Return what a finding says as a message, so that it can be a value of another."""
+    code = CODES[finding.code]
+    return _as_message(finding, code.text, code.by)
+
+
+def to_do_of(finding: Finding) -> str:
+    """Return what a finding says is to be done as a message; nothing where it says nothing."""
+    code = CODES[finding.code]
+    return _as_message(finding, code.to_do, code.by_to_do or code.by) if code.to_do else ""
+
+
+def _as_message(finding: Finding, choice: Choice, by: str) -> str:
+    places = {"captures": Names(finding.captures), **places_in(finding)}
+    text = choice[str(places[by])] if isinstance(choice, Mapping) else choice
+    return Message(text.one, places, text.many, text.by) if isinstance(text, Plural) else Message(text, places)
 
 
 def _told_with_causes(found: list[Finding]) -> list[Finding]:
@@ -109,7 +150,7 @@ def places_in(finding: Finding, capture: str = "") -> dict[str, Value]:
     for name in values:
         parts = finding.messages.get(f"{capture}:{name}", finding.messages.get(name))
         if parts is not None:
-            values[name] = message_of(parts)
+            values[name] = message_of(parts.to_json())
     return values
 
 

@@ -17,8 +17,9 @@ from calib_core.formats.format import Format, Match, PointKind, Reading, Setting
 from calib_core.formats.shared.binary_table import require_count
 from calib_core.formats.shared.columns import Column, points_of
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
-_TO_DO = "Copy or export the cloud again."
+_TO_DO = message("Copy or export the cloud again.")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 
 _PAGE, _PAYLOAD = 1024, 1020
@@ -183,7 +184,7 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
         import pye57
         from pye57.exception import PyE57Exception
     except ModuleNotFoundError:
-        to_do = "Install it: pip install 'scancell[e57]'; or export the cloud as PLY."
+        to_do = message("Install it: pip install 'scancell[e57]'; or export the cloud as PLY.")
         raise InputError("the extra 'e57', which reads E57", "an installation without it", to_do, name) from None
     with tempfile.TemporaryDirectory() as folder:  # libE57Format reads files alone
         path = Path(folder) / "scan.e57"
@@ -214,7 +215,7 @@ def scan_poses(data: bytes, name: str) -> list[list[float] | None]:
     try:
         import pye57
     except ModuleNotFoundError:
-        to_do = "Install it: pip install 'scancell[e57]'; or export the cloud as PLY."
+        to_do = message("Install it: pip install 'scancell[e57]'; or export the cloud as PLY.")
         raise InputError("the extra 'e57', which reads E57", "an installation without it", to_do, name) from None
     found: list[list[float] | None] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -239,7 +240,7 @@ def _scan(opened: Any, size: int, settings: E57Settings, where: str) -> tuple[Fl
     scans = int(opened.scan_count)
     chosen = settings.scan if settings.scan is not None else 0
     if chosen >= scans or (scans > 1 and settings.scan is None):
-        got = f"{scans} scans"
+        got = message("{scans} scans", scans=scans)
         raise InputError("one scan", got, "Give the setting scan, from 0, or export one alone.", where)
     header = opened.get_header(chosen)
     require_count(int(header.point_count), 8 * size, where)

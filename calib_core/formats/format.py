@@ -6,7 +6,7 @@ Another package adds a format by an entry point of the group ``scancell.formats`
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from pydantic import ConfigDict, Field
 from calib_core.errors import InputError
 from calib_core.formats.shared.mesh import MeshData
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 from calib_core.records.base import Finite, Positive, Record
 
 Kind = Literal["profile", "cloud", "frame", "mesh"]
@@ -50,6 +51,14 @@ class Match(NamedTuple):
 
 
 NO_MATCH = Match(0.0, "")
+
+_UNIT_FROM: Final = {
+    "assumed": message("assumed"),
+    "header": message("stated in the file"),
+    "settings": message("as told"),
+    "format": message("by the format"),
+}
+_KINDS: Final = {"profile": message("profile"), "cloud": message("cloud")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,9 +122,11 @@ class Reading:
         scales = {axis: getattr(settings, f"{axis}_scale") for axis in self.axes}
         if all(scale == 1 for scale in scales.values()):
             return self
-        said = ", ".join(f"{axis} by {scale:g}" for axis, scale in scales.items() if scale != 1)
+        said = ", ".join(
+            message("{axis} by {scale:g}", axis=axis, scale=scale) for axis, scale in scales.items() if scale != 1
+        )
         points = self.points * list(scales.values())
-        return replace(self, points=points).adding([f"Multiplied as told: {said}."])
+        return replace(self, points=points).adding([message("Multiplied as told: {said}.", said=said)])
 
     def adding(self, notes: Iterable[str] = (), doubts: Iterable[str] = ()) -> "Reading":
         """Return the same reading with further notes and doubts."""
@@ -125,20 +136,18 @@ class Reading:
         """Return in one line what was read."""
         rows = f" ({self.grid[0]} × {self.grid[1]})" if self.grid else ""
         named = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
-        blank = f", {self.missing} without a value" if self.missing else ""
-        columns = f"; {named}" if named else ""
-        return (
-            f"{self.format}: {self.kind} of {len(self.points)} points{rows}{blank}{columns}; {self._unit_text()}"
+        blank = message(", {count} without a value", count=self.missing) if self.missing else ""
+        return message(
+            "{format}: {kind} of {count} points{rows}{blank}{columns}; {unit} ({origin})",
+            format=self.format,
+            kind=_KINDS.get(self.kind, self.kind),
+            count=len(self.points),
+            rows=rows,
+            blank=blank,
+            columns=f"; {named}" if named else "",
+            unit=self.unit,
+            origin=_UNIT_FROM.get(self.unit_from, self.unit_from),
         )
-
-    def _unit_text(self) -> str:
-        said = {
-            "assumed": "assumed",
-            "header": "stated in the file",
-            "settings": "as told",
-            "format": "by the format",
-        }
-        return f"{self.unit} ({said.get(self.unit_from, self.unit_from)})"
 
     def to_json(self, rows: int = 400) -> dict[str, Any]:
         """Return what was taken, with at most so many of the points for drawing."""
@@ -240,7 +249,10 @@ def require_kind(kind: PointKind, wanted: PointKind | None, where: str, columns:
     if wanted is not None and kind != wanted:
         raise InputError(
             "a profile (x and z)" if wanted == "profile" else "a cloud (x, y and z)",
-            f"a {kind} with {columns}",
-            f"Give the capture the kind '{kind}', or export the file as a {wanted}.",
+            "a {kind} with {columns}",
+            "Give the capture the kind '{kind}', or export the file as a {wanted}.",
             where,
+            kind=kind,
+            columns=columns,
+            wanted=wanted,
         )

@@ -18,7 +18,9 @@ from calib_core.formats.shared.columns import Column, points_of
 from calib_core.formats.shared.text_style import decode_text, number_of
 from calib_core.formats.shared.text_table import parse_table
 from calib_core.frames import FloatArray
+from calib_core.messages import message, plural
 
+_OFFSET = "X Offset"  # heads the table of a point cloud
 _PROFILES = ("Profile", "RawProfile", "ProfilePointCloud")
 _SURFACES = ("Part", "Surface", "UniformSurface", "SurfacePointCloud", "RawSurface")
 _SECTIONS = (
@@ -68,12 +70,14 @@ def read(data: bytes, name: str, settings: GocatorSettings, kind: PointKind | No
     fitting = [s for s in held if kind is None or (s.name in _PROFILES) == (kind == "profile")] or held
     if not fitting:
         found = ", ".join(section.name for section in sections) or "none"
-        need = "a section Profile, RawProfile, Part, Surface or SurfacePointCloud"
-        raise InputError(need, f"the sections {found}", "Export the scan data, not measurements alone.", name)
+        need = message("a section Profile, RawProfile, Part, Surface or SurfacePointCloud")
+        raise InputError(
+            need, "the sections {found}", "Export the scan data, not measurements alone.", name, found=found
+        )
     section = fitting[0]
     if section.name in _PROFILES:
         reading = _profile(section, name, settings, kind)
-    elif any("X Offset" in line for line in section.lines[:1]) and "PointCloud" in section.name:
+    elif _OFFSET in "".join(section.lines[:1]) and "PointCloud" in section.name:
         reading = _point_cloud(section, name, settings)
     else:
         reading = _surface(section, name, settings)
@@ -94,10 +98,11 @@ def _sections(text: str, where: str) -> list[_Section]:
             lines.append(line)
     if name:
         raise InputError(
-            f"the line 'End' of the section {name}",
+            "the line 'End' of the section {name}",
             "the end of the file",
             "It was cut off: export it again.",
             where,
+            name=name,
         )
     return found
 
@@ -106,7 +111,11 @@ def _profile(section: _Section, where: str, settings: GocatorSettings, kind: Poi
     place = next((k for k, line in enumerate(section.lines) if "Axis" in _fields(line)), None)
     if place is None:
         raise InputError(
-            "a column named Axis in the section " + section.name, "none", "Export the data again.", where
+            "a column named Axis in the section {section}",
+            "none",
+            "Export the data again.",
+            where,
+            section=section.name,
         )
     header = _fields(section.lines[place])
     rows = _rows(section, place, header, where)
@@ -137,13 +146,32 @@ def _rows(section: _Section, place: int, header: list[str], where: str) -> list[
         if len(fields) > len(header) and not any(fields[len(header) :]):
             fields = fields[: len(header)]
         if len(fields) != len(header):
-            raise InputError(f"{len(header)} fields in line {number}", f"{len(fields)}", "Export it again.", where)
+            raise InputError(
+                plural(
+                    "{count} field in line {number}",
+                    "{count} fields in line {number}",
+                    by="count",
+                    count=len(header),
+                    number=number,
+                ),
+                f"{len(fields)}",
+                "Export it again.",
+                where,
+            )
         row: dict[str, Any] = {"line": number, "Axis": fields[axis_at], "values": fields[axis_at + 1 :]}
         for named in ("Frame", "Source", "Y"):
             text = fields[header.index(named)] if named in header[:axis_at] else "0"
             value = number_of(text)
             if value is None:
-                raise InputError(f"a number under {named}", f"{text!r} in line {number}", "Correct it.", where)
+                raise InputError(
+                    "a number under {named}",
+                    "{text!r} in line {number}",
+                    "Correct it.",
+                    where,
+                    named=named,
+                    text=text,
+                    number=number,
+                )
             row[named] = value
         rows.append(row)
     return rows
@@ -154,11 +182,11 @@ def _of(rows: list[dict[str, Any]], named: str, wanted: int | None, where: str) 
     there = sorted({int(row[named]) for row in rows})
     if wanted is None and len(there) > 1:
         listed = f"{len(there)}: {there[0]}–{there[-1]}"
-        to_do = f"Give the setting {named.lower()}, or export one alone."
-        raise InputError(f"one {named.lower()} in a capture's file", listed, to_do, where)
+        to_do = message("Give the setting {named}, or export one alone.", named=named.lower())
+        raise InputError("one {named} in a capture's file", listed, to_do, where, named=named.lower())
     if wanted is not None and wanted not in there:
-        listed = ", ".join(map(str, there[:20])) or "none"
-        raise InputError(f"{named.lower()} {wanted}", f"only {listed}", "Name one of these.", where)
+        listed = ", ".join(map(str, there[:20])) or message("none")
+        raise InputError(f"{named.lower()} {wanted}", "only {listed}", "Name one of these.", where, listed=listed)
     return [row for row in rows if wanted is None or int(row[named]) == wanted]
 
 
@@ -183,7 +211,7 @@ def _numbers(fields: list[str], line: int, where: str) -> FloatArray:
     found = [np.nan if not field or field.lower() == "nan" else number_of(field) for field in fields]
     bad = next((field for field, number in zip(fields, found, strict=True) if number is None), None)
     if bad is not None:
-        raise InputError("numbers", f"{bad[:40]!r} in line {line}", "Correct this line.", where)
+        raise InputError("numbers", "{bad!r} in line {line}", "Correct this line.", where, bad=bad[:40], line=line)
     return np.array(found, dtype=float)
 
 
@@ -192,7 +220,11 @@ def _surface(section: _Section, where: str, settings: GocatorSettings) -> Readin
     head = grid_head(lines)
     if head is None:
         raise InputError(
-            f"a line of x values in the section {section.name}", "none", "Export the surface again.", where
+            "a line of x values in the section {section}",
+            "none",
+            "Export the surface again.",
+            where,
+            section=section.name,
         )
     first = section.first_line + 2 + head.place + 1
     table = parse_table("\n".join(lines[head.place + 1 :]), where, _EXAMPLE, first)
@@ -206,7 +238,9 @@ def _point_cloud(section: _Section, where: str, settings: GocatorSettings) -> Re
     table = parse_table("\n".join(section.lines[3:]), where, _EXAMPLE, section.first_line + 3)
     rows, width = table.values.shape
     if width % 3:
-        raise InputError("x, y, z after each other in a line", f"{width} values", "Export it again.", where)
+        raise InputError(
+            "x, y, z after each other in a line", "{width} values", "Export it again.", where, width=width
+        )
     axes = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
     reading = points_of(table.values.reshape(-1, 3), axes, "cloud", where, settings)
     return replace(reading, grid=(rows, width // 3)) if min(rows, width // 3) > 1 else reading

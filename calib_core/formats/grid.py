@@ -104,16 +104,22 @@ def axes_grid(
         values = values[:, :-1]
     if values.shape[1] != len(head.x) + 1:
         raise InputError(
-            f"y and {len(head.x)} heights in a line, as many as the x in line {head.place + 1}",
-            f"{values.shape[1] - 1} from line {first_line} on",
+            "y and {count} heights in a line, as many as the x in line {place}",
+            "{width} from line {first_line} on",
             "Export the grid again.",
             where,
+            count=len(head.x),
+            place=head.place + 1,
+            width=values.shape[1] - 1,
+            first_line=first_line,
         )
     y, z = values[:, 0], values[:, 1:]
     bad = np.flatnonzero(~np.isfinite(y))
     if len(bad):
         line = first_line + int(bad[0])
-        raise InputError("y in the first column", f"none in line {line}", "Export the grid again.", where)
+        raise InputError(
+            "y in the first column", "none in line {line}", "Export the grid again.", where, line=line
+        )
     told = told.model_copy(update={"missing": settings.missing})
     if settings.x_along == "columns":
         return grid_with_axes(y, head.x, z.T, where, told)

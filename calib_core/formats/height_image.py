@@ -15,6 +15,7 @@ from calib_core.errors import InputError
 from calib_core.formats.format import NO_MATCH, Format, Match, PointKind, Reading, ending_of
 from calib_core.formats.shared.heights import HeightSettings, grid_of
 from calib_core.formats.shared.images import decode_image
+from calib_core.messages import message
 from calib_core.records.base import Finite
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -42,12 +43,12 @@ def read(data: bytes, name: str, settings: HeightImageSettings, kind: PointKind 
     if heights is None:
         heights = decode_image(data, name, _MOST_PIXELS)
     if heights.ndim != 2 or heights.dtype == np.uint8:
-        got = "colours" if heights.ndim != 2 else "8 bit"
+        got = message("colours") if heights.ndim != 2 else message("8 bit")
         raise InputError(
             "an image of heights, grey with 16 bit or floating point", got, "Export the heights.", name
         )
     if settings.rows is not None and settings.rows > len(heights):
-        raise InputError(f"{settings.rows} rows", f"{len(heights)}", "Correct the setting rows.", name)
+        raise InputError("{rows} rows", f"{len(heights)}", "Correct the setting rows.", name, rows=settings.rows)
     return grid_of(heights[: settings.rows], settings, name)
 
 
@@ -62,7 +63,9 @@ def _float_tiff(data: bytes, name: str) -> NDArray[Any] | None:
                 return None
             if page.imagewidth * page.imagelength * max(1, page.samplesperpixel) > _MOST_PIXELS:
                 got = f"{page.imagewidth}×{page.imagelength}"
-                raise InputError(f"an image of at most {_MOST_PIXELS} pixels", got, "Crop it.", name)
+                raise InputError(
+                    "an image of at most {most_pixels} pixels", got, "Crop it.", name, most_pixels=_MOST_PIXELS
+                )
             return np.asarray(page.asarray())
     except InputError:
         raise

@@ -26,6 +26,7 @@ from calib_core.formats.format import (
 from calib_core.formats.shared.columns import Column, points_of
 from calib_core.formats.shared.text_style import decode_text
 from calib_core.formats.shared.text_table import parse_table
+from calib_core.messages import message
 from calib_core.records.base import Positive
 
 _INVALID = (-2147483648.0, -2147483647.0, -2147483646.0, -2147483645.0)
@@ -57,13 +58,20 @@ def read(data: bytes, name: str, settings: KeyenceSettings, kind: PointKind | No
     profiles = values.shape[1] - 1
     chosen = settings.profile or (1 if profiles == 1 else 0)
     if not 1 <= chosen <= profiles:
-        got = f"{profiles} profiles" if not settings.profile else f"profile {chosen} of {profiles}"
+        got = (
+            message("{profiles} profiles", profiles=profiles)
+            if not settings.profile
+            else message("profile {chosen} of {profiles}", chosen=chosen, profiles=profiles)
+        )
         raise InputError("one profile", got, "Give the setting profile, or export one alone.", name)
     require_kind("profile", kind, name, "x and z")
     points = values[:, [0, chosen]].copy()
     points[np.isin(points, _INVALID).any(axis=1)] = np.nan
     told = settings.model_copy(update={"unit": "mm"})
-    columns = [Column("x", 0, "column 1", None), Column("z", 1, f"column {chosen + 1}", None)]
+    columns = [
+        Column("x", 0, "column 1", None),
+        Column("z", 1, message("column {chosen}", chosen=chosen + 1), None),
+    ]
     reading = points_of(points * settings.count_mm, columns, "profile", name, told)
     unit = f"{settings.count_mm * 1000:g} µm"
     return replace(

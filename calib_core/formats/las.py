@@ -9,6 +9,7 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.format import Format, Match, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
 from calib_core.formats.shared.columns import Column, points_of
+from calib_core.messages import message
 
 _HEADER = 227
 _LEAST_RECORD = 20
@@ -16,7 +17,7 @@ _MOST_PACKED = 10  # points in a byte of LAZ
 _PIECE_BYTES = 32_000_000
 _PACKING = b"laszip encoded"
 _RECORD_HEAD = 54  # of a record before the points
-_TO_DO = "Export the cloud again."
+_TO_DO = message("Export the cloud again.")
 
 
 def recognise(data: bytes, name: str) -> Match:
@@ -64,9 +65,17 @@ def _require_plausible(data: bytes, name: str) -> bool:
     header_size, first_point, records = struct.unpack_from("<HII", data, 94)
     packed = bool(data[104] & 0xC0)
     if not _HEADER <= header_size <= first_point <= len(data):
-        raise InputError("a whole LAS or LAZ file", f"points that begin at byte {first_point}", _TO_DO, name)
+        raise InputError(
+            "a whole LAS or LAZ file",
+            "points that begin at byte {first_point}",
+            _TO_DO,
+            name,
+            first_point=first_point,
+        )
     if records * _RECORD_HEAD > first_point - header_size:
-        raise InputError("a whole LAS or LAZ file", f"{records} records before the points", _TO_DO, name)
+        raise InputError(
+            "a whole LAS or LAZ file", "{records} records before the points", _TO_DO, name, records=records
+        )
     if packed and first_point + 8 <= len(data):
         (table,) = struct.unpack_from("<q", data, first_point)
         table = struct.unpack_from("<q", data, len(data) - 8)[0] if table == -1 else table
@@ -90,8 +99,10 @@ def _require_item_sizes(records: bytes, point_bytes: int, name: str) -> None:
     except struct.error:
         sizes = []
     if sum(sizes) != point_bytes:
-        got = f"{sum(sizes)} in its packing"
-        raise InputError(f"points of {point_bytes} bytes, as its header says", got, _TO_DO, name)
+        got = message("{sizes} in its packing", sizes=sum(sizes))
+        raise InputError(
+            "points of {point_bytes} bytes, as its header says", got, _TO_DO, name, point_bytes=point_bytes
+        )
 
 
 FORMAT = Format(

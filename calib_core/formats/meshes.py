@@ -4,6 +4,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.mesh import MeshData, wrong
+from calib_core.messages import message
 
 
 def parse_mesh(data: bytes, name: str) -> MeshData:
@@ -22,13 +23,13 @@ def parse_mesh(data: bytes, name: str) -> MeshData:
     sure, entry = max(found, key=lambda each: each[0])
     if not sure or entry.read_mesh is None:
         titles = " or ".join(sorted((entry.name.upper() for _, entry in found), reverse=True))
-        got = f"'.{name.rsplit('.', 1)[-1]}'" if "." in name else "no ending"
-        raise InputError(f"a mesh as {titles}", got, "Export it as one of these.", name)
+        got = f"'.{name.rsplit('.', 1)[-1]}'" if "." in name else message("no ending")
+        raise InputError("a mesh as {titles}", got, "Export it as one of these.", name, titles=titles)
     mesh = entry.read_mesh(data, name)
     if not len(mesh.triangles):
-        raise wrong(name, "no triangle", "Export a mesh, not a cloud.")
+        raise wrong(name, message("no triangle"), message("Export a mesh, not a cloud."))
     if not np.isfinite(mesh.corners_mm).all():
-        raise wrong(name, "corners that are not finite numbers")
+        raise wrong(name, message("corners that are not finite numbers"))
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.corners_mm):
-        raise wrong(name, "triangles with corners that are not there")
+        raise wrong(name, message("triangles with corners that are not there"))
     return mesh

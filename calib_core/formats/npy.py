@@ -7,6 +7,7 @@ from calib_core.formats.format import Format, Match, PointKind, Reading, by_endi
 from calib_core.formats.shared.binary_table import parse_npy
 from calib_core.formats.shared.columns import TableSettings, reading_of_values
 from calib_core.formats.shared.heights import HeightSettings, grid_of
+from calib_core.messages import message
 
 
 class NpySettings(HeightSettings, TableSettings):
@@ -21,7 +22,7 @@ def recognise(data: bytes, name: str) -> Match:
 def read(data: bytes, name: str, settings: NpySettings, kind: PointKind | None) -> Reading:
     """Return the points of an NPY file; never unpickles.  Raises InputError with the shape that does not fit."""
     array, names = parse_npy(data, name)
-    need = "an NPY file of N×2 numbers (a profile), N×3 or H×W×3 (a cloud), or H×W heights"
+    need = message("an NPY file of N×2 numbers (a profile), N×3 or H×W×3 (a cloud), or H×W heights")
     if array.ndim == 3 and array.shape[2] in (2, 3, 4):
         rows, columns, width = array.shape
         reading = reading_of_values(array.reshape(-1, width), names, name, settings, kind)
@@ -31,7 +32,9 @@ def read(data: bytes, name: str, settings: NpySettings, kind: PointKind | None) 
         return reading_of_values(array, names, name, settings, kind)
     if array.ndim == 2 and min(array.shape) > 1 and kind != "profile":
         return grid_of(array, settings, name)
-    raise InputError(need, f"an array of shape {array.shape}", "Save it with numpy.save in one of these.", name)
+    raise InputError(
+        need, "an array of shape {array}", "Save it with numpy.save in one of these.", name, array=array.shape
+    )
 
 
 FORMAT = Format(

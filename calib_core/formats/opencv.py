@@ -14,9 +14,10 @@ from calib_core.formats.shared.columns import TableSettings, reading_of_values
 from calib_core.formats.shared.names import axis_of
 from calib_core.formats.shared.text_style import decode_text
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
 _EXAMPLE = "an OpenCV file"
-_TO_DO = "Write it with cv::FileStorage, one matrix or list of points in it."
+_TO_DO = message("Write it with cv::FileStorage, one matrix or list of points in it.")
 _MOST_DEPTH = 3
 _FEWEST = 8  # points that are more than a pose or a camera's matrix
 _FLAT_YAML = re.compile(r"^([A-Za-z_][\w-]*):\x20*\[([-+.0-9eE,\sNanIif]{100,})\]", re.MULTILINE)
@@ -43,11 +44,18 @@ def read(data: bytes, name: str, settings: OpenCvSettings, kind: PointKind | Non
     nodes = _nodes(decode_text(data, name, _EXAMPLE), name)
     if settings.node is not None and settings.node not in nodes:
         there = ", ".join(list(nodes)[:20]) or "none"
-        raise InputError(f"points under '{settings.node}'", f"points under {there}", "Name one of these.", name)
+        raise InputError(
+            "points under '{node}'",
+            "points under {there}",
+            "Name one of these.",
+            name,
+            node=settings.node,
+            there=there,
+        )
     fitting = {settings.node: nodes[settings.node]} if settings.node else _likeliest(nodes)
     if len(fitting) != 1:
-        got = f"{len(fitting)}: {', '.join(list(fitting)[:20])}" if fitting else "none"
-        to_do = "Name it by the setting node." if fitting else _TO_DO
+        got = f"{len(fitting)}: {', '.join(list(fitting)[:20])}" if fitting else message("none")
+        to_do = message("Name it by the setting node.") if fitting else _TO_DO
         raise InputError("one matrix or list of points", got, to_do, name)
     chosen, array = next(iter(fitting.items()))
     if array.ndim == 1:
@@ -102,8 +110,12 @@ def _points_of_list(values: FloatArray, path: str, kind: PointKind | None, where
         steps = np.diff(fitting[0][:, 0])
         fitting = fitting[:1] if (steps > 0).all() or (steps < 0).all() else fitting[1:]
     if not fitting:
-        got = f"a list of {len(values)} numbers under '{path}'"
-        to_do = "Say whether it is a profile or a cloud." if kind is None else "Write one point after the other."
+        got = message("a list of {count} numbers under '{path}'", count=len(values), path=path)
+        to_do = (
+            message("Say whether it is a profile or a cloud.")
+            if kind is None
+            else message("Write one point after the other.")
+        )
         raise InputError("points of two or three numbers", got, to_do, where)
     return fitting[0]
 

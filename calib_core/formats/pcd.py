@@ -21,6 +21,7 @@ from calib_core.formats.shared.fields import (
 )
 from calib_core.formats.shared.writing import XYZ, table_of
 from calib_core.frames import FloatArray
+from calib_core.messages import message, plural
 
 _HEADER = re.compile(rb"^(# ?\.PCD|VERSION|FIELDS)\b", re.MULTILINE)
 
@@ -42,8 +43,10 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     if size is None or min(size) < 2 or reading.kind == "profile":
         return reading
     if size[0] * size[1] != len(points):
-        got = f"{len(points)} points"
-        raise InputError(f"{size[0]} rows of {size[1]} points", got, "Export the cloud again.", name)
+        got = plural("{count} point", "{count} points", by="count", count=len(points))
+        raise InputError(
+            "{width} rows of {height} points", got, "Export the cloud again.", name, width=size[0], height=size[1]
+        )
     return replace(reading, grid=size)
 
 
@@ -72,9 +75,11 @@ def _layout(data: bytes, where: str) -> tuple[Layout, tuple[int, int] | None]:
         encoding = header["DATA"][0].lower()
         shape = (int(header["HEIGHT"][0]), int(header["WIDTH"][0])) if {"HEIGHT", "WIDTH"} <= set(header) else None
     except (KeyError, IndexError, ValueError):
-        raise wrong(where, "PCD", "a header whose FIELDS, SIZE, TYPE, POINTS and DATA do not fit") from None
+        raise wrong(
+            where, "PCD", message("a header whose FIELDS, SIZE, TYPE, POINTS and DATA do not fit")
+        ) from None
     if encoding not in ("ascii", "binary", "binary_compressed"):
-        raise wrong(where, "PCD", f"DATA {encoding}")
+        raise wrong(where, "PCD", message("DATA {encoding}", encoding=encoding))
     require_axes(names, where, "PCD")
     return Layout(names, types, count, offset, encoding), shape
 
@@ -102,11 +107,19 @@ def _decompressed(data: bytes, layout: Layout, where: str) -> bytes:
     record = sum(np.dtype(kind).itemsize for kind in layout.types)
     require_count(layout.count, size // record, where)
     if len(packed) < packed_size:
-        raise wrong(where, "PCD", f"{len(packed)} of {packed_size} compressed bytes; the file was cut off")
+        raise wrong(
+            where,
+            "PCD",
+            message(
+                "{count} of {packed_size} compressed bytes; the file was cut off",
+                count=len(packed),
+                packed_size=packed_size,
+            ),
+        )
     try:
         return _lzf(packed, layout.count * record)
     except (IndexError, ValueError):
-        raise wrong(where, "PCD", "compressed bytes that do not unpack") from None
+        raise wrong(where, "PCD", message("compressed bytes that do not unpack")) from None
 
 
 def _lzf(packed: bytes, size: int) -> bytes:

@@ -20,6 +20,7 @@ from calib_core.formats.shared.mesh import MeshData, require_few
 from calib_core.formats.shared.mesh import wrong as wrong_mesh
 from calib_core.formats.shared.names import unit_in
 from calib_core.formats.shared.writing import XYZ, faces_of, table_of
+from calib_core.messages import message
 
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _TYPES = {
@@ -67,11 +68,11 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     header = _header(data, name)
     if not header.elements or header.elements[0].name != "vertex":
         first = header.elements[0].name[:30] if header.elements else "(none)"
-        raise wrong(name, "PLY", f"an element '{first}' before the vertices")
+        raise wrong(name, "PLY", message("an element '{first}' before the vertices", first=first))
     vertex = header.elements[0]
     lists = [p.name for p in vertex.properties if p.count]
     if lists:
-        raise wrong(name, "PLY", f"a vertex property 'list {lists[0]}'")
+        raise wrong(name, "PLY", message("a vertex property 'list {lists}'", lists=lists[0]))
     names = [p.name for p in vertex.properties]
     require_axes(names, name, "PLY")
     types = [header.order + p.type for p in vertex.properties]
@@ -81,7 +82,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
 
 def _header(data: bytes, where: str) -> _Header:
     if not data.startswith(b"ply"):
-        raise wrong(where, "PLY", "a file that does not begin with 'ply'")
+        raise wrong(where, "PLY", message("a file that does not begin with 'ply'"))
     lines, end = header_lines(data, b"end_header", where, "PLY")
     encoding = ""
     elements: list[_Element] = []
@@ -94,18 +95,18 @@ def _header(data: bytes, where: str) -> _Header:
                 comments.append(" ".join(rest))
             case ["element", element, count]:
                 if not count.isdecimal() or len(count) > 18:
-                    raise wrong(where, "PLY", f"a count of {count[:20]!r}")
+                    raise wrong(where, "PLY", message("a count of {count!r}", count=count[:20]))
                 elements.append(_Element(element, int(count), []))
             case ["property", "list", size, of, named] if elements and size in _TYPES and of in _TYPES:
                 elements[-1].properties.append(_Property(named, _TYPES[of], _TYPES[size]))
             case ["property", of, named] if elements and of in _TYPES:
                 elements[-1].properties.append(_Property(named, _TYPES[of]))
             case ["property" | "element" | "format", *_]:
-                raise wrong(where, "PLY", f"the line {' '.join(words)[:60]!r} in its header")
+                raise wrong(where, "PLY", message("the line {words!r} in its header", words=" ".join(words)[:60]))
             case _:
                 pass
     if encoding not in _ORDERS:
-        raise wrong(where, "PLY", f"the format {encoding[:40] or '(none)'}")
+        raise wrong(where, "PLY", message("the format {encoding}", encoding=encoding[:40] or "(none)"))
     return _Header(_ORDERS[encoding], elements, comments, end)
 
 
@@ -114,7 +115,9 @@ def parse_ply_mesh(data: bytes, name: str) -> MeshData:
     header = _header(data, name)
     for element in header.elements:
         if len({p.name for p in element.properties}) < len(element.properties) or not element.properties:
-            got = f"properties of its element {element.name[:30]!r} that are alike, or none"
+            got = message(
+                "properties of its element {element!r} that are alike, or none", element=element.name[:30]
+            )
             raise wrong_mesh(name, got)
     body = data[header.end :]
     found = _text_mesh(body, header, name) if not header.order else _binary_mesh(body, header, name)
@@ -142,7 +145,7 @@ def _binary_mesh(body: bytes, header: _Header, name: str) -> MeshData | None:
             require_few(element.count, name)
             triangles, at = _binary_faces(body, at, element, header.order, name)
         else:
-            got = f"lists in its element {element.name[:30]!r}"
+            got = message("lists in its element {element!r}", element=element.name[:30])
             raise wrong_mesh(name, got, "Export it with corners and faces alone.")
         if corners is not None and triangles is not None:
             return MeshData(corners, triangles)

@@ -19,6 +19,7 @@ from calib_core.formats.format import (
     require_kind,
 )
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 from calib_core.records.field_errors import input_error
 from calib_core.registry import Registry
 
@@ -53,8 +54,15 @@ def recognise(data: bytes, name: str, kind: Kind | None = None) -> tuple[Format,
     entry, match = max(found, key=lambda each: each[1].sure)
     if not match.sure:
         endings = ", ".join(endings_of(kind) if kind else endings_of())
-        to_do = "Export it in one of these formats."
-        raise InputError(f"a {kind or 'file'} as {endings}", ending_of(name) or "no ending", to_do, name)
+        to_do = message("Export it in one of these formats.")
+        raise InputError(
+            "a {kind} as {endings}",
+            ending_of(name) or "no ending",
+            to_do,
+            name,
+            kind=kind or "file",
+            endings=endings,
+        )
     return entry, match
 
 
@@ -89,9 +97,13 @@ def read_file(
     require_file_size(len(data), name, MAX_PROFILE_BYTES if kind == "profile" else MAX_FILE_BYTES)
     entry = FORMATS.get(format_name, name) if format_name else recognise(data, name, kind)[0]
     if not data:
-        raise InputError(f"a {kind or 'file'} with points", "an empty file", "Save the capture again.", name)
+        raise InputError(
+            "a {kind} with points", "an empty file", "Save the capture again.", name, kind=kind or "file"
+        )
     if entry.read is None:
-        raise InputError("a file of points", f"a file of the format '{entry.name}'", "Export its points.", name)
+        raise InputError(
+            "a file of points", "a file of the format '{entry}'", "Export its points.", name, entry=entry.name
+        )
     told = _settings(entry, settings or {}, name)
     try:
         reading = entry.read(data, name, told, kind)
@@ -100,9 +112,11 @@ def read_file(
     except Exception as error:  # a reader of another package: its fault must not look like one of the file alone
         if not entry.read.__module__.startswith("calib_core."):
             got = f"{type(error).__name__}: {error}"[:200]
-            raise InputError(f"a file as '{entry.name}'", got, "Tell the makers of that format.", name) from error
+            raise InputError(
+                "a file as '{entry}'", got, "Tell the makers of that format.", name, entry=entry.name
+            ) from error
         raise
-    require_kind(reading.kind, kind, name, f"the axes {', '.join(reading.axes)}")
+    require_kind(reading.kind, kind, name, message("the axes {axes}", axes=", ".join(reading.axes)))
     reading = reading.scaled(told)
     return replace(reading, format=entry.name, doubts=(*reading.doubts, *_doubts_of_size(reading)))
 
@@ -139,10 +153,14 @@ def known_points(reading: Reading, where: str) -> FloatArray:
     kept = reading.points if reading.known.all() else reading.points[reading.known]
     if not len(kept):
         raise InputError(
-            f"a {reading.kind} with points",
-            f"{len(reading.points)} blanks: nothing came back to the scanner",
+            "a {kind} with points",
+            message(
+                "{count} blanks: nothing came back to the scanner", kind=reading.kind, count=len(reading.points)
+            ),
             "Check distance and exposure, and take the capture again; or set its `excluded` to true.",
             where,
+            kind=reading.kind,
+            count=len(reading.points),
         )
     return kept
 
@@ -156,10 +174,12 @@ def require_file_size(size_bytes: int, where: str, limit_bytes: int = MAX_FILE_B
     """
     if size_bytes > limit_bytes:
         raise TooLargeError(
-            f"a file of at most {limit_bytes / 1e6:.0f} MB",
-            f"{size_bytes / 1e6:.0f} MB",
+            "a file of at most {limit_bytes:.0f} MB",
+            "{size_bytes:.0f} MB",
             "Give each capture its own file, without what is not needed.",
             where,
+            limit_bytes=limit_bytes / 1000000.0,
+            size_bytes=size_bytes / 1000000.0,
         )
 
 
@@ -167,7 +187,9 @@ def _settings(entry: Format, told: Mapping[str, Any], where: str) -> Settings:
     try:
         return entry.settings.model_validate(dict(told))
     except ValidationError as error:
-        raise input_error(error, told, f"{where}: format_settings of '{entry.name}'") from None
+        raise input_error(
+            error, told, message("{place}: format_settings of '{entry}'", place=where, entry=entry.name)
+        ) from None
 
 
 def _doubts_of_size(reading: Reading) -> list[str]:
@@ -177,9 +199,17 @@ def _doubts_of_size(reading: Reading) -> list[str]:
     some = reading.points[:: max(1, len(reading.points) // _MANY)]
     extent_mm = float(np.linalg.norm(np.fmax.reduce(some) - np.fmin.reduce(some)))
     if 0 < extent_mm < _LEAST_MM:
-        return [f"All points lie within {extent_mm:.3g} mm: they look like metres. If they are, give the unit m."]
+        return [
+            message(
+                "All points lie within {extent_mm:.3g} mm: they look like metres. If they are, give the unit m.",
+                extent_mm=extent_mm,
+            )
+        ]
     if extent_mm > _MOST_MM:
         return [
-            f"The points span {extent_mm / 1000:.3g} m: they look like micrometres. If they are, give the unit um."
+            message(
+                "The points span {extent_mm:.3g} m: they look like micrometres. If they are, give the unit um.",
+                extent_mm=extent_mm / 1000,
+            )
         ]
     return []

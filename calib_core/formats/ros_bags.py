@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 MCAP, SQLITE = b"\x89MCAP0\r\n", b"SQLite format 3\0"
 _LARGEST_BYTES = 256_000_000
@@ -26,13 +27,15 @@ def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tup
         If the library is not installed, or the recording is damaged, too large, or has over a million messages.
     """
     if len(data) > _LARGEST_BYTES:
-        to_do = "Record the poses' topics alone: ros2 bag record /tf /tf_static."
-        raise InputError("a recording of at most 256 MB", f"{len(data) / 1e6:.0f} MB", to_do, name)
+        to_do = message("Record the poses' topics alone: ros2 bag record /tf /tf_static.")
+        raise InputError(
+            "a recording of at most 256 MB", "{count:.0f} MB", to_do, name, count=len(data) / 1000000.0
+        )
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
-        to_do = "Install it: pip install 'scancell[ros]'."
+        to_do = message("Install it: pip install 'scancell[ros]'.")
         raise InputError("the library rosbags", "an installation without it", to_do, name) from None
     with tempfile.TemporaryDirectory(prefix="scancell-bag-") as folder:
         file = Path(folder) / ("bag.mcap" if data.startswith(MCAP) else "bag.db3")
@@ -44,14 +47,20 @@ def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tup
                     topics = (
                         ", ".join(sorted(f"{c.topic} ({c.msgtype})" for c in reader.connections)[:8]) or "none"
                     )
-                    to_do = f"Record topics of the types {', '.join(sorted(types))}."
-                    raise InputError("a recording with poses or transforms", f"the topics {topics}", to_do, name)
+                    to_do = message("Record topics of the types {types}.", types=", ".join(sorted(types)))
+                    raise InputError(
+                        "a recording with poses or transforms", "the topics {topics}", to_do, name, topics=topics
+                    )
                 for count, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
                     if count >= _MOST_MESSAGES:
-                        to_do = "Cut the recording: ros2 bag convert."
+                        to_do = message("Cut the recording: ros2 bag convert.")
                         raise InputError("at most a million messages", "more", to_do, name)
-                    message = reader.deserialize(raw, connection.msgtype)
-                    yield connection.topic, connection.msgtype, time_ns * 1e-9, message
+                    yield (
+                        connection.topic,
+                        connection.msgtype,
+                        time_ns * 1e-9,
+                        reader.deserialize(raw, connection.msgtype),
+                    )
         except InputError:
             raise
         except Exception as error:  # the library's readers raise whatever a damaged byte leads to

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from calib_core.formats.format import NO_MATCH, Format, Match, Pieces, by_ending
 from calib_core.formats.shared.mesh import MeshData, require_few, wrong
 from calib_core.formats.shared.writing import faces_of
+from calib_core.messages import message, plural
 
 _RECORD = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84
@@ -33,7 +34,13 @@ def parse_stl(data: bytes, name: str) -> MeshData:
     elif data.lstrip()[:5] == b"solid":
         corners = _text_corners(data, name)
     else:
-        got = f"{len(data)} bytes where {max(count, 0)} triangles are announced"
+        got = plural(
+            "{count} byte where {count_other} triangles are announced",
+            "{count} bytes where {count_other} triangles are announced",
+            by="count",
+            count=len(data),
+            count_other=max(count, 0),
+        )
         raise wrong(name, got)
     flat = np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.float32)
     return MeshData(flat, np.arange(len(flat), dtype=np.int32).reshape(-1, 3))
@@ -45,9 +52,9 @@ def _text_corners(data: bytes, name: str) -> NDArray[np.float32]:
     try:
         corners = np.array(words, dtype=np.float32)
     except ValueError:
-        raise wrong(name, "a corner that is not three numbers") from None
+        raise wrong(name, message("a corner that is not three numbers")) from None
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) % 3:
-        raise wrong(name, "a triangle without three corners")
+        raise wrong(name, message("a triangle without three corners"))
     return corners.reshape(-1, 3, 3)
 
 

@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Mapping
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 _MOST_FILES, _MOST_BYTES = 20_000, 256_000_000
 _DAMAGED = (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError, OSError)
@@ -34,7 +35,7 @@ def opened_files(files: Mapping[str, bytes], skipped: dict[str, str] | None = No
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
                 entries = [entry for entry in archive.infolist() if not entry.is_dir()]
                 if len(entries) > _MOST_FILES or sum(entry.file_size for entry in entries) > _MOST_BYTES:
-                    to_do = "Give the files with programs, tools and frames alone."
+                    to_do = message("Give the files with programs, tools and frames alone.")
                     raise InputError("a backup of at most 20000 files and 256 MB", "a larger backup", to_do, name)
                 for entry in entries:
                     try:
@@ -44,7 +45,7 @@ def opened_files(files: Mapping[str, bytes], skipped: dict[str, str] | None = No
                             raise
                         skipped[entry.filename] = str(error) or "damaged"
         except _DAMAGED as error:
-            to_do = "Copy it from the controller again, or unpack it and give the folder."
+            to_do = message("Copy it from the controller again, or unpack it and give the folder.")
             refusal = InputError("a whole zip file", str(error) or "a damaged one", to_do, name)
             if skipped is None or len(files) == 1:
                 raise refusal from None
@@ -63,7 +64,7 @@ def with_file_replaced(archive: bytes, name: str, content: bytes, where: str) ->
     target = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(archive)) as old, zipfile.ZipFile(target, "w") as new:
         if old.namelist().count(name) != 1:
-            got = f"{old.namelist().count(name)} files named {name}"
+            got = message("{name} files named {name_other}", name=old.namelist().count(name), name_other=name)
             raise InputError("each file once in the zip", got, "Unpack it and give the folder.", where)
         new.comment = old.comment
         for entry in old.infolist():

@@ -41,9 +41,11 @@ def clean_scan(scan: Scan, options: CleanOptions | None = None) -> CleanScan:
         got = ", ".join(f"{count} {name}" for name, count in cleaned.removed().items())
         raise MeasurementError(
             "a scan with points on a surface",
-            f"none among {np.isfinite(scan.points_in_laser_mm[..., 2]).sum()} points ({got})",
+            "none among {points_in_laser_mm:g} points ({found})",
             "Check that rows and columns are the scan's own, and its poses; or exclude it.",
             scan.name,
+            points_in_laser_mm=np.isfinite(scan.points_in_laser_mm[..., 2]).sum(),
+            found=got,
         )
     return cleaned
 

@@ -178,10 +178,12 @@ class VoxelGrid:
                 self._make_room()
         if beyond:
             raise InputError(
-                f"points within {self.size_mm * 2**20 / 1000:.0f} m of the grid's origin",
-                f"{beyond} points farther away",
+                "points within {size_mm:.0f} m of the grid's origin",
+                "{beyond} points farther away",
                 "Check the scan's unit and pose, or take larger voxels.",
                 where,
+                size_mm=self.size_mm * 2**20 / 1000,
+                beyond=beyond,
             )
 
     def absorb(self, other: "VoxelGrid") -> None:
@@ -226,16 +228,23 @@ class VoxelGrid:
         self, points: SingleArray, poses: FloatArray, weights: SingleArray, normals: SingleArray, where: str
     ) -> None:
         if points.ndim != 3 or points.shape[2] != 3:
-            raise InputError("rows of points (P, C, 3)", f"shape {points.shape}", "Reshape the scan.", where)
+            raise InputError(
+                "rows of points (P, C, 3)", "shape {points}", "Reshape the scan.", where, points=points.shape
+            )
         fits = poses.shape in ((len(points), 4, 4), (1, 4, 4))
         fits &= weights.shape in (points.shape[:2], (1, 1))
         fits &= normals.shape == points.shape if self._table.normals else True
         if not fits:
             raise InputError(
-                f"poses, weights and normals for {points.shape[0]}×{points.shape[1]} points",
-                f"shapes {poses.shape}, {weights.shape} and {normals.shape}: a scan of another size",
+                "poses, weights and normals for {height}×{width} points",
+                "shapes {poses}, {weights} and {normals}: a scan of another size",
                 "Give the arrays of one scan together.",
                 where,
+                height=points.shape[0],
+                width=points.shape[1],
+                poses=poses.shape,
+                weights=weights.shape,
+                normals=normals.shape,
             )
         if not np.isfinite(weights).all():
             raise InputError("finite weights", "NaN or infinity", "Check the points' sigmas.", where)

@@ -11,6 +11,7 @@ from calib_core.frames import FloatArray
 from calib_core.fusion.clean_scan import KEPT, CleanScan
 from calib_core.fusion.merge import VoxelCloud
 from calib_core.lean_open3d import open3d
+from calib_core.messages import message
 
 _FEWEST_POINTS = 50
 _MARGIN = 1.1  # of the octree's cube over the points
@@ -36,7 +37,7 @@ def joined(sheets: Sequence[Mesh]) -> Mesh:
     offsets = np.cumsum([0, *(len(s.points_mm) for s in sheets)])[:-1]
     triangles = np.concatenate([s.triangles + offset for s, offset in zip(sheets, offsets, strict=True)])
     if not len(triangles):
-        to_do = "Scan in rows of at least two profiles, or use the Poisson mesh."
+        to_do = message("Scan in rows of at least two profiles, or use the Poisson mesh.")
         raise MeasurementError("scans with neighbouring points in rows", "none", to_do)
     return Mesh(points, triangles.astype(np.int32))
 
@@ -103,7 +104,9 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float) -> Mesh:
     good = np.isfinite(cloud.normals).all(axis=1) if len(cloud.normals) else np.zeros(len(cloud), dtype=bool)
     if np.count_nonzero(good) < _FEWEST_POINTS:
         got = f"{np.count_nonzero(good)}"
-        raise MeasurementError(f"at least {_FEWEST_POINTS} points with normals", got, "Merge more scans.")
+        raise MeasurementError(
+            "at least {fewest_points} points with normals", got, "Merge more scans.", fewest_points=_FEWEST_POINTS
+        )
     points: FloatArray = cloud.points_mm[good].astype(float)
     extent = float(np.ptp(points, axis=0).max())
     depth = int(np.clip(np.ceil(np.log2(_MARGIN * extent / voxel_mm)), 4, 10))

@@ -274,7 +274,14 @@ def overlap(seen: Patches, errors: PoseErrors | None = None) -> Overlap:
     count = len(seen.names)
     e = errors or PoseErrors.none(count)
     if len(e.common) != count or len(e.own) != count:
-        raise InputError(f"the errors of {count} scans", f"those of {len(e.own)}", "Give one for each.", "errors")
+        raise InputError(
+            "the errors of {count} scans",
+            "those of {count_other}",
+            "Give one for each.",
+            "errors",
+            count=count,
+            count_other=len(e.own),
+        )
     totals = np.zeros((count, _TOTALS))
     cut = 0.5 * seen.size_mm
     rows = (seen.bounds, seen.scans, seen.points_mm, seen.normals, seen.variances_mm2)

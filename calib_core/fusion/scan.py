@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
 SingleArray = NDArray[np.float32]
 
@@ -48,16 +49,20 @@ class Scan:
         if points.ndim != 3 or points.shape[2] != 3 or points.size == 0:
             raise InputError(
                 "a scan of profiles × columns × 3 numbers",
-                "a scan with no points" if points.size == 0 else f"an array of shape {points.shape}",
+                "a scan with no points"
+                if points.size == 0
+                else message("an array of shape {points}", points=points.shape),
                 "Take the scan again, or exclude it.",
                 self.name,
             )
         if poses.shape not in ((len(points), 4, 4), (1, 4, 4)):
             raise InputError(
-                f"one pose for the scan or one for each of its {len(points)} profiles",
-                f"{len(poses)} poses",
+                "one pose for the scan or one for each of its {count} profiles",
+                "{count_other} poses",
                 "Give as many poses as profiles: a profile or a pose is missing.",
                 self.name,
+                count=len(points),
+                count_other=len(poses),
             )
         if not np.isfinite(poses).all():
             raise InputError("finite poses", "NaN or infinity", "Check where the poses come from.", self.name)
@@ -71,9 +76,10 @@ class Scan:
         if not np.isfinite(points).all(axis=2).any():
             raise InputError(
                 "a scan with points",
-                f"{points.shape[0] * points.shape[1]} blanks: nothing came back to the scanner",
+                "{height} blanks: nothing came back to the scanner",
                 "Check distance and exposure and take the scan again, or exclude it.",
                 self.name,
+                height=points.shape[0] * points.shape[1],
             )
 
     @property

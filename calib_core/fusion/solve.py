@@ -17,6 +17,7 @@ from calib_core.fusion.register import Registration, register
 from calib_core.fusion.scan import Scan
 from calib_core.fusion.scatter import Scatter, scatter
 from calib_core.fusion.self_calibration import SelfCalibration, self_calibration
+from calib_core.messages import message
 
 Progress = Callable[[float, str], None]
 
@@ -158,7 +159,7 @@ def solve_merge(
     views: list[View] = []
 
     def begun(done: int, name: str) -> None:
-        tell(0.6 * done / len(scans), f"Cleaning and merging {name}{_on_disk(grid)}")
+        tell(0.6 * done / len(scans), message("Cleaning and merging {name}{grid}", name=name, grid=_on_disk(grid)))
 
     for report in grid.look_through(scans, range(len(scans)), ScanTask(o, fuse=not moving), begun):
         if report.error is not None:
@@ -200,7 +201,7 @@ def solve_merge(
             ways, seen, left = registration.turntable_from_scan, registration.moved, registration.errors
 
         def again(done: int, name: str) -> None:
-            tell(0.62 + 0.13 * done / len(used), f"Merging {name}{_on_disk(grid)}")
+            tell(0.62 + 0.13 * done / len(used), message("Merging {name}{grid}", name=name, grid=_on_disk(grid)))
 
         task = ScanTask(o, fuse=True, ways=dict(zip(used, ways, strict=True)))
         for report in grid.look_through(scans, used, task, again):
@@ -260,10 +261,10 @@ def _mesh(grid: Crew, extent: Extent, sheets: Sequence[Mesh], options: MergeOpti
     needed = _POISSON_BYTES * extent.points if options.mesh == "poisson" else _mesh_bytes(sheets)
     if grid.spills and needed > options.most_bytes:
         to_do = "Allow more memory (cell.merge.memory_mb), take larger voxels, or cell.merge.mesh = none."
-        return None, f"it would need more than the memory allowed. {to_do}"
+        return None, message("it would need more than the memory allowed. {advice}", advice=to_do)
     try:
         if options.mesh == "grid":
             return joined(sheets), ""
         return poisson_mesh(grid.cloud(), options.voxel_mm), ""
     except CalibrationError as error:
-        return None, f"need {error.need}, got {error.got}. {error.to_do}"
+        return None, error.reason

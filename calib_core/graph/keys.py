@@ -15,6 +15,7 @@ from calib_core.errors import CalibrationError
 from calib_core.graph.first_keys import inputs_sha256_of_0_1_0
 from calib_core.graph.registry import STAGES, stages
 from calib_core.graph.stage import Stage
+from calib_core.graph.temperature import at_temperature
 from calib_core.records import Capture, Cell, Result, Session
 from calib_core.records.callbacks import ReadFile
 
@@ -27,6 +28,9 @@ _NULL_IN_KEYS = frozenset({
     "turntable.encoder", "known.tool0_from_laser", "known.base_from_turntable",
 })  # fmt: skip
 """Fields that stood in keys as null before 2026-12, and do so for ever; any other that is not told is left out."""
+
+_EMPTY_IS_UNTOLD = frozenset({"spheres", "sphere_distances", "axes", "known.frames", "axes_deg", "axes_mm"})
+"""Fields that tell nothing where they are empty."""
 
 _ALWAYS_KEPT = ("id", "step", "kind", "files")  # without which a capture is none
 
@@ -111,7 +115,10 @@ class Graph:
         return tuple(other for other in stages() if other.name in found)
 
     def session_for(self, stage: str) -> Session:
-        """Return the session with nothing but what a stage and those it rests on read: for its solver."""
+        """Return the session with nothing but what a stage and those it rests on read: for its solver.
+
+        Sphere and ball bar are as long as at the temperature of the stage's captures.
+        """
         lineage = self.lineage(stage)
         solved = [other for other in lineage if other.name == stage or not other.is_brought(self.session)]
         fields = {name for other in solved for name in other.reads_of_cell(self.session)} | {"pose_convention"}
@@ -124,7 +131,7 @@ class Graph:
         captures = [_only(c, {*read[c.id], *_ALWAYS_KEPT}) for c in self.session.captures if c.id in read]
         return Session.model_construct(
             _fields_set={"cell", "captures"},
-            cell=_cell_with(self.session.cell, fields),
+            cell=_cell_with(at_temperature(self.session, STAGES.get(stage, "stage").takes).cell, fields),
             captures=captures,
         )
 
@@ -146,10 +153,10 @@ class Graph:
         names = {name for capture, fields in read if "files" in fields for name in capture.files}
         return {
             "stage": stage.name,
-            "cell": _told(session.cell, sorted(stage.reads_of_cell(session))),
+            "cell": _told(at_temperature(session, stage.takes).cell, sorted(stage.reads_of_cell(session))),
             "captures": [
                 {"id": capture.id, "step": capture.step}
-                | {name: value for name in fields if (value := _plain(getattr(capture, name))) is not None}
+                | {name: value for name in fields if _is_told(name, value := _plain(getattr(capture, name)))}
                 for capture, fields in read
             ],
             "files": {name: self._digest(name) for name in sorted(names)},
@@ -176,7 +183,11 @@ def _sha256(data: Any) -> str:
 def _told(cell: Cell, paths: Iterable[str]) -> dict[str, Any]:
     """Return the cell's fields at dotted names as JSON data, without those that are not told."""
     values = {path: _value(cell, path) for path in paths}
-    return {path: value for path, value in values.items() if value is not None or path in _NULL_IN_KEYS}
+    return {path: value for path, value in values.items() if _is_told(path, value) or path in _NULL_IN_KEYS}
+
+
+def _is_told(path: str, value: Any) -> bool:
+    return bool(value) if path in _EMPTY_IS_UNTOLD else value is not None
 
 
 def _value(record: Any, path: str) -> Any:

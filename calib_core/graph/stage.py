@@ -21,7 +21,7 @@ FRAME_FIELDS = ("kind", "files", "excluded")
 
 SCAN_FIELDS = (
     *FRAME_FIELDS, "format", "format_settings", "scanner", "pose", "poses", "timestamps_s", "pose_track",
-    "joints_deg", "joints_mm", "active_tool", "active_frame", "moving",
+    "joints_deg", "joints_mm", "active_tool", "active_frame", "moving", "axes_deg", "axes_mm",
 )  # fmt: skip
 """What is read of a capture that the robot's pose gives its place."""
 
@@ -32,6 +32,7 @@ SPHERE_READS = (
     "pose_convention", "sphere_diameter_mm", "sphere_diameter_sigma_mm", "sphere_class",
     "scanner.point_sigma_mm", "scanner.z_axis", "scanner.errors", "scanners", "arrangement",
     "robot.position_sigma_mm", "robot.orientation_sigma_deg", "robot.arm",
+    "spheres", "sphere_distances", "axes", "known.frames",
 )  # fmt: skip
 """What is read of the cell by a stage that finds the sphere."""
 
@@ -61,7 +62,9 @@ class Stage(StageDeclaration):
 
     def suits(self, session: "Session") -> bool:
         """Return whether it is solved for what the robot carries in a session."""
-        return self.any_arrangement or session.cell.arrangement == "scanner-on-robot"
+        from calib_core.cell.carriers import ball_on_flange
+
+        return self.any_arrangement or not ball_on_flange(session.cell)
 
     def is_wanted(self, session: "Session") -> bool:
         """Return whether a session has a use for it."""

@@ -13,6 +13,7 @@ from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
 from calib_core.guidance.prior import MOST_TAKEN, situation_of
+from calib_core.messages import message
 from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
 from calib_core.steps import steps_that_show, table_stages, tool_stages
 
@@ -54,12 +55,16 @@ class Advice:
         """Return ``± 0.9 mm, wanted ± 0.2 mm``."""
         wanted = self.meter.wanted_mm
         now = amount(self.meter.uncertainty_mm)
-        return now if wanted is None else f"{now}, wanted {amount(wanted)}"
+        return now if wanted is None else message("{now}, wanted {wanted_mm}", now=now, wanted_mm=amount(wanted))
 
 
 def amount(expanded_mm: float | None) -> str:
     """Return an expanded uncertainty as text; where there is none yet, that."""
-    return "not determined yet" if expanded_mm is None else quantity_text(plus_minus(expanded_mm / COVERAGE, "mm"))
+    return (
+        message("not determined yet")
+        if expanded_mm is None
+        else quantity_text(plus_minus(expanded_mm / COVERAGE, "mm"))
+    )
 
 
 def tcp_advice(

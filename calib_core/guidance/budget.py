@@ -21,6 +21,7 @@ from calib_core.chain.model import Sigmas
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.frames import FloatArray, rotation_from_vector, skew
 from calib_core.guidance.calibrated import Calibrated, View
+from calib_core.messages import message
 from calib_core.records import Record
 
 PartName = Literal["tool", "scanner", "camera", "plane", "table", "arm", "arm_alike", "angle", "points"]
@@ -80,7 +81,7 @@ def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tupl
     `point_mm` is in T at angle zero; without a table it is not needed. The rows are along T's axes at angle zero,
     without a table along the flange's; the second matrix turns from the flange's axes into these.
     """
-    seen, tool = view.seen(known), known.tool0_from_laser
+    seen, tool = view.seen(known), known.mount_from_laser
     by_flange = point_rows(tool.rotation, seen, known.half_width_mm, known.facing)
     rows = np.zeros((3, len(known.covariance)))
     table = known.base_from_turntable
@@ -90,7 +91,7 @@ def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tupl
         cosine, sine = np.cos(angle), np.sin(angle)
         turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         axes = (table.rotation @ turn).T
-        out = axes @ view.rotation
+        out = axes @ view.base_from_mount(known)
         turned = turn @ point_mm
         rows[:, 6:12] = -axes @ np.hstack([-table.rotation @ skew(turned), np.eye(3)])
     rows[:, :6] = out @ by_flange[:, :6]
@@ -105,7 +106,7 @@ def calibrated_rows(known: Calibrated, view: View, point_mm: FloatArray) -> tupl
 def covariances(known: Calibrated, view: View, point_mm: FloatArray) -> dict[PartName, FloatArray]:
     """Return each source's own covariance (3, 3), mm², of a measured point."""
     rows, out = calibrated_rows(known, view, point_mm)
-    seen, tool, sigmas = view.seen(known), known.tool0_from_laser, known.sigmas
+    seen, tool, sigmas = view.seen(known), known.mount_from_laser, known.sigmas
     # What moves the sphere's centre in L moves a measured point the other way: the same covariance.
     lever = seen + tool.rotation.T @ tool.translation_mm
     own = pose_spread(lever[None], Sigmas(sigmas.position_mm, sigmas.orientation_rad))[0]
@@ -158,8 +159,8 @@ def arm_at_points(known: Calibrated, view: View, points_mm: FloatArray) -> tuple
     arm.
     """
     rows, out = calibrated_rows(known, view, np.zeros(3))
-    in_base = view.rotation @ known.tool0_from_laser.apply(view.seen(known))
-    axes = out @ view.rotation.T
+    in_base = view.base_from_mount(known) @ known.mount_from_laser.apply(view.seen(known))
+    axes = out @ view.base_from_mount(known).T
     shared = Sigmas(known.sigmas.alike_position_mm, known.sigmas.alike_orientation_rad)
     alike = np.broadcast_to(axes @ pose_spread(in_base[None], shared)[0] @ axes.T, (len(points_mm), 3, 3))
     if known.arm is None:
@@ -283,9 +284,11 @@ def _helps_most(
     if by_arm is not None:
         without["arm_alike"] = _worst(total - by_arm)
     best = min(without, key=lambda name: without[name])
-    return (
-        f"What would help most: {_HELPS[best]}. Without it {quantity_text(plus_minus(without[best], 'mm'))} "
-        f"instead of {quantity_text(plus_minus(_worst(total), 'mm'))} would be left."
+    return message(
+        "What would help most: {helps}. Without it {without} instead of {total} would be left.",
+        helps=_HELPS[best],
+        without=quantity_text(plus_minus(without[best], "mm")),
+        total=quantity_text(plus_minus(_worst(total), "mm")),
     )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.cell.found import scanner_frame
 from calib_core.chain.model import Sigmas
 from calib_core.chain.scanner import NAMES
 from calib_core.errors import InputError
@@ -20,7 +21,8 @@ class Calibrated:
 
     Attributes
     ----------
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
+        Where the scanner is on what carries it: where it stands in base, no robot is on the way to a table.
     base_from_turntable : RigidTransform or None
     direction : {1, -1}
         Of the table's angles.
@@ -41,7 +43,7 @@ class Calibrated:
         is in the covariance.
     """
 
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     base_from_turntable: RigidTransform | None
     direction: int
     nuisances: tuple[int, ...]
@@ -66,7 +68,9 @@ class Calibrated:
         InputError
             If its covariances are none, or nothing says where the scanner sees the workpiece.
         """
-        scanner: Mapping[str, Any] | None = result.get("scanner")
+        scanner: Any = result.get("scanner")
+        if isinstance(scanner, str):
+            scanner = (result.get("scanner_errors") or {}).get(scanner)
         found: Mapping[str, Any] = result.get("variance_components") or {}
         table = result.get("base_from_turntable") if result.get("stage") == "chain" else None
         if scanner is None or (table is not None and scanner.get("covariance_with_table") is None):
@@ -98,8 +102,9 @@ class Calibrated:
         covariance = _with_optics_apart(covariance, optics)
         angle = float(np.deg2rad(result.get("angle_sigma_deg") or 0.0))
         told: Mapping[str, Any] = result.get("arm_errors") or {}
+        mount = scanner_frame(result)
         return cls(
-            tool0_from_laser=RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser"),
+            mount_from_laser=mount,
             base_from_turntable=None if table is None else RigidTransform.from_rounded(table, "base", "turntable"),
             direction=int(result.get("direction") or 1),
             nuisances=names,
@@ -107,16 +112,18 @@ class Calibrated:
             half_width_mm=float(scanner.get("half_width_mm") or 1.0),
             facing=int(scanner.get("facing") or 1),
             point_in_laser_mm=np.array(point, dtype=float),
-            sigmas=Sigmas(
+            sigmas=Sigmas(0.0, 0.0, (angle,))
+            if mount.into == "base"
+            else Sigmas(
                 found.get("position_sigma_mm") or 0.0,
                 found.get("orientation_sigma_rad") or 0.0,
-                angle,
+                (angle,),
                 told.get("position_sigma_mm") or found.get("alike_position_sigma_mm") or 0.0,
                 told.get("orientation_sigma_rad") or found.get("alike_orientation_sigma_rad") or 0.0,
             ),
             point_sigma_mm=float(found.get("point_sigma_mm") or 0.0),
             optics=optics,
-            arm=ArmShare.of(result, count > 0, table is not None),
+            arm=None if mount.into == "base" else ArmShare.of(result, count > 0, table is not None),
             left=_left_in_files(scanner, table is not None),
         )
 
@@ -160,6 +167,10 @@ class View:
     point_in_laser_mm: FloatArray | None = None
     place_mm: FloatArray | None = None
 
+    def base_from_mount(self, known: Calibrated) -> FloatArray:
+        """Return how what carries the scanner is turned in base, (3, 3)."""
+        return np.eye(3) if known.mount_from_laser.into == "base" else self.rotation
+
     def seen(self, known: Calibrated) -> FloatArray:
         """Return where L sees the point, (3,)."""
         return known.point_in_laser_mm if self.point_in_laser_mm is None else self.point_in_laser_mm
@@ -171,5 +182,5 @@ class View:
             middle = np.zeros(3) if known.arm is None else known.arm.middle_mm
             return np.broadcast_to(middle if self.place_mm is None else self.place_mm, points_mm.shape)
         turn = rotation_from_vector(np.array([0.0, 0.0, known.direction * self.angle_rad]))
-        flange = self.rotation @ known.tool0_from_laser.apply(self.seen(known))
+        flange = self.base_from_mount(known) @ known.mount_from_laser.apply(self.seen(known))
         return points_mm @ (table.rotation @ turn).T + table.translation_mm - flange

@@ -17,6 +17,7 @@ from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, greedy
 from calib_core.guidance.table_plan import TablePlan, TableToPlan, plan_table
+from calib_core.messages import message
 from calib_core.records import Cell, NotNegative, Positive, Record
 from calib_core.records.planning import FieldOfView, Limits
 from calib_core.records.session import SphereClass
@@ -24,9 +25,9 @@ from calib_core.records.session import SphereClass
 ArmClass = Literal["calibrated", "ordinary", "nominal"]
 
 ARMS: Final[Mapping[str, Sigmas]] = {
-    "calibrated": Sigmas(0.02, 5e-5, 5e-5, 0.02, 5e-5, 1.0),
-    "ordinary": Sigmas(0.05, 1.5e-4, 1e-4, 0.06, 1.5e-4, 1.0),
-    "nominal": Sigmas(0.08, 2e-4, 1e-4, 0.2, 3e-4, 1.0),
+    "calibrated": Sigmas(0.02, 5e-5, (5e-5,), 0.02, 5e-5, 1.0),
+    "ordinary": Sigmas(0.05, 1.5e-4, (1e-4,), 0.06, 1.5e-4, 1.0),
+    "nominal": Sigmas(0.08, 2e-4, (1e-4,), 0.2, 3e-4, 1.0),
 }
 """A pose's own scatter and the part that is alike where poses are alike: of an arm whose kinematics were
 measured, of a good one, and of a large one as delivered."""
@@ -106,8 +107,13 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
     tried = [found for diameter in diameters if (found := _with_sphere(cell, diameter)) is not None]
     if not tried:
         field = cell.scanner
-        got = f"{field.near_width_mm:g} mm at {field.near_mm:g} mm, {field.far_mm - field.near_mm:g} mm deep"
-        to_do = "Take a smaller sphere, or a scanner with a larger field."
+        got = message(
+            "{near_width_mm:g} mm at {near_mm:g} mm, {far_mm:g} mm deep",
+            near_width_mm=field.near_width_mm,
+            near_mm=field.near_mm,
+            far_mm=field.far_mm - field.near_mm,
+        )
+        to_do = message("Take a smaller sphere, or a scanner with a larger field.")
         raise InputError("a field of view into which the sphere's arc fits", got, to_do, "scanner")
     plan, situation = min(tried, key=lambda one: (_cost(one[0]), one[0].diameter_mm))
     sight, radius = situation.room.sight, plan.diameter_mm / 2
@@ -119,7 +125,7 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
         order = greedy(Design(seen, situation.assumed), [], _taken(cell, plan))
         table = plan_table(cell.table, replace(situation, taken=[seen[k] for k in order]), cell.wanted_mm)
         if table is None:
-            to_do = "Widen `limits`: the scanner must see the sphere all around the table."
+            to_do = message("Widen `limits`: the scanner must see the sphere all around the table.")
             raise InputError("poses all around the table", "none that the limits allow", to_do, "limits")
         reached = None if reached is None else reached and bool(table.reachable)
     return CellPlan(
@@ -211,12 +217,29 @@ def _limited_by(situation: Situation) -> str:
 
 
 def _sentence(cell: CellToPlan, plan: SpherePlan) -> str:
-    sphere = f"a sphere of {plan.diameter_mm:g} mm ({cell.sphere_class})"
+    sphere = message(
+        "a sphere of {diameter_mm:g} mm ({sphere_class})",
+        diameter_mm=plan.diameter_mm,
+        sphere_class=cell.sphere_class,
+    )
     if cell.wanted_mm is None:
-        return f"± {plan.uncertainty_mm:.2g} mm at the workpiece with {sphere} and {len(plan.after_mm)} captures."
-    if plan.captures is None:
-        return (
-            f"± {cell.wanted_mm:g} mm is out of reach: {sphere} and {len(plan.after_mm)} captures leave "
-            f"± {plan.uncertainty_mm:.2g} mm."
+        return message(
+            "± {uncertainty_mm:.2g} mm at the workpiece with {sphere} and {count} captures.",
+            uncertainty_mm=plan.uncertainty_mm,
+            sphere=sphere,
+            count=len(plan.after_mm),
         )
-    return f"± {cell.wanted_mm:g} mm at the workpiece takes {sphere} and {plan.captures} captures."
+    if plan.captures is None:
+        return message(
+            "± {wanted_mm:g} mm is out of reach: {sphere} and {count} captures leave ± {uncertainty_mm:.2g} mm.",
+            wanted_mm=cell.wanted_mm,
+            sphere=sphere,
+            count=len(plan.after_mm),
+            uncertainty_mm=plan.uncertainty_mm,
+        )
+    return message(
+        "± {wanted_mm:g} mm at the workpiece takes {sphere} and {captures} captures.",
+        wanted_mm=cell.wanted_mm,
+        sphere=sphere,
+        captures=plan.captures,
+    )

@@ -10,6 +10,7 @@ from calib_core.errors import ConflictError, InputError
 from calib_core.guidance.budget import Budget, budget
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.field import FieldPoint, field_over_table
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.steps import steps_that_show, tool_stages
 
@@ -87,6 +88,6 @@ def _views(session: Session, result: Mapping[str, Any], known: Calibrated) -> li
             angle = float(np.deg2rad(capture.table_deg or 0.0))
             views.append(View(pose.rotation, angle, place_mm=pose.translation_mm))
     if not views:
-        to_do = "Give the captures their poses, and solve again."
+        to_do = message("Give the captures their poses, and solve again.")
         raise InputError("captures of the answer with poses that can be read", "none", to_do, str(result["stage"]))
     return views[:: max(1, len(views) // _MOST_VIEWS)]

@@ -11,6 +11,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.planner import Situation, planned_set
 from calib_core.guidance.prior import situation_of
 from calib_core.guidance.table_advice import planned_shots, table_situation
+from calib_core.messages import message
 from calib_core.poses.numbers import to_pose
 from calib_core.records import Matrix4, Measured, Record, Session
 from calib_core.records.base import PlannedStep
@@ -70,7 +71,7 @@ def planned_poses(
         return _for_table(session, measured, results, captures)
     situation = situation_of(session, measured, results, step)
     if situation is None:
-        raise _too_little("a tool and a sphere's place that are known about", "cell.nominal")
+        raise _too_little(message("a tool and a sphere's place that are known about"), "cell.nominal")
     try:
         plan = planned_set(situation, captures, grid=max(200, 3 * captures), sweeps=1)
     except ValueError as error:
@@ -89,12 +90,14 @@ def _for_table(
     now = table_situation(session, measured, results)
     if now is None:
         raise _too_little(
-            "a tool, and a table that is known about: three captures of one place of the sphere on it",
+            message("a tool, and a table that is known about: three captures of one place of the sphere on it"),
             "cell.nominal.base_from_turntable",
         )
     shots = planned_shots(now, captures)
     if len(shots) < captures:
-        raise _too_few(captures, f"{len(shots)} allowed poses, {captures} wanted")
+        raise _too_few(
+            captures, message("{count} allowed poses, {captures} wanted", count=len(shots), captures=captures)
+        )
     sure = _tool_known(now.still)
     poses: list[PoseOfSet] = []
     for shot in shots:
@@ -105,13 +108,13 @@ def _for_table(
 
 
 def _too_little(need: str, where: str) -> ConflictError:
-    to_do = f"Take the captures that the guide asks for, or give `{where}` from a drawing."
-    return ConflictError(need, f"neither captures nor `{where}`", to_do, where)
+    to_do = message("Take the captures that the guide asks for, or give `{place}` from a drawing.", place=where)
+    return ConflictError(need, "neither captures nor `{place}`", to_do, where, place=where)
 
 
 def _too_few(captures: int, got: str) -> ConflictError:
-    to_do = "Widen `cell.limits`, or ask for fewer."
-    return ConflictError(f"{captures} poses that the limits allow", got, to_do, "cell.limits")
+    to_do = message("Widen `cell.limits`, or ask for fewer.")
+    return ConflictError("{captures} poses that the limits allow", got, to_do, "cell.limits", captures=captures)
 
 
 def _listed(
@@ -139,7 +142,7 @@ def _list_of(session: Session, step: PlannedStep, poses: list[PoseOfSet], sure: 
         else "The tool is not known well enough for approaches: drive by hand, and shift until the sphere is seen."
     )
     if step == "turntable":
-        note = f"Turn the table first, with the scanner away from it. {note}"
+        note = message("Turn the table first, with the scanner away from it. {note}", note=note)
     convention = session.cell.pose_convention
     return PoseList(step=step, pose_convention=convention, speed_mm_s=SPEED_MM_S, poses=poses, note=note)
 

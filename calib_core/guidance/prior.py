@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.arms.alike import REACH_MM
 from calib_core.captures.content import sphere_of
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.variance import GivenSigmas
@@ -58,7 +59,7 @@ def situation_of(
         Whose captures are planned. Others than "tcp" are taken away from those of the calibration.
     """
     cell = session.cell
-    if cell.sphere_diameter_mm is None or cell.arrangement != "scanner-on-robot":
+    if cell.sphere_diameter_mm is None or ball_on_flange(cell):
         return None
     captures = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
     kept = {m.capture: m for m in measured if m.verdict != "fail"}
@@ -143,13 +144,13 @@ def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
     if robot.orientation_sigma_rad is not None:
         sigmas = replace(sigmas, orientation_rad=robot.orientation_sigma_rad)
     if table.angle_sigma_deg is not None:
-        sigmas = replace(sigmas, angle_rad=float(np.deg2rad(table.angle_sigma_deg)))
+        sigmas = replace(sigmas, axes=(float(np.deg2rad(table.angle_sigma_deg)),))
     return sigmas
 
 
 def _given(cell: Cell) -> GivenSigmas:
-    """Return what is told of a pose's own errors; no table turns beside the still sphere."""
-    return cell.robot.position_sigma_mm, cell.robot.orientation_sigma_rad, 0.0
+    """Return what is told of a pose's own errors."""
+    return cell.robot.position_sigma_mm, cell.robot.orientation_sigma_rad
 
 
 def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:

@@ -55,14 +55,15 @@ def sigmas_seen(
     if data.count < _LEAST:
         return usual
     found = fit_with_sigmas(data, ChainState.predicted(data, *start), given, rounds=_ROUNDS)
-    return replace(mean_sigmas(data, found, given), angle_rad=usual.angle_rad)
+    return replace(mean_sigmas(data, found, given), axes=usual.axes)
 
 
 def _tool_prior(data: ChainData, tool0_from_laser: RigidTransform) -> ToolPrior:
     """Return a guess of the tool as loose as one of nothing: motions may not determine all of it yet."""
     rough = np.array([TURN_RAD] * 3 + [MOUNTED_MM] * 3)
     information = np.diag(1 / np.concatenate([rough, data.nuisance_sigmas[data.active]]) ** 2)
-    return ToolPrior(tool0_from_laser.rotation, tool0_from_laser.translation_mm, np.zeros(COUNT), information)
+    mount = tool0_from_laser.rotation[None], tool0_from_laser.translation_mm[None]
+    return ToolPrior(*mount, np.zeros(COUNT), information)
 
 
 def _misfit(seen: Sequence[SphereObservation], state: ChainState) -> FloatArray:

@@ -119,7 +119,7 @@ def _with_angle_sigma(cell: Cell, results: Mapping[str, Mapping[str, Any]], stil
     degrees = cell.turntable.angle_sigma_deg if cell.turntable.angle_sigma_deg is not None else found
     if degrees is None:
         return still
-    sigmas = replace(still.assumed.sigmas, angle_rad=float(np.deg2rad(degrees)))
+    sigmas = replace(still.assumed.sigmas, axes=(float(np.deg2rad(degrees)),))
     return replace(still, assumed=replace(still.assumed, sigmas=sigmas))
 
 

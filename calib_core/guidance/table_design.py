@@ -11,11 +11,12 @@ from functools import cached_property
 import numpy as np
 
 from calib_core.arms.alike import visits
+from calib_core.cell.layout import Layout, MovedAxis
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.likelihood import linearised_at
 from calib_core.chain.model import ChainState
-from calib_core.chain.observations import SphereObservation, TableObservation
-from calib_core.chain.table import SCALE_COLUMN, TableReadings, TableState
+from calib_core.chain.observations import TABLE, SphereObservation, TableObservation
+from calib_core.chain.table import TableState
 from calib_core.chain.table_frame import TableFrame, frame_by_rule, pose_by_unknowns
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, rotation_from_vector
@@ -23,7 +24,6 @@ from calib_core.guidance.budget import calibrated_rows
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.design import Assumed, with_tool, worst_sigma_mm
 
-_TABLE_COLUMN = 9
 _VIEWS_RAD = (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)
 _MOST_ROTATIONS = 6
 
@@ -78,16 +78,12 @@ class TableDesign:
         points_in_turntable: FloatArray,
     ) -> None:
         self._still, self._assumed = len(still), assumed
-        readings = TableReadings(
-            np.concatenate([np.zeros(len(still)), [o.angle_rad for o in on_table]]),
-            np.array([-1] * len(still) + [table.names.index(o.mount) for o in on_table], dtype=int),
-            len(table.names),
-        )
-        spheres = [*still, *(o.sphere for o in on_table)]
-        data = replace(chain_data(spheres, assumed.sphere, None, assumed.priors), table=readings)
-        held = np.zeros(data.unknowns, dtype=bool)
-        held[_TABLE_COLUMN + SCALE_COLUMN] = True
-        self._data, self._table, self._by_rule = replace(data, held=held), table.state, table.pose_by_unknowns
+        places = (("base", ""), *((TABLE, name) for name in table.names))
+        layout = Layout(places=places, axes=(MovedAxis(TABLE),))
+        spheres = [*still, *(o.placed for o in on_table)]
+        self._data = chain_data(spheres, assumed.sphere, None, assumed.priors, layout)
+        self._columns = layout.axis_and_places(0)
+        self._table, self._by_rule = table.state, table.pose_by_unknowns
         self._rows = self._moves(table, points_in_turntable)
 
     def sigma_mm(self, chosen: Sequence[int]) -> float:
@@ -103,8 +99,8 @@ class TableDesign:
 
     def pose_covariance(self, chosen: Sequence[int]) -> FloatArray:
         """Return the covariance (6, 6) of base_from_turntable with the chosen captures, as of `sigma_mm`."""
-        table = slice(_TABLE_COLUMN, self._data.unknowns)
-        return self._by_rule @ self._covariance(chosen)[table, table] @ self._by_rule.T
+        table = np.ix_(self._columns, self._columns)
+        return self._by_rule @ self._covariance(chosen)[table] @ self._by_rule.T
 
     def _covariance(self, chosen: Sequence[int]) -> FloatArray:
         """Return the covariance (P, P) of all unknowns."""
@@ -128,7 +124,7 @@ class TableDesign:
         data, assumed, frame = self._data, self._assumed, table.frame
         active = tuple(int(k) for k in data.active)
         known = Calibrated(
-            tool0_from_laser=assumed.tool0_from_laser,
+            mount_from_laser=assumed.tool0_from_laser,
             base_from_turntable=frame.base_from_turntable,
             direction=frame.direction,
             nuisances=active,
@@ -148,6 +144,6 @@ class TableDesign:
             for v, view in enumerate(views):
                 own, _ = calibrated_rows(known, view, point)
                 rows[p, v, :, :6] = own[:, :6]
-                rows[p, v, :, _TABLE_COLUMN : data.unknowns] = own[:, 6:12] @ by_rule
+                rows[p, v][:, self._columns] = own[:, 6:12] @ by_rule
                 rows[p, v, :, data.unknowns :] = own[:, 12:]
         return rows

@@ -12,6 +12,7 @@ from calib_core.evidence.numbers import COVERAGE
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.table_advice import TableSituation, shots_at
 from calib_core.guidance.table_design import TableDesign, TableGuess
+from calib_core.messages import message
 from calib_core.records import NotNegative, Positive, Record
 
 _ANGLES: Final = (4, 6, 8, 12, 16)
@@ -66,7 +67,7 @@ def plan_table(table: TableToPlan, still: Situation, wanted_mm: float | None) ->
     TablePlan or None
         None where the limits leave no pose all around the table.
     """
-    sigmas = replace(still.assumed.sigmas, angle_rad=float(np.deg2rad(table.angle_sigma_deg)))
+    sigmas = replace(still.assumed.sigmas, axes=(float(np.deg2rad(table.angle_sigma_deg)),))
     still = replace(still, assumed=replace(still.assumed, sigmas=sigmas))
     heights = [[0.0]] if table.height_mm == 0 else [[0.0], [0.0, table.height_mm]]
     radii = [_NEAR_SHARE * table.radius_mm, table.radius_mm]
@@ -106,10 +107,21 @@ def _layout(
 
 def _sentence(layout: TableLayout, wanted_mm: float | None) -> str:
     at = " and ".join(f"{height:.0f}" for height in layout.heights_mm)
-    where = (
-        f"the sphere {layout.radius_mm:.0f} mm off the axis at {at} mm above the workpiece's foot, "
-        f"{layout.angles} angles each"
+    where = message(
+        "the sphere {radius_mm:.0f} mm off the axis at {at} mm above the workpiece's foot, {angles} angles each",
+        radius_mm=layout.radius_mm,
+        at=at,
+        angles=layout.angles,
     )
     if wanted_mm is not None and layout.uncertainty_mm > wanted_mm:
-        return f"± {wanted_mm:g} mm is out of reach on the table: {where} leave ± {layout.uncertainty_mm:.2g} mm."
-    return f"On the table ± {layout.uncertainty_mm:.2g} mm at the workpiece's rim: {where}."
+        return message(
+            "± {wanted_mm:g} mm is out of reach on the table: {place} leave ± {uncertainty_mm:.2g} mm.",
+            wanted_mm=wanted_mm,
+            place=where,
+            uncertainty_mm=layout.uncertainty_mm,
+        )
+    return message(
+        "On the table ± {uncertainty_mm:.2g} mm at the workpiece's rim: {place}.",
+        uncertainty_mm=layout.uncertainty_mm,
+        place=where,
+    )

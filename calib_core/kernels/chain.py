@@ -97,11 +97,11 @@ def settle_centers(
     offsets: IntArray,
     weights: FloatArray,
     effective: FloatArray,
-    ray: FloatArray,
+    rays: FloatArray,
     anchors: FloatArray,
     anchor_information: FloatArray,
     anchor_gradient: FloatArray,
-    radius: float,
+    radii: FloatArray,
     predicted: FloatArray,
     precision: FloatArray,
     centers: FloatArray,
@@ -118,12 +118,12 @@ def settle_centers(
         See `sphere_information`.
     effective : (K,)
         How many independent points one of a profile counts as in the density.
-    ray : (2,)
-        See `sphere_information`.
+    rays : (K, 2)
+        Of each capture, see `sphere_information`.
     anchors, anchor_information, anchor_gradient : (K, 3), (K, 3, 3), (K, 3)
         For captures without points: where the quadratic stands, its sharpness and slope there.
-    radius : float
-        The sphere's, mm.
+    radii : (K,)
+        The spheres', mm.
     predicted, precision : (K, 3), (K, 3, 3)
         Where the unknowns expect the centre, and S⁻¹.
     centers : (K, 3)
@@ -145,8 +145,8 @@ def settle_centers(
     trial_information = np.empty((3, 3))
     for k in range(len(weights)):
         cost = own_cost(
-            points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], ray, anchors[k],
-            anchor_information[k], anchor_gradient[k], radius, predicted[k], precision[k], centers[k], gradient,
+            points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], rays[k], anchors[k],
+            anchor_information[k], anchor_gradient[k], radii[k], predicted[k], precision[k], centers[k], gradient,
             information,
         )  # fmt: skip
         damping = 0.0
@@ -166,8 +166,8 @@ def settle_centers(
             if decrease < 1e-9:
                 break
             trial_cost = own_cost(
-                points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], ray, anchors[k],
-                anchor_information[k], anchor_gradient[k], radius, predicted[k], precision[k], trial,
+                points, shifts, counts, offsets[k], offsets[k + 1], weights[k], effective[k], rays[k], anchors[k],
+                anchor_information[k], anchor_gradient[k], radii[k], predicted[k], precision[k], trial,
                 trial_gradient, trial_information,
             )  # fmt: skip
             if trial_cost <= cost:
@@ -235,8 +235,8 @@ def nuisance_information(
     offsets: IntArray,
     weights: FloatArray,
     effective: FloatArray,
-    ray: FloatArray,
-    radius: float,
+    rays: FloatArray,
+    radii: FloatArray,
     centers: FloatArray,
     gradient: FloatArray,
     information: FloatArray,
@@ -248,7 +248,7 @@ def nuisance_information(
 
     Parameters
     ----------
-    points, shifts, counts, offsets, weights, effective, ray, radius, centers
+    points, shifts, counts, offsets, weights, effective, rays, radii, centers
         See `settle_centers`.
     measured : (M, 3)
         The points as the scanner gave them: scales and shear act on these.
@@ -262,6 +262,7 @@ def nuisance_information(
         g, h = gradient[k], information[k]
         g[:] = 0.0
         h[:] = 0.0
+        ray, radius = rays[k], radii[k]
         for i in range(offsets[k], offsets[k + 1]):
             x, z = measured[i, 0], measured[i, 2]
             dx, dy, dz = points[i, 0] - centers[k, 0], points[i, 1] - centers[k, 1], points[i, 2] - centers[k, 2]
@@ -301,37 +302,39 @@ def nuisance_information(
 def predict_centers(
     rotations: FloatArray,
     translations: FloatArray,
-    tool_rotation: FloatArray,
-    tool_translation: FloatArray,
+    mount_rotations: FloatArray,
+    mount_translations: FloatArray,
+    scanner: IntArray,
     centers: FloatArray,
     predicted: FloatArray,
     jacobian: FloatArray,
 ) -> None:
     """Write where each capture should see its sphere's centre in L, and the derivatives.
 
-    q = R_sᵀ (R_0ᵀ (c − T_0) − T_s).  Columns of the derivative: rotation of tool0_from_laser (on the right),
-    its translation, the capture's sphere centre in base.
+    q = R_sᵀ (R_0ᵀ (c − T_0) − T_s).  Columns of the derivative: rotation of the scanner's mount (on the right),
+    its translation, the capture's sphere centre.
 
     Parameters
     ----------
     rotations, translations : (K, 3, 3), (K, 3)
-        base_from_tool0.
-    tool_rotation, tool_translation : (3, 3), (3,)
-        tool0_from_laser.
+        From what carries the scanner into what carries the ball.
+    mount_rotations, mount_translations : (S, 3, 3), (S, 3)
+        Of each scanner on what carries it.
+    scanner : (K,)
+        Which one each capture is of.
     centers : (K, 3)
-        Each capture's sphere centre in base, mm.
+        Each capture's sphere centre in what carries it, mm.
     predicted, jacobian : (K, 3), (K, 3, 9)
         Written.
     """
-    r = tool_rotation
     for k in range(len(translations)):
-        b = rotations[k]
+        b, r, t = rotations[k], mount_rotations[scanner[k]], mount_translations[scanner[k]]
         dx = centers[k, 0] - translations[k, 0]
         dy = centers[k, 1] - translations[k, 1]
         dz = centers[k, 2] - translations[k, 2]
-        tx = b[0, 0] * dx + b[1, 0] * dy + b[2, 0] * dz - tool_translation[0]
-        ty = b[0, 1] * dx + b[1, 1] * dy + b[2, 1] * dz - tool_translation[1]
-        tz = b[0, 2] * dx + b[1, 2] * dy + b[2, 2] * dz - tool_translation[2]
+        tx = b[0, 0] * dx + b[1, 0] * dy + b[2, 0] * dz - t[0]
+        ty = b[0, 1] * dx + b[1, 1] * dy + b[2, 1] * dz - t[1]
+        tz = b[0, 2] * dx + b[1, 2] * dy + b[2, 2] * dz - t[2]
         j = jacobian[k]
         for i in range(3):
             predicted[k, i] = r[0, i] * tx + r[1, i] * ty + r[2, i] * tz

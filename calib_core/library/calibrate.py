@@ -21,6 +21,7 @@ from calib_core.library.inputs import (
     with_calibration,
 )
 from calib_core.library.opened import OpenSession
+from calib_core.messages import message
 from calib_core.records import Capture
 from calib_core.records.callbacks import Progress
 from calib_core.records.camera_result import CameraResult
@@ -346,7 +347,7 @@ def read_scan(path: PathLike[str] | str) -> Reading:
     """
     from calib_core.formats.points import read_file
 
-    return read_file(read_bytes(Path(path), "Name the scanner's file."), str(path))
+    return read_file(read_bytes(Path(path), message("Name the scanner's file.")), str(path))
 
 
 def scan_points(session: OpenSession, capture: Capture) -> FloatArray:

@@ -23,6 +23,7 @@ from calib_core.archive.folder import read_bytes
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.library.opened import OpenSession, in_memory
+from calib_core.messages import message
 from calib_core.records import Capture, Cell, Kind, Session, parse_cell
 from calib_core.records.strict_fields import require_known_fields
 from calib_core.robots.controller_file import FilePose
@@ -89,8 +90,12 @@ def with_calibration(cell: CellLike, calibration: Calibration) -> Cell:
     name = "base_from_laser" if getattr(calibration, "base_from_laser", None) is not None else "tool0_from_laser"
     matrix = _array(getattr(calibration, name, tool))
     if matrix is None or matrix.shape != (4, 4):
-        got = repr(calibration)[:60] if matrix is None or not matrix.ndim else f"an array of shape {matrix.shape}"
-        to_do = "Give a TcpResult, a ChainResult, or tool0_from_laser."
+        got = (
+            repr(calibration)[:60]
+            if matrix is None or not matrix.ndim
+            else message("an array of shape {matrix}", matrix=matrix.shape)
+        )
+        to_do = message("Give a TcpResult, a ChainResult, or tool0_from_laser.")
         raise InputError("a calibration, or a 4×4 matrix", got, to_do)
     update: dict[str, Any] = {name: matrix.tolist()}
     if (table := getattr(calibration, "base_from_turntable", None)) is not None:
@@ -115,8 +120,8 @@ def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dic
     mounts = [None] * count if given.mounts is None else list(given.mounts)
     for what, found in (("pose", poses), ("angle", angles), ("mount", mounts)):
         if len(found) != count:
-            to_do = "Give one a scan, in the same order."
-            raise InputError(f"{count} {what}s, one a scan", str(len(found)), to_do, step)
+            to_do = message("Give one a scan, in the same order.")
+            raise InputError("{count} {what}s, one a scan", str(len(found)), to_do, step, count=count, what=what)
     return [
         _capture(step, k, scan, {"pose": pose, "table_deg": angle, "mount": mount})
         for k, (scan, pose, angle, mount) in enumerate(zip(scans, poses, angles, mounts, strict=True))
@@ -135,7 +140,7 @@ def _angles(angles: Iterable[Any], step: str) -> list[float]:
     try:
         return [float(angle) for angle in angles]
     except (TypeError, ValueError) as error:
-        need = "the table's angle of each scan, a number in degrees"
+        need = message("the table's angle of each scan, a number in degrees")
         raise InputError(need, str(error), "Correct this angle.", step) from None
 
 
@@ -167,13 +172,17 @@ def kind_name_and_bytes(scan: Any, where: str, kind: Kind | None) -> tuple[Kind,
 
     if isinstance(scan, str | PathLike):
         path = Path(cast("str | PathLike[str]", scan))
-        data = read_bytes(path, "Name the scanner's file.")
+        data = read_bytes(path, message("Name the scanner's file."))
         return kind or read_file(data, str(path)).kind, str(path), data
     if kind == "frame":
         return kind, "frame.png", _png(np.asarray(scan), where)
     array = _array(scan.points if isinstance(scan, Reading) else scan)
     if array is None or array.ndim != 2 or array.shape[1] not in (2, 3):
-        got = repr(scan)[:60] if array is None or not array.ndim else f"an array of shape {array.shape}"
+        got = (
+            repr(scan)[:60]
+            if array is None or not array.ndim
+            else message("an array of shape {array}", array=array.shape)
+        )
         raise InputError("points, N×2 (a profile) or N×3 (a cloud)", got, "Give them as rows of numbers.", where)
     data = BytesIO()
     np.save(data, array, allow_pickle=False)
@@ -184,11 +193,13 @@ def _png(frame: Any, where: str) -> bytes:
     import cv2
 
     if frame.ndim not in (2, 3) or frame.dtype not in (np.uint8, np.uint16):
-        got = f"{frame.dtype} of shape {frame.shape}"
+        got = message("{dtype} of shape {frame}", dtype=frame.dtype, frame=frame.shape)
         raise InputError("a frame, H×W, of uint8 or uint16", got, "Convert it, or name its file.", where)
     done, data = cv2.imencode(".png", frame)
     if not done:
-        raise InputError("a frame that PNG can hold", f"shape {frame.shape}", "Name its file instead.", where)
+        raise InputError(
+            "a frame that PNG can hold", "shape {frame}", "Name its file instead.", where, frame=frame.shape
+        )
     return data.tobytes()
 
 
@@ -201,7 +212,7 @@ def _poses(cell: Cell, poses: Poses) -> list[Any]:
 def _poses_of_text(cell: Cell, path: Path) -> list[Any]:
     from calib_core.robots import parse_pose_lines
 
-    text = read_bytes(path, "Name the file of the poses.").decode("utf-8", "replace")
+    text = read_bytes(path, message("Name the file of the poses.")).decode("utf-8", "replace")
     lines = parse_pose_lines(cell.pose_convention, text)
     for line in lines:
         if line.problem:
@@ -214,7 +225,7 @@ def _pose(cell: Cell, pose: Any, where: str) -> list[Any]:
 
     if isinstance(pose, FilePose):
         if pose.pose is None:
-            raise InputError("a pose", f"joints alone ({pose.name})", "Give its pose.", where)
+            raise InputError("a pose", "joints alone ({pose})", "Give its pose.", where, pose=pose.name)
         pose = parse_pose(pose.convention, pose.pose, where)
     if isinstance(pose, RigidTransform):
         return to_pose(cell.pose_convention, pose)

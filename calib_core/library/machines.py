@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 if TYPE_CHECKING:
     from calib_core.robots.controller_file import ControllerFile
@@ -57,19 +58,10 @@ def files_of(path: Path) -> dict[str, bytes]:
         if path.is_dir():
             names = sorted(p for p in path.rglob("*") if p.is_file())
             if sum(p.stat().st_size for p in names) > _LARGEST_BYTES:
-                to_do = "Give the files with programs, tools and frames alone."
+                to_do = message("Give the files with programs, tools and frames alone.")
                 raise InputError("a backup of at most 256 MB", "a larger one", to_do, str(path))
-            return {str(p.relative_to(path)): p.read_bytes() for p in names}
+            return {p.relative_to(path).as_posix(): p.read_bytes() for p in names}
         return {path.name: path.read_bytes()}
     except OSError as error:
         got = (error.strerror or type(error).__name__).lower()
         raise InputError("a file that can be read", got, "Check its name.", str(path)) from None
-
-
-def tool_of(
-    given: str | Path | Mapping[str, bytes], tool: str | None, brand: str | None = None
-) -> tuple[str, list[float]]:
-    """Return convention and numbers of a tool in a controller's file or folder; raises InputError."""
-    from calib_core.robots.read_back import tool_in
-
-    return tool_in(given if isinstance(given, Mapping) else files_of(Path(given)), brand, tool)

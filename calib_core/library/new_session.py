@@ -10,6 +10,7 @@ from typing import Any
 
 from calib_core.disk import remove_folder
 from calib_core.errors import ConflictError, InputError
+from calib_core.messages import message
 from calib_core.recognition.taken import GivenFile, TakenFor
 
 _WHOLE_BYTES = 4_000_000
@@ -89,7 +90,7 @@ def new_session(
         with suppress(OSError):
             remove_folder(target)
         got = (error.strerror or type(error).__name__).lower()
-        to_do = "Check the disk and its permissions."
+        to_do = message("Check the disk and its permissions.")
         raise InputError("a folder that can be written", got, to_do, str(target)) from None
     files = [
         {
@@ -108,11 +109,11 @@ def new_session(
 def _target(root: Path, out: Path | None) -> Path:
     """Return where the session goes; raises InputError or ConflictError."""
     if not root.is_dir():
-        got = "a file" if root.exists() else "no such folder"
+        got = message("a file") if root.exists() else message("no such folder")
         raise InputError("a folder of files", got, "Name the folder they lie in.", str(root))
     real = root.resolve()
     target = out if out is not None else real.parent / f"{real.name}-session"
-    to_do = "Name another by --out."
+    to_do = message("Name another by --out.")
     if target.resolve().is_relative_to(real):
         raise ConflictError("a place outside of the folder", str(target), to_do, "--out")
     if os.path.lexists(target) and not (target.is_dir() and not any(target.iterdir())):
@@ -145,7 +146,13 @@ def _given(root: Path) -> list[GivenFile]:
             left -= len(data)
             given.append(GivenFile(shown, data, size))
         if len(given) > _MOST_FILES:
-            raise InputError(f"at most {_MOST_FILES} files", "more", "Name the folder of one session.", str(root))
+            raise InputError(
+                "at most {most_files} files",
+                "more",
+                "Name the folder of one session.",
+                str(root),
+                most_files=_MOST_FILES,
+            )
     return given
 
 

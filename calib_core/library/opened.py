@@ -10,7 +10,7 @@ from calib_core.archive import archive
 from calib_core.archive.folder import load_session, save_session, write_result
 from calib_core.errors import InputError
 from calib_core.library.results import Results, as_records
-from calib_core.records import Capture, Cell, CheckFinding, Session
+from calib_core.records import Capture, Cell, Finding, Session
 from calib_core.records.callbacks import Progress, ReadFile
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class OpenSession:
         self.results.update(found)
         return Results(found, self.files)
 
-    def check(self) -> list[CheckFinding]:
+    def check(self) -> list[Finding]:
         """Return what is wrong with the session, and what is still missing."""
         from calib_core.review.check import check_session
 
@@ -127,15 +127,15 @@ class OpenSession:
         ConflictError
             If nothing is solved yet.
         """
-        from calib_core.library.machines import tool_of
-        from calib_core.robots.read_back import read_back
+        from calib_core.library.machines import files_of
+        from calib_core.robots.read_back import frame_in, read_back
 
         answer = self._answer()
         if isinstance(numbers, (str, Path)):
-            known, values = tool_of(numbers, tool)
+            known, values = frame_in(files_of(Path(numbers)), None, tool, answer.mount_from_laser)
         else:
             known, values = convention or answer.session.cell.pose_convention, list(numbers)
-        return read_back(values, known, answer.tool0_from_laser).of_answer(answer.faults)
+        return read_back(values, known, answer.mount_from_laser).of_answer(answer.faults)
 
     def frame(self, into: str, outof: str, capture: str | None = None) -> "FoundTransform":
         """Return the transform ``into_from_outof`` between two frames of the cell, with its covariance.
@@ -163,10 +163,17 @@ class OpenSession:
         return frame_graph(self.record, results, stale, capture).find(into, outof)
 
     def _answer(self) -> "Answer":
+        from calib_core.archive.folder import result_data
         from calib_core.exports.answer import answer_of
         from calib_core.graph.keys import Graph
+        from calib_core.review.provenance import replayed
 
-        return answer_of(self.record, self.results, Graph.stale_of(self.record, self.read, self.results))
+        results = {
+            stage: result.to_json() if result.provenance == "imported" else result_data(result)
+            for stage, result in self.results.items()
+        }
+        results = replayed(self.record, self.read, results)
+        return answer_of(self.record, results, Graph.stale_of(self.record, self.read, self.results))
 
     def save(self, folder: str | Path) -> Path:
         """Write a new session folder with all files and results; raises ConflictError where another stands."""
@@ -174,7 +181,7 @@ class OpenSession:
         files = {name: self.read(name) for name in self._names()}
         save_session(folder, self.record, {**files, **self.files})
         for stage, result in self.results.items():
-            write_result(folder, stage, result)
+            write_result(folder, stage, result, self.record)
         return folder
 
     def pack(self, file: str | Path) -> Path:
@@ -233,7 +240,7 @@ def in_memory(record: Session, files: Mapping[str, bytes]) -> OpenSession:
 
     def read(name: str) -> bytes:
         if name not in files:
-            raise InputError("a file of the session", f"none named '{name}'", "Give it.", name)
+            raise InputError("a file of the session", "none named '{name}'", "Give it.", name, name=name)
         return files[name]
 
     return OpenSession(record, read)

@@ -49,8 +49,10 @@ class BoardView:
         Share of the board's area at the largest grey value.
     turn_is_ambiguous : bool
         Whether the board looks the same turned by 180°.
-    notes : tuple of str
-        What a person should know, in sentences.
+    in_colour : bool
+        Whether the frame was turned into grey.
+    left_out : int
+        Corners under the stripe, glare or dirt, which are not among the points.
     """
 
     points_px: FloatArray
@@ -61,7 +63,8 @@ class BoardView:
     edge_width_px: float = float("nan")
     saturated: float = 0.0
     turn_is_ambiguous: bool = False
-    notes: tuple[str, ...] = ()
+    in_colour: bool = False
+    left_out: int = 0
 
 
 def find_board(image: Image, board: Board) -> BoardView:
@@ -83,13 +86,12 @@ def find_board(image: Image, board: Board) -> BoardView:
     from calib_core.optics.board_charuco import find_charuco
     from calib_core.optics.board_circles import find_circles
 
-    grey, notes = grey_eight_bit(image)
+    grey, in_colour = grey_eight_bit(image), image.ndim == 3
     refuse_flat_image(grey)
     if board.kind == "charuco":
         points, ids, in_board = find_charuco(grey, board)
-        return BoardView(
-            points, in_board, ids, _size(grey), _grid_sigma(points, ids, board.columns - 1), notes=notes
-        )
+        sigma = _grid_sigma(points, ids, board.columns - 1)
+        return BoardView(points, in_board, ids, _size(grey), sigma, in_colour=in_colour)
     if board.kind == "chessboard":
         grid = _find_chessboard(grey, board)
     else:
@@ -106,19 +108,12 @@ def find_board(image: Image, board: Board) -> BoardView:
     fitted = fitted_corners(grey, grid) if board.kind == "chessboard" else None
     if fitted is not None:
         ids, points = np.flatnonzero(fitted.clean), fitted.points_px[fitted.clean]
-        if len(ids) < len(fitted.clean):
-            notes += (f"{len(fitted.clean) - len(ids)} corners under the stripe, glare or dirt were left out.",)
     # The shift of every second row is no noise: compare even rows with even ones, odd with odd.
     smooth = np.concatenate([grid[0::2], grid[1::2]]).reshape(-1, 2)
     sigma = _grid_sigma(smooth if board.kind == "asymmetric-circles" else points, ids, board.columns)
-    saturated = _saturated_share(image, points)
-    if saturated > 0.25:
-        notes += (f"{saturated:.0%} of the board is saturated: shorten the exposure.",)
-    if ambiguous:
-        notes += ("The board looks the same turned by 180°: its x axis was taken to point to the image's right.",)
     return BoardView(
         points, points_in_board_mm(board)[ids], ids, _size(grey), sigma,
-        width, saturated, ambiguous, notes,
+        width, _saturated_share(image, points), ambiguous, in_colour, grid.size // 2 - len(ids),
     )  # fmt: skip
 
 
@@ -212,9 +207,11 @@ def _refuse_blurred(width_px: float, grid: FloatArray) -> None:
     spacing = _spacing(grid)
     if width_px > _BLURRED_SHARE * spacing:
         raise MeasurementError(
-            f"sharp edges between the board's squares (narrower than {_BLURRED_SHARE * spacing:.0f} px)",
-            f"a blurred frame, edges {width_px:.0f} px wide",
+            "sharp edges between the board's squares (narrower than {blurred_share:.0f} px)",
+            "a blurred frame, edges {width_px:.0f} px wide",
             "Focus the lens, hold the board still, or shorten the exposure.",
+            blurred_share=_BLURRED_SHARE * spacing,
+            width_px=width_px,
         )
 
 

@@ -107,7 +107,11 @@ def _dictionary(name: str):
     if code is None:
         known = sorted(n for n in dir(cv2.aruco) if n.startswith("DICT_"))
         raise InputError(
-            "a marker dictionary among " + ", ".join(known), repr(name), "Name the one printed.", "cell.board"
+            "a marker dictionary among {known}",
+            repr(name),
+            "Name the one printed.",
+            "cell.board",
+            known=", ".join(known),
         )
     return cv2.aruco.getPredefinedDictionary(code)
 
@@ -125,8 +129,11 @@ def _why_not(grey: NDArray[np.uint8], board: Board, corners: int, markers: int) 
             )
     if corners or markers:
         return MeasurementError(
-            f"at least {_FEWEST_CORNERS} corners of the ChArUco board",
-            f"{corners} corners and {markers} markers",
+            "at least {fewest_corners} corners of the ChArUco board",
+            "{corners} corners and {markers} markers",
             "Show more of the board, and check its columns, rows and dictionary.",
+            fewest_corners=_FEWEST_CORNERS,
+            corners=corners,
+            markers=markers,
         )
     return why_not_found(grey, board)

@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError, MeasurementError
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 from calib_core.records import Board
 
 Grey = NDArray[np.uint8]
-
-COLOUR_NOTE = "The frame is in colour and was turned into grey."
 
 _SEARCHED_PIXELS = 1_400_000
 _LEAST_CONTRAST = 12.0  # grey values of 255 between the dark and the bright of a frame
@@ -23,8 +22,8 @@ _NAMES = {
 }
 
 
-def grey_eight_bit(image: NDArray[Any]) -> tuple[Grey, tuple[str, ...]]:
-    """Return a frame as 8-bit grey, and what was done to it, in sentences.
+def grey_eight_bit(image: NDArray[Any]) -> Grey:
+    """Return a frame as 8-bit grey.
 
     Raises
     ------
@@ -35,16 +34,18 @@ def grey_eight_bit(image: NDArray[Any]) -> tuple[Grey, tuple[str, ...]]:
 
     if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)) or image.ndim not in (2, 3) or image.size == 0:
         raise InputError(
-            "a grey or colour image of 8 or 16 bit", f"{image.dtype} of shape {image.shape}", "Save it as PNG."
+            "a grey or colour image of 8 or 16 bit",
+            "{dtype} of shape {image}",
+            "Save it as PNG.",
+            dtype=image.dtype,
+            image=image.shape,
         )
-    notes: tuple[str, ...] = ()
     if image.ndim == 3:
         image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_RGB2GRAY)
-        notes = (COLOUR_NOTE,)
     if image.dtype == np.uint16:  # 10, 12 or 14 of its bits may be used: the frame's own range says
         low, high = (float(v) for v in np.percentile(image, [0.1, 99.9]))
         image = np.clip((image.astype(np.float32) - low) * (255.0 / max(high - low, 255.0)), 0, 255)
-    return np.ascontiguousarray(image, dtype=np.uint8), notes
+    return np.ascontiguousarray(image, dtype=np.uint8)
 
 
 def shrunk(grey: Grey) -> tuple[Grey, int]:
@@ -68,7 +69,11 @@ def refuse_flat_image(grey: Grey) -> None:
         raise MeasurementError(
             "a frame that shows the board", "a saturated frame, white all over", "Expose it less."
         )
-    got = "a black frame" if bright < 30 else f"a blank frame, grey {dark:.0f} to {bright:.0f} of 255"
+    got = (
+        message("a black frame")
+        if bright < 30
+        else message("a blank frame, grey {dark:.0f} to {bright:.0f} of 255", dark=dark, bright=bright)
+    )
     raise MeasurementError(
         "a frame that shows the board", got, "Light the board, and check the exposure and lens cap."
     )
@@ -76,14 +81,25 @@ def refuse_flat_image(grey: Grey) -> None:
 
 def why_not_found(grey: Grey, board: Board) -> MeasurementError:
     """Return the likeliest reason why the board was not found."""
-    need = f"the whole {board.kind} board of {board.columns} × {board.rows} {_NAMES[board.kind]}"
+    need = message(
+        "the whole {kind} board of {columns} × {rows} {names}",
+        kind=board.kind,
+        columns=board.columns,
+        rows=board.rows,
+        names=_NAMES[board.kind],
+    )
     saturated = float((grey >= 255).mean())
     if saturated > 0.5:
-        return MeasurementError(need, f"a frame that is saturated over {saturated:.0%}", "Shorten the exposure.")
+        return MeasurementError(
+            need, "a frame that is saturated over {saturated:.0%}", "Shorten the exposure.", saturated=saturated
+        )
     dark, bright = (float(v) for v in np.percentile(grey, [0.5, 99.5]))
     if bright < 60:
         return MeasurementError(
-            need, f"a frame too dark to find it (brightest grey {bright:.0f} of 255)", "Light the board."
+            need,
+            "a frame too dark to find it (brightest grey {bright:.0f} of 255)",
+            "Light the board.",
+            bright=bright,
         )
     edge = _sharpest_edge(grey, bright - dark)
     if edge < 0.06:
@@ -93,10 +109,16 @@ def why_not_found(grey: Grey, board: Board) -> MeasurementError:
     if board.kind == "chessboard" and (seen := _partial_chessboard(grey)):
         columns, rows = seen
         if columns * rows > board.columns * board.rows or (columns > board.columns and rows >= board.rows):
-            to_do = "Check columns and rows in cell.board: count inner corners, not squares."
+            to_do = message("Check columns and rows in cell.board: count inner corners, not squares.")
         else:
-            to_do = "Bring the whole board into the frame, without shadows, glare or fingers on it."
-        return MeasurementError(need, f"a board of {columns} × {rows} inner corners, or a part of one", to_do)
+            to_do = message("Bring the whole board into the frame, without shadows, glare or fingers on it.")
+        return MeasurementError(
+            need,
+            "a board of {columns} × {rows} inner corners, or a part of one",
+            to_do,
+            columns=columns,
+            rows=rows,
+        )
     return MeasurementError(
         need,
         "no board",

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray
+from calib_core.messages import Value, message
 from calib_core.optics.adjust import Adjusted, Adjustment, Corners, State
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_choice import choose_model, held_out_errors
@@ -15,7 +16,7 @@ from calib_core.optics.camera_evidence import summarise
 from calib_core.optics.camera_layout import Layout, restart
 from calib_core.optics.camera_model import Model
 from calib_core.optics.camera_segments import depth_bands
-from calib_core.optics.camera_solution import CameraSolution, Fit
+from calib_core.optics.camera_solution import CameraSolution, Fit, Misfits
 from calib_core.optics.camera_start import (
     homographies,
     homography_misfits_px,
@@ -131,7 +132,7 @@ def calibrate_camera(
     layout = layouts[chosen]
     if options.refine_board:
         layout = layout.with_bent_board()
-    tell(0.8, f"final adjustment, {chosen} model")
+    tell(0.8, message("final adjustment, {chosen} model", chosen=chosen))
     final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
     if options.model == "auto" and chosen != "plain" and not final.adjusted.converged:
         chosen, layout = "plain", layouts["plain"]  # what the views do not determine is not worth having
@@ -144,19 +145,16 @@ def calibrate_camera(
     return solution if robot is None else with_robot(solution, final, layout, robot)
 
 
-def _no_boards(corners: Corners, image_size: tuple[int, int]) -> dict[int, str]:
-    """Return the views whose points are no flat board in perspective, not even roughly, and why."""
+def _no_boards(corners: Corners, image_size: tuple[int, int]) -> Misfits:
+    """Return the views whose points are no flat board in perspective, not even roughly, and how far off."""
     misfits = homography_misfits_px(corners, homographies(corners))
     limit = max(5 * float(np.median(misfits)), _NO_BOARD_SHARE * max(image_size))
     if not np.isfinite(limit) or float(np.median(misfits)) > _NO_BOARD_SHARE * max(image_size):
         limit = _NO_BOARD_SHARE * max(image_size)
-    return {
-        int(v): f"its points are {misfits[v]:.0f} px off a flat board in perspective: they were misread"
-        for v in np.flatnonzero(~(misfits <= limit))
-    }
+    return {int(v): {"off": "board", "off_px": float(misfits[v])} for v in np.flatnonzero(~(misfits <= limit))}
 
 
-def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: dict[int, str] | None = None) -> Fit:
+def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: Misfits | None = None) -> Fit:
     """Fit with a robust loss, leave out what does not belong, fit again by least squares."""
     rejected = dict(rejected or {})
     if len(start.rotations) != corners.views:  # rejected views have no pose there; they will not be looked at
@@ -223,7 +221,7 @@ def _is_idle(fit: Fit, place: int) -> bool:
     return bool(abs(fit.adjusted.state.shared[place]) < np.sqrt(2) * deviation)
 
 
-def _fit_of(corners: Corners, part: Corners, end: Adjusted, used: list[int], rejected: dict[int, str]) -> Fit:
+def _fit_of(corners: Corners, part: Corners, end: Adjusted, used: list[int], rejected: Misfits) -> Fit:
     squares = (end.corner_residuals**2).sum(axis=1)
     kept = part.weights > 0
     freedom = 2 * int(kept.sum()) - len(end.free) - 6 * len(used)
@@ -233,7 +231,7 @@ def _fit_of(corners: Corners, part: Corners, end: Adjusted, used: list[int], rej
     return Fit(corners, part, end, used, rejected, rms, sigma)
 
 
-def _worst_view(corners: Corners, fit: Adjusted, sigma_px: float) -> tuple[int, str] | None:
+def _worst_view(corners: Corners, fit: Adjusted, sigma_px: float) -> tuple[int, dict[str, Value]] | None:
     """Return the view that fits worst, and why it must go; None if all may stay."""
     squares = (fit.corner_residuals**2).sum(axis=1)
     medians = np.array([np.median(squares[a:b]) for a, b in zip(corners.ends[:-1], corners.ends[1:], strict=True)])
@@ -241,10 +239,7 @@ def _worst_view(corners: Corners, fit: Adjusted, sigma_px: float) -> tuple[int, 
     worst = int(np.argmax(typical))
     others = float(np.median(typical))
     if typical[worst] > max(_WORST_VIEW_FACTOR * max(others, 0.3 * sigma_px), _HARMLESS_PX):
-        return worst, (
-            f"its corners lie {typical[worst]:.2f} px from their predicted places, those of other views "
-            f"{others:.2f} px: the board moved, is bent or was misread"
-        )
+        return worst, {"off": "camera", "off_px": float(typical[worst]), "others_px": others}
     return None
 
 
@@ -267,7 +262,9 @@ def _tell_nobody(_fraction: float, _what: str) -> None:
 def _require_views(count: int) -> None:
     if count < FEWEST_VIEWS:
         raise MotionError(
-            f"at least {FEWEST_VIEWS} views of the board, better 15",
-            f"{count} of use",
+            "at least {fewest_views} views of the board, better 15",
+            "{count} of use",
             "Take more views, the board tilted differently in each, all over the image.",
+            fewest_views=FEWEST_VIEWS,
+            count=count,
         )

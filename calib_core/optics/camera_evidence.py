@@ -1,9 +1,11 @@
-"""What a camera's solution says about itself: covariance, correlations, coverage, and warnings in sentences."""
+"""What a camera's solution says about itself: covariance, correlations, coverage, and what is noticed."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib_core.findings import Finding
+from calib_core.findings.codes import camera as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_choice import Candidate
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 _CELLS = (8, 6)
 _ADVISED_VIEWS = 10
 _ADVISED_COVERAGE = 0.6
-_LARGE_RMS_PX = 1.0
+_LARGE_RMS_PX, _FAIL_RMS_PX = 1.0, 3.0
 _UNSURE_FOCAL = 0.005
 _NOTABLE_BEND_GAIN = 0.15
 _ADVISED_TILT_RAD = 0.26
@@ -134,65 +136,51 @@ def _folds_inside(camera: CameraModel) -> bool:
     return any(bool(np.isnan(camera.undistort(corners, depth)).any()) for depth in depths)
 
 
-def remarks_of(solution: "CameraSolution") -> list[str]:
-    """Return how the model was chosen and what that means, in sentences; nothing in them is wrong."""
-    found: list[str] = []
-    chosen = solution.camera.model
-    if solution.candidates:
-        errors = ", ".join(f"{c.model} {c.held_out_rms_px:.3f} px" for c in solution.candidates)
-        why = "no other is" if chosen == "plain" else "it is"
-        found.append(f"The {chosen} model was chosen: {why} significantly better on held-out views ({errors}).")
-    if chosen in ("plain", "tilted") and "k3" not in solution.parameters:
-        none = "k3 is" if "k2" in solution.parameters else "k2 and k3 are"
-        found.append(
-            f"{none} fixed at zero: views that have no part in the fit are not foretold better with more."
-        )
-    if solution.tilt_correlation is not None and solution.tilt_correlation > 0.9:
-        found.append(
-            f"Tilt and principal point are correlated by {solution.tilt_correlation:.3f}: "
-            "use them together, never one of them alone."
-        )
-    if solution.rejected_corners:
-        found.append(f"{solution.rejected_corners} single corners were left out as outliers.")
+def camera_findings(solution: "CameraSolution") -> list[Finding]:
+    """Return what makes a solution doubtful, and how its model was chosen."""
+    return [*_of_views(solution), *_of_lens(solution), *_of_model(solution)]
+
+
+def _of_views(solution: "CameraSolution") -> list[Finding]:
+    found: list[Finding] = []
+    used = sum(pose is not None for pose in solution.camera_from_board)
+    if not solution.converged:
+        found.append(codes.CAMERA_NOT_CONVERGED())
+    if used < _ADVISED_VIEWS:
+        found.append(codes.FEW_VIEWS(count=used))
+    seen = solution.coverage
+    if seen.covered < _ADVISED_COVERAGE:
+        found.append(codes.IMAGE_NOT_COVERED(covered=seen.covered))
+    if seen.largest_tilt_rad < _ADVISED_TILT_RAD:
+        found.append(codes.BOARDS_NOT_TILTED(tilt_deg=float(np.rad2deg(seen.largest_tilt_rad))))
     return found
 
 
-def problems_of(solution: "CameraSolution") -> list[str]:
-    """Return what makes a solution doubtful and what to do about it, in sentences."""
-    found: list[str] = []
-    used = sum(pose is not None for pose in solution.camera_from_board)
-    if not solution.converged:
-        found.append("The adjustment did not converge: the views barely determine this model. Take more views.")
-    if used < _ADVISED_VIEWS:
-        found.append(f"Only {used} views are used: take at least {_ADVISED_VIEWS}, better 15 to 25.")
-    seen = solution.coverage
-    if seen.covered < _ADVISED_COVERAGE:
-        found.append(
-            f"The boards cover {seen.covered:.0%} of the image: the distortion of the rest is extrapolated. "
-            "Show the board in the corners too."
-        )
-    if seen.largest_tilt_rad < _ADVISED_TILT_RAD:
-        found.append(
-            f"No board is tilted by more than {np.rad2deg(seen.largest_tilt_rad):.0f}°: focal length and distance "
-            "are hard to tell apart. Tilt it by 20 to 45° in some views."
-        )
+def _of_lens(solution: "CameraSolution") -> list[Finding]:
+    found: list[Finding] = []
     focal, deviation = solution.camera.camera_matrix[0, 0], float(np.sqrt(solution.covariance[0, 0]))
     if _folds_inside(solution.camera):
-        found.append(
-            "The distortion turns back before the image's corners, where no board was seen: pixels there give no "
-            "points. Show the board in the corners too."
-        )
+        found.append(codes.DISTORTION_FOLDS())
     if deviation > _UNSURE_FOCAL * focal:
-        found.append(f"The focal length is known only to ±{200 * deviation / focal:.1f} %: tilt the board more.")
+        found.append(codes.FOCAL_LENGTH_UNSURE(share=float(2 * deviation / focal)))
     if solution.bend_gain is not None and solution.bend_gain > _NOTABLE_BEND_GAIN and solution.bend_mm is not None:
-        found.append(
-            f"The board seems to be bent by {solution.bend_mm:.2f} mm: the residuals would be "
-            f"{solution.bend_gain:.0%} smaller. "
-            'Take a flatter board, or set "flat": false in cell.board to have its shape refined.'
-        )
-    if solution.reprojection_rms_px > _LARGE_RMS_PX:
-        found.append(
-            f"The corners lie {solution.reprojection_rms_px:.1f} px RMS from their predicted places, where "
-            "0.05 to 0.5 px is usual: check that the board is flat and still, and its columns and rows."
-        )
+        found.append(codes.BOARD_BENT(bend_mm=solution.bend_mm, gain=solution.bend_gain))
+    if (rms_px := solution.reprojection_rms_px) > _LARGE_RMS_PX:
+        found.append((codes.CORNERS_FAR_OFF if rms_px > _FAIL_RMS_PX else codes.CORNERS_OFF)(rms_px=rms_px))
+    return found
+
+
+def _of_model(solution: "CameraSolution") -> list[Finding]:
+    found: list[Finding] = []
+    chosen = solution.camera.model
+    if solution.candidates:
+        errors = ", ".join(f"{c.model} {c.held_out_rms_px:.3f} px" for c in solution.candidates)
+        than = "plain" if chosen == "plain" else "other"
+        found.append(codes.CAMERA_MODEL(than=than, model=chosen, errors=errors))
+    if chosen in ("plain", "tilted") and "k3" not in solution.parameters:
+        found.append(codes.TERMS_AT_ZERO(terms=[k for k in ("k2", "k3") if k not in solution.parameters]))
+    if solution.tilt_correlation is not None and solution.tilt_correlation > 0.9:
+        found.append(codes.TILT_CORRELATED(correlation=solution.tilt_correlation))
+    if solution.rejected_corners:
+        found.append(codes.CORNERS_LEFT_OUT(count=solution.rejected_corners))
     return found

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from calib_core.records import KnownCamera
 
 FloatArray = NDArray[np.float64]
@@ -82,8 +83,10 @@ class CameraModel:
         if (self.model == "segmental") != (len(self.segments) > 1):
             raise InputError(
                 "at least two bands of depth for a segmental camera, and none for another",
-                f"model '{self.model}' with {len(self.segments)} bands",
+                "model '{model}' with {count} bands",
                 "Give the segments that the calibration found.",
+                model=self.model,
+                count=len(self.segments),
             )
         object.__setattr__(self, "camera_matrix", matrix)
         object.__setattr__(self, "distortion", distortion)
@@ -105,9 +108,10 @@ class CameraModel:
         unknown = sorted(set(distortion) - set(COEFFICIENTS))
         if unknown:
             raise InputError(
-                "distortion coefficients among " + ", ".join(COEFFICIENTS),
+                "distortion coefficients among {coefficients}",
                 ", ".join(unknown),
                 "Use OpenCV's names; the tilts are tauX and tauY in rad.",
+                coefficients=", ".join(COEFFICIENTS),
             )
         d = np.array([float(distortion.get(name, 0.0)) for name in COEFFICIENTS])
         return cls(np.asarray(camera_matrix, dtype=float), d, _simplest_model(d), image_size)
@@ -256,8 +260,9 @@ def _full_distortion(distortion: ArrayLike) -> FloatArray:
     if given.size > 14 or not np.isfinite(given).all():
         raise InputError(
             "up to 14 finite distortion coefficients",
-            f"{given.size} of them" if given.size > 14 else "NaN or infinity",
-            "Give them in OpenCV's order: " + " ".join(COEFFICIENTS) + ".",
+            message("{given} of them", given=given.size) if given.size > 14 else "NaN or infinity",
+            "Give them in OpenCV's order: {coefficients}.",
+            coefficients=" ".join(COEFFICIENTS),
         )
     return np.concatenate([given, np.zeros(14 - given.size)])
 

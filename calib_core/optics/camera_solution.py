@@ -5,9 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import Value
 from calib_core.optics.adjust import Adjusted, Corners
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
+
+Misfits = dict[int, dict[str, Value]]
+"""Views that are left out, by index, with how far they are off: the values of the finding `view-not-used`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +92,7 @@ class CameraSolution:
     residuals_px : tuple of (N, 2)
         Seen minus predicted, one array a view.
     rejected : dict
-        View index to the reason.
+        View index to how far it is off, the values of `view-not-used`.
     rejected_corners : int
         Corners left out in used views.
     candidates : tuple of Candidate
@@ -118,7 +122,7 @@ class CameraSolution:
     corner_sigma_px: float
     view_rms_px: FloatArray
     residuals_px: tuple[FloatArray, ...]
-    rejected: dict[int, str]
+    rejected: Misfits
     rejected_corners: int
     candidates: tuple[Candidate, ...]
     tilt_correlation: float | None
@@ -139,6 +143,6 @@ class Fit:
     corners: Corners
     adjusted: Adjusted
     used: list[int]
-    rejected: dict[int, str]
+    rejected: Misfits
     view_rms_px: FloatArray
     sigma_px: float

@@ -139,9 +139,10 @@ def solve_hand_eye(
     """
     if len(base_from_tool0) < _LEAST_FRAMES:
         raise MotionError(
-            f"frames of the lit, fixed board from at least {_LEAST_FRAMES} robot poses",
+            "frames of the lit, fixed board from at least {least_frames} robot poses",
             f"{len(base_from_tool0)}",
             "Take the lit board from more robot poses, turned differently.",
+            least_frames=_LEAST_FRAMES,
         )
     position = USUAL_POSITION_SIGMA_MM if position_sigma_mm is None else max(position_sigma_mm, 1e-4)
     turning = USUAL_ORIENTATION_SIGMA_RAD if orientation_sigma_rad is None else max(orientation_sigma_rad, 1e-6)

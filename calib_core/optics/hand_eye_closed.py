@@ -10,6 +10,7 @@ import numpy as np
 
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray, nearest_rotation
+from calib_core.messages import plural
 
 
 def solve_ax_zb(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -47,7 +48,14 @@ def _require_one(strengths: FloatArray, count: int) -> None:
     if count < 3 or strengths[0] - strengths[1] < 1e-4 * count:
         raise MotionError(
             "at least three captures of the board at robot poses turned about axes that are not parallel",
-            f"{count} captures, turned about one axis or hardly at all" if count >= 3 else f"{count}",
+            plural(
+                "{count} capture, turned about one axis or hardly at all",
+                "{count} captures, turned about one axis or hardly at all",
+                by="count",
+                count=count,
+            )
+            if count >= 3
+            else f"{count}",
             "Take the board with the flange turned by 20° about different axes.",
             "captures",
         )

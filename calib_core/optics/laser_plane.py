@@ -8,11 +8,14 @@ z axis is the camera's viewing direction laid into the plane (so z grows away fr
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import InputError, MotionError
+from calib_core.findings import Finding
+from calib_core.findings.codes import laser_plane as codes
 from calib_core.frames import RigidTransform
 from calib_core.optics.camera_model import CameraModel
 
@@ -23,6 +26,7 @@ _TRIALS = 400
 _MOST_SCORED = 3000
 _STRAY_SIGMAS = 4.0
 _LEAST_POINTS_PER_LINE = 12
+_UNSURE_NORMAL_DEG, _OPEN_NORMAL_DEG = 0.1, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +189,9 @@ def fit_plane(lines: Sequence[BoardLine]) -> PlaneFit:
     if len(usable) < 2:
         raise MotionError(
             "the stripe on at least two boards, better five at different distances",
-            f"{len(usable)} with a measurable line on the board",
+            "{count} with a measurable line on the board",
             "Capture the board with the stripe on it at other distances and tilts.",
+            count=len(usable),
         )
     points = np.concatenate([line.points_in_camera_mm for line in lines])
     counts = np.array([len(line.points_in_camera_mm) for line in lines])
@@ -221,26 +226,22 @@ def fit_plane(lines: Sequence[BoardLine]) -> PlaneFit:
     )
 
 
-def plane_warnings(fit: PlaneFit, lines: Sequence[BoardLine], normal_sigma_deg: float) -> list[str]:
-    """Return sentences on what makes the plane less certain than it should be."""
-    warnings: list[str] = []
+def plane_findings(fit: PlaneFit, lines: Sequence[BoardLine], normal_sigma_deg: float) -> list[Finding]:
+    """Return what makes the plane less certain than it should be."""
+    found: list[Finding] = []
     if fit.width_mm < 0.1 * fit.length_mm:
         angle = _largest_angle_deg(lines)
-        parallel = f" and nearly parallel (within {angle:.1f}°)" if angle < 3.0 else ""
-        warnings.append(
-            f"The lines on the boards lie close to each other{parallel}: {fit.width_mm:.1f} mm across for "
-            f"{fit.length_mm:.0f} mm along (standard deviations), so the plane can still turn about them. "
-            "Capture boards nearer and farther away."
-        )
-    elif normal_sigma_deg > 0.1:
-        warnings.append(
-            f"The plane's normal is known only to ±{2 * normal_sigma_deg:.2f}° (k = 2). "
-            "Capture more boards, nearer and farther away."
-        )
+        how = "parallel" if angle < 3.0 else "apart"
+        figures: dict[str, Any] = {"width_mm": fit.width_mm, "length_mm": fit.length_mm, "angle_deg": angle}
+        found.append(codes.LINES_TOO_CLOSE(how=how, **figures))
+    elif _UNSURE_NORMAL_DEG < normal_sigma_deg <= _OPEN_NORMAL_DEG:
+        found.append(codes.PLANE_NORMAL_WEAK(normal_deg=2 * normal_sigma_deg))
     used = sum(bool(m.any()) for m in fit.inliers)
     if used < 4:
-        warnings.append(f"Only {used} boards carry the plane. Five or more let a bad one be found out.")
-    return warnings
+        found.append(codes.FEW_BOARDS(count=used))
+    if normal_sigma_deg > _OPEN_NORMAL_DEG:
+        found.append(codes.PLANE_NORMAL_OPEN(normal_deg=2 * normal_sigma_deg))
+    return found
 
 
 def _laid_into_plane(n: FloatArray) -> FloatArray:
@@ -297,8 +298,9 @@ def _require_width(length_mm: float, width_mm: float, scale_mm: float) -> None:
         return
     raise MotionError(
         "the stripe on boards at different distances",
-        f"lines that all lie within {2 * width_mm:.2f} mm of one straight line, through which many planes run",
+        "lines that all lie within {width_mm:.2f} mm of one straight line, through which many planes run",
         "Capture the board nearer and farther away, and tilted.",
+        width_mm=2 * width_mm,
     )
 
 

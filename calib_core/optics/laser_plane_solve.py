@@ -6,11 +6,14 @@ everything together, see `laser_plane_joint`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import MotionError
+from calib_core.findings import Finding
+from calib_core.findings.codes.laser_plane import CAMERA_HELD
 from calib_core.frames import RigidTransform
 from calib_core.optics.adjust import (
     Corners,
@@ -41,7 +44,9 @@ _POSE_HUBER = 2.0
 _LEAST_CORNER_SIGMA_PX = 0.003
 _LEAST_POINTS = 30
 _MOST_CAMERA_SIGMAS = 3.0
-NO_LINE = "no laser line is seen on the board: switch the laser on and let its line cross the board"
+LeftOut = Literal["no-line", "off-plane"]
+"""Why a view is left out: no line is seen on its board, or one off the plane of the others."""
+
 _LEAST_SHARE_SEEN = 0.45
 _MOST_WIDTH = 0.03
 _EDGE_WIDTHS = 2.5
@@ -79,7 +84,7 @@ class ViewFigures:
     """What one view contributed; `without_ray`: centres dropped because they lie beyond the distortion's fold."""
 
     name: str
-    reason: str | None
+    left_out: LeftOut | None
     points: int
     line_rms_mm: float
     line_mean_mm: float
@@ -115,8 +120,8 @@ class PlaneSolution:
         All views, in the order given.
     noise_factor : float
         How much larger the stripe's residuals are than its centres' own standard deviations.
-    camera_held : str or None
-        Why the camera stays as its boards gave it although the stripes were there to refine it.
+    camera_held : Finding or None
+        That the camera stays as its boards gave it although the stripes were there to refine it.
     """
 
     camera: CameraModel
@@ -130,7 +135,7 @@ class PlaneSolution:
     fit: PlaneFit
     views: tuple[ViewFigures, ...]
     noise_factor: float
-    camera_held: str | None = None
+    camera_held: Finding | None = None
 
 
 def solve_plane(
@@ -217,13 +222,11 @@ def solve_plane(
     )
 
 
-def _why_held(joint: Joint) -> str | None:
+def _why_held(joint: Joint) -> Finding | None:
     """Return why the refined camera is not to be taken, None where it is."""
     if joint.camera_moved_sigmas > _MOST_CAMERA_SIGMAS:
-        return "the stripes would have drawn it by more than three of its standard deviations"
-    if joint.corners_worsened is not None:
-        return f"with the stripes, corners of other boards are met {100 * joint.corners_worsened:.1f} % worse"
-    return None
+        return CAMERA_HELD(course="drawn")
+    return None if joint.corners_worsened is None else CAMERA_HELD(course="worse", worsened=joint.corners_worsened)
 
 
 def board_poses(camera: CameraModel, views: Sequence[BoardView]) -> tuple[list[RigidTransform], FloatArray]:
@@ -322,18 +325,18 @@ def _line(camera: CameraModel, name: str, stripe: StripeCenters, pose: RigidTran
     return BoardLine(name, points, np.linalg.norm(moved - points, axis=1) * 10.0 * stripe.sigma_px)
 
 
-def _reasons(views: Sequence[PlaneView], lines: Sequence[BoardLine], fit: PlaneFit) -> list[str | None]:
+def _reasons(views: Sequence[PlaneView], lines: Sequence[BoardLine], fit: PlaneFit) -> list[LeftOut | None]:
     """Return why a view is left out, or None."""
     enough = [len(line.points_in_camera_mm) >= _LEAST_POINTS for line in lines]
     usual = float(np.median([rms for rms, fine in zip(fit.line_rms_mm, enough, strict=True) if fine] or [np.inf]))
-    reasons: list[str | None] = []
+    reasons: list[LeftOut | None] = []
     for view, line, rms, inlier in zip(views, lines, fit.line_rms_mm, fit.inliers, strict=True):
-        reason = None
+        reason: LeftOut | None = None
         limit = max(_SPOILED_RMS_RATIO * max(usual, fit.rms_mm), _SPOILED_SIGMAS * _pose_sigma_mm(view))
         if len(line.points_in_camera_mm) < _LEAST_POINTS:
-            reason = NO_LINE
+            reason = "no-line"
         elif rms > limit or (view.known is None and inlier.mean() < 0.3):
-            reason = f"its line lies {rms:.2f} mm off the plane of the others: the board or the camera was moved"
+            reason = "off-plane"
         reasons.append(reason)
     return reasons
 
@@ -349,7 +352,7 @@ def _figures(
     lines: Sequence[BoardLine],
     poses: Sequence[RigidTransform],
     corner_sigma: FloatArray,
-    reasons: Sequence[str | None],
+    reasons: Sequence[LeftOut | None],
     normal: FloatArray,
     distance_mm: float,
 ) -> tuple[ViewFigures, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
+from calib_core.messages import message
 from calib_core.optics.stripe_narrow import NARROW_PX, narrow_sigmas
 from calib_core.optics.stripe_view import Axis, Color, ImageArray, view_of
 
@@ -200,14 +201,17 @@ def _no_stripe(
     """Return the error that says why no stripe was measured."""
     from calib_core.kernels import stripe as kernel
 
-    need = f"a laser stripe with at least {options.least_centers} clean peaks"
+    need = message("a laser stripe with at least {least_centers} clean peaks", least_centers=options.least_centers)
     if int(image.min()) >= saturation:
         return MeasurementError(
             need, "a saturated frame, white all over", "Shorten the exposure or dim the laser or the lamps."
         )
     if int(image.max()) == int(image.min()):
         return MeasurementError(
-            need, f"a blank frame (every pixel is {int(image.max())})", "Check that laser and exposure are on."
+            need,
+            "a blank frame (every pixel is {image})",
+            "Check that laser and exposure are on.",
+            image=int(image.max()),
         )
     counts = np.bincount(codes, minlength=len(_REASONS))
     if float(np.mean(image >= saturation)) > 0.3 or counts[kernel.SATURATED] > counts.sum() / 4:

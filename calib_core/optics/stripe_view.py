@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 Axis = Literal["columns", "rows"]
 Color = Literal["grey", "red", "green", "blue"]
@@ -65,9 +66,10 @@ def view_of(
         _require_image(dark, "dark frame")
         if dark.shape != image.shape or dark.dtype != image.dtype:
             raise InputError(
-                f"a dark frame like the lit one, {_words(image)}",
+                "a dark frame like the lit one, {image}",
                 _words(dark),
                 "Take both frames with the same camera settings.",
+                image=_words(image),
             )
         image, level = _difference(image, dark, level)
     channels = _channels(image, color)
@@ -142,23 +144,38 @@ def _require_image(image: ImageArray, where: str) -> None:
     if image.dtype != np.uint8 and image.dtype != np.uint16:
         raise InputError(
             "an image of 8 or 16 bit",
-            f"numbers of type {image.dtype}",
+            "numbers of type {dtype}",
             "Save frames as PNG or TIFF of 8 or 16 bit.",
             where,
+            dtype=image.dtype,
         )
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
         raise InputError(
-            "a grey or a three-colour image", f"an array of shape {image.shape}", "Give one frame.", where
+            "a grey or a three-colour image",
+            "an array of shape {image}",
+            "Give one frame.",
+            where,
+            image=image.shape,
         )
     if min(image.shape[:2]) < _SMALLEST_PX or max(image.shape[:2]) > _LARGEST_PX:
         raise InputError(
-            f"an image at least {_SMALLEST_PX} pixels high and wide", _words(image), "Give the whole frame.", where
+            "an image at least {smallest_px:g} pixels high and wide",
+            _words(image),
+            "Give the whole frame.",
+            where,
+            smallest_px=_SMALLEST_PX,
         )
 
 
 def _words(image: ImageArray) -> str:
     color = "colour" if image.ndim == 3 else "grey"
-    return f"{image.shape[1]}×{image.shape[0]} pixels, {color}, {8 * image.dtype.itemsize} bit"
+    return message(
+        "{width}×{height} pixels, {color}, {itemsize} bit",
+        width=image.shape[1],
+        height=image.shape[0],
+        color=color,
+        itemsize=8 * image.dtype.itemsize,
+    )
 
 
 def _saturation(image: ImageArray) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import InputError, MeasurementError
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import camera_from_laser_of, oriented_plane
 from calib_core.optics.stripe import StripeCenters, StripeOptions, find_stripe
@@ -183,18 +184,24 @@ def stripe_in_frame(
     width, height = calibration.camera.image_size
     if width and (image.shape[1], image.shape[0]) != (width, height):
         raise InputError(
-            f"a frame of {width}×{height} pixels, as the camera was calibrated with",
-            f"{image.shape[1]}×{image.shape[0]} pixels",
+            "a frame of {width}×{height} pixels, as the camera was calibrated with",
+            "{width_other}×{height_other} pixels",
             "Record with the same camera settings, without cropping or binning.",
+            width=width,
+            height=height,
+            width_other=image.shape[1],
+            height_other=image.shape[0],
         )
     found = triangulate_stripe(calibration, find_stripe(image, options))
     if not len(found.points_in_laser_mm):
-        beyond = (
-            f", {found.without_ray} of its centres beyond the fold of the distortion" if found.without_ray else ""
-        )
         raise MeasurementError(
             "a stripe on the plane of light",
-            f"a line that cannot lie on it{beyond}",
+            message(
+                "a line that cannot lie on it, {count} of its centres beyond the fold of the distortion",
+                count=found.without_ray,
+            )
+            if found.without_ray
+            else "a line that cannot lie on it",
             "Check that the plane was calibrated with this camera and laser.",
         )
     return found

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
+from calib_core.messages import plural
 from calib_core.poses.convention import Convention
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.rotations import (
@@ -31,9 +32,10 @@ def convention_named(name: str) -> Convention:
     """
     if name not in CONVENTIONS:
         raise InputError(
-            "one of the pose conventions " + ", ".join(CONVENTIONS),
+            "one of the pose conventions {conventions}",
             repr(name),
             "Name the controller's convention.",
+            conventions=", ".join(CONVENTIONS),
         )
     return CONVENTIONS[name]
 
@@ -59,19 +61,23 @@ def parse_pose(convention: str, numbers: Sequence[float], where: str = "") -> Ri
     known = convention_named(convention)
     if len(numbers) != known.count:
         raise InputError(
-            f"a pose of {known.count} numbers ({known.numbers})",
-            f"{len(numbers)} number{'' if len(numbers) == 1 else 's'}",
-            f"Give all of them, or choose another convention than '{convention}'.",
+            "a pose of {count} numbers ({numbers})",
+            plural("{got} number", "{got} numbers", by="got", got=len(numbers)),
+            "Give all of them, or choose another convention than '{convention}'.",
             where,
+            count=known.count,
+            numbers=known.numbers,
+            convention=convention,
         )
     values = np.array([float(v) for v in numbers])
     if not np.isfinite(values).all():
         bad = known.numbers.split()[int(np.argmin(np.isfinite(values)))]
         raise InputError(
-            f"a pose of finite numbers ({known.numbers})",
+            "a pose of finite numbers ({numbers})",
             f"{bad} = {values[~np.isfinite(values)][0]}",
             "Read the pose from the controller again.",
             where,
+            numbers=known.numbers,
         )
     try:
         return _read(convention, values.tobytes())
@@ -114,9 +120,11 @@ def _require_reachable(base_from_tool0: RigidTransform) -> None:
     farthest_mm = float(np.abs(base_from_tool0.translation_mm).max())
     if farthest_mm > _FARTHEST_MM:
         raise InputError(
-            f"a flange within {_FARTHEST_MM / 1e6:g} km of the base",
-            f"one {farthest_mm / 1e6:.3g} km away",
+            "a flange within {farthest_mm:g} km of the base",
+            "one {farthest_mm_other:.3g} km away",
             "Read the pose from the controller again.",
+            farthest_mm=_FARTHEST_MM / 1000000.0,
+            farthest_mm_other=farthest_mm / 1000000.0,
         )
 
 
@@ -127,9 +135,11 @@ def _rotation(known: Convention, values: FloatArray) -> FloatArray:
         length = float(np.linalg.norm(values))
         if abs(length - 1) > _UNIT_TOLERANCE:
             raise InputError(
-                f"a unit quaternion ({' '.join(known.numbers.split()[3:])})",
-                f"one of length {length:.4g}",
+                "a unit quaternion ({numbers})",
+                "one of length {length:.4g}",
                 "Give all its digits, and check the order of the numbers and the convention.",
+                numbers=" ".join(known.numbers.split()[3:]),
+                length=length,
             )
         return rotation_from_quaternion(values if known.listed == "xyzw" else np.roll(values, -1))
     angles = np.radians(values)

@@ -1,7 +1,6 @@
 """One file looked at by its content: points, poses, a controller's, a certificate, something else."""
 
-import re
-
+from calib_core.disk import is_system_file
 from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.points import FORMATS
 from calib_core.formats.points import recognise as format_of
@@ -15,7 +14,6 @@ from calib_core.recognition.taken import GivenFile, Look, PoseList, Reason, Take
 from calib_core.robots.registry import BRANDS
 from calib_core.robots.text import decoded
 
-_SYSTEM = re.compile(r"(?:^|/)(?:\.[^/]*|Thumbs\.db|desktop\.ini|~\$[^/]*|__MACOSX/.*)\Z", re.IGNORECASE)
 _IMAGES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _OFFICE = (b"xl/worksheets", b"word/document", b"ppt/slides", b"content.xml")
 _COMPILED = {
@@ -37,7 +35,7 @@ def look_at(file: GivenFile) -> Look:
         return nothing(file.refused)
     if not file.data:
         return nothing("empty")
-    if _SYSTEM.search(file.name):
+    if is_system_file(file.name):
         return nothing("system")
     ending = f".{file.name.rpartition('.')[2].lower()}" if "." in file.name else ""
     if ending in _COMPILED and not looks_like_text(file.head):

@@ -33,7 +33,7 @@ from calib_core.records.causes import (
 from calib_core.records.field_errors import input_error, input_error_from_details
 from calib_core.records.findings import Finding, MessageParts, Severity
 from calib_core.records.guidance import (
-    CheckFinding,
+    CheckLine,
     Guide,
     GuideLast,
     GuideNow,
@@ -59,11 +59,20 @@ from calib_core.records.session import (
     LimitChange,
     MergeSettings,
     Robot,
-    Scanner,
     Session,
     TimedPose,
     Turntable,
     Verification,
+)
+from calib_core.records.topology import (
+    CellAxis,
+    FoundAxis,
+    FoundSphere,
+    KnownFrame,
+    MountedScanner,
+    Scanner,
+    Sphere,
+    SphereDistance,
 )
 
 __all__ = [
@@ -77,11 +86,14 @@ __all__ = [
     "CaptureResidual",
     "CauseKind",
     "Cell",
+    "CellAxis",
     "Changes",
-    "CheckFinding",
+    "CheckLine",
     "Finding",
     "Finite",
     "FlangeReading",
+    "FoundAxis",
+    "FoundSphere",
     "Guide",
     "GuideLast",
     "GuideNow",
@@ -92,6 +104,7 @@ __all__ = [
     "Kind",
     "Known",
     "KnownCamera",
+    "KnownFrame",
     "KnownPlane",
     "LimitChange",
     "Matrix4",
@@ -100,6 +113,7 @@ __all__ = [
     "MessageParts",
     "Meter",
     "MeterPoint",
+    "MountedScanner",
     "NotNegative",
     "PoseConvention",
     "PoseReading",
@@ -112,6 +126,8 @@ __all__ = [
     "Scanner",
     "Session",
     "Severity",
+    "Sphere",
+    "SphereDistance",
     "StageName",
     "StepName",
     "Still",

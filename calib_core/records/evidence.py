@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from calib_core.messages import message
 from calib_core.records.base import Finite, Matrix4, Record, Rows, Verdict, mismatch
 
 
@@ -115,7 +116,11 @@ class Table(Block):
     def _require_whole_rows(self) -> Self:
         for row in self.rows:
             if len(row.cells) != len(self.columns):
-                raise mismatch(f"{len(self.columns)} cells in every row", str(len(row.cells)), "Solve it again.")
+                raise mismatch(
+                    message("{count} cells in every row", count=len(self.columns)),
+                    str(len(row.cells)),
+                    "Solve it again.",
+                )
         return self
 
 
@@ -145,7 +150,11 @@ class Series(Record):
     def _require_one_each(self) -> Self:
         for name, given in (("x", self.x), ("captures", self.captures), ("reasons", self.reasons)):
             if given and len(given) != len(self.y):
-                raise mismatch(f"{len(self.y)} {name}, one for each y", str(len(given)), "Solve it again.")
+                raise mismatch(
+                    message("{count} {name}, one for each y", count=len(self.y), name=name),
+                    str(len(given)),
+                    "Solve it again.",
+                )
         return self
 
 

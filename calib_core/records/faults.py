@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from calib_core.errors import ConflictError, InputError
+from calib_core.messages import message, sentences
 
 Of = Literal["answer", "moment"]
 
@@ -46,6 +47,20 @@ _ALL: Final = (
     Fault("stale", "answer", "stale", "one whose inputs have changed", "Solve the session again."),
     Fault(
         "fail", "answer", "failed", "one with the verdict 'fail'", "Mend what its result names, and solve again."
+    ),
+    Fault(
+        "differs",
+        "answer",
+        "not what its captures give",
+        "one that came from elsewhere and differs from what its captures give here",
+        "Solve the session again.",
+    ),
+    Fault(
+        "not-replayed",
+        "answer",
+        "not replayed here",
+        "one that came from elsewhere and was not solved anew here",
+        "Wait for its replay, replay the session, or solve it again.",
     ),
     Fault(
         "verify-fail",
@@ -90,6 +105,12 @@ FAULTS: Final = {fault.name: fault for fault in _ALL}
 ACKNOWLEDGED: Final = ("drift", "equipment-changed")
 """Those that somebody may acknowledge by name."""
 
+NOT_CONFIRMED: Final = ("fail", "conditional-fail")
+"""Decisions of a verification that make the fault `verify-fail`."""
+
+OF_RESULTS: Final = ("stale", "fail")
+"""Faults that a result by itself may have."""
+
 MOST_TEXT: Final = 200
 """So long may the text of an `allow` be."""
 
@@ -105,7 +126,9 @@ def allowed_faults(text: str, where: str = "allow") -> tuple[str, ...]:
     allowed = tuple(word.strip() for word in text.split(",") if word.strip())
     unknown = [word for word in allowed if word not in FAULTS]
     if unknown:
-        raise InputError(f"any of {', '.join(FAULTS)}", f"'{unknown[0]}'", "Write allow=stale,fail.", where)
+        raise InputError(
+            "any of {faults}", f"'{unknown[0]}'", "Write allow=stale,fail.", where, faults=", ".join(FAULTS)
+        )
     return allowed
 
 
@@ -115,7 +138,10 @@ def refuse_faults(faults: Collection[str], allow: Collection[str], where: str) -
     if not found:
         return
     names = ",".join([*in_order(allow), *(fault.name for fault in found)])
-    to_do = " ".join(fault.to_do for fault in found)
-    how = f"Or allow it (`--allow {names}`, over REST `allow={names}`): it is marked then."
-    got = "; ".join(fault.got for fault in found)
-    raise NotUsableError("an answer that is fresh and not failed", got, f"{to_do} {how}", where)
+    how = message("Or allow it (`--allow {names}`, over REST `allow={names}`): it is marked then.", names=names)
+    raise NotUsableError(
+        "an answer that is fresh and not failed",
+        message("{all:,}", all=[fault.got for fault in found]),
+        sentences([*(fault.to_do for fault in found), how]),
+        where,
+    )

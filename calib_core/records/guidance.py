@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.records.base import GuidedStep, Kind, Matrix4, Record, Rows, StageName, Verdict
+from calib_core.records.findings import Finding, Severity
 
 
 class Still(Record):
@@ -38,11 +39,14 @@ class Measured(Record):
     `still` tells of standstill where the capture has several exposures at one pose; of one it cannot be told.
 
     So many neighbouring points of a profile as `points_per_independent` say what one alone would.
+
+    `verdict`, `reason` and `to_do` are made of `findings`.
     """
 
     capture: str
     kind: Kind
     verdict: Verdict
+    findings: list[Finding] = Field(default_factory=list[Finding])
     reason: str | None = None
     to_do: str | None = None
     points: int = 0
@@ -66,10 +70,10 @@ class Measured(Record):
     still: Still | None = None
 
 
-class CheckFinding(Record):
-    """Something that a check of a session found: an error blocks solving, a warning doubts it, a note informs."""
+class CheckLine(Record):
+    """A finding of a check as a line: how severe it is, where, and what with what to do."""
 
-    level: Literal["error", "warning", "note"]
+    level: Severity
     where: str
     sentence: str
 
@@ -139,13 +143,18 @@ class GuideLast(Record):
 
     capture: str
     verdict: Verdict
+    findings: list[Finding] = Field(default_factory=list[Finding])
     reason: str | None = None
     to_do: str | None = None
 
 
 class Guide(Record):
-    """What to do now and why, how much is still needed, and where every step stands."""
+    """What to do now and why, how much is still needed, and where every step stands.
+
+    `findings` are those of the last capture, and of the result that `current` is about.
+    """
 
     steps: list[GuideStep]
     current: GuideNow
+    findings: list[Finding] = Field(default_factory=list[Finding])
     last_capture: GuideLast | None = None

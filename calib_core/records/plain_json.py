@@ -4,6 +4,7 @@ import math
 from typing import Any, cast
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 MAX_DEPTH = 32
 _LARGEST_INTEGER = 2**63
@@ -34,17 +35,31 @@ def require_plain(data: Any, where: str) -> None:
     raise too_deep(where)
 
 
+def told_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON text; raises InputError where a name stands in it twice: one would be lost."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        seen: set[str] = set()
+        twice = next(name for name, _ in pairs if name in seen or seen.add(name))
+        raise InputError("names that differ", "'{name}' twice", "Rename or remove one.", name=twice[:80])
+    return found
+
+
 def too_deep(where: str) -> InputError:
     """Return the error for data that is nested too deeply."""
-    return InputError(f"at most {MAX_DEPTH} levels of nesting", "more", "Flatten the data.", where)
+    return InputError(
+        "at most {max_depth} levels of nesting", "more", "Flatten the data.", where, max_depth=MAX_DEPTH
+    )
 
 
 def _require_plain_scalar(value: Any, where: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
-        got = "NaN or infinity, or a number beyond 1.8e308"
+        got = message("NaN or infinity, or a number beyond 1.8e308")
         raise InputError("finite numbers", got, "Correct the number.", where)
     if isinstance(value, int) and abs(value) >= _LARGEST_INTEGER:
-        raise InputError("integers of at most 63 bits", f"one of {value.bit_length()} bits", "Correct it.", where)
+        raise InputError(
+            "integers of at most 63 bits", "one of {value} bits", "Correct it.", where, value=value.bit_length()
+        )
     if isinstance(value, str):
         if "\0" in value:
             raise InputError("text without NUL characters", "one with", "Remove it.", where)

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from calib_core.messages import message
 from calib_core.records.base import Finite, Matrix4, Positive, Record, Vector3, mismatch
 
 _LARGEST_FIELD_MM = 1e5
@@ -20,7 +21,7 @@ class FieldOfView(Record):
     @model_validator(mode="after")
     def _far_is_farther(self) -> "FieldOfView":
         if self.far_mm <= self.near_mm:
-            got = f"{self.far_mm:g} beside near_mm {self.near_mm:g}"
+            got = message("{far_mm:g} beside near_mm {near_mm:g}", far_mm=self.far_mm, near_mm=self.near_mm)
             raise mismatch("far_mm beyond near_mm", got, "Give both as distances from the scanner.")
         largest_mm = max(self.far_mm, self.near_width_mm, self.far_width_mm or 0.0)
         if largest_mm > _LARGEST_FIELD_MM:

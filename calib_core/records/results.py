@@ -1,7 +1,7 @@
 """What the results of all stages share."""
 
 from importlib import import_module
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field
 
@@ -40,7 +40,7 @@ class Result(Record):
     worth knowing; `causes`, the root causes that were found, the likeliest first, with what would mend them.
     `frames` are all transforms that it found. `evidence` is the result told in blocks, as terminal, report and
     page show it.  `pose_convention` is the cell's when it was solved, `solved` when that was (ISO 8601,
-    told by whoever stores it).
+    told by whoever stores it).  `provenance` is how it came to be here, `seal` the signature that proves it.
     """
 
     method: str
@@ -50,6 +50,8 @@ class Result(Record):
     verdict: Verdict
     pose_convention: str | None = None
     solved: str | None = None
+    provenance: Literal["solved", "imported", "replayed", "differs"] | None = None
+    seal: dict[str, Any] | None = None
     findings: list[Finding] = Field(default_factory=list[Finding])
     warnings: list[str] = Field(default_factory=list)
     notes: list[str] = Field(default_factory=list)

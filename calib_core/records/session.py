@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from calib_core.messages import message
 from calib_core.records.base import (
     FORMAT,
     Finite,
@@ -20,28 +21,12 @@ from calib_core.records.base import (
     mismatch,
 )
 from calib_core.records.findings import Severity
-from calib_core.records.planning import FieldOfView, Limits, Nominal
+from calib_core.records.planning import Limits, Nominal
 from calib_core.records.policy import Environment, Equipment, Excluded, Policy
+from calib_core.records.topology import CellAxis, KnownFrame, MountedScanner, Scanner, Sphere, SphereDistance
 
 SphereClass = Literal["certified", "bearing", "coated", "turned"]
 """Of a sphere: with a certificate, a bearing ball, coated so that it is matt (assumed), turned or printed."""
-
-
-class Scanner(WrittenRecord):
-    """What kind of data the scanner delivers and how noisy it is.
-
-    `errors`: what becomes of a scale, shear or bow that is found with the tool: `cover` (left out) solves the tool
-    for the files as they are, `apply` solves it for points from which the errors are taken out.
-
-    `field_of_view` and `pitch_mm` (between points along the stripe) are for planning alone.
-    """
-
-    kind: Kind | None = None
-    point_sigma_mm: Positive | None = None
-    z_axis: Literal["away", "toward"] | None = None
-    errors: Literal["cover", "apply"] | None = None
-    field_of_view: FieldOfView | None = None
-    pitch_mm: Positive | None = None
 
 
 class ArmJoint(WrittenRecord):
@@ -150,13 +135,17 @@ class KnownPlane(WrittenRecord):
 
 
 class Known(WrittenRecord):
-    """Results that the user brings: a known stage is not solved, and later stages use it."""
+    """Results that the user brings: a known stage is not solved, and later stages use it.
+
+    `frames` are those of cells with several scanners or axes, each with its covariance where that is told.
+    """
 
     camera: KnownCamera | None = None
     laser_plane: KnownPlane | None = None
     tool0_from_laser: Matrix4 | None = None
     base_from_laser: Matrix4 | None = None
     base_from_turntable: Matrix4 | None = None
+    frames: list[KnownFrame] | None = None
 
 
 class MergeSettings(WrittenRecord):
@@ -218,8 +207,10 @@ class Cell(WrittenRecord):
 
     `arrangement` says what the robot carries: the scanner, or the sphere before a scanner that stands still.
 
-    `scanner` is the one scanner, `scanners` are several by name: a capture says which of them saw it.  `id` is
-    what sessions of one cell share; left out, it is made from the session's name.
+    `scanner` is the one scanner, `scanners` are several by name: a capture says which of them saw it.  `spheres`
+    and `axes` are named where there are more than the one sphere and the turntable (an axis named `table`), or
+    where something is known of them; `sphere_distances` are between spheres.  `id` is what sessions of one cell
+    share; left out, it is made from the session's name.
 
     `findings` are severities of this cell's own, by code: applied where its results are read.  `equipment` is what
     it was found with, `release` what a folder's cell asks of an answer (a server has a policy of its own).
@@ -235,7 +226,10 @@ class Cell(WrittenRecord):
     sphere_diameter_sigma_mm: NotNegative | None = None
     sphere_class: SphereClass | None = None
     scanner: Scanner = Field(default_factory=Scanner)
-    scanners: dict[Identifier, Scanner] | None = None
+    scanners: dict[Identifier, MountedScanner] | None = None
+    spheres: list[Sphere] | None = None
+    sphere_distances: list[SphereDistance] | None = None
+    axes: list[CellAxis] | None = None
     robot: Robot = Field(default_factory=Robot)
     turntable: Turntable = Field(default_factory=Turntable)
     board: Board | None = None
@@ -262,6 +256,7 @@ class TimedPose(WrittenRecord):
 class Capture(WrittenRecord):
     """One measurement: its files and where robot and table stood, the numbers as they came.
 
+    `table_deg` is the turntable's angle, `axes_deg` and `axes_mm` are the readings of the cell's `axes` by name.
     `board_of` is the capture whose frame shows the board as it stands in this one, which shows the stripe alone.
     `scanner` is a name in the cell's `scanners`; `joints_deg` are the robot's joints at `pose`, in order, those of
     prismatic ones in `joints_mm`; `active_tool` and `active_frame` are those that the controller gave `pose` in;
@@ -276,6 +271,8 @@ class Capture(WrittenRecord):
     files: list[str] = Field(default_factory=list)
     pose: list[Finite] | None = None
     table_deg: Finite | None = None
+    axes_deg: dict[Identifier, Finite] | None = None
+    axes_mm: dict[Identifier, Finite] | None = None
     mount: str | None = None
     center_mm: Vector3 | None = None
     poses: list[list[Finite]] | None = None
@@ -313,7 +310,9 @@ class Capture(WrittenRecord):
             if self.center_mm is None:
                 raise mismatch("center_mm [x, y, z] in a capture of kind 'center'", "none", "Add it.")
         elif not self.files:
-            raise mismatch(f"at least one file in `files` of a '{self.kind}' capture", "none", "Add it.")
+            raise mismatch(
+                message("at least one file in `files` of a '{kind}' capture", kind=self.kind), "none", "Add it."
+            )
         return self
 
 
@@ -336,6 +335,10 @@ class Session(WrittenRecord):
         seen: set[str] = set()
         for capture in self.captures:
             if capture.id in seen:
-                raise mismatch("capture ids that differ", f"'{capture.id}' twice", "Rename or remove one.")
+                raise mismatch(
+                    "capture ids that differ",
+                    message("'{capture}' twice", capture=capture.id),
+                    "Rename or remove one.",
+                )
             seen.add(capture.id)
         return self

@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from pydantic import BaseModel
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 
 def unknown_fields(record: BaseModel, where: str = "") -> Iterator[tuple[str, BaseModel]]:
@@ -38,9 +39,9 @@ def require_known_fields(record: BaseModel, where: str, tolerated: Collection[st
         name = path.rsplit(".", 1)[-1]
         known = [field for field in type(owner).model_fields if field != "format"]
         close = get_close_matches(name, known, 1, 0.6)
-        to_do = f"Did you mean '{close[0]}'?" if close else "Leave it out."
-        need = f"fields among {', '.join(known)}"
-        raise InputError(need, f"'{path}', which is unknown", to_do, f"{where}: {path}")
+        to_do = message("Did you mean '{close}'?", close=close[0]) if close else message("Leave it out.")
+        need = message("fields among {known}", known=", ".join(known))
+        raise InputError(need, "'{path}', which is unknown", to_do, f"{where}: {path}", path=path)
 
 
 def unknown_within(value: object, where: str) -> Iterator[tuple[str, BaseModel]]:

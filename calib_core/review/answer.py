@@ -6,15 +6,17 @@ from typing import Any, Final
 
 from pydantic import Field
 
-from calib_core.cell.walk import Carrier
+from calib_core.cell.layout import Carrier
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import at_workpiece
+from calib_core.findings import findings_as_read, judgement
+from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.keys import Graph
 from calib_core.poses.conventions import CONVENTIONS
-from calib_core.records import Finite, Matrix4, Record, Session, Verdict
+from calib_core.records import Finding, Finite, Matrix4, Record, Session, Severity, Verdict
 from calib_core.records.base import Rows
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.decided_before import DecidedBefore
@@ -38,7 +40,8 @@ class AnsweredFrame(Record):
 class SessionAnswer(Record):
     """The answer of a session: of `chain` or, without a table, of `tcp`.
 
-    `faults` says what speaks against using it, by name, if anything; `inputs_sha256` are the hashes of what
+    `faults` says what speaks against using it, by name, if anything; `findings` the same, and what its results
+    notice; `inputs_sha256` are the hashes of what
     its stages were solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of
     error contributes, where the stage says it; `decision` that of the latest verification,
     `limits_changed` which of its limits were changed after its first capture; `workpiece_sigma_mm` how well a
@@ -54,6 +57,7 @@ class SessionAnswer(Record):
     verdict: Verdict
     stale: bool
     faults: list[str]
+    findings: list[Finding] = Field(default_factory=list[Finding])
     warnings: list[str]
     undetermined: list[Any]
     solved: str | None
@@ -97,9 +101,10 @@ def answer_record(answer: Answer) -> SessionAnswer:
         session=session.name,
         cell=cell_id(session),
         stage=answer.stage,
-        verdict=_verdict(answer),
+        verdict=answer.verdict,
         stale=answer.stale,
         faults=list(answer.all_faults),
+        findings=answer.findings,
         warnings=list(answer.warnings),
         undetermined=list(result.get("undetermined", [])),
         solved=answer.date or None,
@@ -121,6 +126,19 @@ def answer_record(answer: Answer) -> SessionAnswer:
         equipment=session.cell.equipment or [],
         decided_before=list(answer.decided_before),
     )
+
+
+def answer_as_read(
+    answer: SessionAnswer, language: str = "en", severities: Mapping[str, Severity] | None = None
+) -> SessionAnswer:
+    """Return an answer as it is read: in a language, with a cell's own severities; its faults stay."""
+    if language == "en" and not severities:
+        return answer
+    found = findings_as_read(answer.findings, language, severities)
+    faults = {code.name for code in FAULT_CODES.values()}
+    told = judgement(finding for finding in found if finding.code not in faults)
+    made = {"findings": found, "verdict": told["verdict"], "warnings": told["warnings"]}
+    return answer.model_copy(update=made)
 
 
 def answer_of_folder(
@@ -159,14 +177,6 @@ def _workpiece_sigma_mm(answer: Answer) -> float | None:
         return None
     sigmas = {of: [place.worst_sigma_mm for place in places if place.of == of] for of in ("both", "tool")}
     return max(sigmas["both"] or sigmas["tool"], default=None)
-
-
-def _verdict(answer: Answer) -> Verdict:
-    match answer.verdict:
-        case "pass" | "warn" | "fail":
-            return answer.verdict
-        case _:
-            return "fail"
 
 
 def _frame(convention: str, frame: RigidTransform, covariance: FloatArray) -> AnsweredFrame:

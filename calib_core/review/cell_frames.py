@@ -11,7 +11,7 @@ from calib_core.captures.content import pose_of
 from calib_core.cell.carriers import scanner_mount
 from calib_core.errors import NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
-from calib_core.frames import FloatArray, Frame, RigidTransform
+from calib_core.frames import FloatArray, Frame, RigidTransform, skew
 from calib_core.graph.registry import STAGES, stages
 from calib_core.records import Capture, Matrix4, Record, Session
 from calib_core.records.base import Rows
@@ -74,14 +74,16 @@ def session_frames(
         If what is asked for does not follow from what is known.
     """
     graph = frame_graph(session, results, stale, capture)
-    found = None if asked is None else graph.find(*asked)
-    name = "" if asked is None else f"{asked[0]}_from_{asked[1]}"
+    told = None
+    if asked is not None:
+        told = _between_scanners(_Solved(results, stale), *asked)
+        told = told or _asked(f"{asked[0]}_from_{asked[1]}", graph.find(*asked))
     return SessionFrames(
         session=session.name,
         capture=capture,
         scanner=_scanner(session, _named(session, capture)),
         edges=[_listed(edge) for edge in graph.edges],
-        asked=None if found is None else _asked(name, found),
+        asked=told,
     )
 
 
@@ -122,6 +124,17 @@ class _Solved:
         """Return the first of some stages that is solved."""
         return next((stage for stage in stages if stage in self.results), None)
 
+    def of_scanner(self, scanner: str | None) -> FrameEdge | None:
+        """Return where one of several scanners was found to be on what carries it."""
+        stage = self.first(tool_stages())
+        for frame in [] if stage is None or scanner is None else self.results[stage].get("frames") or []:
+            if (frame["outof"], frame.get("scanner")) == ("laser", scanner):
+                frames = (cast(Frame, frame["into"]), cast(Frame, "laser"))
+                transform = RigidTransform.from_rounded(frame["matrix"], *frames)
+                known = np.array(frame["covariance"], dtype=float)
+                return FrameEdge(*frames, "solved", str(stage), transform, known, scanner, stage in self.stale)
+        return None
+
     def edge(self, stage: str, name: str, scanner: str | None = None) -> FrameEdge:
         """Return the transform that a stage's result has under a name."""
         into, _, outof = name.partition("_from_")
@@ -130,6 +143,30 @@ class _Solved:
         transform = RigidTransform.from_rounded(result[name], *frames)
         known = np.array(result[STAGES.get(stage).frames[name]], dtype=float)[:6, :6]
         return FrameEdge(*frames, "solved", stage, transform, known, scanner, stage in self.stale)
+
+
+def _between_scanners(solved: _Solved, into: str, outof: str) -> AskedFrame | None:
+    """Return a scanner's pose in another's frame, `laser:NAME` each; None where not asked or not solved."""
+    stage = solved.first(tool_stages())
+    for frame in [] if stage is None else solved.results[stage].get("frames") or []:
+        if {frame["into"], frame["outof"]} != {into, outof} or not into.startswith("laser:"):
+            continue
+        there = RigidTransform.from_rounded(frame["matrix"], "base", "tool0")
+        covariance = np.array(frame["covariance"], dtype=float)
+        if frame["into"] != into:
+            back, moves = there.inverse(), np.zeros((6, 6))
+            moves[:3, :3], moves[3:, 3:] = -there.rotation, -back.rotation
+            moves[3:, :3] = skew(back.translation_mm)
+            there, covariance = back, moves @ covariance @ moves.T
+        return AskedFrame(
+            name=f"{into}_from_{outof}",
+            matrix=there.to_rows(),
+            covariance=covariance.tolist(),
+            through=[f"{frame['into']}_from_{frame['outof']}"],
+            stale=stage in solved.stale,
+            without_covariance=[],
+        )
+    return None
 
 
 def _named(session: Session, capture: str | None) -> Capture | None:
@@ -178,8 +215,11 @@ def _tools(session: Session, solved: _Solved, seen: str | None) -> list[FrameEdg
 
 def _tool(session: Session, solved: _Solved, scanner: str | None, is_it: bool) -> FrameEdge:
     """Return one scanner's edge; known and solved is that of the scanner that most captures saw."""
-    mount = scanner_mount(session.cell)
+    mount = scanner_mount(session.cell, scanner)
     name = f"{mount}_from_laser"
+    found = solved.of_scanner(scanner)
+    if found is not None:
+        return found
     known = getattr(session.cell.known, name)
     if known is not None and is_it:
         transform = RigidTransform.from_rounded(known, mount, "laser")

@@ -1,9 +1,9 @@
 """What is wrong with a session, and what is still missing, without solving it."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
-from calib_core.captures.content import diameter_sigma_mm, pose_of, read_as, sphere_of
+from calib_core.captures.content import pose_of, read_as, sphere_of
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.poses import (
@@ -16,25 +16,29 @@ from calib_core.captures.raw_frames import IMAGES
 from calib_core.captures.sweep import sweep_poses
 from calib_core.causes.flange import flange_findings
 from calib_core.causes.likely import likely_columns, likely_convention
+from calib_core.cell.consistency import require_consistent
 from calib_core.errors import CalibrationError
-from calib_core.evidence.words import alike, captures_text, listed
-from calib_core.findings import reasons_of, sentence_of
+from calib_core.findings import Finding, complete_measured, judgement, message_of_finding, sentence_of, to_do_of
+from calib_core.findings.codes import check as codes
+from calib_core.findings.codes.captures import CAPTURE_DUPLICATE
+from calib_core.findings.codes.quality import FILE_DOUBTFUL
 from calib_core.frames import RigidTransform
 from calib_core.graph.registry import STAGES, stages
 from calib_core.graph.stage import Stage
-from calib_core.records import Capture, Cell, CheckFinding, Measured, Record, Session
+from calib_core.messages import ENGLISH, Catalogue, Value
+from calib_core.records import Capture, Cell, CheckLine, Measured, Record, Session
 from calib_core.records.callbacks import ReadFile
+from calib_core.records.sphere_class import diameter_sigma_mm
 from calib_core.stages.tcp.motion import LEAST_SHIFTS, LEAST_TURNS, motion_of
 from calib_core.steps import step_names, steps_that_show
 
-_DOUBTFUL = "The file is doubtful:"  # as measuring says it, too
 _MOST_READ, _FILES_OF_SWEEP = 300, 3
 
 
 def check_session(
     session: Session, read: ReadFile, measured: Mapping[str, Measured] | None = None
-) -> list[CheckFinding]:
-    """Return everything that was found, worst first; a finding of level `error` blocks solving.
+) -> list[Finding]:
+    """Return everything that was found, worst first; an error blocks solving.
 
     Parameters
     ----------
@@ -45,7 +49,13 @@ def check_session(
         What was measured in each capture, by id; what is left out is measured now.
     """
     used = [capture for capture in session.captures if not capture.excluded]
-    findings = [*_names(session), *_unfit(session), *_unsuited(session, used), *_doubtful(used, read)]
+    findings = [
+        *_names(session),
+        *_chain(session),
+        *_unfit(session),
+        *_unsuited(session, used),
+        *_doubtful(used, read),
+    ]
     findings += [*_missing(session, used), *_brought(session), *_cell(session, used)]
     for stage in stages():
         if stage.step is not None and not stage.is_brought(session):
@@ -53,64 +63,75 @@ def check_session(
     tcp = [capture for capture in used if capture.step == "tcp"]
     if tcp and not STAGES.get("tcp").is_brought(session):
         findings += _poses(session, tcp)
-    order = ("error", "warning", "note")
-    return sorted(findings, key=lambda finding: order.index(finding.level))
+    return judgement(findings)["findings"]
 
 
-def _names(session: Session) -> Iterator[CheckFinding]:
+def check_lines(findings: Iterable[Finding], language: Catalogue = ENGLISH) -> list[CheckLine]:
+    """Return findings as lines: how severe, where, and what with what to do."""
+    return [
+        CheckLine(
+            level=finding.severity,
+            where=finding.where or language.captures(finding.captures) or "session.json",
+            sentence=sentence_of(finding, language),
+        )
+        for finding in findings
+    ]
+
+
+def _names(session: Session) -> Iterator[Finding]:
     """Name the fields that the format does not know: most are typing errors."""
     cell = session.cell
     parts = {name: part for name in Cell.model_fields if isinstance(part := getattr(cell, name), Record)}
     records = {"session.json": session, "cell": cell} | {f"cell.{name}": part for name, part in parts.items()}
     for where, record in [*records.items(), *((capture.id, capture) for capture in session.captures)]:
         for name in record.unknown_fields():
-            yield _warning(where, f"The field '{name}' is unknown and has no effect: is it a typing error?")
+            yield codes.UNKNOWN_FIELD(where=where, field=name)
 
 
-def _unfit(session: Session) -> Iterator[CheckFinding]:
+def _chain(session: Session) -> Iterator[Finding]:
+    """Say what contradicts itself in the cell's scanners, spheres and axes."""
+    try:
+        require_consistent(session.cell, session.captures)
+    except CalibrationError as error:
+        yield _found(error)
+
+
+def _unfit(session: Session) -> Iterator[Finding]:
     """Name the captures that a stage keeps and doesn't use, since they contradict the others of their step."""
     for step in step_names():
         try:
             used = [c for c in session.captures if c.step == step and not c.excluded]
-            left = reasons_of(unfit(session.cell, used))
+            yield from unfit(session.cell, used)
         except CalibrationError as error:
             yield _found(error)
             return
-        for name, reason in left.items():
-            yield _warning(name, f"It is kept but not used: {reason}.")
 
 
-def _unsuited(session: Session, used: Sequence[Capture]) -> Iterator[CheckFinding]:
+def _unsuited(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
     """Name the captures of stages that are not solved for what the robot carries."""
     for stage in stages():
         own = [c.id for c in used if stage.step is not None and c.step == stage.step.name]
         if own and not stage.suits(session):
-            why = "its stage is not supported yet for a scanner that stands still"
-            yield _warning("captures", f"{listed(own)} (step '{stage.name}') are kept but not used: {why}.")
+            yield codes.STAGE_NOT_SUPPORTED(own, where="captures", stage=stage.name)
 
 
-def _is_said(measured: Measured) -> bool:
-    return (measured.reason or "").startswith(_DOUBTFUL)
-
-
-def _missing(session: Session, used: Sequence[Capture]) -> Iterator[CheckFinding]:
+def _missing(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
     """Say that nothing shows where the scanner is on the flange; what rests on it cannot be solved then."""
     steps = {capture.step for capture in used}
     if "tcp" in steps or STAGES.get("tcp").is_brought(session):
         return
     rests = not steps or "turntable" in steps or "scan" in steps
-    sentence = "There is no capture with step 'tcp' yet: capture the sphere."
-    yield (_error if rests else _note)("captures", sentence)
+    yield (codes.NO_SPHERE_CAPTURES if rests else codes.NO_SPHERE_CAPTURES_YET)(where="captures")
 
 
-def _brought(session: Session) -> Iterator[CheckFinding]:
+def _brought(session: Session) -> Iterator[Finding]:
     for stage in stages():
         given = [field for field in stage.known if getattr(session.cell.known, field) is not None]
         if given:
-            yield _note("cell.known", f"Given, so that the stage {stage.name} is not solved: {listed(given)}.")
+            yield codes.STAGE_BROUGHT(where="cell.known", stage=stage.name, fields=given)
 
 
-def _cell(session: Session, used: Sequence[Capture]) -> Iterator[CheckFinding]:
+def _cell(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
     of_sphere = [c for c in used if c.step in steps_that_show("sphere", "sphere-on-table") and c.kind != "center"]
     if not of_sphere:
         return
@@ -119,13 +140,12 @@ def _cell(session: Session, used: Sequence[Capture]) -> Iterator[CheckFinding]:
     except CalibrationError as error:
         yield _found(error)
     if session.cell.sphere_diameter_sigma_mm is None:
-        assumed = f"{diameter_sigma_mm(session.cell):g} mm is assumed, as of its class (cell.sphere_class)"
-        yield _note("cell", f"sphere_diameter_sigma_mm is left out: {assumed}.")
+        yield codes.DIAMETER_SIGMA_ASSUMED(where="cell", sigma_mm=diameter_sigma_mm(session.cell))
 
 
 def _captures(
     session: Session, stage: Stage, used: Sequence[Capture], read: ReadFile, known: Mapping[str, Measured]
-) -> Iterator[CheckFinding]:
+) -> Iterator[Finding]:
     """Say what captures of a stage's own step lack, one finding a cause, and whether enough can be used."""
     step = stage.step
     assert step is not None
@@ -133,8 +153,7 @@ def _captures(
     if not captures:
         return
     usable = 0
-    notes: dict[str, str] = {}
-    doubts: dict[str, str] = {}
+    seen: list[Measured] = []
     for capture in [c for c in used if c.step in stage.takes and c.step in steps_that_show(step.shows)]:
         try:
             measured = known.get(capture.id) or measure_capture(session, capture, read)
@@ -143,20 +162,31 @@ def _captures(
                 yield _found(error)
             continue
         usable += measured.profiles or 0 if measured.kind == "sweep" else measured.verdict != "fail"
-        if measured.verdict != "pass" and capture.step == step.name and not _is_said(measured):
-            told = doubts if measured.verdict == "fail" else notes
-            told[capture.id] = f"{measured.reason} {measured.to_do or ''}".strip()
+        seen += [measured] if capture.step == step.name else []
     if usable < step.least:
-        sentence = f"Captures that can be used: {usable}. At least {step.least} are needed. {step.to_capture}"
-        yield _error(f"captures: {step.name}", sentence)
-    yield from _told(_warning, doubts, captures)
-    yield from _told(_note, notes, captures)
+        where = f"captures: {step.name}"
+        yield codes.TOO_FEW_CAPTURES(where=where, count=usable, least=step.least, to_do=step.to_capture)
+    yield from _weak(seen)
     yield from _duplicates(captures, read)
 
 
-def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[CheckFinding]:
+def _weak(seen: Sequence[Measured]) -> Iterator[Finding]:
+    """Name the captures in which nothing is seen, and those that are weak: one finding a cause."""
+    causes: dict[tuple[str, str], dict[str, dict[str, Value]]] = {}
+    for measured in seen:
+        told = [one for one in complete_measured(measured).findings if one.severity != "note"]
+        worst = next((one for one in told if one.code != FILE_DOUBTFUL.name), None)
+        if worst is not None:
+            own: dict[str, Value] = {"why": message_of_finding(worst), "to_do": to_do_of(worst)}
+            causes.setdefault((worst.severity, worst.code), {})[measured.capture] = own
+    for (severity, _), each in causes.items():
+        code = codes.BLIND_CAPTURES if severity == "error" else codes.WEAK_CAPTURES
+        yield code(list(each), each=each, first=next(iter(each)))
+
+
+def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
     """Name the files that a reader is not sure of; one finding a doubt."""
-    doubts: dict[str, str] = {}
+    doubts: dict[str, dict[str, dict[str, Value]]] = {}
     for capture in [c for c in captures if c.kind in ("profile", "cloud", "sweep")][:_MOST_READ]:
         middle = len(capture.files) // 2  # a sweep begins and ends beside the sphere
         for name in capture.files[middle : middle + _FILES_OF_SWEEP]:
@@ -167,40 +197,29 @@ def _doubtful(captures: Sequence[Capture], read: ReadFile) -> Iterator[CheckFind
             except CalibrationError:
                 continue  # measuring it says so
             for doubt in reading.doubts:
-                doubts.setdefault(capture.id, f"{_DOUBTFUL} {doubt} Taken: {reading.sentence()}.")
-    to_do = "Say otherwise in the capture's format and format_settings."
-    for finding in _told(_warning, doubts, captures):
-        yield finding.model_copy(update={"sentence": f"{finding.sentence} {to_do}"})
+                own: dict[str, Value] = {"doubt": doubt, "reading": reading.sentence()}
+                doubts.setdefault(getattr(doubt, "template", doubt), {}).setdefault(capture.id, own)
+    for each in doubts.values():
+        yield FILE_DOUBTFUL(list(each), each=each, shown="read")
 
 
-def _told(
-    level: Callable[[str, str], CheckFinding], reasons: Mapping[str, str], captures: Sequence[Capture]
-) -> Iterator[CheckFinding]:
-    """Return one finding a cause, which names its captures."""
-    order = [capture.id for capture in captures]
-    for one in alike(reasons, order):
-        numbers = f" (numbers of {one.first})" if one.differ else ""
-        yield level(f"{captures_text(one.captures, order)}{numbers}", one.reason)
-
-
-def _duplicates(captures: Sequence[Capture], read: ReadFile) -> Iterator[CheckFinding]:
+def _duplicates(captures: Sequence[Capture], read: ReadFile) -> Iterator[Finding]:
     by_id = {capture.id: capture for capture in captures}
     try:
         copies = duplicates(captures, read)
     except CalibrationError:
         return  # a file that cannot be read is a finding of its own
-    for copy, original in copies.items():
-        if same_place(by_id, copy, original):
-            sentence = f"It is a duplicate of {original}, the same file and pose: it is counted once. Remove it."
-        else:
-            sentence = (
-                f"Its file is that of {original}, byte for byte, but its pose is another: "
-                "one of the two is a copy. Give it its own file, or remove it."
-            )
-        yield _warning(copy, sentence)
+    for code, is_whole in ((CAPTURE_DUPLICATE, True), (codes.FILE_REPEATED, False)):
+        each: dict[str, dict[str, Value]] = {
+            copy: {"original": original}
+            for copy, original in copies.items()
+            if same_place(by_id, copy, original) == is_whole
+        }
+        if each:
+            yield code(list(each), each=each)
 
 
-def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[CheckFinding]:
+def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
     try:
         base_from_tool0_by_capture(session.cell, captures)
         poses = [pose for capture in captures for pose in _ends(session, capture)]
@@ -208,50 +227,40 @@ def _poses(session: Session, captures: Sequence[Capture]) -> Iterator[CheckFindi
         if not any(_pose_fails(session, capture) for capture in captures):
             yield _found(error)  # else the captures' own findings say it already
         return
+    where = "captures: pose"
     if angles_look_like_radians(session.cell, captures):
-        sentence = "All angles are below 3.15: if they are radians, convert them to degrees."
-        yield _warning("captures: pose", sentence)
-    for finding in flange_findings(session.cell, captures):
-        yield _warning("captures: pose", sentence_of(finding))
+        yield codes.ANGLES_IN_RADIANS(where=where)
+    yield from flange_findings(session.cell, captures)
     yield from _convention(session.cell, captures)
     motion = motion_of(poses)
+    tilts, shifts = len(motion.turns_rad), len(motion.shifts_mm)
     if not motion.turns_differ:
-        sentence = (
-            f"The flange was tilted {len(motion.turns_rad)} times; at least {LEAST_TURNS} tilts of 10 to 30° "
-            "about axes that are not parallel are needed: they fix the scanner's position."
-        )
-        yield _error("captures: pose", sentence)
+        yield codes.TOO_FEW_TILTS(where=where, count=tilts, least=LEAST_TURNS)
     if not motion.shifts_differ:
-        sentence = (
-            f"There are {len(motion.shifts_mm)} shifts without turning; {LEAST_SHIFTS} that are not parallel let "
-            "the paper's two steps be computed beside the joint answer."
-        )
-        yield _warning("captures: pose", sentence)
-    sentence = f"{len(captures)} captures, {len(motion.shifts_mm)} shifts and {len(motion.turns_rad)} tilts."
-    yield _note("captures: pose", sentence)
+        yield codes.FEW_SHIFTS(where=where, count=shifts, least=LEAST_SHIFTS)
+    yield codes.CAPTURES_COUNTED(where=where, count=len(captures), shifts=shifts, tilts=tilts)
 
 
-def _convention(cell: Cell, captures: Sequence[Capture]) -> Iterator[CheckFinding]:
+def _convention(cell: Cell, captures: Sequence[Capture]) -> Iterator[Finding]:
     """Doubt convention and order of the poses, where another lets all captures look at one place far better."""
     rows = [capture.pose for capture in captures if capture.pose is not None]
     if (columns := likely_columns(cell, rows)) is not None:
         order = ", ".join(str(1 + place) for place in columns.order)
-        sentence = (
-            f"The poses look at one place within {columns.spread_mm:.3g} mm if their numbers stand in the order "
-            f"{order}, and within {columns.told_spread_mm:.3g} mm as they are: are columns swapped?"
+        yield codes.COLUMNS_SWAPPED(
+            where="captures: pose",
+            order=order,
+            spread_mm=columns.spread_mm,
+            told_spread_mm=columns.told_spread_mm,
         )
-        yield _warning("captures: pose", sentence)
     elif (likely := likely_convention(cell, rows)) is not None:
-        told_mm = likely.told_spread_mm
-        sentence = (
-            f"The poses look at one place within {likely.spread_mm:.3g} mm if they are written as "
-            f"'{likely.convention}', and cannot be read as '{cell.pose_convention}': compare one with the pendant."
-            if told_mm is None
-            else f"The poses look at one place within {likely.spread_mm:.3g} mm if they are written as "
-            f"'{likely.convention}', and within {told_mm:.3g} mm as '{cell.pose_convention}': compare one with "
-            "the pendant."
+        yield codes.CONVENTION_LIKELY(
+            where="cell.pose_convention",
+            as_told="unread" if likely.told_spread_mm is None else "differs",
+            spread_mm=likely.spread_mm,
+            told_spread_mm=likely.told_spread_mm or 0.0,
+            likely=likely.convention,
+            told=cell.pose_convention,
         )
-        yield _warning("cell.pose_convention", sentence)
 
 
 def _ends(session: Session, capture: Capture) -> list[RigidTransform]:
@@ -270,17 +279,6 @@ def _pose_fails(session: Session, capture: Capture) -> bool:
     return False
 
 
-def _found(error: CalibrationError) -> CheckFinding:
-    return _error(error.where or "session.json", f"Need {error.need}, got {error.got}. {error.to_do}")
-
-
-def _error(where: str, sentence: str) -> CheckFinding:
-    return CheckFinding(level="error", where=where, sentence=sentence)
-
-
-def _warning(where: str, sentence: str) -> CheckFinding:
-    return CheckFinding(level="warning", where=where, sentence=sentence)
-
-
-def _note(where: str, sentence: str) -> CheckFinding:
-    return CheckFinding(level="note", where=where, sentence=sentence)
+def _found(error: CalibrationError) -> Finding:
+    where = error.where or "session.json"
+    return codes.NOT_USABLE(where=where, need=error.need, got=error.got, to_do=error.to_do)

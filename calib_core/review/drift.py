@@ -17,11 +17,12 @@ from calib_core.cell.found import scanner_frame
 from calib_core.errors import InputError
 from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
+from calib_core.messages import message
 from calib_core.records import Finite, Record
 from calib_core.steps import tool_stages
 
 FALSE_ALARM: Final = 6e-4
-FALSE_TREND: Final = 0.005
+FALSE_TREND: Final = 0.012
 _LEAST_SIGMA: Final = 1e-9
 _LEAST_OF_TREND: Final = 4
 
@@ -255,17 +256,32 @@ def _creeping(series: DriftSeries) -> str:
     if trend is None or not trend.found:
         return ""
     unit, digits = ("mm", 3) if series.unit == "mm" else ("°", 4)
-    return (
-        f"{series.title} creeps by {trend.per_session:.{digits}f} ± {trend.uncertainty:.{digits}f} {unit} "
-        f"a session over {trend.sessions} sessions."
+    return message(
+        "{title} creeps by {per_session:.{digits}f} ± {uncertainty:.{digits}f} {unit} a session over "
+        "{sessions} sessions.",
+        title=series.title,
+        per_session=trend.per_session,
+        uncertainty=trend.uncertainty,
+        unit=unit,
+        digits=digits,
+        sessions=trend.sessions,
     )
 
 
 def _flags(series: DriftSeries) -> list[str]:
     unit, digits = ("mm", 2) if series.unit == "mm" else ("°", 3)
     return [
-        f"{series.title} changed by {p.change:.{digits}f} ± {p.uncertainty:.{digits}f} {unit} with session "
-        f"{p.name or p.session}: more than uncertainty explains (limit {p.limit:.{digits}f} {unit})."
+        message(
+            "{title} changed by {change:.{digits}f} ± {uncertainty:.{digits}f} {unit} with session "
+            "{p}: more than uncertainty explains (limit {limit:.{digits}f} {unit}).",
+            title=series.title,
+            change=p.change,
+            uncertainty=p.uncertainty,
+            unit=unit,
+            digits=digits,
+            p=p.name or p.session,
+            limit=p.limit,
+        )
         for p in series.points
         if p.flagged and p.limit is not None
     ]
@@ -275,7 +291,7 @@ def _require_each_once(sessions: Sequence[SolvedSession]) -> None:
     counts = Counter(one.session for one in sessions)
     twice = [session for session, count in counts.items() if count > 1]
     if twice:
-        got = f"{twice[0]} {counts[twice[0]]} times"
+        got = message("{twice} {counts} times", twice=twice[0], counts=counts[twice[0]])
         raise InputError("each session once", got, "Name it once.", "sessions")
 
 

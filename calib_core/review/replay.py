@@ -1,8 +1,9 @@
 """Replay: solve a stored session afresh and compare every number with what it holds."""
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, Final, cast
+from typing import Any, Final, Literal, cast
 
 import numpy as np
 from pydantic import Field
@@ -10,29 +11,44 @@ from pydantic import Field
 from calib_core.archive.folder import result_data
 from calib_core.captures.observation_cache import plain
 from calib_core.errors import CalibrationError, InputError
+from calib_core.findings.codes.provenance import REPLAY_DIFFERS, REPLAYED_OTHER_REVISION
 from calib_core.frames import RigidTransform
 from calib_core.graph.keys import Graph
 from calib_core.graph.stage import SOFTWARE
+from calib_core.messages import message
 from calib_core.records import Record, Session
 from calib_core.records.callbacks import Progress, ReadFile
+from calib_core.records.findings import Finding
 from calib_core.stages.pipeline import solve_stage
 
 SIGMAS: Final = 1e-3
-"""A frame is equal where it lies within this many of its stated standard deviations along each axis."""
+"""A frame is equal where it lies within this many of its stated standard deviations along each axis, a covariance
+where its elements differ by less than this of the standard deviations of their row and column; lengths and angles
+where they differ by less than this of the smallest standard deviation that the result states."""
 
 TOLERANCE: Final = 1e-6
 """Other numbers are equal where they differ by less than this, relative to the larger: arithmetic of another
 processor moves them by some 1e-9."""
 
 ROUNDING: Final = 1e-9
-"""Or by less than this, relative to the largest number of their vector or matrix, in a covariance to the standard
-deviations of their row and column: a zero is never quite zero."""
+"""Or by less than this, relative to the largest number of their vector or matrix: a zero is never quite zero."""
+
+SPREAD: Final = 1e-4
+"""What measures a spread is equal within this, relative to the larger: nobody knows a sigma better."""
 
 MAX_LISTED: Final = 100
 
-_ABOUT: Final = ("software", "method", "method_revision", "inputs_sha256", "solved")  # they explain a difference
+_ABOUT: Final = ("software", "method", "method_revision", "inputs_sha256", "solved", "provenance", "seal")
+_NOTHING: Final[tuple[Any, ...]] = (None, [], {})
 _TEXTS: Final = ("title", "sentence", "reason", "description")  # within records; what they tell is compared
-_WORDS: Final = ("findings", "warnings", "notes", "evidence", "frames")  # they tell the numbers
+WORDS: Final = ("findings", "warnings", "notes", "causes", "evidence")
+"""What tells numbers and codes in words, which versions put otherwise: of findings the codes are compared."""
+_SPREADS: Final = re.compile(
+    r"sigma|rms|covariance|variance|chance|mahalanobis|weight|scatter|uncertainty|expected|share|component|budget"
+)
+_IN_FRAME: Final = re.compile(r"^frames\[[^\]]*\]\.matrix\[\d\]\[(\d)\]$")
+_UNIT: Final = re.compile(r"_(mm|rad|deg)(?:\[[^.\]]*\])*$")
+_MOST_SIGMAS: Final = 1e9
 _MISSING: Final = object()
 
 
@@ -49,7 +65,9 @@ class StageReplay(Record):
     """How one stage compares.
 
     `largest_relative` is of all numbers, those held for equal too; `differences` lists the worst; `why` says what
-    the records themselves know of the reason.
+    the records themselves know of the reason.  `provenance` is what the result is by it, `replayed` or `differs`;
+    null where nothing can be said, since its captures changed or it cannot be solved any more.  `finding` says how
+    far it differs, or how far a newer method moved it.
     """
 
     stage: str
@@ -59,6 +77,8 @@ class StageReplay(Record):
     difference_count: int = 0
     differences: list[ReplayDifference] = Field(default_factory=list[ReplayDifference])
     why: list[str] = Field(default_factory=list)
+    provenance: Literal["replayed", "differs"] | None = None
+    finding: Finding | None = None
 
 
 class Replay(Record):
@@ -119,13 +139,39 @@ def _stage(
     try:
         fresh = result_data(solve_stage(session, stage, read, progress))
     except CalibrationError as error:
-        why = [f"It cannot be solved any more: {error}", *_why(session, read, stage, stored, {})]
+        why = [
+            message("It cannot be solved any more: {error}", error=error),
+            *_why(session, read, stage, stored, {}),
+        ]
         return StageReplay(stage=stage, equal=False, why=why)
     tell(stage, fresh)
     compared = compare(stored, fresh)
-    return compared.model_copy(
-        update={"stage": stage, "why": [] if compared.equal else _why(session, read, stage, stored, fresh)}
-    )
+    update: dict[str, Any] = {"stage": stage, "why": []}
+    if not compared.equal:
+        update["why"] = _why(session, read, stage, stored, fresh)
+    if Graph.of_files(session, read).is_fresh(stage, stored.get("inputs_sha256")):
+        update |= _judged(stage, compared, stored, fresh)
+    return compared.model_copy(update=update)
+
+
+def _judged(
+    stage: str, compared: StageReplay, stored: Mapping[str, Any], fresh: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return what a result is by its replay, with what is to be said of it."""
+    if compared.equal:
+        return {"provenance": "replayed"}
+    sigmas = min(_sigmas(stage, stored, fresh), _MOST_SIGMAS)
+    before, now = stored.get("method_revision", 1), fresh.get("method_revision", 1)
+    if before != now:
+        return {
+            "provenance": "replayed",
+            "finding": REPLAYED_OTHER_REVISION(before=before, now=now, sigmas=sigmas),
+        }
+    count = compared.difference_count
+    frames = dict(_frame_sigmas(stage, stored, fresh))
+    what = max(frames, key=frames.__getitem__) if sigmas > SIGMAS else compared.differences[0].path
+    how = "frames" if sigmas > SIGMAS else "values"
+    return {"provenance": "differs", "finding": REPLAY_DIFFERS(how=how, what=what, sigmas=sigmas, count=count)}
 
 
 def compare(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> StageReplay:
@@ -133,11 +179,16 @@ def compare(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> StageReplay:
     numbers, largest, count = 0, 0.0, 0
     differences: list[ReplayDifference] = []
     same = tuple(f"{name}[" for name in _same_frames(stored, fresh))
-    for path, a, b, size in _pairs(_compared(stored), _compared(fresh)):
+    sigmas = _stated_sigmas(fresh)
+    for path, a, b, allowed in _pairs(_compared(stored), _compared(fresh)):
         if _is_number(a) and _is_number(b):
             relative = _relative(a, b)
             numbers += 1
-            if relative <= TOLERANCE or abs(a - b) <= ROUNDING * size or path.startswith(same):
+            if (
+                relative <= _relative_allowed(path, a)
+                or path.startswith(same)
+                or (isinstance(a, float) and abs(a - b) <= max(allowed, SIGMAS * _sigma_of(path, sigmas)))
+            ):
                 largest = max(largest, min(relative, TOLERANCE))
                 continue
             largest = max(largest, relative)
@@ -171,7 +222,38 @@ def _same_frames(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> Iterato
 
 
 def _compared(result: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in result.items() if name not in (*_ABOUT, *_WORDS)}
+    """Return what is compared of a result: all but what explains a difference, and of findings the codes."""
+    kept = {name: value for name, value in result.items() if name not in (*_ABOUT, *WORDS)}
+    if result.get("findings"):
+        kept["findings"] = " ".join(sorted({finding["code"] for finding in result["findings"]}))
+    return kept
+
+
+def _stated_sigmas(fresh: Mapping[str, Any]) -> dict[str, float]:
+    """Return the smallest standard deviations that a result states of a length and of an angle, 0 where none."""
+    rotations: list[float] = []
+    shifts: list[float] = []
+    for name, matrix in fresh.items():
+        if name.endswith("covariance") and isinstance(matrix, list) and len(cast("list[Any]", matrix)) in (6, 12):
+            for k, row in enumerate(cast("list[list[float]]", matrix)):
+                (rotations if k % 6 < 3 else shifts).append(math.sqrt(max(row[k] or 0.0, 0.0)))
+    length, angle = (min((x for x in found if x > 1e-9), default=0.0) for found in (shifts, rotations))
+    return {"mm": length, "rad": angle, "deg": math.degrees(angle)}
+
+
+def _sigma_of(path: str, sigmas: Mapping[str, float]) -> float:
+    """Return the standard deviation that counts for a number, by the unit that ends its name."""
+    if element := _IN_FRAME.search(path):
+        return sigmas["mm" if element[1] == "3" else "rad"]
+    unit = _UNIT.search(path)
+    return sigmas[unit[1]] if unit else 0.0
+
+
+def _relative_allowed(path: str, value: float) -> float:
+    """Return how far a number may be off, relative to itself; counts must be the same."""
+    if isinstance(value, int):
+        return 0.0
+    return SPREAD if _SPREADS.search(path.rpartition(".")[2]) else TOLERANCE
 
 
 def _why(
@@ -181,17 +263,34 @@ def _why(
     reasons: list[str] = []
     software, method = stored.get("software"), stored.get("method")
     if software != SOFTWARE:
-        reasons.append(f"It was computed by {software}; this is {SOFTWARE}.")
+        reasons.append(
+            message(
+                "It was computed by {software}; this is {software_other}.",
+                software=software,
+                software_other=SOFTWARE,
+            )
+        )
     if fresh and method != fresh.get("method"):
-        reasons.append(f"The method was {method!r}; it is {fresh.get('method')!r} now.")
+        reasons.append(
+            message("The method was {method!r}; it is {fresh!r} now.", method=method, fresh=fresh.get("method"))
+        )
     before, revision = stored.get("method_revision", 1), fresh.get("method_revision", 1)
     if before != revision:
-        reasons.append(f"Its method was of revision {before}; revision {revision} changed it on purpose.")
+        reasons.append(
+            message(
+                "Its method was of revision {before}; revision {revision} changed it on purpose.",
+                before=before,
+                revision=revision,
+            )
+        )
     graph, inputs_sha256 = Graph.of_files(session, read), stored.get("inputs_sha256")
     if fresh and not reasons and graph.is_of_first_release(stage, inputs_sha256):
         reasons.append(
-            "It was computed by 0.1.0 as first released; the method has changed since, which is no damage. "
-            f"Now it lies up to {_sigmas(stage, stored, fresh):.2f} standard deviations from it."
+            message(
+                "It was computed by 0.1.0 as first released; the method has changed since, which is "
+                "no damage. Now it lies up to {stage:.2f} standard deviations from it.",
+                stage=_sigmas(stage, stored, fresh),
+            )
         )
     if fresh and not graph.is_fresh(stage, inputs_sha256):
         reasons.append(
@@ -227,14 +326,17 @@ def _frame_sigmas(stage: str, stored: Mapping[str, Any], fresh: Mapping[str, Any
 
 
 def _pairs(a: Any, b: Any, path: str = "", size: float = 0.0) -> Iterator[tuple[str, Any, Any, float]]:
-    """Give every value of two trees with its path and the largest number of the array that it stands in."""
+    """Give every value of two trees with its path and how far it may be off for where it stands.
+
+    `size` is the largest number of the array that it stands in.
+    """
     if isinstance(a, Mapping) and isinstance(b, Mapping):
         left, right = cast("Mapping[str, Any]", a), cast("Mapping[str, Any]", b)
-        for name in [*left, *(name for name in right if name not in left)]:
-            if name in _TEXTS or (left.get(name) is None and right.get(name) is None):
-                continue  # a field of another version that says nothing is no difference
+        for name in left:
+            if name in _TEXTS or name not in right or (left[name] in _NOTHING and right[name] in _NOTHING):
+                continue  # a field that only one version writes, or that says nothing, is no difference
             place = f"{path}.{name}" if path else name
-            yield from _pairs(left.get(name, _MISSING), right.get(name, _MISSING), place)
+            yield from _pairs(left[name], right[name], place)
     elif isinstance(a, list) and isinstance(b, list):
         left_items, right_items = cast("list[Any]", a), cast("list[Any]", b)
         if _is_covariance(path, left_items) and _is_covariance(path, right_items):
@@ -246,7 +348,7 @@ def _pairs(a: Any, b: Any, path: str = "", size: float = 0.0) -> Iterator[tuple[
             right_item = right_items[k] if k < len(right_items) else _MISSING
             yield from _pairs(left_item, right_item, f"{path}[{_label(left_item, k)}]", size)
     else:
-        yield path, a, b, size
+        yield path, a, b, ROUNDING * size
 
 
 def _is_covariance(path: str, items: list[Any]) -> bool:
@@ -265,7 +367,7 @@ def _covariance_pairs(
     sigmas = [math.sqrt(max(abs(left[k][k]), abs(right[k][k]))) for k in range(len(left))]
     for k, rows in enumerate(zip(left, right, strict=True)):
         for column, (a, b) in enumerate(zip(*rows, strict=True)):
-            yield f"{path}[{k}][{column}]", a, b, sigmas[k] * sigmas[column]
+            yield f"{path}[{k}][{column}]", a, b, SIGMAS * sigmas[k] * sigmas[column]
 
 
 def _label(item: Any, index: int) -> str:

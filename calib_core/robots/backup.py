@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from calib_core.errors import InputError
 from calib_core.formats.shared.xml_file import unzipped
 from calib_core.formats.zip_files import opened_files
+from calib_core.messages import message
 from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, Found, Skipped
 from calib_core.robots.file_hints import NOTHING_TOLD, Told
@@ -44,7 +45,13 @@ def read_controller_files(
     named = brand or ("table" if told.columns or told.convention else None)
     chosen = (BRANDS.get(named, "brand") if named else brand_of(opened, where)).telling(told)
     if not chosen.reads:
-        raise InputError(f"a brand with a reader: {_readers()}", f"'{chosen.name}'", "Name one of these.", "brand")
+        raise InputError(
+            "a brand with a reader: {readers}",
+            f"'{chosen.name}'",
+            "Name one of these.",
+            "brand",
+            readers=_readers(),
+        )
     alone = len(opened) == 1
     found: list[Found] = []
     for name, data in sorted(opened.items()):
@@ -83,13 +90,15 @@ def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
         for brand in by_ending or know:
             counts[brand.name] = counts.get(brand.name, 0) + 1
     if not counts:
-        to_do = f"Name the brand with --brand: {_readers()}."
+        to_do = message("Name the brand with --brand: {readers}.", readers=_readers())
         raise InputError("a file of a known controller", "one that no brand's reader knows", to_do, where)
     most = max(counts.values())
     best = [name for name, count in counts.items() if count == most]
     if len(best) > 1:
-        to_do = f"Name the brand with --brand: {', '.join(best)}."
-        raise InputError("files of one brand", f"files that {' and '.join(best)} could have written", to_do, where)
+        to_do = message("Name the brand with --brand: {best}.", best=", ".join(best))
+        raise InputError(
+            "files of one brand", "files that {best} could have written", to_do, where, best=" and ".join(best)
+        )
     return BRANDS.get(best[0])
 
 

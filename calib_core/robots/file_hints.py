@@ -44,9 +44,13 @@ class Told:
         names = [field.name for field in fields(cls)]
         for name, word in words.items():
             if name not in names:
-                raise InputError(f"one of {', '.join(names)}", f"'{name}'", "Say it as NAME=VALUE.", "told")
+                raise InputError(
+                    "one of {names}", f"'{name}'", "Say it as NAME=VALUE.", "told", names=", ".join(names)
+                )
             if len(word) > _LONGEST:
-                raise InputError(f"at most {_LONGEST} characters", f"{len(word)}", "Say less.", f"told: {name}")
+                raise InputError(
+                    "at most {longest} characters", f"{len(word)}", "Say less.", f"told: {name}", longest=_LONGEST
+                )
         if words.get("unit", "mm") not in _UNITS:
             raise InputError("mm or m", f"'{words['unit']}'", "Say one of these.", "told: unit")
         plain = {name: word for name, word in words.items() if word and name != "columns"}

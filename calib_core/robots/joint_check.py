@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from calib_core.messages import plural
 from calib_core.poses.identity import identity_by_joints
 from calib_core.poses.numbers import parse_pose
 from calib_core.robots.controller_file import ControllerFile
@@ -34,7 +35,12 @@ def asked(read: ControllerFile, arm: str) -> ControllerFile:
     poses = [parse_pose(pose.convention, pose.pose or ()) for pose in both]
     found = identity_by_joints(poses, [flange_of_joints(table, pose.joints_deg or ()) for pose in both])
     if found is None:
-        said = f"{len(both)} poses have joints beside them; they do not tell whose the poses are."
+        said = plural(
+            "{count} pose have joints beside them; they do not tell whose the poses are.",
+            "{count} poses have joints beside them; they do not tell whose the poses are.",
+            by="count",
+            count=len(both),
+        )
         return replace(read, notes=(*read.notes, said))
     if not found.of_flange:
         to_do = "Give the file that defines the tool or the frame, or record the flange in the base."

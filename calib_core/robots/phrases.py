@@ -2,19 +2,29 @@
 
 from collections.abc import Sized
 
-CALCULATED = "a calculated position has no value in the file"
-CUT = "is the file cut?"
-CUT_LINE = f"the file ends in this line, without an end of line: {CUT}"
-TWICE = "it stands there twice"
-UNMATCHED = f"its brackets do not match: {CUT}"
+from calib_core.messages import message, plural
+
+CALCULATED = message("a calculated position has no value in the file")
+CUT = message("is the file cut?")
+CUT_LINE = message("the file ends in this line, without an end of line: {cut}", cut=CUT)
+TWICE = message("it stands there twice")
+UNMATCHED = message("its brackets do not match: {cut}", cut=CUT)
 
 
 def changed(line: int) -> str:
     """Return the doubt about a value that the program changes in a line."""
-    return f"The program changes it (line {line}): the value here may be another."
+    return message("The program changes it (line {line}): the value here may be another.", line=line)
 
 
 def require_count(values: Sized, least: int, most: int | None = None) -> None:
     """Raise ValueError with a phrase unless there are `least` values, or from `least` to `most`."""
     if not least <= len(values) <= (least if most is None else most):
-        raise ValueError(f"{len(values)} numbers instead of {least}")
+        raise ValueError(
+            plural(
+                "{count} number instead of {least}",
+                "{count} numbers instead of {least}",
+                by="count",
+                count=len(values),
+                least=least,
+            )
+        )

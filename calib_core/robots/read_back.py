@@ -11,6 +11,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.poses.convention import Convention
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import convention_named, parse_pose, to_pose
@@ -47,7 +48,10 @@ class ReadBack:
         if not faults:
             return self
         sentences = " ".join(
-            f"But the answer is {FAULTS[name].got}: {_lower(FAULTS[name].to_do)}" for name in faults
+            message(
+                "But the answer is {found}: {advice}", found=FAULTS[name].got, advice=_lower(FAULTS[name].to_do)
+            )
+            for name in faults
         )
         return replace(self, words=f"{self.words} {sentences}", faults=tuple(faults))
 
@@ -75,19 +79,27 @@ def typed_numbers(text: str) -> list[float]:
         raise InputError("numbers with blanks between", str(error), "Type them again.", "numbers") from None
 
 
-def tool_in(files: Mapping[str, bytes], brand: str | None, named: str | None) -> tuple[str, list[float]]:
-    """Return convention and numbers of a tool in a controller's files, by its number or name.
+def frame_in(
+    files: Mapping[str, bytes], brand: str | None, named: str | None, expected: RigidTransform
+) -> tuple[str, list[float]]:
+    """Return convention and numbers of a frame in a controller's files, by its number or name.
+
+    It is a tool, or a user frame where what is `expected` there is a frame of the base.
 
     Raises
     ------
     InputError
-        If there is no such tool, or several and none is named.
+        If there is none like it, or several and none is named.
     """
-    tools = [tool for tool in read_controller_files(files, brand).tools if tool.group == 1]
-    found = [tool for tool in tools if named is None or str(tool.number) == named or tool.name == named]
+    read = read_controller_files(files, brand)
+    listed, what = (read.tools, "tool") if expected.into == "tool0" else (read.frames, "user frame")
+    frames = [frame for frame in listed if frame.group == 1]
+    found = [frame for frame in frames if named is None or str(frame.number) == named or frame.name == named]
     if len(found) != 1:
-        names = ", ".join(str(tool.number) for tool in tools) or "none"
-        raise InputError("one tool of the file", f"these: {names}", "Name one with --tool.", next(iter(files)))
+        names = ", ".join(str(frame.number) for frame in frames) or "none"
+        to_do = message("Name one with --tool.")
+        need = message("one tool of the file") if what == "tool" else message("one user frame of the file")
+        raise InputError(need, "these: {names}", to_do, next(iter(files)), names=names)
     return found[0].convention, list(found[0].pose)
 
 
@@ -158,7 +170,9 @@ def _mistakes(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
 def _other_length(known: Convention) -> tuple[float, str]:
     """Return the factor of positions in the other unit of length, and the words for it."""
     right, wrong = ("metres", "millimetres") if known.mm_per_unit == 1000 else ("millimetres", "metres")
-    return 1000.0 if wrong == "metres" else 1e-3, f"the position is in {wrong}, not in {right}"
+    return 1000.0 if wrong == "metres" else 1e-3, message(
+        "the position is in {wrong}, not in {right}", wrong=wrong, right=right
+    )
 
 
 def _units(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
@@ -201,7 +215,12 @@ def _orders(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
             yield f"{_and(wrong)} {verb}", changed, known.name
     for other in CONVENTIONS.values():
         if other.count == known.count and other.name != known.name:
-            words = f"the numbers are written as {other.name} writes them ({other.formula}), not as {known.name}"
+            words = message(
+                "the numbers are written as {other} writes them ({formula}), not as {known}",
+                other=other.name,
+                formula=other.formula,
+                known=known.name,
+            )
             yield words, numbers, other.name
 
 
@@ -234,4 +253,9 @@ def _differences(
     rows = zip(known.numbers.split(), numbers, wanted, told, strict=True)
     differing = [f"{name} {v:.6g} instead of {w:.6g}" for name, v, w, limit in rows if abs(v - w) > limit]
     tail = f": {'; '.join(differing)}" if known.form != "matrix" and 0 < len(differing) < known.count else ""
-    return f"They are {apart[0]:.3f} mm and {apart[1]:.4f}° apart{tail}."
+    return message(
+        "They are {apart:.3f} mm and {apart_other:.4f}° apart{tail}.",
+        apart=apart[0],
+        apart_other=apart[1],
+        tail=tail,
+    )

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.messages import explained, message, sentences
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, FilePose, Found, Frame, Reference, Skipped, Taught
@@ -31,10 +32,13 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
         try:
             poses.append(_flange(brand, taught, tools, frames, as_written))
         except InputError as error:
-            reason = f"{taught.name}: {error.got}. {error.to_do}" if not error.need else f"{taught.name}: {error}"
+            reason = explained(
+                taught.name,
+                message("{got}. {to_do}", got=error.got, to_do=error.to_do) if not error.need else error,
+            )
             skipped.append(Skipped(taught.line, reason, taught.file))
         if taught.numbers is None and taught.joints_deg is not None:
-            reason = f"{taught.name}: joints alone, no pose. {_ARM}"
+            reason = message("{taught}: joints alone, no pose. {arm}", taught=taught.name, arm=_ARM)
             skipped.append(Skipped(taught.line, reason, taught.file))
     skipped += _nowhere(brand, found)
     skipped.sort(key=lambda row: (row.file, row.line))
@@ -51,8 +55,10 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
 
 
 UNSAID = {
-    what: f"The file does not say with which {what} it was taught: make sure that it is {where}."
-    for what, where in (("tool", "of the flange"), ("frame", "in the robot's base"))
+    "tool": message("The file does not say with which tool it was taught: make sure that it is of the flange."),
+    "frame": message(
+        "The file does not say with which frame it was taught: make sure that it is in the robot's base."
+    ),
 }
 """What is left open about a pose whose tool or frame no file says."""
 _ARM = "Name the arm (cell.robot.arm), or record the Cartesian pose."
@@ -65,7 +71,11 @@ def _nowhere(brand: Brand, found: Sequence[Found]) -> Iterator[Skipped]:
     for part in found:
         for key, (name, line) in part.wanted.items():
             if key not in known:
-                reason = f"{name}: a move goes there, but none of the files says where it is. Give {brand.points}."
+                reason = message(
+                    "{name}: a move goes there, but none of the files says where it is. Give {points}.",
+                    name=name,
+                    points=brand.points,
+                )
                 yield Skipped(line, reason, part.file)
 
 
@@ -98,8 +108,12 @@ def _as_saved(taught: Taught, what: str, active: Reference | None) -> Taught:
     """Return a pose with the backup's active tool or frame, where no program says which it was."""
     if active is None or taught.numbers is None or getattr(taught, what) is not None:
         return taught
-    said = f"No program says with which {what} it was taught: the one active in the backup, {active}, is taken."
-    return replace(taught, **{what: active}, doubt=" ".join(filter(None, [taught.doubt, said])))
+    said = message(
+        "No program says with which {what} it was taught: the one active in the backup, {active}, is taken.",
+        what=what,
+        active=active,
+    )
+    return replace(taught, **{what: active}, doubt=sentences([taught.doubt or "", said or ""]))
 
 
 def _unequivocal(what: str, entries: Sequence[Frame], skipped: list[Skipped]) -> dict[str, Frame]:
@@ -109,7 +123,13 @@ def _unequivocal(what: str, entries: Sequence[Frame], skipped: list[Skipped]) ->
     for entry in entries:
         key = _key(entry.number, entry.group)
         if key in contradicted:
-            skipped.append(Skipped(entry.line, f"{what} {entry.number} is defined again", entry.file))
+            skipped.append(
+                Skipped(
+                    entry.line,
+                    message("{what} {number} is defined again", what=what, number=entry.number),
+                    entry.file,
+                )
+            )
             continue
         try:
             parse_pose(entry.convention, entry.pose)
@@ -123,7 +143,12 @@ def _unequivocal(what: str, entries: Sequence[Frame], skipped: list[Skipped]) ->
         if not same and before.by_program != entry.by_program:
             kept[key], other = (before, entry) if entry.by_program else (entry, before)
             numbers = ", ".join(f"{v:g}" for v in other.pose)
-            reason = f"{what} {other.number}: a program sets {numbers}; the controller's state is taken instead"
+            reason = message(
+                "{what} {number}: a program sets {numbers}; the controller's state is taken instead",
+                what=what,
+                number=other.number,
+                numbers=numbers,
+            )
             skipped.append(Skipped(other.line, reason, other.file))
         elif not same:
             reason = (
@@ -149,7 +174,11 @@ def _without_doubles(poses: Iterable[Taught], skipped: list[Skipped]) -> list[Ta
         others = [t for t in same if (t.numbers, t.joints_deg) != (first.numbers, first.joints_deg)]
         if others:
             lines = ", ".join(str(t.line) for t in same)
-            reason = f"{first.name} stands there several times with other numbers (lines {lines}): none is taken"
+            reason = message(
+                "{first} stands there several times with other numbers (lines {lines}): none is taken",
+                first=first.name,
+                lines=lines,
+            )
             skipped += [Skipped(t.line, reason, t.file) for t in same]
         else:
             kept.append(first)
@@ -165,7 +194,7 @@ def _flange(
     if numbers is not None:
         written = parse_pose(taught.convention, numbers)
         pose, open_points = _applied(brand, taught, written, tools, frames, as_written)
-        doubt = " ".join(filter(None, [doubt, open_points]))
+        doubt = sentences([doubt or "", open_points or ""])
         if pose is not written:
             numbers = tuple(v + 0.0 for v in to_pose(taught.convention, pose))  # no -0.0
     return FilePose(
@@ -191,7 +220,7 @@ def _applied(
     if tool is not None:
         tool0_from_tool = parse_pose(tool.convention, tool.pose)
         pose = RigidTransform(pose.matrix @ tool0_from_tool.inverse().matrix, "base", "tool0")
-    return pose, " ".join(filter(None, [of_tool, of_frame]))
+    return pose, sentences([of_tool or "", of_frame or ""])
 
 
 def _looked_up(
@@ -210,11 +239,16 @@ def _looked_up(
     if str(number).lower() in plain:
         return None, brand.doubt(what, number)
     if as_written:
-        return None, f"Taken as written, with {what} {number}, which the file does not define."
+        return None, message(
+            "Taken as written, with {what} {number}, which the file does not define.", what=what, number=number
+        )
     raise InputError(
         "",
-        f"taught with {what} {number}, which the file does not define",
-        f"Give the file that defines it as well ({brand.definitions}), or record the flange in the base.",
+        "taught with {what} {number}, which the file does not define",
+        "Give the file that defines it as well ({definitions}), or record the flange in the base.",
+        what=what,
+        number=number,
+        definitions=brand.definitions,
     )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import require_count
 from calib_core.robots.text import numbers, source_of, without_comments
@@ -68,7 +69,13 @@ def find_by_rules(
         kind, match = next(((k, m) for k, pattern in compiled if (m := pattern.search(content))), (None, None))
         if match is None:
             if wanted.search(content):
-                found.skip(line, f"'{content.strip()[:60]}' cannot be read: a name, a calculation, or a cut line")
+                found.skip(
+                    line,
+                    message(
+                        "'{content}' cannot be read: a name, a calculation, or a cut line",
+                        content=content.strip()[:60],
+                    ),
+                )
             continue
         groups = match.groupdict()
         if kind == "use-tool":
@@ -81,7 +88,7 @@ def find_by_rules(
             try:
                 taken = _taken(kind or "", groups, convention, line, found)
             except ValueError as error:
-                found.skip(line, f"{groups.get('name') or kind}: {error}", groups.get("name") or "")
+                found.skip(line, explained(f"{groups.get('name') or kind}", error), groups.get("name") or "")
                 continue
             if taken is not None and kind == "tool":
                 tool = taken
@@ -99,7 +106,7 @@ def _taken(kind: str, groups: dict[str, str], convention: str, line: int, found:
     require_count(values[:6], 6)
     if kind in ("tool", "frame"):
         given = groups.get("number")
-        number: Reference = int(given) if given else f"{kind} of line {line}"
+        number: Reference = int(given) if given else message("{kind} of line {line}", kind=kind, line=line)
         entry = Frame(number, None if given else str(number), values[:6], convention, line, found.file)
         (found.tools if kind == "tool" else found.frames).append(entry)
         return None if given else number

@@ -9,6 +9,7 @@ from itertools import accumulate
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
+from calib_core.messages import message
 from calib_core.robots.phrases import CUT_LINE, require_count
 
 _LARGEST_BYTES = 64_000_000
@@ -46,11 +47,15 @@ def source_of(data: bytes, name: str) -> Source:
     """
     if len(data) > _LARGEST_BYTES:
         raise InputError(
-            "a controller's file of at most 64 MB", f"{len(data) / 1e6:.0f} MB", "Give one file.", name
+            "a controller's file of at most 64 MB",
+            "{count:.0f} MB",
+            "Give one file.",
+            name,
+            count=len(data) / 1000000.0,
         )
     text = decoded(data)
     if "\0" in text:
-        to_do = "Give the file as text, as the controller's backup or its editor writes it."
+        to_do = message("Give the file as text, as the controller's backup or its editor writes it.")
         raise InputError("a text file", "binary data", to_do, name)
     starts = (0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1]))
     return Source(text, name, starts)

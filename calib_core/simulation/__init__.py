@@ -3,18 +3,24 @@
 ``simulate("tcp", seed=7)`` gives a session record, its files and the truth; `SCENARIOS` lists the names.
 """
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.records import Session
 from calib_core.simulation.fixed_board_cell import FIXED_BOARD_SCENARIOS, simulate_fixed_board
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
 from calib_core.simulation.profile_cell import Shot, World, build_world
-from calib_core.simulation.retake import retake
+from calib_core.simulation.retake import retake, to_verify
 from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
 from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
+from calib_core.simulation.topology_cell import TopologyScenario, simulate_topology
+from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.simulation.verify_cell import (
     VERIFY_SCENARIOS,
     VerifyScenario,
@@ -31,6 +37,7 @@ __all__ = [
     "SCENARIOS",
     "SWEEP_SCENARIOS",
     "TABLE_SCENARIOS",
+    "TOPOLOGY_SCENARIOS",
     "VERIFY_SCENARIOS",
     "WHOLE_SCENARIOS",
     "Shot",
@@ -38,6 +45,7 @@ __all__ = [
     "SweepScenario",
     "TableScenario",
     "TcpScenario",
+    "TopologyScenario",
     "VerifyScenario",
     "WholeScenario",
     "World",
@@ -46,7 +54,17 @@ __all__ = [
     "simulate_table",
     "simulate_tcp",
     "simulate_verify",
+    "to_verify",
 ]
+
+_WITHOUT_WORLD: tuple[tuple[Mapping[str, Any], Callable[[Any, str, int], tuple[Session, Any, Any]]], ...] = (
+    (TOPOLOGY_SCENARIOS, simulate_topology),
+    (SWEEP_SCENARIOS, simulate_sweeps),
+    (PART_SCENARIOS, simulate_part),
+    (FRAME_SCENARIOS, simulate_frames),
+    (FIXED_BOARD_SCENARIOS, simulate_fixed_board),
+)
+_ALL = (SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, VERIFY_SCENARIOS, *(known for known, _ in _WITHOUT_WORLD))
 
 
 def simulate(scenario: str, seed: int) -> SimulatedSession:
@@ -59,15 +77,9 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
     """
     require_scenario(scenario)
     _require_seed(seed)
-    if scenario in FRAME_SCENARIOS:
-        return SimulatedSession(*simulate_frames(FRAME_SCENARIOS[scenario], scenario, seed), None)
-    if scenario in FIXED_BOARD_SCENARIOS:
-        fixed = FIXED_BOARD_SCENARIOS[scenario]
-        return SimulatedSession(*simulate_fixed_board(fixed, scenario, seed), None)
-    if scenario in PART_SCENARIOS:
-        return SimulatedSession(*simulate_part(PART_SCENARIOS[scenario], scenario, seed), None)
-    if scenario in SWEEP_SCENARIOS:
-        return SimulatedSession(*simulate_sweeps(SWEEP_SCENARIOS[scenario], scenario, seed), None)
+    for scenarios, made in _WITHOUT_WORLD:
+        if scenario in scenarios:
+            return SimulatedSession(*made(scenarios[scenario], scenario, seed), None)
     if scenario in TABLE_SCENARIOS:
         return simulate_table(seed, TABLE_SCENARIOS[scenario], scenario)
     if scenario in VERIFY_SCENARIOS:
@@ -80,11 +92,13 @@ def simulate(scenario: str, seed: int) -> SimulatedSession:
 
 def require_scenario(scenario: str) -> None:
     """Raise InputError, which names all of them, if no scenario has this name."""
-    known = (SCENARIOS, SWEEP_SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, PART_SCENARIOS, FRAME_SCENARIOS)
-    names = [name for scenarios in (*known, FIXED_BOARD_SCENARIOS, VERIFY_SCENARIOS) for name in scenarios]
+    names = [name for scenarios in _ALL for name in scenarios]
     if scenario not in names:
         raise InputError(
-            "a scenario among " + ", ".join(names), repr(scenario), "Name one of these simulated cells."
+            "a scenario among {names}",
+            repr(scenario),
+            "Name one of these simulated cells.",
+            names=", ".join(names),
         )
 
 

@@ -6,9 +6,19 @@ import numpy as np
 
 from calib_core.errors import ConflictError
 from calib_core.records import Capture
-from calib_core.simulation.profile_cell import Shot, World, shot_from, true_pose
+from calib_core.simulation.motion import turn
+from calib_core.simulation.profile_cell import (
+    Shot,
+    World,
+    commanded_pose,
+    draw_centers,
+    shot_from,
+    true_pose,
+)
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.writing import shot_files, shot_record
+
+_APART_RAD = 0.35  # a pose that verifies is turned by up to so much about each axis from one that calibrated
 
 
 def retake(simulated: SimulatedSession, capture: str, name: str, seed: int) -> tuple[Capture, dict[str, bytes]]:
@@ -40,11 +50,34 @@ def retake(simulated: SimulatedSession, capture: str, name: str, seed: int) -> t
     if world is None or shot is None:
         raise ConflictError(
             "a simulated capture of the sphere by a scanner of profiles, clouds or centres",
-            f"{capture!r}, which is none",
+            "{capture!r}, which is none",
             "Delete it and capture: the simulated cell then takes it as it did.",
+            capture=capture,
         )
     again = _again(world, shot, name, np.random.default_rng([seed, 20_265]))
     return Capture.model_validate(shot_record(again, world)), shot_files(again, world)
+
+
+def to_verify(simulated: SimulatedSession, name: str, seed: int) -> tuple[Capture, dict[str, bytes]]:
+    """Take a capture that verifies: of the sphere where it stands, from a pose of its own.
+
+    Parameters and errors are those of `retake`.
+    """
+    world = simulated.world
+    taken = [] if world is None else [shot for shot in world.shots if shot.table is None]
+    if world is None or not taken:
+        raise ConflictError(
+            "a simulated cell whose scanner sees the sphere",
+            "one that takes frames or scans alone",
+            "Verify with captures of your own.",
+        )
+    rng = np.random.default_rng([seed, 20_267])
+    near = taken[int(rng.integers(len(taken)))]
+    rotation = near.commanded[:3, :3] @ turn(rng.uniform(-_APART_RAD, _APART_RAD, 3))
+    commanded = commanded_pose(world, rotation, draw_centers(1, world.options, rng)[0])
+    actual = true_pose(commanded, world.options, rng)
+    shot = shot_from(world, name, near.kind, commanded, actual, world.sphere_center_in_base_mm, rng)
+    return Capture.model_validate({**shot_record(shot, world), "step": "verify"}), shot_files(shot, world)
 
 
 def _again(world: World, shot: Shot, name: str, rng: np.random.Generator) -> Shot:

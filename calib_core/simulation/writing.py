@@ -43,7 +43,7 @@ def shot_files(shot: Shot, world: World) -> dict[str, bytes]:
     if shot.kind == "center":
         return {}
     scale = 0.001 if world.options.length_unit == "m" else 1.0
-    write = profile_csv if shot.kind == "profile" else _cloud_xyz
+    write = profile_csv if shot.kind == "profile" else cloud_xyz
     return {_file(shot): write(shot.measured_points_mm, scale)}
 
 
@@ -81,7 +81,8 @@ def _blank_rows(x: tuple[float, ...], digits: int) -> tuple[str, ...]:
     return tuple(f"{value:.{digits}f}," for value in x)
 
 
-def _cloud_xyz(points_mm: FloatArray, scale: float) -> bytes:
+def cloud_xyz(points_mm: FloatArray, scale: float) -> bytes:
+    """Return a cloud (N, 3) in L as text, its lengths multiplied by `scale`."""
     digits = 4 if scale == 1.0 else 7
     lines = [" ".join(f"{v:.{digits}f}" for v in row) for row in (points_mm * scale).tolist()]
     return ("\n".join(lines) + "\n").encode()

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
+from calib_core.messages import plural
 from calib_core.sphere.arc_candidates import arc_candidates
 from calib_core.sphere.circle import CUT_IN_SIGMAS as CUT
 from calib_core.sphere.circle import (
@@ -194,14 +195,15 @@ def _distinct_finite(given: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     if np.isinf(given).any():
         raise MeasurementError(
             "finite numbers, or NaN where nothing came back",
-            f"infinity in row {int(np.isinf(given).any(axis=1).argmax()) + 1}",
+            "infinity in row {given}",
             "Write blanks or NaN where the scanner saw nothing.",
+            given=int(np.isinf(given).any(axis=1).argmax()) + 1,
         )
     rows = np.flatnonzero(np.isfinite(given).all(axis=1))
     if len(rows) == 0:
         raise MeasurementError(
             "a profile with points",
-            f"{len(given)} rows, all blank",
+            plural("{count} row, all blank", "{count} rows, all blank", by="count", count=len(given)),
             "Bring the sphere into the scanner's range and check the exposure.",
         )
     keys = given[rows, 0] + 1j * given[rows, 1]  # sorts faster than rows do
@@ -214,9 +216,15 @@ def _distinct_finite(given: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     points = given[rows[first[by_first]]]
     if len(points) < LEAST_POINTS:
         raise MeasurementError(
-            f"at least {LEAST_POINTS} points on the sphere",
-            f"{len(points)} points in the whole profile",
+            "at least {least_points} points on the sphere",
+            plural(
+                "{count} point in the whole profile",
+                "{count} points in the whole profile",
+                by="count",
+                count=len(points),
+            ),
             "Bring the sphere into the scanner's range and check the exposure.",
+            least_points=LEAST_POINTS,
         )
     return points, row_of_point
 
@@ -368,16 +376,21 @@ def _the_one(arcs: list[_Arc], diameter_mm: float | None, z_axis: str | None) ->
     best = max(clear, key=lambda arc: (arc.is_long, arc.sharpness))
     if not best.is_long:
         raise MeasurementError(
-            f"an arc of at least {np.rad2deg(LEAST_EXTENT_RAD):.0f}°",
-            f"one of {np.rad2deg(best.extent_rad):.0f}°",
+            "an arc of at least {least_extent_rad:.0f}°",
+            "one of {extent_rad:.0f}°",
             "Move so that the stripe crosses more of the sphere and all of the visible side lies in range.",
+            least_extent_rad=np.rad2deg(LEAST_EXTENT_RAD),
+            extent_rad=np.rad2deg(best.extent_rad),
         )
     if not _side_fits(best, z_axis):
         other = "toward" if z_axis == "away" else "away"
         raise MeasurementError(
-            f"an arc on the side that the scanner sees (z_axis: {z_axis})",
-            f"one that bulges to {'−z' if best.side > 0 else '+z'}, the far side",
-            f"Set the scanner's z_axis to {other}, or leave it out.",
+            "an arc on the side that the scanner sees (z_axis: {z_axis})",
+            "one that bulges to {far_side}, the far side",
+            "Set the scanner's z_axis to {other}, or leave it out.",
+            z_axis=z_axis,
+            far_side="−z" if best.side > 0 else "+z",
+            other=other,
         )
     assert diameter_mm is not None  # the radius is all that is left to be wrong
     raise radius_mismatch(float(best.circle[2]), diameter_mm, "arc")

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
+from calib_core.messages import plural
 from calib_core.sphere.circle import CUT_IN_SIGMAS, KEPT_VARIANCE
 from calib_core.sphere.diagnosis import points_as_rows, radius_mismatch, require_diameter
 
@@ -135,9 +136,16 @@ def _sample(points: FloatArray) -> FloatArray:
     sample = sample[finite]
     if len(sample) < LEAST_POINTS:
         raise MeasurementError(
-            f"a cloud of at least {LEAST_POINTS} points",
-            f"{len(sample)} points and {len(points) - len(sample)} blanks",
+            "a cloud of at least {least_points} points",
+            plural(
+                "{count} point and {count_other} blanks",
+                "{count} points and {count_other} blanks",
+                by="count",
+                count=len(sample),
+                count_other=len(points) - len(sample),
+            ),
             "Bring the sphere into the scanner's range and check the exposure.",
+            least_points=LEAST_POINTS,
         )
     return sample
 

@@ -5,10 +5,20 @@ from numpy.typing import ArrayLike
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
+from calib_core.messages import message, templates
 
 SMALLEST_CIRCLE = 0.1
 """Smallest circle, as a share of the sphere's radius, that a profile is taken to cut from the sphere."""
 
+_WANTED = templates(
+    {
+        "arc": "an arc of radius ≤ {stated_mm:g} mm (sphere diameter {diameter_mm:g} mm)",
+        "sphere": "a sphere of radius {stated_mm:g} mm (sphere diameter {diameter_mm:g} mm)",
+    }
+)
+_FOUND = templates(
+    {"arc": "an arc of radius {radius_mm:.6g} mm", "sphere": "a sphere of radius {radius_mm:.6g} mm"}
+)
 _CLEARLY_LARGER = 1.2  # nearer than that, a diameter that is a few per cent off is likelier than one halved
 
 
@@ -23,13 +33,16 @@ def points_as_rows(points: ArrayLike, columns: int, what: str) -> FloatArray:
     array = np.asarray(points, dtype=float)
     if array.size == 0:
         raise MeasurementError(
-            f"a {what} with points", "an empty one", "Check the scanner's exposure and its file."
+            "a {what} with points", "an empty one", "Check the scanner's exposure and its file.", what=what
         )
     if array.ndim != 2 or array.shape[1] != columns:
         raise MeasurementError(
-            f"a {what} as an array of N rows and {columns} columns",
-            f"an array of shape {array.shape}",
+            "a {what} as an array of N rows and {columns} columns",
+            "an array of shape {array}",
             "Give one point a row.",
+            what=what,
+            columns=columns,
+            array=array.shape,
         )
     return array
 
@@ -57,18 +70,15 @@ def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> Measure
         "arc" or "sphere".
     """
     stated_mm = diameter_mm / 2
-    need = (
-        f"an {shape} of radius ≤ {stated_mm:g} mm" if shape == "arc" else f"a {shape} of radius {stated_mm:g} mm"
-    )
-    need += f" (sphere diameter {diameter_mm:g} mm)"
-    got = (
-        f"an {shape} of radius {radius_mm:.6g} mm" if shape == "arc" else f"a {shape} of radius {radius_mm:.6g} mm"
-    )
+    need = message(_WANTED[shape], stated_mm=stated_mm, diameter_mm=diameter_mm)
+    got = message(_FOUND[shape], radius_mm=radius_mm)
     if _explains(radius_mm / 1000, stated_mm, shape):
         if diameter_mm < 1:
-            to_do = f"The diameter looks like metres: give it in mm, {diameter_mm * 1000:g}."
+            to_do = message(
+                "The diameter looks like metres: give it in mm, {diameter_mm:g}.", diameter_mm=diameter_mm * 1000
+            )
         else:
-            to_do = "The points look like micrometres: give them in mm."
+            to_do = message("The points look like micrometres: give them in mm.")
         return MeasurementError(need, got, to_do)
     if _explains(radius_mm * 1000, stated_mm, shape):
         return MeasurementError(
@@ -78,14 +88,16 @@ def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> Measure
         return MeasurementError(
             need,
             got,
-            f"The diameter may be the sphere's radius: if the sphere is {2 * diameter_mm:g} mm wide, give that. "
-            f"The sphere measured is larger than stated.",
+            "The diameter may be the sphere's radius: if the sphere is {diameter_mm:g} mm wide, give that. "
+            "The sphere measured is larger than stated.",
+            diameter_mm=2 * diameter_mm,
         )
     larger = "larger" if radius_mm > stated_mm else "smaller"
     return MeasurementError(
         need,
         got,
-        f"The sphere measured is {larger} than stated: correct the diameter, or keep other round things away.",
+        "The sphere measured is {larger} than stated: correct the diameter, or keep other round things away.",
+        larger=larger,
     )
 
 

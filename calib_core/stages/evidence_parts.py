@@ -11,6 +11,7 @@ from calib_core.evidence.words import by_cause, captures_text
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import AtWorkpiece, at_workpiece
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import message
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import CaptureResidual, Result, Session, VarianceComponents
 from calib_core.records.evidence import (
@@ -108,7 +109,10 @@ def _frame_numbers(
 def captures_used(result: Result) -> Figure:
     """Return how many captures are used."""
     rows: list[CaptureResidual] = getattr(result, "residuals", [])
-    return Figure(label="Captures used", text=f"{sum(row.used for row in rows)} of {len(rows)}")
+    return Figure(
+        label="Captures used",
+        text=message("{rows} of {count}", rows=sum(row.used for row in rows), count=len(rows)),
+    )
 
 
 def left_out(rows: Sequence[CaptureResidual]) -> list[AnyBlock]:
@@ -216,17 +220,20 @@ def workpiece_places(session: Session, result: Result) -> list[AtWorkpiece]:
     return at_workpiece(session, result.model_dump(mode="json"))
 
 
+def _at(what: str, mount: str) -> str:
+    return message("{what}, mounting {mount}", what=what, mount=mount) if mount else what
+
+
 def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
     """Return what the uncertainty means where it matters, one row a place."""
     words = {"tool": "Tool, in the scanner's view", "table": "Table", "both": "Tool and table"}
     rows: list[Row] = []
     for place in places:
-        mount = f", mounting {place.where}" if place.where else ""
         at = ", ".join(number_text(value, 0) for value in place.point_mm)
         sigmas = [*place.sigmas_mm, place.worst_sigma_mm]
         decimals = plus_minus(place.worst_sigma_mm, "").decimals
         shown = [plus_minus(sigma, "").model_copy(update={"decimals": decimals}) for sigma in sigmas]
-        rows.append(Row(cells=[words[place.of] + mount, at, *shown]))
+        rows.append(Row(cells=[_at(words[place.of], place.where), at, *shown]))
     if not rows:
         return []
     heads = [Column(label="Known by", align="left"), Column(label="At", unit="mm")]
@@ -265,7 +272,15 @@ def noise_table(parts: VarianceComponents, more: Iterable[tuple[str, Quantity, s
         estimated = name.startswith("alike") or any(
             one.partition("_")[0] == name.partition("_")[0] for one in parts.estimated
         )
-        rows.append(Row(cells=[label, quantity(sigmas[name], unit), "estimated" if estimated else "given"]))
+        rows.append(
+            Row(
+                cells=[
+                    label,
+                    quantity(sigmas[name], unit),
+                    message("estimated") if estimated else message("given"),
+                ]
+            )
+        )
     rows += [Row(cells=[label, shown, origin]) for label, shown, origin in more]
     heads = [
         Column(label="Source", align="left"),
@@ -280,7 +295,12 @@ def two_step_blocks(result: Any) -> list[AnyBlock]:
     two = result.two_step
     title = "Joint answer beside the paper's two steps"
     if two.tool0_from_laser is None and two.base_from_laser is None:
-        return [Note(title=title, text=f"No two-step answer: {two.reason or 'too few pure translations'}.")]
+        return [
+            Note(
+                title=title,
+                text=message("No two-step answer: {reason}.", reason=two.reason or "too few pure translations"),
+            )
+        ]
     joint, other = result.mount_from_laser, scanner_frame(two.model_dump())
     ours = np.array(result.covariance, dtype=float)[:6, :6]
     theirs = None if two.covariance is None else np.array(two.covariance, dtype=float)[:6, :6]
@@ -313,9 +333,11 @@ def two_step_blocks(result: Any) -> list[AnyBlock]:
     table = Table(
         id="two-step",
         title=title,
-        caption="Differences are in units of their own standard deviation"
-        + ("" if theirs is not None else " as far as the joint answer's uncertainty goes")
-        + "; of the rotation, the angle between the two answers.",
+        caption="Differences are in units of their own standard deviation; of the rotation, the angle between the "
+        "two answers."
+        if theirs is not None
+        else "Differences are in units of their own standard deviation as far as the joint answer's uncertainty "
+        "goes; of the rotation, the angle between the two answers.",
         columns=[*heads, Column(label="Difference", unit="σ", decimals=1)],
         rows=rows,
     )
@@ -329,7 +351,14 @@ def _compared_axis(
     sigma = None if theirs is None else float(np.sqrt(theirs[k, k]))
     shown = quantity(mine, "mm", float(np.sqrt(ours[k, k])))
     beside = fixed(its, shown.decimals, "mm") if sigma is None else quantity(its, "mm", sigma)
-    return Row(cells=[f"Position {axis}", shown, beside, _in_sigmas(its - mine, np.eye(6)[k], ours, theirs)])
+    return Row(
+        cells=[
+            message("Position {axis}", axis=axis),
+            shown,
+            beside,
+            _in_sigmas(its - mine, np.eye(6)[k], ours, theirs),
+        ]
+    )
 
 
 def _in_sigmas(difference: float, along: FloatArray, ours: FloatArray, theirs: FloatArray | None) -> float | None:

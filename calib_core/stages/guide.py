@@ -4,8 +4,17 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from calib_core.findings import (
+    as_read,
+    complete_measured,
+    findings_in,
+    judgement,
+    measured_judgement,
+    with_severities,
+)
 from calib_core.graph.registry import stages
 from calib_core.graph.stage import Stage
+from calib_core.messages import message, plural
 from calib_core.records import (
     Capture,
     Guide,
@@ -16,6 +25,7 @@ from calib_core.records import (
     Measured,
     Result,
     Session,
+    Severity,
 )
 from calib_core.steps import capture_steps
 
@@ -70,7 +80,8 @@ def guide(
     stale : collection of str
         The stages whose results are stale, as `Graph.stale` tells.
     """
-    data = {stage: _data(result, stage in stale) for stage, result in results.items()}
+    severities = session.cell.findings
+    data = {stage: _data(result, stage in stale, severities) for stage, result in results.items()}
     statuses: dict[str, GuideStatus] = {}
     blocked = False
     for stage in stages():
@@ -85,11 +96,18 @@ def guide(
         GuideStep(step=s, status=status, note=_note(session, s, status, revised=s in revised))
         for s, status in statuses.items()
     ]
-    return Guide(steps=steps, current=_now(view), last_capture=_last(session, measured))
+    current, last = _now(view), _last(session, measured)
+    result = view.fresh(current.stage) if current.stage is not None else None
+    found = [] if result is None else findings_in(result)
+    told = [*(last.findings if last else []), *with_severities(found, severities)]
+    return Guide(steps=steps, current=current, findings=judgement(told)["findings"], last_capture=last)
 
 
-def _data(result: Result | Mapping[str, Any], stale: bool) -> dict[str, Any]:
+def _data(
+    result: Result | Mapping[str, Any], stale: bool, severities: Mapping[str, Severity] | None
+) -> dict[str, Any]:
     data: dict[str, Any] = dict(result.to_json() if isinstance(result, Result) else result)
+    data = as_read(data, severities=severities) if severities else data
     data["stale"] = bool(data.get("stale")) or stale
     return data
 
@@ -131,11 +149,13 @@ def _note(session: Session, step: str, status: GuideStatus, *, revised: bool) ->
     if revised:
         return "the method was revised since; the answer stays valid, solve anew to use the new one"
     if status == "not-needed":
-        return f"the scanner delivers {'centres' if session.cell.scanner.kind == 'center' else 'points'} already"
+        if session.cell.scanner.kind == "center":
+            return message("the scanner delivers centres already")
+        return message("the scanner delivers points already")
     if status == "known":
         return "given with the cell"
     count = sum(c.step == step and not c.excluded for c in session.captures)
-    return f"{count} capture{'' if count == 1 else 's'}" if count else None
+    return plural("{count} capture", "{count} captures", by="count", count=count) if count else None
 
 
 def _now(view: GuideView) -> GuideNow:
@@ -172,4 +192,9 @@ def _last(session: Session, measured: Sequence[Measured]) -> GuideLast | None:
         return None
     last = session.captures[-1].id
     seen = next((m for m in measured if m.capture == last), None)
-    return seen and GuideLast(capture=last, verdict=seen.verdict, reason=seen.reason, to_do=seen.to_do)
+    if seen is None:
+        return None
+    if not seen.findings:
+        found = complete_measured(seen).findings
+        return GuideLast(capture=last, verdict=seen.verdict, findings=found, reason=seen.reason, to_do=seen.to_do)
+    return GuideLast(capture=last, **measured_judgement(with_severities(seen.findings, session.cell.findings)))

@@ -3,12 +3,16 @@
 from numpy.linalg import LinAlgError
 
 from calib_core.captures.solved_optics import remembered
+from calib_core.cell.consistency import require_consistent
 from calib_core.errors import InputError, MeasurementError, MotionError
+from calib_core.findings import judged
 from calib_core.findings.bridge import complete
 from calib_core.graph.keys import Graph, stage_captures
 from calib_core.graph.registry import STAGES, answer_stages, stages
 from calib_core.graph.stage import Stage
 from calib_core.graph.stage_input import FindCrew, Kept, StageInput
+from calib_core.graph.temperature import temperature_findings
+from calib_core.messages import message
 from calib_core.records import Capture, Result, Session
 from calib_core.records.callbacks import Progress, ReadFile, StoreFile
 from calib_core.records.camera_result import CameraResult
@@ -37,10 +41,11 @@ def run(
     if stage != "all":
         if stage not in STAGES.names():
             raise InputError(
-                "a stage among all, " + ", ".join(s.name for s in stages()),
+                "a stage among all, {stages}",
                 f"'{stage}'",
                 "Name one of these.",
                 "stage",
+                stages=", ".join(s.name for s in stages()),
             )
         return {stage: solve_stage(session, stage, read, progress, store)}
     results: dict[str, Result] = {}
@@ -52,7 +57,7 @@ def run(
             if not results or not STAGES.get(name, "stage").is_second_opinion:
                 raise
             if progress:
-                progress(1.0, f"{name} is left out: {error}")
+                progress(1.0, message("{name} is left out: {error}", name=name, error=error))
     return results
 
 
@@ -110,10 +115,13 @@ def solve_stage(
         result = entry.solve(given).model_copy(update={"method_revision": entry.method_revision})
         result = result.model_copy(update={"frames": found_frames(entry, result)})
     except LinAlgError:
-        to_do = "Correct sigmas that are far too large or too small; `scancell check` names doubtful captures."
+        to_do = message(
+            "Correct sigmas that are far too large or too small; `scancell check` names doubtful captures."
+        )
         raise MotionError(
             "captures and sigmas that determine an answer", "equations without one", to_do, stage
         ) from None
+    result = judged(result, temperature_findings(session, entry))
     return with_evidence(session, complete(result))
 
 
@@ -136,18 +144,23 @@ def stage_input(
     entry = STAGES.get(stage, "stage")
     if entry.is_brought(session):
         raise InputError(
-            f"a stage to solve, not '{stage}'",
+            "a stage to solve, not '{stage}'",
             "its result in cell.known",
             "Remove it from cell.known to solve it.",
             "cell.known",
+            stage=stage,
         )
     _require_captures(stage_captures(session, stage), entry)
+    if stage not in optics_stages():
+        require_consistent(session.cell, session.captures)
     if not entry.suits(session):
         raise InputError(
-            f"a cell whose scanner is on the robot for the stage '{stage}'",
-            f"the arrangement '{session.cell.arrangement}', for which it is not supported yet",
+            "a cell whose scanner is on the robot for the stage '{stage}'",
+            "the arrangement '{arrangement}', for which it is not supported yet",
             "Solve the stage 'tcp': it finds the scanner in base.",
             "cell.arrangement",
+            stage=stage,
+            arrangement=session.cell.arrangement,
         )
     solved = kept or Kept()
     graph = solved.graph = solved.graph or Graph.of_files(session, read)
@@ -176,4 +189,4 @@ def _require_captures(captures: list[Capture], stage: Stage) -> None:
             other.step for other in stages() if other.step and other.step.name in stage.steps
         )
         steps = " or ".join(f"'{name}'" for name in stage.steps)
-        raise InputError(f"captures with step {steps}", "none", step.to_capture, "captures")
+        raise InputError("captures with step {steps}", "none", step.to_capture, "captures", steps=steps)

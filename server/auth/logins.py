@@ -11,6 +11,7 @@ from typing import Literal
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.auth.roles import ROLES, Role, to_role
 from server.http.errors import LoginError
 from server.settings import Settings
@@ -86,10 +87,12 @@ class Logins:
         """
         name = name.strip()
         if not name or len(name) > _LONGEST_NAME or not name.isprintable():
-            need = f"a name of 1 to {_LONGEST_NAME} printable characters"
+            need = message("a name of 1 to {longest_name} printable characters", longest_name=_LONGEST_NAME)
             raise InputError(need, repr(name)[:80], "Say who or what the token is for.", "name")
         if role not in ROLES:
-            raise InputError("a role among " + ", ".join(ROLES), f"'{role[:60]}'", "Name one of these.", "role")
+            raise InputError(
+                "a role among {roles}", f"'{role[:60]}'", "Name one of these.", "role", roles=", ".join(ROLES)
+            )
         token_id, token = new_token()
         return token_data(add_token(db, token_id, self._digest(token), name, role, lifetime)), token
 
@@ -169,9 +172,10 @@ def require_admin(settings: Settings) -> None:
         raise InputError(
             "a token of an admin, since a login is demanded here",
             "none that is good",
-            f"Make one: scancell token create --role admin --name NAME --data {settings.data}. "
+            "Make one: scancell token create --role admin --name NAME --data {data}. "
             "On 127.0.0.1, the default, no login is needed.",
             settings.host,
+            data=settings.data,
         )
 
 

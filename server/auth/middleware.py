@@ -14,6 +14,7 @@ from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calib_core.errors import CalibrationError
+from calib_core.messages import message
 from server.auth.buckets import Buckets
 from server.auth.logins import MACHINE, NOBODY, REMEMBERED_S, Identity, Logins
 from server.auth.refusals import Refusals, too_many
@@ -97,7 +98,9 @@ class AuthMiddleware:
         factor = _LOOPBACK_FACTOR if is_loopback(address) else 1.0
         wait_s = self._buckets.wait_s(identity.token_id or address, factor)
         if wait_s:
-            raise too_many(wait_s, "requests at a rate that leaves room for others", "more than that")
+            raise too_many(
+                wait_s, message("requests at a rate that leaves room for others"), message("more than that")
+            )
 
     async def _while_good(self, identity: Identity, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a stream until it ends, or until the token behind it does."""
@@ -163,10 +166,11 @@ def _require(identity: Identity, scope: Scope, act: Act) -> None:
         )
     else:
         raise ForbiddenError(
-            f"the role {needed.word}",
+            "the role {word}",
             f"{identity.role.word} ({identity.name})",
             "Ask an admin of this server for a token that may do this.",
             "request",
+            word=needed.word,
         )
 
 

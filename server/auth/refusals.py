@@ -3,6 +3,7 @@
 import logging
 from math import ceil
 
+from calib_core.messages import message
 from server.auth.buckets import Buckets
 from server.http.errors import TooManyError
 from server.store.audit import Act, note_refusal
@@ -26,7 +27,7 @@ class Refusals:
         """Count a token or a login that was none; raises TooManyError after ten in a row."""
         wait_s = self._trials.wait_s(address)
         if wait_s:
-            raise too_many(wait_s, "tokens that are good", "many in a row that are not")
+            raise too_many(wait_s, message("tokens that are good"), message("many in a row that are not"))
 
     def note(self, store: Store, act: Act) -> None:
         """Add a refused request to the log of who did what."""
@@ -39,6 +40,6 @@ class Refusals:
 def too_many(wait_s: float, need: str, got: str) -> TooManyError:
     """Return the error of somebody who asks too often."""
     seconds = max(1, ceil(wait_s))
-    error = TooManyError(need, got, f"Send the next request in {seconds} s.", "request")
+    error = TooManyError(need, got, "Send the next request in {seconds} s.", "request", seconds=seconds)
     error.retry_after_s = seconds
     return error

@@ -12,7 +12,6 @@ from server.store.captures import capture_row, change_capture
 from server.store.models import Data
 from server.store.sessions import StoredSession, change_session, locked_session, session_data
 
-_CHANGED = "It is measured again: it or the cell has changed."
 _NOT_MEASURED = frozenset(
     {"pose", "joints_deg", "joints_mm", "active_tool", "active_frame", "moving", "excluded", "table_deg", "mount"}
 )
@@ -35,7 +34,9 @@ def apply_changes(db: Transaction, stored: StoredSession, changes: Changes) -> D
     for name, patch in changes.captures.items():
         fixed = [field for field in FIXED if field in patch]
         if fixed:
-            raise InputError(f"the '{fixed[0]}' that the capture came with", "another", "Upload it again.", name)
+            raise InputError(
+                "the '{fixed}' that the capture came with", "another", "Upload it again.", name, fixed=fixed[0]
+            )
     session, undo = applied(stored.session, changes)
     of_cell = require_usable(stored.session, session)
     row = locked_session(db, stored.id)
@@ -50,5 +51,5 @@ def apply_changes(db: Transaction, stored: StoredSession, changes: Changes) -> D
     if changes.cell:
         change_session(db, row, {n: v for n, v in session.to_json().items() if n != "captures"}, {})
     db.flush()
-    measure_anew(db, stored.id, {capture.id: to_wait(capture, _CHANGED) for capture in waiting})
+    measure_anew(db, stored.id, {capture.id: to_wait(capture, "record") for capture in waiting})
     return {"session": session_data(db, row), "changes": changes.to_json(), "undo": undo.to_json()}

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
+from calib_core.messages import message
 from calib_core.records import Capture, Session, parse_capture
 from calib_core.records.strict_fields import require_known_fields
 from server.http.strict_json import parse_json
@@ -36,7 +37,10 @@ class CaptureInBody:
         try:
             capture = parse_capture(self.data, self.where)
             if not len(set(capture.files)) == len(self.contents) == len(capture.files):
-                got, to_do = f"{len(capture.files)} for {len(self.contents)}", "Name each file once, in its order."
+                got, to_do = (
+                    message("{count} for {count_other}", count=len(capture.files), count_other=len(self.contents)),
+                    message("Name each file once, in its order."),
+                )
                 raise InputError("as many different `files` as `sizes`", got, to_do, self.where)
             require_known_fields(capture, self.where)
             check_poses(session, capture)
@@ -75,12 +79,14 @@ def _sizes(data: Any, where: str, limit: int) -> list[int]:
     """Take out of a record how many bytes each of its files has."""
     sizes: Any = data.pop("sizes", None) if isinstance(data, dict) else None
     if not isinstance(sizes, list) or not all(type(size) is int and size >= 0 for size in sizes):
-        to_do = "Add `sizes` to each record: the number of bytes of each of its files."
+        to_do = message("Add `sizes` to each record: the number of bytes of each of its files.")
         raise InputError("a record with the `sizes` of its files", "something else", to_do, where)
     data.pop("measured", None)  # of a record that came from here
     if sum(sizes) > limit:
-        to_do = "Thin the points, crop the frame, or split the capture; then send it and all that follows again."
-        raise TooLargeError(f"at most {limit} bytes in one capture", f"{sum(sizes)}", to_do, where)
+        to_do = message(
+            "Thin the points, crop the frame, or split the capture; then send it and all that follows again."
+        )
+        raise TooLargeError("at most {limit} bytes in one capture", f"{sum(sizes)}", to_do, where, limit=limit)
     return sizes
 
 
@@ -108,9 +114,9 @@ class _Body:
         """Return the next bytes."""
         while len(self._held) - self._place < size:
             if not await self._more():
-                got = f"the end {size - (len(self._held) - self._place)} bytes before"
-                to_do = "Send this capture and all that follow again."
-                raise InputError(f"a file of {size} bytes", got, to_do, where)
+                got = message("the end {size} bytes before", size=size - (len(self._held) - self._place))
+                to_do = message("Send this capture and all that follow again.")
+                raise InputError("a file of {size} bytes", got, to_do, where, size=size)
         taken = bytes(self._held[self._place : self._place + size])
         self._place += size
         return taken
@@ -121,8 +127,14 @@ class _Body:
         while (end := self._held.find(b"\n", searched)) < 0:
             length = len(self._held) - self._place
             if length > _MAX_LINE_BYTES:
-                to_do = "Check the `sizes` of the capture before."
-                raise InputError(f"a line of at most {_MAX_LINE_BYTES} bytes", "a longer one", to_do, where)
+                to_do = message("Check the `sizes` of the capture before.")
+                raise InputError(
+                    "a line of at most {max_line_bytes} bytes",
+                    "a longer one",
+                    to_do,
+                    where,
+                    max_line_bytes=_MAX_LINE_BYTES,
+                )
             if not await self._more():
                 return len(self._held)
             searched = self._place + length

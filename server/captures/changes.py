@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from calib_core.causes.apply import merge_patch
+from calib_core.cell.consistency import require_consistent
 from calib_core.errors import ConflictError, DamagedError, InputError
 from calib_core.graph.registry import STAGES
+from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from calib_core.records.strict_fields import require_known_fields, unknown_fields
@@ -31,7 +33,6 @@ from server.store.sessions import (
 )
 
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
-_CHANGED = "It is measured again: the cell has changed."
 # What measuring a capture depends on, beside the capture.
 _MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
 FIXED = ("id", "files", "kind")
@@ -107,7 +108,7 @@ def corrected_session(
         if row.revision != revision:
             raise _changed_meanwhile("session")
         if anew and not at_once:
-            measure_anew(db, session_id, {c.id: to_wait(c, _CHANGED) for c in captures})
+            measure_anew(db, session_id, {c.id: to_wait(c, "cell") for c in captures})
         change_session(db, row, {n: v for n, v in session.to_json().items() if n != "captures"}, measured)
         return session_data(db, row), etag(row)
 
@@ -117,6 +118,8 @@ def require_usable(before: Session, after: Session) -> bool:
     require_known_fields(after, "request", {path for path, _ in unknown_fields(before)})
     if after.cell.known != before.cell.known:
         require_rigid(after.cell)
+    if after.cell != before.cell:
+        require_consistent(after.cell)
     for capture in after.captures:
         check_poses(after, capture)
     return any(getattr(after.cell, name) != getattr(before.cell, name) for name in _MEASURED_FROM)
@@ -132,7 +135,7 @@ def _with_limit_changes(before: Session, after: Session, who: str) -> Session:
     """
     old, new = before.cell.verification, after.cell.verification
     if (new.changes or []) != (old.changes or []) and "verification" in after.cell.model_fields_set:
-        to_do = "Leave `changes` out: they are kept by the server."
+        to_do = message("Leave `changes` out: they are kept by the server.")
         raise InputError("the limits' changes as they were kept", "others", to_do, "verification.changes")
     steps = STAGES.get("verify", "stage").steps
     taken = sum(capture.step in steps for capture in before.captures)
@@ -161,8 +164,8 @@ def _with_reason(record: Data, changes: Mapping[str, object], who: str) -> Mappi
 def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
     for name in FIXED:
         if name in changes and changes[name] != record.get(name):
-            to_do = "Remove the capture and upload it again."
-            raise InputError(f"the '{name}' that the capture came with", "another", to_do, name)
+            to_do = message("Remove the capture and upload it again.")
+            raise InputError("the '{name}' that the capture came with", "another", to_do, name, name=name)
     before = {path for path, _ in unknown_fields(parse_capture(record, "record"))}
     changed = parse_capture(merge_patch(record, changes), "request")
     require_known_fields(changed, "request", before)
@@ -170,4 +173,6 @@ def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
 
 
 def _changed_meanwhile(what: str) -> ConflictError:
-    return ConflictError(f"a {what} that rests", "one that was just changed", "Send the change again.", what)
+    return ConflictError(
+        "a {what} that rests", "one that was just changed", "Send the change again.", what, what=what
+    )

@@ -7,13 +7,15 @@ from collections.abc import Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import groupby
+from typing import Literal
 
+from calib_core.captures.measured import measured_of, not_seen
 from calib_core.errors import CalibrationError, NotFoundError
+from calib_core.findings.codes.quality import WAITS_FOR_MEASURING
 from calib_core.records import Capture, Measured, Session, parse_capture
 from server.captures.cluster_measuring import FAR_AT_ONCE, ClusterMeasuring, StoredFiles
 from server.captures.measurer import Measurer
 from server.jobs.measuring_processes import Measuring
-from server.measuring import unmeasured
 from server.store.backlog import Waiting, first_waiting, note_measured
 from server.store.calibrations import Calibrated, calibrated_session
 from server.store.database import Store
@@ -109,7 +111,7 @@ class MeasuringQueue:
             try:
                 return measurer.measure(capture, StoredFiles(self._store.blobs, one.digests))
             except CalibrationError as error:
-                return unmeasured(capture, f"Need {error.need}, got {error.got}.", error.to_do)
+                return not_seen(capture, error)
 
         found = list(zip(waiting, self._threads.map(measure, waiting), strict=True))
         done = [(one, measured) for one, measured in found if measured is not None]
@@ -124,12 +126,6 @@ class MeasuringQueue:
             return Calibrated(session, ())  # it was removed meanwhile
 
 
-def to_wait(capture: Capture, reason: str = "It is not measured yet: it came with many others.") -> Measured:
+def to_wait(capture: Capture, since: Literal["batch", "cell", "record"] = "batch") -> Measured:
     """Return what is noted of a capture until it is measured."""
-    return Measured(
-        capture=capture.id,
-        kind=capture.kind,
-        verdict="warn",
-        reason=reason,
-        to_do="Wait a moment; nothing has to be sent again.",
-    )
+    return measured_of(capture, [WAITS_FOR_MEASURING(since=since)])

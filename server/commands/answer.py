@@ -17,15 +17,20 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.errors import ConflictError
-    from calib_core.review.answer import answer_of_folder
+    from calib_core.review.answer import answer_as_read, answer_of_folder
+    from calib_core.review.provenance import replayed
+    from server.console.language import spoken
+    from server.console.progress import progress_bar
 
     with opened(options.session) as folder:
         session, read = load_session(folder)
-        results = stored_results(folder)
+        with progress_bar(options) as progress:
+            results = replayed(session, read, stored_results(folder), progress)
         date = solved_when(folder, results, unpacked=is_archive(options.session))
         answer = answer_of_folder(session, results, read, date)
     if answer is None:
         raise ConflictError("a solved session", "no answer yet", "Run `scancell run` on it.", str(options.session))
+    answer = answer_as_read(answer, spoken(options).language, session.cell.findings)
     print_result(options, _text(answer), answer.to_json())
     return NOT_ACCEPTED if answer.faults else OK
 

@@ -27,7 +27,9 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError("the benchmarks", "none", "Run this command in a checkout of the project.", str(_FOLDER))
     for name in options.names:
         if name not in known:
-            raise InputError("a benchmark among " + ", ".join(known), f"'{name}'", "Name one of these.", "bench")
+            raise InputError(
+                "a benchmark among {known}", f"'{name}'", "Name one of these.", "bench", known=", ".join(known)
+            )
     table: dict[str, list[dict[str, Any]]] = {}
     for name in options.names or known:
         if not options.json:

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from calib_core.messages import message
 from server.console.command import OK, Command
 from server.console.output import print_result
 
@@ -16,7 +17,9 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import read_bytes
     from calib_core.captures.certificate import read_certificate
 
-    found = read_certificate(read_bytes(options.file, "Name the certificate's XML file."), str(options.file))
+    found = read_certificate(
+        read_bytes(options.file, message("Name the certificate's XML file.")), str(options.file)
+    )
     lines = [f"certificate {found.identifier or 'without a number'}"]
     for one in found.diameters:
         sigma = "no uncertainty" if one.sigma_mm is None else f'"sphere_diameter_sigma_mm": {one.sigma_mm:g}'

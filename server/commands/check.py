@@ -11,15 +11,20 @@ def _run(options: argparse.Namespace) -> int:
     """Print the findings; return 2 where something blocks solving."""
     from calib_core.archive.archive import opened
     from calib_core.archive.folder import load_session
-    from calib_core.review.check import check_session
+    from calib_core.findings.reading import findings_as_read
+    from calib_core.review.check import check_lines, check_session
+    from server.console.language import spoken
 
     with opened(options.session) as folder:
         session, read = load_session(folder)
         findings = check_session(session, read)
-    errors = sum(finding.level == "error" for finding in findings)
-    lines = [f"{finding.level:8} {finding.where}: {finding.sentence}" for finding in findings]
+    said = spoken(options)
+    read = findings_as_read(findings, said.language, session.cell.findings)
+    errors = sum(finding.severity == "error" for finding in findings)
+    items = check_lines(read, said)
+    lines = [f"{item.level:8} {item.where}: {item.sentence}" for item in items]
     lines += [] if errors else ["Nothing blocks solving."]
-    data = [{"level": f.level, "where": f.where, "sentence": f.sentence} for f in findings]
+    data = [{**f.to_json(), **item.to_json()} for f, item in zip(read, items, strict=True)]
     print_result(options, "\n".join(lines), {"session": session.name, "findings": data})
     if not errors:
         return OK

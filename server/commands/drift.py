@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from calib_core.messages import message, plural
 from server.console.command import NOT_ACCEPTED, OK, Command, server_argument
 from server.console.output import print_result
 
@@ -33,7 +34,7 @@ def _of_server(options: argparse.Namespace) -> "CellDrift":
     from server.console.remote import connected
 
     if len(options.sessions) != 1:
-        got = f"{len(options.sessions)} names"
+        got = plural("{count} name", "{count} names", by="count", count=len(options.sessions))
         raise InputError("one cell's id with --server", got, "Name the cell; its sessions are known.", "SESSION")
     with connected(options) as api:
         return CellDrift.model_validate(api.cells_get_drift(str(options.sessions[0])))
@@ -46,8 +47,15 @@ def _of_one_cell(paths: Sequence[Path]) -> list["SolvedSession"]:
     found = [_solved(path) for path in paths]
     cells = list(dict.fromkeys(cell for _, cell in found if cell))
     if len(cells) > 1:
-        to_do = "Name sessions of one cell: drift of two cells says nothing."
-        raise InputError("sessions whose cell.id is the same", f"'{cells[0]}' and '{cells[1]}'", to_do, "SESSION")
+        to_do = message("Name sessions of one cell: drift of two cells says nothing.")
+        raise InputError(
+            "sessions whose cell.id is the same",
+            "'{cells}' and '{cells_other}'",
+            to_do,
+            "SESSION",
+            cells=cells[0],
+            cells_other=cells[1],
+        )
     return [session for session, _ in found]
 
 

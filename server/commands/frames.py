@@ -30,7 +30,7 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.into is not None and options.outof is None:
         raise InputError(
-            "two frames, INTO and OUTOF", f"'{options.into}' alone", "Name both, or neither.", "OUTOF"
+            "two frames, INTO and OUTOF", "'{into}' alone", "Name both, or neither.", "OUTOF", into=options.into
         )
     asked = None if options.into is None else (options.into, options.outof)
     with opened(options.session) as folder:

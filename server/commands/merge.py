@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from calib_core.messages import message, plural
 from server.console.command import NOT_ACCEPTED, OK, Command
 from server.console.output import print_result
 
@@ -44,7 +45,7 @@ def _run(options: argparse.Namespace) -> int:
     record = {"format": "scancell-session/1", "name": "merge", "cell": cell, "captures": captures}
 
     def read(name: str) -> bytes:
-        return read_bytes(files[name], "Name the scanner's file.")
+        return read_bytes(files[name], message("Name the scanner's file."))
 
     def store(name: str, pieces: Iterable[bytes | memoryview]) -> None:
         if options.out is not None:
@@ -69,13 +70,18 @@ def _captures(files: dict[str, Path], poses: Path | None) -> Iterable[dict[str, 
     told = None if poses is None else [one for one in read_poses(poses).poses if one.pose is not None]
     scans = [(name, k, own) for name, path in files.items() for k, own in enumerate(_own_poses(path))]
     if told is not None and len(told) != len(scans):
-        to_do = "Give one pose a scan, in the files' order."
-        raise InputError(f"{len(scans)} poses", f"{len(told)}", to_do, str(poses))
+        to_do = message("Give one pose a scan, in the files' order.")
+        raise InputError(
+            plural("{count} pose", "{count} poses", by="count", count=len(scans)),
+            f"{len(told)}",
+            to_do,
+            str(poses),
+        )
     for number, (name, k, own) in enumerate(scans):
         listed = None if told is None else parse_pose(told[number].convention, told[number].pose or ())
         pose = own if listed is None else listed.matrix.ravel().tolist()
         if pose is None and len(scans) > 1:
-            to_do = "Give --poses FILE, or export the scans as E57 with their poses."
+            to_do = message("Give --poses FILE, or export the scans as E57 with their poses.")
             raise InputError("scans with their poses", "a file without one", to_do, str(files[name]))
         settings = {"format_settings": {"scan": k}} if name.endswith(".e57") else {}
         capture = {"id": f"s{number + 1:03d}", "step": "scan", "kind": "cloud", "files": [name]}
@@ -89,7 +95,7 @@ def _own_poses(path: Path) -> list[list[float] | None]:
 
     if path.suffix.lower() != ".e57":
         return [None]
-    return scan_poses(read_bytes(path, "Name the scanner's file."), str(path))
+    return scan_poses(read_bytes(path, message("Name the scanner's file.")), str(path))
 
 
 COMMAND = Command("merge", "merge scans whose poses are known", "files", _arguments, _run)

@@ -60,7 +60,11 @@ def _run(options: argparse.Namespace) -> int:
         measured = [measure_capture(session, capture, read) for capture in shown]
     if options.step not in planned_steps():
         raise InputError(
-            f"a step among {', '.join(planned_steps())}", f"'{options.step}'", "Name one of them.", "--step"
+            "a step among {planned_steps}",
+            f"'{options.step}'",
+            "Name one of them.",
+            "--step",
+            planned_steps=", ".join(planned_steps()),
         )
     if options.count is None:
         now = guide(session, measured, results, stale).current

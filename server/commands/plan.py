@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calib_core.messages import message
 from server.console.command import NOT_ACCEPTED, OK, Command
 from server.console.output import print_result
 
@@ -64,7 +65,9 @@ def _cell(options: argparse.Namespace) -> dict[str, Any]:
     if "scanner" not in data:
         from calib_core.errors import InputError
 
-        to_do = "Give --near-mm, --far-mm and --near-width-mm, or a cell as a JSON file; see docs/guidance.md."
+        to_do = message(
+            "Give --near-mm, --far-mm and --near-width-mm, or a cell as a JSON file; see docs/guidance.md."
+        )
         raise InputError("where the scanner measures", "nothing", to_do, str(options.file or "plan"))
     if options.table and data.get("table") is None:
         data["table"] = {}

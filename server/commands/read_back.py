@@ -1,4 +1,4 @@
-"""`scancell read-back`: the tool in the controller, compared with a session's answer."""
+"""`scancell read-back`: the tool, or a fixed scanner's user frame, in the controller compared with the answer."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     session_argument(parser)
     file = "the controller's file or backup, saved after the tool was entered"
     parser.add_argument("file", type=Path, nargs="?", metavar="FILE", help=file)
-    parser.add_argument("--tool", metavar="N", help="the tool's number or name in the file")
+    parser.add_argument(
+        "--tool", metavar="N", help="the number or name in the file, of the tool or the user frame"
+    )
     numbers = "the tool's numbers as the pendant shows them, with blanks or commas between"
     parser.add_argument("--numbers", metavar="NUMBERS", help=numbers)
     convention = "what the numbers mean (default: the session's pose convention)"
@@ -27,11 +29,12 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.exports.answer import answer_of
     from calib_core.graph.keys import Graph
     from calib_core.library.machines import files_of
-    from calib_core.robots.read_back import read_back, tool_in, typed_numbers
+    from calib_core.review.provenance import replayed
+    from calib_core.robots.read_back import frame_in, read_back, typed_numbers
 
     with opened(options.session) as folder:
         session, read = load_session(folder)
-        results = load_results(folder)
+        results = replayed(session, read, load_results(folder))
         answer = answer_of(session, results, Graph.stale_of(session, read, results))
     if (options.numbers is None) == (options.file is None):
         raise InputError("FILE or --numbers", "both or neither", "Give one of them.", "read-back")
@@ -39,8 +42,10 @@ def _run(options: argparse.Namespace) -> int:
         convention = options.convention or answer.session.cell.pose_convention
         numbers = typed_numbers(options.numbers)
     else:
-        convention, numbers = tool_in(files_of(options.file), options.brand, options.tool)
-    found = read_back(numbers, convention, answer.tool0_from_laser).of_answer(answer.faults)
+        convention, numbers = frame_in(
+            files_of(options.file), options.brand, options.tool, answer.mount_from_laser
+        )
+    found = read_back(numbers, convention, answer.mount_from_laser).of_answer(answer.faults)
     print_result(options, found.words, found.to_json())
     return OK if found.equal and not found.faults else NOT_ACCEPTED
 

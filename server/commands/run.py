@@ -1,11 +1,11 @@
 """`scancell run`: solves a session folder or an archive, without a server."""
 
 import argparse
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calib_core.messages import message
 from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result, remark
 
@@ -65,7 +65,7 @@ def _run(options: argparse.Namespace) -> int:
                 raise _with_cause(error, session, read) from None
         truth = truth_of(folder)
     read_results = _as_read(options, session, results)
-    told = {name: result_data(result) for name, result in read_results.items()}
+    told = {name: {**result_data(result), "provenance": "solved"} for name, result in read_results.items()}
     texts = [
         text
         for name, result in read_results.items()
@@ -75,8 +75,8 @@ def _run(options: argparse.Namespace) -> int:
     data = {"session": session.to_json(), "results": told}
     try:
         if target is not None:
-            for name, solved in _store(options, results, target).items():
-                told[name]["solved"] = solved
+            for name, stored in _store(options, results, target, session).items():
+                told[name]["solved"] = stored["solved"]
     finally:  # stored before it is printed, which may fail, and printed where it cannot be stored
         print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
     if target is None:
@@ -97,11 +97,12 @@ def _as_read(
     """Return results in the language that is asked for, with the cell's own severities."""
     from calib_core.archive.folder import result_data
     from calib_core.findings.reading import as_read
+    from calib_core.findings.telling import told
     from server.console.language import spoken
 
-    language, severities = spoken(options).language, session.cell.findings
+    language, severities = spoken(options), session.cell.findings
     return {
-        name: type(result).model_validate(as_read(result_data(result), language, severities))
+        name: type(result).model_validate(told(as_read(result_data(result), severities=severities), language))
         for name, result in results.items()
     }
 
@@ -161,7 +162,13 @@ def _with_cause(error: "CalibrationError", session: "Session", read: "ReadFile")
         found = unsolved_causes(session, read) or unsolved_table_causes(session, read)
     except (CalibrationError, ValueError):  # what cannot be solved may not be explained either
         return error
-    return error.adding(f"{found[0].sentence} Do so by --apply {found[0].id}.") if found else error
+    return (
+        error.adding(
+            message("{sentence} Do so by --apply {found}.", sentence=found[0].sentence, found=found[0].id)
+        )
+        if found
+        else error
+    )
 
 
 def _truth_text(session: "Session", result: Mapping[str, Any], truth: Mapping[str, Any] | None) -> list[str]:
@@ -188,13 +195,14 @@ def _run_there(options: argparse.Namespace) -> int:
     """Solve a session on the server, where a folder or archive is sent to first; print its results."""
     from calib_core.archive.folder import result_data, write_result
     from calib_core.archive.stored_results import result_record
+    from calib_core.records import parse_session
     from server.console.progress import progress_bar
     from server.console.remote import connected, session_id
 
     if options.apply or options.undo:
         from calib_core.errors import InputError
 
-        to_do = "Apply it on the page, or to the session's folder."
+        to_do = message("Apply it on the page, or to the session's folder.")
         raise InputError("--server alone", "--apply or --undo with it", to_do, "--server")
     failing = _failing_codes(options)
     with connected(options) as api, progress_bar(options, says_why=False) as progress:
@@ -211,7 +219,7 @@ def _run_there(options: argparse.Namespace) -> int:
     out: Path | None = options.out
     if out is not None:
         for stage, result in results.items():
-            write_result(out, stage, result)
+            write_result(out, stage, result, parse_session(record))
     text = "\n\n".join(str(result) for result in results.values())
     data = {"session": record, "results": {name: result_data(result) for name, result in results.items()}}
     print_result(options, f"session {session}\n\n{text}", data)
@@ -232,20 +240,22 @@ def _sent(api: "Scancell", path: Path) -> str:
         return str(api.archives_import_archive(archive.read_bytes())["id"])
 
 
-def _store(options: argparse.Namespace, results: Mapping[str, "Result"], folder: Path) -> dict[str, str]:
-    """Write the results, and return when each was solved; a read-only session folder is told, and no error."""
+def _store(
+    options: argparse.Namespace, results: Mapping[str, "Result"], folder: Path, session: "Session"
+) -> dict[str, dict[str, Any]]:
+    """Write the results, and return them as they are stored; a read-only session folder is told, and no error."""
     from calib_core.archive.folder import write_result
     from calib_core.errors import InputError
 
-    solved: dict[str, str] = {}
+    stored: dict[str, dict[str, Any]] = {}
     try:
         for stage, result in results.items():
-            solved[stage] = json.loads(write_result(folder, stage, result).read_bytes())["solved"]
+            stored[stage] = write_result(folder, stage, result, session)
     except InputError as error:
         if options.out is not None:
             raise
         remark(options, f"warning: the results are not stored: {error} (or use --out DIR)")
-    return solved
+    return stored
 
 
 COMMAND = Command(

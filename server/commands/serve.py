@@ -9,6 +9,7 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from calib_core.messages import message
 from server.console.command import OK, Command, address_arguments
 from server.console.output import print_result, remark
 
@@ -119,7 +120,7 @@ def _require_free(host: str, port: int) -> None:
         from calib_core.errors import InputError
 
         got = error.strerror or type(error).__name__
-        to_do = "Choose another with --port (0: any that is free) or --host."
+        to_do = message("Choose another with --port (0: any that is free) or --host.")
         raise InputError("an address to serve on", got.lower(), to_do, f"{host}:{port}") from None
 
 

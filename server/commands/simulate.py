@@ -43,7 +43,7 @@ def _run(options: argparse.Namespace) -> int:
     for name, value in (("--seed", options.seed), ("--out", options.out)):
         if value is None:
             raise InputError(
-                f"{name} for the session folder", "none", f"Add {name}.", f"simulate {options.scenario}"
+                "{name} for the session folder", "none", "Add {name}.", f"simulate {options.scenario}", name=name
             )
     from calib_core.archive.folder import save_session, to_json_bytes
 

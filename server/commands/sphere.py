@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calib_core.messages import message
 from server.console.command import OK, Command
 from server.console.output import print_result, remark
 
@@ -42,7 +43,7 @@ def _run(options: argparse.Namespace) -> int:
     file, diameter_mm = options.file, options.diameter_mm
     if diameter_mm is not None and not (math.isfinite(diameter_mm) and diameter_mm > 0):
         raise InputError("a positive diameter in mm", f"{diameter_mm}", "Give it in mm.", "--diameter-mm")
-    data = read_bytes(file, "Name the scanner's file.")
+    data = read_bytes(file, message("Name the scanner's file."))
     reading = read_file(data, str(file), format_name=options.format, settings=_settings(options))
     points = known_points(reading, str(file))
     for doubt in reading.doubts:

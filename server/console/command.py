@@ -47,7 +47,7 @@ class Command:
     run : callable, optional
         Gets the parsed arguments and returns the exit status; it imports late.
     actions : tuple of Command, optional
-        In place of `run`: the words that follow the name, as in `archive pack`.
+        The words that follow the name, as in `archive pack`; without one `run` is done, where there is one.
     uses_server : bool
         Whether it asks the server of --server itself; others get its session as an archive.
     """

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calib_core.messages import message, plural
+
 if TYPE_CHECKING:
     from server.console.client import Scancell
 
@@ -31,7 +33,7 @@ def connected(options: argparse.Namespace) -> Generator["Scancell"]:
 
     address: str = options.server
     if not address.startswith(("http://", "https://")):
-        to_do = "Write it as http://host:8000."
+        to_do = message("Write it as http://host:8000.")
         raise InputError("an address that begins with http:// or https://", repr(address), to_do, "--server")
     try:
         with Scancell(address.rstrip("/"), os.environ.get(_TOKEN), patience_s=_PATIENCE_S) as api:
@@ -45,7 +47,7 @@ def connected(options: argparse.Namespace) -> Generator["Scancell"]:
         }
         to_do = details["to_do"]
         if error.status == 401:
-            to_do = f"Set {_TOKEN} to a token of that server."
+            to_do = message("Set {token} to a token of that server.", token=_TOKEN)
         raise InputError(details["need"], details["got"], to_do, details.get("where") or address) from None
     except (httpx.HTTPError, httpx.InvalidURL) as error:
         got = str(error) or type(error).__name__
@@ -91,6 +93,12 @@ def session_id(api: "Scancell", name: str) -> str:
             raise
     found = [one["id"] for one in api.sessions_list_all(search=name, limit=1000)["items"] if one["name"] == name]
     if len(found) != 1:
-        got = "no such session" if not found else f"{len(found)} sessions of this name"
+        got = (
+            message("no such session")
+            if not found
+            else plural(
+                "{count} session of this name", "{count} sessions of this name", by="count", count=len(found)
+            )
+        )
         raise InputError("the id of a session, or its name", got, "Take the id that the page's address has.", name)
     return str(found[0])

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Iterator, Mapping
-from errno import ENOSPC
+from errno import EBUSY, ENOSPC
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -19,38 +19,42 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from calib_core.errors import CalibrationError
+from calib_core.messages import message, templates
 from calib_core.records import input_error_from_details
-from server.http.language import spoken
 
 log = logging.getLogger("scancell")
 
 PROBLEM_JSON = "application/problem+json"
 
-_TITLES = {
-    "input": "Input that cannot be used",
-    "measurement": "Nothing measurable",
-    "motion": "Motions that do not determine the answer",
-    "not-found": "Not found",
-    "damaged": "Stored, and damaged since",
-    "conflict": "Conflict with what is stored",
-    "too-large": "Too large",
-    "outdated": "Changed meanwhile",
-    "forbidden": "Refused",
-    "login": "Login needed",
-    "too-many": "Too many requests",
-    "media-type": "Body of another type",
-}
-_TO_DO = {
-    400: "Correct the request.",
-    404: "Check the address; /docs lists them all.",
-    405: "Use one of the methods that the Allow header names; /docs lists them all.",
-    408: "Send it again; the same Idempotency-Key keeps it from counting twice.",
-    413: "Send less at once: thin the points, crop the frame, or split the capture.",
-    500: "Check the server's log and report it.",
-    503: "Try again in a moment.",
-    504: "Try again with less at once.",
-    507: "Free space on the server's disk, then send it again.",
-}
+_TITLES = templates(
+    {
+        "input": "Input that cannot be used",
+        "measurement": "Nothing measurable",
+        "motion": "Motions that do not determine the answer",
+        "not-found": "Not found",
+        "damaged": "Stored, and damaged since",
+        "conflict": "Conflict with what is stored",
+        "too-large": "Too large",
+        "outdated": "Changed meanwhile",
+        "forbidden": "Refused",
+        "login": "Login needed",
+        "too-many": "Too many requests",
+        "media-type": "Body of another type",
+    }
+)
+_TO_DO = templates(
+    {
+        400: "Correct the request.",
+        404: "Check the address; /docs lists them all.",
+        405: "Use one of the methods that the Allow header names; /docs lists them all.",
+        408: "Send it again; the same Idempotency-Key keeps it from counting twice.",
+        413: "Send less at once: thin the points, crop the frame, or split the capture.",
+        500: "Check the server's log and report it.",
+        503: "Try again in a moment.",
+        504: "Try again with less at once.",
+        507: "Free space on the server's disk, then send it again.",
+    }
+)
 
 
 class ForbiddenError(CalibrationError):
@@ -95,16 +99,15 @@ def _codes(error: type[CalibrationError]) -> Iterator[str]:
 
 
 def problem(error: CalibrationError) -> dict[str, Any]:
-    """Return an error as problem details, in the language that is asked for."""
-    language = spoken()
+    """Return an error as problem details."""
     return {
         "type": f"urn:scancell:problem:{error.code}",
         "title": _TITLES.get(error.code, "Calibration is not possible"),
         "status": error.status,
-        "detail": error.said(language),
-        "need": language.say(error.need),
-        "got": language.say(error.got),
-        "to_do": language.say(error.to_do),
+        "detail": str(error.message),
+        "need": error.need,
+        "got": error.got,
+        "to_do": error.to_do,
         "where": error.where,
     }
 
@@ -117,7 +120,7 @@ def problem_of_status(status: int, got: str, to_do: str = "") -> dict[str, Any]:
         "type": f"urn:scancell:problem:http-{status}",
         "title": title,
         "status": status,
-        "detail": f"{got}. {to_do}",
+        "detail": message("{got}. {to_do}", got=got, to_do=to_do),
         "need": "a request that this server knows",
         "got": got,
         "to_do": to_do,
@@ -130,14 +133,22 @@ def storage_problem(error: Exception) -> dict[str, Any]:
     said = " ".join(str(error.orig if isinstance(error, DBAPIError) else error).split())
     untouched = "then send the request again; what was stored before is untouched."
     if "full" in said or (isinstance(error, OSError) and error.errno == ENOSPC):
-        return problem_of_status(507, "the disk with the data folder is full", f"Free space there, {untouched}")
-    if "taken over" in said:
-        return problem_of_status(503, said, "Send it to that one; this one goes on once the other has ended.")
+        return problem_of_status(
+            507,
+            "the disk with the data folder is full",
+            message("Free space there, {untouched}", untouched=untouched),
+        )
+    if isinstance(error, OSError) and error.errno == EBUSY and error.strerror:
+        return problem_of_status(
+            503, error.strerror, "Send it to that one; this one goes on once the other has ended."
+        )
     if "locked" in said:
-        to_do = f"End that program, or wait until it is done, {untouched}"
-        return problem_of_status(503, f"another program holds the database ({said})", to_do)
-    to_do = f"Check the folder, its disk and its rights, or the database's server, {untouched}"
-    return problem_of_status(503, f"the data folder cannot be used ({said})", to_do)
+        to_do = message("End that program, or wait until it is done, {untouched}", untouched=untouched)
+        return problem_of_status(503, message("another program holds the database ({said})", said=said), to_do)
+    to_do = message(
+        "Check the folder, its disk and its rights, or the database's server, {untouched}", untouched=untouched
+    )
+    return problem_of_status(503, message("the data folder cannot be used ({said})", said=said), to_do)
 
 
 def problem_response(body: Mapping[str, Any], headers: Mapping[str, str] | None = None) -> JSONResponse:
@@ -225,7 +236,7 @@ def install(app: FastAPI) -> None:
 
     async def unexpected(_: Request, error: Exception) -> JSONResponse:
         # The server logs it, and hangs up: it is raised again after this answer.
-        got = f"an error of the program itself ({type(error).__name__})"
+        got = message("an error of the program itself ({name})", name=type(error).__name__)
         to_do = "Nothing that was stored is touched; look into the server's log and report it."
         return problem_response(problem_of_status(500, got, to_do), {"Connection": "close"})
 

@@ -79,10 +79,13 @@ class Hub:
             wake()
 
 
-async def follow(store: Store, hub: Hub, session_id: str, after: int | None) -> AsyncIterator[EventRow]:
+async def follow(
+    store: Store, hub: Hub, session_id: str, after: int | None, alive_s: float | None = None
+) -> AsyncIterator[EventRow]:
     """Yield a session's events after a number, or from now on, until the session or the server ends.
 
-    From now on begins with the newest event, whose number a client can come back with.
+    From now on begins with the newest event, whose number a client can come back with.  With `alive_s`, an event
+    `alive` comes where nothing else did for so long.
     """
     loop = asyncio.get_running_loop()
     changed = asyncio.Event()
@@ -104,7 +107,10 @@ async def follow(store: Store, hub: Hub, session_id: str, after: int | None) -> 
                 after = row.id
                 yield row
             if not rows:
-                await changed.wait()
+                try:
+                    await asyncio.wait_for(changed.wait(), alive_s)
+                except TimeoutError:
+                    yield EventRow(session_id=session_id, id=after or 0, kind="alive", data={})
     finally:
         for end in endings:
             end()

@@ -1,40 +1,111 @@
-"""The language of an answer: `Accept-Language`, and `Vary` so that caches keep the languages apart."""
+"""The language of an answer: `lang` in its address, else `Accept-Language`; `Vary` keeps caches from mixing them.
 
+Whatever answers a request speaks English; what it says is put into the language here, in one place: JSON, events
+of a stream, and messages of a WebSocket.
+"""
+
+import json
 from contextvars import ContextVar
+from typing import Any
+from urllib.parse import parse_qs
 
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calib_core.findings.catalogues import LANGUAGES, catalogue
+from calib_core.findings.telling import told
 from calib_core.messages import ENGLISH, Catalogue
 
 _ASKED: ContextVar[Catalogue] = ContextVar("language", default=ENGLISH)
+_LARGE = 50_000
+_EVENT = b"data: "
 
 
 class AnswerLanguage:
-    """A layer of the application: whatever answers a request asks `spoken` for its language."""
+    """A layer of the application that puts what it answers into the language that is asked for."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve."""
-        if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
-            return
-        _ASKED.set(catalogue(preferred(Headers(scope=scope).get("accept-language", ""))))
-
-        async def sending(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).add_vary_header("Accept-Language")
-            await send(message)
-
-        await self._app(scope, receive, sending if scope["path"].startswith("/api/") else send)
+        says = {"http": ("/api/", "/scenes/", "/login"), "websocket": ("/api/",)}.get(scope["type"], ())
+        if says and scope["path"].startswith(says):
+            language = catalogue(_asked(scope))
+            _ASKED.set(language)
+            send = _Saying(language, send)
+        await self._app(scope, receive, send)
 
 
 def spoken() -> Catalogue:
     """Return the language that the request at hand asks for."""
     return _ASKED.get()
+
+
+def _asked(scope: Scope) -> str:
+    wanted = parse_qs(scope["query_string"].decode("latin-1")).get("lang", [""])[0]
+    return wanted if wanted in LANGUAGES else preferred(Headers(scope=scope).get("accept-language", ""))
+
+
+class _Saying:
+    """Sends what is to be sent, in a language."""
+
+    def __init__(self, language: Catalogue, send: Send) -> None:
+        self._language, self._send = language, send
+        self._start: Message | None = None  # of an answer whose length is not known yet
+        self._body = b""
+        self._streams = False
+
+    async def __call__(self, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            await self._begin(message)
+        elif message["type"] == "http.response.body" and self._start is not None:
+            await self._gather(message)
+        else:
+            if message["type"] == "http.response.body" and self._streams:
+                message = {**message, "body": self._events(message.get("body", b""))}
+            elif message["type"] == "websocket.send" and message.get("text") and self._language.language != "en":
+                message = {**message, "text": self._said(message["text"].encode()).decode()}
+            await self._send(message)
+
+    async def _begin(self, start: Message) -> None:
+        headers = MutableHeaders(scope=start)
+        headers.add_vary_header("Accept-Language")
+        kind = headers.get("content-type", "")
+        if self._language.language == "en" or "content-disposition" in headers:
+            kind = ""
+        self._streams = kind.startswith("text/event-stream")
+        if kind.partition(";")[0].endswith("json"):
+            self._start = start
+        else:
+            await self._send(start)
+
+    async def _gather(self, message: Message) -> None:
+        self._body += message.get("body", b"")
+        if message.get("more_body"):
+            return
+        assert self._start is not None
+        if self._body:
+            large = len(self._body) > _LARGE
+            body = await run_in_threadpool(self._said, self._body) if large else self._said(self._body)
+            MutableHeaders(scope=self._start)["content-length"] = str(len(body))
+            message = {**message, "body": body}
+        await self._send(self._start)
+        await self._send(message)
+
+    def _events(self, body: bytes) -> bytes:
+        lines = body.split(b"\n")
+        return b"\n".join(
+            _EVENT + self._said(line.removeprefix(_EVENT)) if line.startswith(_EVENT) else line for line in lines
+        )
+
+    def _said(self, text: bytes) -> bytes:
+        try:
+            data: Any = json.loads(text)
+        except ValueError:
+            return text
+        return json.dumps(told(data, self._language), ensure_ascii=False, separators=(",", ":")).encode()
 
 
 def preferred(accepted: str) -> str:

@@ -9,11 +9,13 @@ import re
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
-from starlette.responses import FileResponse, HTMLResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from calib_core import __version__
+from calib_core.findings.catalogues import LANGUAGES
+from server.http.page_texts import by_area, texts_in
 
 _MARK = "~"
 _FOR_GOOD = "public, max-age=31536000, immutable"
@@ -23,6 +25,7 @@ _TYPES = re.compile(r"/\*\* @(?:[^*]|\*(?!/))*\*/ ?")
 """What the code says of its types within a line."""
 _INDENT = re.compile(r"^[ \t]+", re.MULTILINE)
 _SCRIPTS = (".js", ".css")
+_TEXTS = {f"texts/{language}.json" for language in LANGUAGES}
 _MEDIA_TYPES = {
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -69,6 +72,8 @@ class PageFiles(StaticFiles):
         return response
 
     async def _plain(self, name: str, scope: Scope) -> Response:
+        if name in _TEXTS:
+            return JSONResponse(by_area(texts_in(self._folder / "texts", PurePosixPath(name).stem)))
         response = await super().get_response(name, scope)
         if isinstance(response, FileResponse) and (kind := _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower())):
             response.headers["Content-Type"] = kind

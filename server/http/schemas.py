@@ -4,7 +4,18 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.records import Capture, Cell, CheckFinding, Finite, Measured, Record, Session, StageName, Verdict
+from calib_core.records import (
+    Capture,
+    Cell,
+    CheckLine,
+    Finding,
+    Finite,
+    Measured,
+    Record,
+    Session,
+    StageName,
+    Verdict,
+)
 
 
 class SimulatedCell(Record):
@@ -213,9 +224,10 @@ class JobPage(BaseModel):
 
 
 class Findings(BaseModel):
-    """What a check of a session found, worst first."""
+    """What a check of a session found, worst first; `items` are the findings as lines."""
 
-    items: list[CheckFinding]
+    findings: list[Finding]
+    items: list[CheckLine]
     blocks_solving: bool
 
 

@@ -64,7 +64,9 @@ class SecurityHeaders:
             _check_origin(headers, host)
         length, limit = headers.get("content-length", ""), self._limit(scope)
         if length.isdecimal() and int(length) > limit:
-            raise TooLargeError(f"at most {limit} bytes in one request", length, "Send less at once.", "request")
+            raise TooLargeError(
+                "at most {limit} bytes in one request", length, "Send less at once.", "request", limit=limit
+            )
 
     def _is_own(self, host: str) -> bool:
         try:
@@ -104,8 +106,9 @@ def _check_origin(headers: Headers, host: str) -> None:
     if foreign or headers.get("sec-fetch-site") in ("cross-site", "same-site"):
         raise ForbiddenError(
             "a request from this server's own pages",
-            f"one from {origin or 'another site'}",
+            "one from {origin}",
             "Open the workbench itself; programs leave the Origin header out.",
+            origin=origin or "another site",
         )
 
 

@@ -11,7 +11,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
-from calib_core.records.plain_json import require_plain, too_deep
+from calib_core.messages import message
+from calib_core.records.plain_json import require_plain, told_once, too_deep
 from server.http.errors import MediaTypeError
 from server.http.preferences import applied
 
@@ -25,13 +26,15 @@ def parse_json(text: str | bytes, where: str) -> Any:
         If it is not JSON, is nested too deeply, or holds NaN, infinities or text that is not Unicode.
     """
     try:
-        data = json.loads(text, parse_constant=_refuse_constant)
+        data = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=told_once)
     except RecursionError:
         raise too_deep(where) from None
     except InputError as error:
         raise error.at(where) from None
     except ValueError as error:  # includes UnicodeDecodeError and integers of thousands of digits
-        raise InputError("JSON (UTF-8)", f"something else: {error}", "Correct the text.", where) from None
+        raise InputError(
+            "JSON (UTF-8)", "something else: {error}", "Correct the text.", where, error=error
+        ) from None
     require_plain(data, where)
     return data
 
@@ -61,7 +64,9 @@ class StrictRequest(Request):
         limit: int = self.app.state.settings.max_json_bytes
         body = await self.body()
         if len(body) > limit:
-            raise TooLargeError(f"at most {limit} bytes of JSON", f"{len(body)}", "Send less at once.", "request")
+            raise TooLargeError(
+                "at most {limit} bytes of JSON", f"{len(body)}", "Send less at once.", "request", limit=limit
+            )
         return parse_json(body, "request")
 
 
@@ -75,9 +80,9 @@ def require_media_type(route: APIRoute, request: Request) -> None:
     given = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     is_json = given == "application/json" or (given.startswith("application/") and given.endswith("+json"))
     if given != needed and not (needed == "application/json" and is_json):
-        to_do = f"Send it with `Content-Type: {needed}`."
+        to_do = message("Send it with `Content-Type: {needed}`.", needed=needed)
         raise MediaTypeError(
-            f"a body of the type {needed}", given or "one without a Content-Type", to_do, "request"
+            "a body of the type {needed}", given or "one without a Content-Type", to_do, "request", needed=needed
         )
 
 

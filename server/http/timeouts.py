@@ -5,6 +5,7 @@ import asyncio
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from calib_core.messages import message
 from server.http.errors import problem_of_status, problem_response
 from server.http.uploads import comes_in_pieces
 from server.settings import Settings
@@ -31,7 +32,7 @@ class Timeouts:
         late: asyncio.Task[None] | None = None
 
         async def say_so() -> None:
-            got = f"no answer within {self._answer_s:g} s"
+            got = message("no answer within {answer_s:g} s", answer_s=self._answer_s)
             to_do = "It may still end well: send it again with the same Idempotency-Key, or look at its session."
             await problem_response(problem_of_status(504, got, to_do))(scope, receive, send)
 

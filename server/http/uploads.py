@@ -72,10 +72,11 @@ def named_files(record: dict[str, Any], uploads: list[tuple[str, bytes]]) -> dic
         raise InputError("file names that differ", "one that stands twice", "Name each file once.", where)
     if len(names) != len(uploads):
         raise InputError(
-            f"as many files as the record names: {len(names)}",
+            "as many files as the record names: {count}",
             f"{len(uploads)}",
             "Send each file of the record's `files` as a part named `files`.",
             where,
+            count=len(names),
         )
     by_last_part = {PurePosixPath(name).name: content for name, content in uploads}
     if set(by_last_part) == {PurePosixPath(name).name for name in names} and len(by_last_part) == len(names):

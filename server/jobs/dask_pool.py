@@ -5,6 +5,7 @@ folder that all machines have in the same place. One thread a worker, watched by
 """
 
 import logging
+import pickle
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from queue import SimpleQueue
@@ -15,6 +16,7 @@ from typing import Any
 from distributed import Client, KilledWorker
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.jobs import worker
 from server.jobs.dask_crew import LostWorkError, dask_crew
 from server.jobs.pool import Listen, Pool
@@ -34,7 +36,10 @@ class DaskPool(Pool):
         try:
             self._client = Client(settings.dask, timeout=_CONNECT_S, set_as_default=False, name="scancell")
         except (OSError, TimeoutError, ValueError) as error:
-            got, to_do = f"none there ({error})", "Start it, or correct SCANCELL_DASK; leave it out to solve here."
+            got, to_do = (
+                message("none there ({error})", error=error),
+                message("Start it, or correct SCANCELL_DASK; leave it out to solve here."),
+            )
             raise InputError("a Dask scheduler", got, to_do, str(settings.dask)) from None
         self._settings = settings
         self._cluster = self._client.scheduler_info()["id"]
@@ -95,8 +100,8 @@ class DaskPool(Pool):
         self._told.put(None)
         self._client.close(timeout=5)
 
-    def _hear(self, event: tuple[float, tuple[str, str, Any]]) -> None:
-        self._told.put(worker.Message(*event[1]))
+    def _hear(self, event: tuple[float, bytes]) -> None:
+        self._told.put(pickle.loads(event[1]))
 
     def _pass_on(self, listen: Listen) -> None:
         while (message := self._told.get()) is not None:
@@ -123,5 +128,5 @@ def _work(settings: Settings, topic: str, work: Callable[[], Any]) -> Any:
     from distributed import get_worker
 
     here: Any = get_worker()
-    worker.begin(settings, here.address, lambda message: here.log_event(topic, tuple(message)), dask_crew)
+    worker.begin(settings, here.address, lambda message: here.log_event(topic, pickle.dumps(message)), dask_crew)
     return work()

@@ -3,9 +3,8 @@
 import asyncio
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,6 +14,7 @@ from sqlalchemy.exc import DBAPIError
 
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
 from calib_core.graph.registry import STAGES
+from calib_core.messages import message, with_parts
 from calib_core.steps import optics_stages
 from server.http.errors import problem, problem_of_status
 from server.http.events import Hub, ended_job
@@ -25,6 +25,7 @@ from server.settings import Settings
 from server.store.calibrations import measure_frames_anew
 from server.store.database import Store
 from server.store.models import Data
+from server.store.provenance import note_replay
 from server.store.sessions import load_session, locked_session
 from server.store.solves import (
     REPLAY,
@@ -40,7 +41,6 @@ from server.store.solves import (
 from server.store.unreferenced import remove_unreferenced
 
 log = logging.getLogger("scancell")
-_ATTEMPTS = 5  # of a job whose worker ended because of others
 
 
 @dataclass
@@ -49,8 +49,9 @@ class _Running:
 
     pool: Pool
     future: Future[worker.Solved]
-    attempt: int
     solved_from: Data | None  # what a result is stored with; a replay leaves none
+    session: Data
+    results: Mapping[str, Data]
     place: worker.Place | None = None  # of its worker, once it has begun
     ended_by_us: bool = False  # by force: the store knows why already
     timer: threading.Timer | None = field(default=None, repr=False)
@@ -112,7 +113,7 @@ class Jobs:
             if job.timer is not None:
                 job.timer.cancel()
             if job.place is None:
-                self._submit_again(job_id, job.attempt + 1)
+                self._submit_again(job_id)
             else:
                 self._fail(job_id, _cluster_gone())
         gone.close()
@@ -135,8 +136,8 @@ class Jobs:
         except (OSError, DBAPIError):  # the next start says it
             log.exception("what became of the jobs could not be stored")
 
-    def submit(self, job_id: str, attempt: int = 1) -> None:
-        """Hand a stored job to the workers, for the first time or after the worker of another job was ended."""
+    def submit(self, job_id: str) -> None:
+        """Hand a stored job to the workers."""
         with self._store.read() as db:
             row = job_row(db, job_id)
             if row.status != "queued":  # cancelled meanwhile
@@ -157,13 +158,9 @@ class Jobs:
             if not self._pool.takes_jobs:
                 threading.Thread(target=self._fail, args=(job_id, _cluster_gone()), daemon=True).start()
                 return
-            try:
-                future = self._pool.submit(work)
-            except BrokenProcessPool:  # a worker was killed while it waited
-                self._renew(self._pool)
-                future = self._pool.submit(work)
-            self._running[job_id] = _Running(self._pool, future, attempt, solved_from)
-        future.add_done_callback(lambda done: self._take_end(job_id, done))
+            future = self._pool.submit(work)
+            self._running[job_id] = _Running(self._pool, future, solved_from, session, stored.results)
+        future.add_done_callback(lambda done: self._ended(job_id, done))
 
     def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
         """Have a capture measured on the cluster; None where there is none that takes work."""
@@ -214,7 +211,11 @@ class Jobs:
             job = job_data(job_row(db, job_id))
         if not cancelled and job["status"] != "cancelled":
             raise ConflictError(
-                "a job that waits or runs", f"one that is {job['status']}", "There is nothing to cancel.", job_id
+                "a job that waits or runs",
+                "one that is {job}",
+                "There is nothing to cancel.",
+                job_id,
+                job=job["status"],
             )
         self.end(job_id)
         return job
@@ -235,7 +236,9 @@ class Jobs:
                 _kill(running)
 
     def _fail_unfinished(self, got: str) -> None:
-        error = problem_of_status(503, f"the job did not end: {got}", "The server restarted; run it again.")
+        error = problem_of_status(
+            503, message("the job did not end: {found}", found=got), "The server restarted; run it again."
+        )
         with self._store.write() as db:
             for job_id in unfinished_jobs(db):
                 fail_job(db, job_id, error)
@@ -245,12 +248,6 @@ class Jobs:
         if self._settings.warm_up:
             self._ready = pool.get_ready()
         return pool
-
-    def _renew(self, broken: Pool) -> None:
-        with self._lock:
-            if self._pool is broken:
-                broken.close()
-                self._pool = self._new_pool()
 
     def _listen(self, message: worker.Message) -> None:
         try:
@@ -283,7 +280,7 @@ class Jobs:
         limit = f"{self._settings.job_timeout_s:g} s"
         error = problem_of_status(
             504,
-            f"the job was still running after {limit}",
+            message("the job was still running after {limit}", limit=limit),
             "Give it less data, or raise SCANCELL_JOB_TIMEOUT_S; then run it again.",
         )
         self._fail(job_id, error)
@@ -292,17 +289,6 @@ class Jobs:
     def _lost(self, job_id: str) -> None:
         self._fail(job_id, _worker_ended())
         self.end(job_id)
-
-    def _take_end(self, job_id: str, future: Future[worker.Solved]) -> None:
-        """Take a job's end; that of a broken pool in a thread of its own.
-
-        From Python 3.12 on the thread that tells it holds the lock without which that pool neither closes nor
-        refuses the next job.
-        """
-        if not future.cancelled() and isinstance(future.exception(), BrokenProcessPool):
-            threading.Thread(target=self._ended, args=(job_id, future), name="ended job", daemon=True).start()
-        else:
-            self._ended(job_id, future)
 
     def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
         with self._lock:
@@ -313,12 +299,6 @@ class Jobs:
                 running.timer.cancel()
         error = CancelledError() if future.cancelled() else future.exception()
         broken = error is not None and running.pool.is_broken_by(error)
-        if broken and running.pool.ends_with_its_worker:
-            self._renew(running.pool)
-            innocent = running.place is None or running.pool.broken_on_purpose
-            if not running.ended_by_us and innocent and running.attempt < _ATTEMPTS:
-                self._submit_again(job_id, running.attempt + 1)
-                return
         if error is not None:
             ended = _worker_ended() if running.pool.takes_jobs else _cluster_gone()
             gone = broken or isinstance(error, CancelledError)
@@ -327,6 +307,7 @@ class Jobs:
         solved = future.result()
         with self._store.write() as db:
             if running.solved_from is None:
+                note_replay(db, job_id, running.session, running.results, solved.result, solved.fresh)
                 add_answer(db, job_id, solved.result)
                 return
             former = add_result(db, job_id, solved.result, running.solved_from, solved.outputs)
@@ -336,12 +317,12 @@ class Jobs:
             self._captures_wait()
         remove_unreferenced(self._store, former)
 
-    def _submit_again(self, job_id: str, attempt: int) -> None:
+    def _submit_again(self, job_id: str) -> None:
         with self._store.write() as db:
             if not update_job(db, job_id, "queued", "waiting for its turn again", 0.0):
                 return
         try:
-            self.submit(job_id, attempt)
+            self.submit(job_id)
         except NotFoundError:
             log.info("job %s went with its session", job_id)
 
@@ -365,8 +346,10 @@ def _worker_ended() -> Data:
 
 def _explain(error: BaseException) -> Data:
     if isinstance(error, CalibrationError):
-        return problem(error)
+        return with_parts(problem(error))
     log.error("a job failed unexpectedly", exc_info=error)
     return problem_of_status(
-        500, f"an error of the program itself ({type(error).__name__}: {error})", "Look into the server's log."
+        500,
+        message("an error of the program itself ({name}: {error})", name=type(error).__name__, error=error),
+        "Look into the server's log.",
     )

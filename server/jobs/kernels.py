@@ -122,7 +122,7 @@ def note_that_all_are_compiled() -> None:
 
 def _compile_all() -> None:
     """Compile what is missing, after everything else that the machine has to do."""
-    from server.jobs.request_process import leave_interrupts_to_the_server
+    from server.jobs.processes import leave_interrupts_to_the_server
     from server.jobs.worker import end_with_the_server
 
     leave_interrupts_to_the_server()

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 
 from server.jobs import worker
 
@@ -10,25 +10,11 @@ Listen = Callable[[worker.Message], None]
 
 
 class Pool(ABC):
-    """Workers that do jobs, wherever they are.
-
-    Attributes
-    ----------
-    executor : Executor
-        What jobs are submitted to; it is not used any more once the pool is `broken`.
-    broken_on_purpose : bool
-        Whether workers were ended that may have had other jobs in their hands.
-    ends_with_its_worker : bool
-        Whether the pool as a whole is gone with a worker that ends, and must be made anew.
-    """
-
-    executor: Executor
-    broken_on_purpose = False
-    ends_with_its_worker = False
+    """Workers that do jobs, wherever they are."""
 
     @abstractmethod
     def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
-        """Have work done; raises BrokenProcessPool if the pool is used up."""
+        """Have work done by whichever worker is free."""
 
     def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
         """Have a capture measured, None where the server has processes of its own for that."""

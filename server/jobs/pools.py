@@ -1,78 +1,32 @@
-"""Where jobs are done: an executor of the standard library's kind, what its workers tell, and how one is ended."""
+"""Where jobs are done: in processes of this server, or on a Dask cluster."""
 
-import logging
-import os
-import signal
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future, InvalidStateError, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
-from functools import partial
-from pickle import UnpicklingError
-from tempfile import TemporaryDirectory
-from typing import Any
+from concurrent.futures import Future, ThreadPoolExecutor
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.jobs import worker
 from server.jobs.child_processes import WorkerContext
 from server.jobs.pool import Listen, Pool
-from server.jobs.results_by_file import result_from_file, result_to_file
-from server.jobs.telling import telling
+from server.jobs.processes import ProcessEndedError, Processes
 from server.settings import Settings
 
-log = logging.getLogger("scancell")
-
-
-class _Job(Future[worker.Solved]):
-    """Takes its result from the worker's file.
-
-    It stays cancelled when its pool breaks: the executor of Python 3.11 would trip over it, and not end.
-    """
-
-    def set_result(self, result: Any) -> None:
-        try:
-            solved = result_from_file(result)
-        except (OSError, EOFError, UnpicklingError) as error:  # the pool was closed meanwhile
-            self.set_exception(error)
-        else:
-            super().set_result(solved)
-
-    def result(self, timeout: float | None = None) -> worker.Solved:
-        found: Any = super().result(timeout)
-        # Of work that ended before the executor's future was given this class, the file is still to be read.
-        return result_from_file(found) if isinstance(found, str) else found
-
-    def set_exception(self, exception: BaseException | None) -> None:
-        with suppress(InvalidStateError):
-            super().set_exception(exception)
+_ATTEMPTS = 2  # of a job whose process ended before the job began
 
 
 class ProcessPool(Pool):
-    """Worker processes of this server; one that ends takes the pool along."""
-
-    ends_with_its_worker = True
+    """Worker processes of this server."""
 
     def __init__(self, settings: Settings, listen: Listen) -> None:
+        self._listen = listen
         self._context = WorkerContext(settings.warm_up)
-        self._initialized: set[worker.Place] = set()
-        self._closing = False
-        self._results = TemporaryDirectory(prefix="scancell-results-", ignore_cleanup_errors=True)
-        self._heard, self._teller = telling(self._context)
-        self.executor = ProcessPoolExecutor(
-            settings.workers,
-            mp_context=self._context,
-            initializer=worker.initialize,
-            initargs=(self._teller, settings),
-        )
-        self._listener = threading.Thread(target=self._pass_on, args=(listen,), daemon=True, name="job progress")
-        self._listener.start()
+        self._processes = Processes(settings.workers, self._context, worker.initialize, settings)
+        self._threads = ThreadPoolExecutor(settings.workers, "job")
 
     def submit(self, work: Callable[[], worker.Solved]) -> "Future[worker.Solved]":
-        """Have work done; raises BrokenProcessPool if a worker has ended."""
-        future: Future[Any] = self.executor.submit(partial(result_to_file, self._results.name, work))
-        future.__class__ = _Job
-        return future
+        """Have work done by whichever process is free."""
+        return self._threads.submit(self._do, work)
 
     def get_ready(self) -> "Future[bool]":
         """Return what is done once a worker is warm; nobody waits for what the first ones are forked from."""
@@ -80,56 +34,42 @@ class ProcessPool(Pool):
 
         def start() -> None:
             try:
-                self._context.load()  # the executor would hold its lock for as long, and could not be closed
-                ready.set_result(self.executor.submit(worker.ready).result())
-            except Exception as error:  # the pool was closed meanwhile, or is broken
+                self._context.load()
+                ready.set_result(self._processes.ask(worker.ready))
+            except Exception as error:  # the pool was closed meanwhile
                 ready.set_exception(error)
 
         threading.Thread(target=start, daemon=True, name="first worker").start()
         return ready
 
     def end_worker(self, place: worker.Place) -> None:
-        """End a worker, and the pool with it."""
+        """End a worker, and what it does."""
         assert isinstance(place, int)
-        self.broken_on_purpose = True
-        try:
-            os.kill(place, signal.SIGTERM)
-        except OSError:  # Windows tells it by another number than others
-            log.info("worker %d has ended already", place)
+        self._processes.end(place)
 
     def is_broken_by(self, error: BaseException) -> bool:
         """Return whether a worker process ended."""
-        return isinstance(error, BrokenProcessPool)
+        return isinstance(error, ProcessEndedError)
 
     def close(self) -> None:
-        """Let go of the workers; those at work must be ended by `end_worker`.
+        """End all workers; what waits is called off."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._processes.stop()
 
-        Those that still get ready have nothing to let go of, and would look for what is not there any more.
-        """
-        self._closing = True
-        self.executor.shutdown(wait=False, cancel_futures=True)
-        for process in self._context.started:
-            if process.pid is not None and process.pid not in self._initialized:
-                process.kill()
-        self._teller.writer.close()  # what listens has heard all when no worker is left
-        self._results.cleanup()
+    def _do(self, work: Callable[[], worker.Solved]) -> worker.Solved:
+        begun = threading.Event()
 
-    def _next(self) -> worker.Message | None:
-        """Return the next message, None at the end: also where a process that was killed then left half of one."""
-        try:
-            return self._heard.recv()
-        except (EOFError, OSError, UnpicklingError):
-            if not self._closing:
-                raise
-            return None
+        def hear(message: worker.Message) -> None:
+            begun.set()
+            self._listen(message)
 
-    def _pass_on(self, listen: Listen) -> None:
-        while (message := self._next()) is not None:
-            if message.kind == "initialized":
-                self._initialized.add(message.value)
-            else:
-                listen(message)
-        self._heard.close()
+        for _ in range(_ATTEMPTS):
+            try:
+                return self._processes.ask(work, hear=hear, attempts=1)
+            except ProcessEndedError:
+                if begun.is_set():
+                    raise
+        raise ProcessEndedError
 
 
 def open_pool(settings: Settings, listen: Listen) -> Pool:
@@ -145,6 +85,6 @@ def open_pool(settings: Settings, listen: Listen) -> Pool:
     try:
         from server.jobs.dask_pool import DaskPool
     except ModuleNotFoundError:
-        to_do = "Install it: pip install 'scancell[dask]'; or leave SCANCELL_DASK out."
+        to_do = message("Install it: pip install 'scancell[dask]'; or leave SCANCELL_DASK out.")
         raise InputError("the extra 'dask'", "an installation without it", to_do, "dask") from None
     return DaskPool(settings, listen)

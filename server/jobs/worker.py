@@ -5,14 +5,14 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from multiprocessing import parent_process
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from calib_core.captures.observation_cache import keeping
 from calib_core.errors import InputError
-from server.jobs.request_process import leave_interrupts_to_the_server
+from calib_core.messages import message
 from server.settings import BlobPlace
 from server.store.blob_places import open_blobs
 from server.store.blobs import Blobs
@@ -27,10 +27,7 @@ Place = int | str
 
 
 class Message(NamedTuple):
-    """What a worker tells of a job: that it is "started", at its place; or "progress", (fraction, message).
-
-    That it is "initialized", at its place, it tells before there is any job.
-    """
+    """What a worker tells of a job: that it is "started", at its place; or "progress", (fraction, message)."""
 
     job: str
     kind: str
@@ -49,23 +46,25 @@ _crew: "FindCrew | None" = None
 
 @dataclass(frozen=True)
 class Solved:
-    """A stage's result (or a replay's comparison) as JSON data, and the files that it made, by name, as blobs."""
+    """A stage's result (or a replay's comparison) as JSON data, and the files that it made, by name, as blobs.
+
+    `fresh` is what a replay found anew, by stage.
+    """
 
     result: dict[str, Any]
     outputs: Mapping[str, Output]
+    fresh: Mapping[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
 
 
 def initialize(tell: Callable[[Message], None], settings: "Settings") -> None:
     """Prepare a fresh worker process."""
     begin(settings, os.getpid(), tell)
-    leave_interrupts_to_the_server()
     threading.Thread(target=end_with_the_server, daemon=True).start()
     if settings.warm_up:
         try:
             warm_up()
         except Exception:  # the solve itself will meet the fault again and say so
             log.exception("a worker could not be warmed up")
-    tell(Message("", "initialized", os.getpid()))
 
 
 def begin(
@@ -151,7 +150,7 @@ def replay(
         stage: compare_results(Compared("", results[stage], record), Compared("", new, record)).to_json()
         for stage, new in fresh.items()
     }
-    return Solved({"replay": compared.to_json(), "stages": stages}, {})
+    return Solved({"replay": compared.to_json(), "stages": stages}, {}, fresh)
 
 
 def measure(cell: Mapping[str, Any], capture: Mapping[str, Any], digests: Mapping[str, str]) -> str:
@@ -226,5 +225,5 @@ class _Outputs:
             self.stored[name] = Output(*self._blobs.put_pieces(pieces))
         except OSError as error:
             got = (error.strerror or type(error).__name__).lower()
-            to_do = "Make room there, then run it again; what was stored before is untouched."
-            raise InputError(f"room in the data folder for {name}", got, to_do, self._stage) from None
+            to_do = message("Make room there, then run it again; what was stored before is untouched.")
+            raise InputError("room in the data folder for {name}", got, to_do, self._stage, name=name) from None

@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 
 from calib_core.captures.standstill import is_resting
+from calib_core.messages import message
 from calib_core.sphere.arc import ArcFit
 from server.live.exposures import Exposure
 from server.live.standstill import Rest, Rules
@@ -66,9 +67,11 @@ class Agreement:
             return ""
         moved_mm = max((_apart_mm(arc, other) for other in self._arcs), default=0.0)
         if moved_mm > _STRIPE_MOVED_MM:
-            return (
-                f"the stripe moved by {moved_mm:.1f} mm while the robot's pose stood. Is the pose still being "
-                "sent? If scanner or sphere were moved by hand, drive the robot elsewhere once"
+            return message(
+                "the stripe moved by {moved_mm:.1f} mm while the robot's pose stood. Is the pose "
+                "still being sent? If scanner or sphere were moved by hand, drive the robot "
+                "elsewhere once",
+                moved_mm=moved_mm,
             )
         before, self._before = self._before, now
         if before is None or before.robot is None or not self._is_straight(before, now):
@@ -77,9 +80,10 @@ class Agreement:
         if _apart_mm(before.chosen.arc, arc) > _STRIPE_STOOD_MM:
             return ""
         self._before = before
-        return (
-            f"the robot moved by {_way_mm(before, now):.1f} mm since the last standstill, and the stripe did not. "
-            "Does the scanner send what it sees now?"
+        return message(
+            "the robot moved by {before:.1f} mm since the last standstill, and the stripe did not. "
+            "Does the scanner send what it sees now?",
+            before=_way_mm(before, now),
         )
 
     def _moved(self, sample: Sample) -> None:

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from calib_core.errors import CalibrationError, ConflictError, InputError
+from calib_core.messages import message
 from calib_core.records import Record
 from server.live.manager import LiveCells, require_live
 from server.movers.mover import Mover
@@ -42,7 +43,7 @@ class Arming(Record):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.low_deg >= self.high_deg:
-            raise ValueError("low_deg must be less than high_deg")
+            raise ValueError(message("low_deg must be less than high_deg"))
         return self
 
 
@@ -84,7 +85,12 @@ class ArmedTable:
         low, high = self.arming.low_deg, self.arming.high_deg
         if not low <= table_deg <= high:
             raise InputError(
-                f"an angle from {low:g}° to {high:g}°", f"{table_deg:g}°", "Stay within the limits.", "table_deg"
+                "an angle from {low:g}° to {high:g}°",
+                f"{table_deg:g}°",
+                "Stay within the limits.",
+                "table_deg",
+                low=low,
+                high=high,
             )
         if not self._turning.acquire(blocking=False):
             raise ConflictError("a table at rest", "one that turns", "Wait, or stop it.", "table_deg")
@@ -141,7 +147,11 @@ class ArmedTable:
             elif abs(angle - target_deg) <= _ARRIVED_DEG and self._rests():
                 return angle
             if now_s - moved_s > _STARTS_WITHIN_S or now_s - began_s > _LONGEST_S:
-                got = f"one that rests at {angle:.2f}°, {abs(angle - target_deg):.2f}° short of it"
+                got = message(
+                    "one that rests at {angle:.2f}°, {angle_other:.2f}° short of it",
+                    angle=angle,
+                    angle_other=abs(angle - target_deg),
+                )
                 raise ConflictError("a table that reaches its target", got, "It was stopped: look at its drive.")
 
     def _require_armed(self) -> None:
@@ -155,13 +165,13 @@ class ArmedTable:
     def _angle(self) -> float:
         sample = self._newest()
         if sample is None or sample.table_deg is None or host_now_s() - sample.host_time_s > _ANGLE_AGE_S:
-            to_do = "Connect a device that tells the table's angle."
+            to_do = message("Connect a device that tells the table's angle.")
             raise ConflictError("the table's angle now", "none", to_do, "devices")
         return sample.table_deg
 
 
 def _lost(error: OSError) -> ConflictError:
-    to_do = "Stop it at the machine if it turns; check address, cable and power."
+    to_do = message("Stop it at the machine if it turns; check address, cable and power.")
     return ConflictError("a table that answers", str(error), to_do, "table-mover")
 
 
@@ -181,8 +191,8 @@ class ArmedTables:
         try:
             mover = entry.connect(settings)
         except ImportError:
-            to_do = f"Install it: pip install 'scancell[{entry.extra}]'."
-            raise ConflictError(f"what {entry.title} needs", "not installed", to_do, "mover") from None
+            to_do = message("Install it: pip install 'scancell[{extra}]'.", extra=entry.extra)
+            raise ConflictError("what {title} needs", "not installed", to_do, "mover", title=entry.title) from None
         except OSError as error:
             raise ConflictError(
                 "a table that answers", str(error), "Check address, cable and power.", "host"
@@ -205,7 +215,7 @@ class ArmedTables:
         """Return what is armed for a session; raises ConflictError where nothing is."""
         armed = self.get(session_id)
         if armed is None:
-            to_do = "Let an operator arm it, with limits."
+            to_do = message("Let an operator arm it, with limits.")
             raise ConflictError("a table that is armed for this session", "none", to_do, "table-mover")
         return armed
 

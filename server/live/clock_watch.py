@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 from calib_core.clock_offset import ClockOffset
+from calib_core.messages import message
 from server.sources.device import Reading
 from server.store.models import Data
 
@@ -80,8 +81,8 @@ class ClockWatch:
         drift_s = self.drift_s
         if abs(drift_s) < LEAST_DRIFT_S:
             return ""
-        drifted = f"The clocks have drifted by {1000 * drift_s:+.0f} ms"
-        return f"{drifted} since their offset was measured: measure it again."
+        drifted = message("The clocks have drifted by {drift_s:+.0f} ms", drift_s=1000 * drift_s)
+        return message("{drifted} since their offset was measured: measure it again.", drifted=drifted)
 
     def _between_s(self) -> float | None:
         robot_s, scanner_s = self.robot.apart_s, self.scanner.apart_s

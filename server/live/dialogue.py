@@ -17,6 +17,7 @@ from xml.sax.saxutils import quoteattr
 
 from calib_core.errors import CalibrationError, InputError
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 
 LONGEST_MESSAGE = 2048
 LONGEST_ANSWER = 78
@@ -68,7 +69,12 @@ def next_message(received: bytes) -> tuple[str, bytes] | None:
         found = re.search(rb"[\r\n]", text)
         end = found.start() if found else 0
     if max(end, 0 if end else len(text)) > LONGEST_MESSAGE:
-        raise InputError(f"at most {LONGEST_MESSAGE} characters", "more", "Send one pose at a time.")
+        raise InputError(
+            "at most {longest_message} characters",
+            "more",
+            "Send one pose at a time.",
+            longest_message=LONGEST_MESSAGE,
+        )
     return (text[:end].decode("ascii", errors="replace"), text[end:]) if end else None
 
 
@@ -103,11 +109,11 @@ def parse_message(text: str) -> Message:
 
 def _parse_element(text: str) -> Message:
     if "<!" in text or "<?" in text:
-        raise _no_message("an element with a declaration", xml=True)
+        raise _no_message(message("an element with a declaration"), xml=True)
     try:
         root = ElementTree.fromstring(text)  # no document type, so no entities of its own
     except ElementTree.ParseError as error:
-        raise _no_message(f"XML that cannot be read ({error})", xml=True) from None
+        raise _no_message(message("XML that cannot be read ({error})", error=error), xml=True) from None
     told: dict[str, str] = {}
     pose = ""
     for element in root.iter():
@@ -146,16 +152,18 @@ def _record_fields(told: dict[str, str]) -> dict[str, str | float | int]:
     return fields
 
 
-def pose_of(message: Message, convention: str) -> tuple[list[float], RigidTransform] | None:
+def pose_of(sent: Message, convention: str) -> tuple[list[float], RigidTransform] | None:
     """Return a message's pose as numbers and as a transform, None where it has none; raises InputError."""
     from calib_core.robots import parse_pose_lines
 
-    if not message.pose:
+    if not sent.pose:
         return None
-    rows = parse_pose_lines(convention, message.pose.replace('"', " "))
+    rows = parse_pose_lines(convention, sent.pose.replace('"', " "))
     if len(rows) != 1 or rows[0].numbers is None or rows[0].pose is None:
-        got = rows[0].problem if len(rows) == 1 and rows[0].problem else "no pose"
-        raise InputError(f"a pose as {convention} writes it", got, "Send the flange's pose in the base.")
+        got = rows[0].problem if len(rows) == 1 and rows[0].problem else message("no pose")
+        raise InputError(
+            "a pose as {convention} writes it", got, "Send the flange's pose in the base.", convention=convention
+        )
     return rows[0].numbers, rows[0].pose
 
 
@@ -197,5 +205,5 @@ def plain(text: str) -> str:
 
 
 def _no_message(got: str, xml: bool = False) -> InputError:
-    to_do = "Send Capture and Pose" if xml else "Send p07 X Y Z A B C, or done"
+    to_do = message("Send Capture and Pose") if xml else message("Send p07 X Y Z A B C, or done")
     return InputError("a capture's name and its pose", got, to_do)

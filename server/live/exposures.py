@@ -1,13 +1,14 @@
 """Exposures of the scanner as points with the sphere's arc in them, and what is weak about one."""
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.captures.advice import USEFUL_ZONE, advise
+from calib_core.captures.advice import arc_findings
 from calib_core.errors import CalibrationError
+from calib_core.findings import Finding, has
+from calib_core.findings.codes.quality import STRIPE_GRAZES, STRIPE_IN_MIDDLE
 from calib_core.formats.points import usual_kind
 from calib_core.frames import FloatArray
 from calib_core.optics.triangulate import ProfileCalibration
@@ -31,7 +32,7 @@ class Exposure:
     points: FloatArray
     arc: ArcFit | None
     problem: str = ""
-    weak: str = ""
+    weak: Finding | None = None
     zone: float | None = None
     picture: Picture | None = None
     arc_px: FloatArray | None = None
@@ -56,23 +57,21 @@ def exposure_of(frame: Frame, cell: Cell, optics: Optics) -> Exposure:
         return Exposure(frame, points, None, problem, picture=picture)
     arc_px = None if calibration is None else pixels_of_arc(arc.center_mm, arc.radius_mm, calibration)
     diameter_mm = cell.sphere_diameter_mm
-    advice = advise(arc, points, diameter_mm) if diameter_mm else None
+    weak = arc_findings(arc, points, diameter_mm) if diameter_mm else []
     zone = 2 * arc.radius_mm / diameter_mm if diameter_mm else None
-    return Exposure(frame, points, arc, "", " ".join(advice or ()), zone, picture, arc_px)
+    return Exposure(frame, points, arc, "", weak[0] if weak else None, zone, picture, arc_px)
 
 
-def in_short(exposure: Exposure) -> tuple[str, str]:
+def in_short(weak: Finding) -> tuple[str, str]:
     """Return what is weak about an exposure and what to do, in a few words for a robot's panel."""
-    along = re.search(r"(\d+) mm to ([−+])x", exposure.weak)
-    step = re.search(r"(\d+) mm", exposure.weak)
-    by = f"move {step.group(1)} mm " if step else "move "
-    if exposure.zone is not None and exposure.zone > USEFUL_ZONE[1]:
-        return "stripe through the middle of the sphere", f"{by}across the stripe"
-    if exposure.zone is not None and exposure.zone < USEFUL_ZONE[0]:
-        return "stripe grazes the sphere", f"{by}across the stripe to its middle"
-    if along is not None:
-        return "arc too short", f"move {along.group(1)} mm to {'+' if along.group(2) == '+' else '-'}x"
-    return "arc too short", "bring the whole sphere into view"
+    told = weak.values
+    if has([weak], STRIPE_IN_MIDDLE):
+        return "stripe through the middle of the sphere", f"move {told['step_mm']:.0f} mm across the stripe"
+    if has([weak], STRIPE_GRAZES):
+        return "stripe grazes the sphere", f"move {told['step_mm']:.0f} mm across the stripe to its middle"
+    if told["end"] == "covered":
+        return "arc too short", "bring the whole sphere into view"
+    return "arc too short", f"move {told['move_mm']:.0f} mm to {'-' if told['end'] == 'minus' else '+'}x"
 
 
 def profile_of(frame: Frame) -> FloatArray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.messages import message
 from server.sources.device import Clock, Sample
 
 STANDS_S = 0.35
@@ -67,7 +68,10 @@ class Freshness:
         if stands_s <= STANDS_S:
             return Judged(is_new=False)
         return Judged(
-            is_new=False, why=f"Not fresh: its clock has stood for {stands_s:.1f} s: it repeats one reading."
+            is_new=False,
+            why=message(
+                "Not fresh: its clock has stood for {stands_s:.1f} s: it repeats one reading.", stands_s=stands_s
+            ),
         )
 
     def _lag(self, sample: Sample) -> str:
@@ -80,7 +84,9 @@ class Freshness:
             return ""
         lag_s = apart_s - least_s
         return (
-            f"Not fresh: it tells what was {lag_s:.1f} s ago: its readings arrive late." if lag_s > _LAG_S else ""
+            message("Not fresh: it tells what was {lag_s:.1f} s ago: its readings arrive late.", lag_s=lag_s)
+            if lag_s > _LAG_S
+            else ""
         )
 
 
@@ -101,7 +107,9 @@ def _jump(before: Sample | None, last: Sample | None, sample: Sample) -> str:
     is_back = before is not None and _way_mm(before, sample) < _SAME_MM
     if not is_back and way_mm / time_s < _FASTEST_MM_S:
         return ""
-    return f"Not fresh: its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it."
+    return message(
+        "Not fresh: its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it.", way_mm=way_mm
+    )
 
 
 def _way_mm(one: Sample, other: Sample) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from calib_core.errors import CalibrationError
+from calib_core.messages import message
 from server.live.freshness import STANDS_S, Freshness
 from server.live.plausibility import nonsense
 from server.sources.device import Description, Device, Reading, Sample, Triggered, host_now_s
@@ -29,7 +30,7 @@ _TELL_AGAIN_S = 10.0
 class LinkState:
     """How a link stands: its status, since when (`host_now_s`), what is wrong, and how much came over it.
 
-    `fresh` is whether what it tells is new; `why` says why not.
+    `fresh` is whether what it tells is new; `why` says why not; `heard_s` is its last sign of life.
     """
 
     status: Status
@@ -41,6 +42,7 @@ class LinkState:
     description: Description | None
     fresh: bool
     why: str
+    heard_s: float
 
 
 class Link:
@@ -104,12 +106,14 @@ class Link:
         status, since_s, problem = self._status, self._since_s, self._problem
         if status in ("live", "nonsense") and host_now_s() - self._last_s > SILENT_S:
             status, since_s = "silent", self._last_s
-            problem = f"Connected, but nothing came for {host_now_s() - self._last_s:.1f} s."
+            problem = message(
+                "Connected, but nothing came for {host_now_s:.1f} s.", host_now_s=host_now_s() - self._last_s
+            )
         why = self._why if status == "live" else problem or status
         if not why and host_now_s() - self._new_s > STANDS_S + SILENT_S:
-            why = f"Nothing new came for {host_now_s() - self._new_s:.1f} s."
+            why = message("Nothing new came for {host_now_s:.1f} s.", host_now_s=host_now_s() - self._new_s)
         counts = self._readings, self._refused, self._rate_hz
-        return LinkState(status, since_s, why or problem, *counts, self._description, not why, why)
+        return LinkState(status, since_s, why or problem, *counts, self._description, not why, why, self._last_s)
 
     def _run(self) -> None:
         failures = 0
@@ -117,7 +121,7 @@ class Link:
             try:
                 device = self._connected()
             except Exception as error:  # drivers raise what they like
-                self._fail(f"Cannot be reached: {_sentence(error, self.source)}")
+                self._fail(message("Cannot be reached: {error}", error=_sentence(error, self.source)))
             else:
                 before = self._readings
                 try:
@@ -152,6 +156,8 @@ class Link:
                 self._refuse(str(error))
                 continue
             if reading is None:
+                if self.source.is_asked:  # it was looked at, and there was nothing new
+                    self._last_s = self._new_s = host_now_s()
                 continue
             self._last_s = host_now_s()
             wrong = nonsense(reading, before)
@@ -188,11 +194,11 @@ class Link:
         self._last_s = host_now_s()
         self._refused += 1
         self._in_a_row += 1
-        self._set("nonsense", f"It sent what cannot be used: {what}")
+        self._set("nonsense", message("It sent what cannot be used: {what}", what=what))
         self._lost(self.name)
         if self._in_a_row >= _MOST_NONSENSE:
             self._in_a_row = 0
-            raise ConnectionError("it sent nothing that can be used")
+            raise ConnectionError(message("it sent nothing that can be used"))
 
     def _count(self) -> None:
         self._readings += 1

@@ -1,5 +1,6 @@
 """What is asked of a live cell and what it makes of it: a shot, and the capture that a standstill becomes."""
 
+import time
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from pathlib import PurePath
@@ -8,12 +9,13 @@ from typing import Any
 from pydantic import Field
 
 from calib_core.frames import RigidTransform
+from calib_core.moment import text_of_seconds
 from calib_core.records import Capture, Cell, Record, StepName, parse_capture
 from calib_core.robots import to_pose
 from calib_core.steps import capture_steps, steps_that_show
 from server.live.recording import Recorded
 from server.live.standstill import Rest
-from server.sources.device import Sample
+from server.sources.device import Sample, host_now_s
 from server.store.audit import Act
 
 
@@ -102,7 +104,11 @@ def capture_of_rest(
     }
     if step == "turntable":
         told |= {"table_deg": rest.table_deg, "mount": settings.mount}
-    told |= {"device_time_s": frame.device_time_s, **_robot_fields(cell, rest.robot)}
+    told |= {
+        "taken": _moment(frame.host_time_s),
+        "device_time_s": frame.device_time_s,
+        **_robot_fields(cell, rest.robot),
+    }
     if shot is not None:
         told |= {"pose": shot.numbers} if shot.numbers else {}
         told |= shot.extra
@@ -117,11 +123,25 @@ def capture_of_sweep(
     step = settings.step
     capture_id = shot.name or next_id(step, taken)
     names = [f"captures/{capture_id}/{path.name}" for path in recorded.files]
-    record = {"id": capture_id, "step": step, "kind": "sweep", "files": names, **fields, **shot.extra}
+    when = _moment(recorded.frames[0].host_time_s)
+    record = {
+        "id": capture_id,
+        "step": step,
+        "kind": "sweep",
+        "files": names,
+        "taken": when,
+        **fields,
+        **shot.extra,
+    }
     if settings.mount and step in steps_that_show("sphere-on-table"):
         record["mount"] = settings.mount
     contents = {name: path.read_bytes() for name, path in zip(names, recorded.files, strict=True)}
     return parse_capture(record, capture_id), contents
+
+
+def _moment(host_time_s: float) -> str:
+    """Return when a reading arrived, by this computer's clock."""
+    return text_of_seconds(time.time() - (host_now_s() - host_time_s))
 
 
 def _robot_fields(cell: Cell, sample: Sample | None) -> dict[str, Any]:

@@ -13,7 +13,9 @@ import numpy as np
 from calib_core.captures.standstill import is_resting
 from calib_core.clock_offset import ClockOffset, clock_offset
 from calib_core.errors import CalibrationError, ConflictError, MeasurementError
+from calib_core.findings import sentence_of
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 from calib_core.records import Capture, Cell, Measured
 from calib_core.steps import steps_that_show
 from server.live.agreement import Agreement
@@ -74,6 +76,7 @@ class LiveCell:
         self._agreement = Agreement(self.rules)
         self.last: Taken | None = None
         self.waits_for = ""
+        self.is_taken = False  # where all stand now, a capture was taken already
         self.clocks = clocks or MeasuredClocks()
         self.clock_watch = self.clocks.watch
         self.recording: Recording | None = None
@@ -219,8 +222,8 @@ class LiveCell:
             f"scanner: {'device' if seen[-1][1] else 'arrival'}, robot: {'device' if by_device else 'arrival'}"
         )
         if len(kept) < 2:
-            to_do = "Set the devices' clocks to within a second."
-            raise MeasurementError("exposures within the robot's track", f"none ({clocks})", to_do)
+            to_do = message("Set the devices' clocks to within a second.")
+            raise MeasurementError("exposures within the robot's track", "none ({clocks})", to_do, clocks=clocks)
         found = clock_offset(times, positions, [moments[k] for k in kept], [arcs[k] for k in kept])
         self.clocks.take(found, (seen[-1][1], by_device))
         return found, clocks
@@ -290,16 +293,18 @@ class LiveCell:
         self.version += 1
         if self._shots:
             self._serve(self._shots[0], cell, taken, robot, table, exposures)
-        elif self.settings.automatic:
-            rest = self._agreed(stood_still(robot, exposures, self.rules, table))
-            if isinstance(rest, str):
-                self.waits_for = rest
-            elif self._is_new_place(rest):
-                self.waits_for = rest.chosen.weak
-                if not rest.chosen.weak:
-                    self._store(cell, rest, taken, None)
-            else:
-                self.waits_for = "the robot or the table to go to another place"
+            return
+        rest = self._agreed(stood_still(robot, exposures, self.rules, table))
+        weak = None if isinstance(rest, str) else rest.chosen.weak
+        self.waits_for = rest if isinstance(rest, str) else "" if weak is None else sentence_of(weak)
+        self.is_taken = False
+        if isinstance(rest, str) or self.waits_for or not self.settings.automatic:
+            return
+        if self._is_new_place(rest):
+            self._store(cell, rest, taken, None)
+        else:
+            self.is_taken = True
+            self.waits_for = "the robot or the table to go to another place"
 
     def _serve(
         self,
@@ -398,12 +403,13 @@ def _require_agreement(shot: Shot, rest: Rest) -> None:
     apart_mm = float(np.linalg.norm(own.translation_mm - shot.pose.translation_mm))
     raise ConflictError(
         "one pose from the robot's program and its source",
-        f"two that are {apart_mm:.1f} mm apart",
+        "two that are {apart_mm:.1f} mm apart",
         "Send the flange's pose in the base: tool 0, base 0.",
         "pose",
+        apart_mm=apart_mm,
     )
 
 
 def _require_good(rest: Rest) -> None:
     if rest.chosen.weak:
-        raise ConflictError("a good arc of the sphere", *in_short(rest.chosen))
+        raise ConflictError("a good arc of the sphere", *in_short(rest.chosen.weak))

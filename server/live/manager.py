@@ -121,7 +121,9 @@ class LiveCells:
         source = SOURCES.get(source_name, "source")
         if source.connect is None:
             live = ", ".join(other.name for other in SOURCES if other.connect)
-            raise InputError(f"a live source among {live}", f"'{source_name}'", "Name one of these.", "source")
+            raise InputError(
+                "a live source among {live}", f"'{source_name}'", "Name one of these.", "source", live=live
+            )
         with self._lock:
             with self._store.write() as db:
                 session = locked_session(db, session_id)

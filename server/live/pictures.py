@@ -7,6 +7,7 @@ import numpy as np
 from calib_core.errors import CalibrationError, InputError, MeasurementError
 from calib_core.formats.shared.images import decode_image
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.optics.stripe_view import ImageArray
 from calib_core.optics.triangulate import ProfileCalibration, triangulate_stripe
@@ -52,10 +53,16 @@ class Picture:
     def exposure_advice(self) -> str:
         """What to change about the exposure, empty where it is good."""
         if self.saturated > _SATURATED:
-            return f"{100 * self.saturated:.0f} % of the stripe is saturated: expose for a shorter time."
+            return message(
+                "{saturated:.0f} % of the stripe is saturated: expose for a shorter time.",
+                saturated=100 * self.saturated,
+            )
         if self.brightness < _DIM:
             share = 100 * self.brightness
-            return f"The stripe reaches {share:.0f} % of the full scale: expose longer, or open the aperture."
+            return message(
+                "The stripe reaches {share:.0f} % of the full scale: expose longer, or open the aperture.",
+                share=share,
+            )
         return ""
 
     @property
@@ -65,8 +72,14 @@ class Picture:
         if width_px is None or _NARROW_PX <= width_px <= _WIDE_PX:
             return ""
         if width_px > _WIDE_PX:
-            return f"The stripe is {width_px:.1f} px wide: focus camera and laser on the sphere's distance."
-        return f"The stripe is {width_px:.1f} px wide: too narrow for its centre to be found between pixels."
+            return message(
+                "The stripe is {width_px:.1f} px wide: focus camera and laser on the sphere's distance.",
+                width_px=width_px,
+            )
+        return message(
+            "The stripe is {width_px:.1f} px wide: too narrow for its centre to be found between pixels.",
+            width_px=width_px,
+        )
 
 
 def picture_of(frame: Frame) -> Picture:
@@ -96,13 +109,18 @@ def profile_in(picture: Picture, calibration: ProfileCalibration) -> FloatArray:
     """
     wanted = calibration.camera.image_size
     if wanted[0] and picture.size != tuple(wanted):
-        sizes = [f"{width}×{height} pixels" for width, height in (wanted, picture.size)]
-        raise InputError(f"images of {sizes[0]}", sizes[1], "Set the camera as it was when it was calibrated.")
+        sizes = [
+            message("{width}×{height} pixels", width=width, height=height)
+            for width, height in (wanted, picture.size)
+        ]
+        raise InputError(
+            "images of {sizes}", sizes[1], "Set the camera as it was when it was calibrated.", sizes=sizes[0]
+        )
     if picture.stripe is None:
         raise picture.problem or MeasurementError("a stripe", "none", "Switch the laser on.")
     points = triangulate_stripe(calibration, picture.stripe).profile_mm
     if not len(points):
-        to_do = "Check that camera and plane of light are those of this scanner."
+        to_do = message("Check that camera and plane of light are those of this scanner.")
         raise MeasurementError("a stripe on the plane of light", "none of it", to_do)
     return points
 

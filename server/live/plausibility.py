@@ -2,6 +2,7 @@
 
 import math
 
+from calib_core.messages import message
 from server.sources.device import Frame, Reading, Sample
 
 _REACH_MM = 20_000.0
@@ -22,7 +23,11 @@ def nonsense(reading: Reading, before: Reading | None) -> str | None:
         return "a device time that is not finite"
     before_s = before.device_time_s if before is not None else None
     if before_s is not None and device_s is not None and device_s < before_s:
-        return f"a device time that runs back, {before_s:.3f} s to {device_s:.3f} s"
+        return message(
+            "a device time that runs back, {before_s:.3f} s to {device_s:.3f} s",
+            before_s=before_s,
+            device_s=device_s,
+        )
     if isinstance(reading, Frame):
         if not reading.content:
             return "an empty exposure"
@@ -36,7 +41,7 @@ def _of_sample(sample: Sample) -> str | None:
         if not all(map(math.isfinite, place.tolist())):
             return "a pose that is not finite numbers"
         if abs(place).max() > _REACH_MM:
-            return f"a flange {abs(place).max() / 1000:.0f} m from the base"
+            return message("a flange {place:.0f} m from the base", place=abs(place).max() / 1000)
     if sample.joints_deg is not None and not all(map(math.isfinite, sample.joints_deg)):
         return "joints that are not finite numbers"
     if sample.table_deg is not None and not math.isfinite(sample.table_deg):

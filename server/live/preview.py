@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.findings import sentence_of
 from calib_core.frames import FloatArray
 from calib_core.moment import text_of_seconds
 from server.live.exposures import Exposure
@@ -51,7 +52,8 @@ def live_data(live: LiveCell | None, newest: Newest | None = None) -> dict[str, 
     """Return what a live cell shows at this moment, or with readings that are `newest` already."""
     if live is None:
         nothing = dict.fromkeys(("robot", "table_deg", "exposure", "clocks", "last"))
-        return {"version": 0, "step": "", "devices": [], "automatic": False, "waits_for": "", **nothing}
+        told = {"version": 0, "step": "", "devices": [], "automatic": False, "waits_for": "", "is_taken": False}
+        return told | nothing
     robot, table_deg, exposure = newest or live.newest()
     last = live.last
     return {
@@ -66,12 +68,14 @@ def live_data(live: LiveCell | None, newest: Newest | None = None) -> dict[str, 
                 "fresh": state.fresh,
                 "why": state.why,
                 "rate_hz": round(state.rate_hz, 1),
+                "age_s": round(host_now_s() - state.heard_s, 2),
             }
             for link in list(live.links.values())
             if (state := link.state())
         ],
         "automatic": live.settings.automatic,
         "waits_for": live.waits_for,
+        "is_taken": live.is_taken,
         "robot": None if robot is None else _robot(robot),
         "table_deg": table_deg,
         "exposure": None if exposure is None else _exposure(exposure),
@@ -118,7 +122,8 @@ def _exposure(exposure: Exposure) -> dict[str, Any]:
         "extent_deg": None if arc is None else round(float(np.rad2deg(arc.extent_rad)), 1),
         "zone": None if exposure.zone is None else round(exposure.zone, 4),
         "problem": exposure.problem,
-        "weak": exposure.weak,
+        "weak": "" if exposure.weak is None else sentence_of(exposure.weak),
+        "findings": [] if exposure.weak is None else [exposure.weak.to_json()],
         "picture": None if exposure.picture is None else _picture(exposure.picture, exposure.arc_px),
     }
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from calib_core.clock_offset import ClockOffset
 from calib_core.errors import ConflictError, MeasurementError
+from calib_core.messages import message
 from calib_core.robots import to_pose
 from server.live.clock_watch import LEAST_DRIFT_S, MeasuredClocks
 from server.sources.device import Frame, Sample
@@ -133,8 +134,13 @@ def on_one_clock(recorded: Recorded, clocks: MeasuredClocks) -> tuple[Recorded, 
     frames_s = [time_s - offset_s for time_s in _times(recorded.frames, recorded.by_device[0])]
     both = [k for k, time_s in enumerate(frames_s) if track_s and track_s[0] <= time_s <= track_s[-1]]
     if len(both) < 2:
-        got = f"{len(frames_s)} exposures, {len(track_s)} poses, {len(both)} exposures between poses"
-        to_do = "Connect scanner and robot, set their clocks, and record for longer."
+        got = message(
+            "{count} exposures, {count_other} poses, {count_2} exposures between poses",
+            count=len(frames_s),
+            count_other=len(track_s),
+            count_2=len(both),
+        )
+        to_do = message("Connect scanner and robot, set their clocks, and record for longer.")
         raise MeasurementError("exposures between poses", got, to_do)
     around = [
         k for k, time_s in enumerate(track_s) if frames_s[both[0]] - 0.2 <= time_s <= frames_s[both[-1]] + 0.2
@@ -149,7 +155,7 @@ def on_one_clock(recorded: Recorded, clocks: MeasuredClocks) -> tuple[Recorded, 
     gap_s = max((later - earlier for earlier, later in pairwise(kept_s)), default=0.0)
     if gap_s > _MOST_GAP_S:
         raise MeasurementError(
-            "poses without a gap", f"{gap_s:.2f} s without one", "Let the robot send more often."
+            "poses without a gap", "{gap_s:.2f} s without one", "Let the robot send more often.", gap_s=gap_s
         )
     speed_mm_s = speed_of(kept)
     if speed_mm_s > _STANDS_MM_S:
@@ -197,7 +203,7 @@ def table_fields(table: Sequence[Sample], within_deg: float) -> dict[str, Any]:
     if not angles:
         return {}
     if max(angles) - min(angles) > within_deg or any(sample.moving for sample in table):
-        got = f"one that turned from {min(angles):.2f}° to {max(angles):.2f}°"
+        got = message("one that turned from {least:.2f}° to {most:.2f}°", least=min(angles), most=max(angles))
         raise ConflictError("a table at rest during a sweep", got, "Turn it between sweeps.", "table_deg")
     return {"table_deg": angles[-1]}
 
@@ -224,10 +230,11 @@ def _require_offset(speed_mm_s: float, clocks: MeasuredClocks, same_clocks: bool
     offset, drift_s = clocks.offset, clocks.watch.drift_s
     if offset is None or not same_clocks:
         raise ConflictError(
-            f"the offset between the clocks, for a move at {speed_mm_s:.0f} mm/s",
+            "the offset between the clocks, for a move at {speed_mm_s:.0f} mm/s",
             "none that was measured",
             "Measure the clocks' offset first, or capture at standstill.",
             "clock-offset",
+            speed_mm_s=speed_mm_s,
         )
     if clocks.watch.is_unsure:
         raise ConflictError(
@@ -239,16 +246,23 @@ def _require_offset(speed_mm_s: float, clocks: MeasuredClocks, same_clocks: bool
     if abs(drift_s) >= LEAST_DRIFT_S and abs(drift_s) * speed_mm_s > MOST_SHIFT_MM:
         raise ConflictError(
             "clocks that stand to each other as when their offset was measured",
-            f"a drift of {1000 * drift_s:+.0f} ms, {abs(drift_s) * speed_mm_s:.2f} mm at {speed_mm_s:.0f} mm/s",
+            "a drift of {drift_s:+.0f} ms, {drift_s_other:.2f} mm at {speed_mm_s:.0f} mm/s",
             "Measure the clocks' offset again.",
             "clock-offset",
+            drift_s=1000 * drift_s,
+            drift_s_other=abs(drift_s) * speed_mm_s,
+            speed_mm_s=speed_mm_s,
         )
     shift_mm = 2 * offset.shift_mm(speed_mm_s)
     if shift_mm > MOST_SHIFT_MM:
         slow = MOST_SHIFT_MM / (2 * offset.sigma_s)
         raise ConflictError(
-            f"poses within {MOST_SHIFT_MM} mm of their exposures",
-            f"{shift_mm:.2f} mm that the offset leaves open at {speed_mm_s:.0f} mm/s",
-            f"Move at {slow:.0f} mm/s or slower, or measure the offset again over a longer move.",
+            "poses within {most_shift_mm:g} mm of their exposures",
+            "{shift_mm:.2f} mm that the offset leaves open at {speed_mm_s:.0f} mm/s",
+            "Move at {slow:.0f} mm/s or slower, or measure the offset again over a longer move.",
             "clock-offset",
+            most_shift_mm=MOST_SHIFT_MM,
+            shift_mm=shift_mm,
+            speed_mm_s=speed_mm_s,
+            slow=slow,
         )

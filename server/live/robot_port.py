@@ -12,6 +12,7 @@ from pydantic import AfterValidator, Field
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError, ConflictError, InputError
+from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records import Record
 from server.auth.logins import Identity, Logins
@@ -125,7 +126,7 @@ class RobotPorts:
         try:
             server = await asyncio.start_server(serve, settings.host, settings.port, limit=4 * LONGEST_MESSAGE)
         except OSError as error:
-            got = f"none to be had ({error.strerror or error})"
+            got = message("none to be had ({strerror})", strerror=error.strerror or error)
             raise InputError("an address to listen on", got, "Choose another port or host.", "port") from None
         port = self._open[session_id] = OpenPort(session_id, settings, server)
 
@@ -199,7 +200,9 @@ class RobotPorts:
             return Answer(
                 True, "good" if stored.measured["verdict"] == "pass" else "weak", message.capture, zone
             ), shot
-        raise ConflictError("a new capture", f"{message.capture} is stored already", "Use another name.")
+        raise ConflictError(
+            "a new capture", "{capture} is stored already", "Use another name.", capture=message.capture
+        )
 
     async def _serve(self, port: OpenPort, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         address = str(writer.get_extra_info("peername")[0])

@@ -56,4 +56,6 @@ class SessionNow:
 
 
 def _no_file(name: str) -> bytes:
-    raise InputError("camera and plane of light in the cell", f"the file {name} to solve them from", "Solve them.")
+    raise InputError(
+        "camera and plane of light in the cell", "the file {name} to solve them from", "Solve them.", name=name
+    )

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.captures.standstill import is_resting
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 from calib_core.sphere.standstill import Standstill, standstill
 from server.live.exposures import Exposure
 from server.sources.device import Sample
@@ -88,8 +89,10 @@ def stood_still(
     still = standstill([arcs])
     assert still is not None
     if not still.stands_still:
-        return (
-            f"the stripe moved by {still.movement_mm:.3f} mm where noise lets it scatter {still.noise_mm:.3f} mm"
+        return message(
+            "the stripe moved by {movement_mm:.3f} mm where noise lets it scatter {noise_mm:.3f} mm",
+            movement_mm=still.movement_mm,
+            noise_mm=still.noise_mm,
         )
     return Rest(stood, angle, tuple(newest), still)
 

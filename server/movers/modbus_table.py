@@ -6,6 +6,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.movers.mover import MoverEntry
 from server.sources.modbus import modbus_client
 from server.sources.pose_settings import Host, Port
@@ -43,7 +44,7 @@ class ModbusTable:
         try:
             words = self._client.convert_to_registers(number, kind, chosen.words)
         except Exception:  # of a number that the type cannot hold; the library raises what it likes
-            got = f"{number:g}, which {chosen.type} cannot hold"
+            got = message("{number:g}, which {type} cannot hold", number=number, type=chosen.type)
             raise InputError("an angle that fits the register", got, "Check type and scale.", "type") from None
         with self._lock:
             self._ask("target", self._client.write_registers, chosen.target, words)
@@ -66,8 +67,10 @@ class ModbusTable:
         except ModbusException as error:  # the connection is gone
             raise ConnectionError(str(error)) from None
         if answer.isError():
-            got = f"the exception {getattr(answer, 'exception_code', answer)}"
-            raise InputError(f"the {what} to be taken", got, "Check its address and the device's id.", what)
+            got = message("the exception {answer}", answer=getattr(answer, "exception_code", answer))
+            raise InputError(
+                "the {what} to be taken", got, "Check its address and the device's id.", what, what=what
+            )
 
 
 MOVER = MoverEntry(

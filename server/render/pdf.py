@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 _BROWSERS = (
     "chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge", "chrome", "msedge",
@@ -70,7 +71,7 @@ def pdf_of(
     """
     program = browser()
     if program is None:
-        to_do = f"Install one of them where this runs. {instead}"
+        to_do = message("Install one of them where this runs. {instead}", instead=instead)
         raise InputError("Chromium, Chrome or Edge, which prints the PDF", "none of them", to_do, where)
     with tempfile.TemporaryDirectory(prefix="scancell-", ignore_cleanup_errors=True) as folder:
         source, target = Path(folder) / "report.html", Path(folder) / "report.pdf"
@@ -87,14 +88,24 @@ def pdf_of(
         try:
             _run([*command, source.as_uri()], longest_s)
         except subprocess.TimeoutExpired:
-            got = f"{program}, which was not done within {longest_s:g} s"
+            got = message(
+                "{program}, which was not done within {longest_s:g} s", program=program, longest_s=longest_s
+            )
             raise InputError("a browser that prints", got, instead, where) from None
         except OSError as error:
             raise InputError("a browser that prints", f"{program}: {error}"[:200], instead, where) from None
         if not target.exists():
-            raise InputError("a browser that prints", f"{program}, which wrote no PDF", instead, where)
+            raise InputError(
+                "a browser that prints", "{program}, which wrote no PDF", instead, where, program=program
+            )
         if target.stat().st_size > _LARGEST_BYTES:
-            raise InputError(f"a PDF of {_LARGEST_BYTES} bytes at most", "a larger one", instead, where)
+            raise InputError(
+                "a PDF of {largest_bytes} bytes at most",
+                "a larger one",
+                instead,
+                where,
+                largest_bytes=_LARGEST_BYTES,
+            )
         return target.read_bytes()
 
 

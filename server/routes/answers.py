@@ -5,11 +5,13 @@ from typing import Annotated
 from fastapi import Path, Query, Response
 from fastapi.responses import JSONResponse
 
+from calib_core.archive.seals import digest_of
 from calib_core.errors import InputError
 from calib_core.records.faults import MOST_TEXT, allowed_faults
 from calib_core.review.answer import SessionAnswer
 from calib_core.review.cell_frames import SessionFrames
 from server.http.api_router import API, api_router
+from server.http.language import spoken
 from server.http.openapi import BYTES
 from server.http.strict_json import parse_object, plain_json
 from server.routes.dependencies import LoadedSession, SessionId, StoreDep
@@ -54,13 +56,16 @@ def get_answer(session_id: SessionId, store: StoreDep) -> Response:
 
     It is given as it is; `faults` says what speaks against acting on it.
     """
-    from calib_core.review.answer import answer_record
+    from calib_core.review.answer import answer_as_read, answer_record
 
     with store.read() as db:
         answer = session_answer(db, load_session(db, store.blobs, session_id))
         answer = with_moment(db, answer, session_id)
     headers = answer_headers(answer)
-    return JSONResponse(plain_json(answer_record(answer).to_json()), headers=dict(headers))
+    read = answer_as_read(answer_record(answer), spoken().language, answer.session.cell.findings)
+    body = plain_json(read.to_json())
+    tag = f'"{digest_of(body)[:32]}"'
+    return JSONResponse(body, headers={**headers, "ETag": tag})
 
 
 FrameName = Annotated[str | None, Query(max_length=20, examples=["base"])]

@@ -70,14 +70,22 @@ def get_kept(
     if name not in kept:
         there = ", ".join(sorted(kept)) or "it kept none"
         raise NotFoundError(
-            f"a file that the session's archive held ({there})", repr(name[:80]), "List them first.", session_id
+            "a file that the session's archive held ({there})",
+            repr(name[:80]),
+            "List them first.",
+            session_id,
+            there=there,
         )
     file = store.blobs.open(kept[name].sha256)
     if show:
         if name != REPORT_FILE or kept[name].size > _MOST_SHOWN_BYTES:
             file.close()
             raise InputError(
-                f"{REPORT_FILE} to be shown", repr(name[:80]), "Leave `show` out and save it.", "show"
+                "{report_file} to be shown",
+                repr(name[:80]),
+                "Leave `show` out and save it.",
+                "show",
+                report_file=REPORT_FILE,
             )
         with file:
             page = file.read().decode("utf-8", errors="replace")

@@ -16,19 +16,21 @@ from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import to_json_bytes
 from calib_core.errors import CalibrationError, InputError
 from calib_core.exports.answer import Answer
+from calib_core.messages import message
 from calib_core.review.answer import answer_record
 from server.http.api_router import api_router
 from server.http.created import created
 from server.http.downloads import Download
 from server.http.openapi import BYTES
 from server.http.schemas import StoredSession
-from server.routes.dependencies import IdempotencyDep, MeasuringDep, SessionId, StoreDep
+from server.routes.dependencies import IdempotencyDep, JobsDep, MeasuringDep, SessionId, StoreDep
 from server.store.archived_files import archived_files
 from server.store.blobs import digest_of
 from server.store.models import Data
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
+from server.store.solves import REPLAY, create_job
 
 router = api_router("archives")
 
@@ -110,9 +112,12 @@ def get_archive(
 
 @router.post("/archives", status_code=201, response_model=StoredSession, openapi_extra=_BODY)
 def import_archive(
-    archive: ArchiveDep, idempotency: IdempotencyDep, store: StoreDep, measuring: MeasuringDep
+    archive: ArchiveDep, idempotency: IdempotencyDep, store: StoreDep, measuring: MeasuringDep, jobs: JobsDep
 ) -> Response:
     """Make a session from an archive, with its captures and results; what is wrong with it leaves nothing behind.
+
+    Its results are solved anew at once, by a job (`replay`), to see whether they are what its captures give; until
+    then those that nobody who is trusted here has signed are `imported`, and no answer to export or release.
 
     What else it holds (scene, report, truth, notes) is kept as it came: GET …/kept.
     """
@@ -124,17 +129,24 @@ def import_archive(
         return answered
     found = read_import(archive, store.blobs, measuring.measure)
 
-    def act(db: Any) -> Data:
-        return session_data(db, add_import(db, found))
+    replays: list[str] = []
 
-    answer, _ = idempotency.run(store, content, 201, act)
+    def act(db: Any) -> Data:
+        row = add_import(db, found)
+        if found.results:
+            replays.append(create_job(db, row, REPLAY).id)
+        return session_data(db, row)
+
+    answer, first = idempotency.run(store, content, 201, act)
+    for job in replays if first else ():
+        jobs.submit(job)
     return created(answer, "/api/v1/sessions/{id}")
 
 
 @router.post("/archives/verify", response_model=ArchiveFacts, openapi_extra=_BODY)
 def verify_archive(archive: ArchiveDep, _: IdempotencyDep) -> ArchiveFacts:
-    """Check that an archive is whole, unaltered and a session; stores nothing."""
-    from calib_core.archive.archive import verify
+    """Check that an archive is whole and a session, who signed it, and that its files agree; stores nothing."""
+    from calib_core.review.provenance import verify
 
     return verify(archive, "archive")
 
@@ -179,7 +191,9 @@ def _printed(page: str) -> bytes:
     if not _PRINTER.acquire(timeout=_WAIT_FOR_PRINTER_S):
         raise HTTPException(503, "other reports are being printed")
     try:
-        return pdf_of(page, "report", _LONGEST_PRINT_S, "Get the report as HTML, and print that from a browser.")
+        return pdf_of(
+            page, "report", _LONGEST_PRINT_S, message("Get the report as HTML, and print that from a browser.")
+        )
     finally:
         _PRINTER.release()
 

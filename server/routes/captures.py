@@ -1,5 +1,6 @@
 """Captures: received, measured, stored; corrected; their files given back."""
 
+from collections.abc import Callable
 from pathlib import PurePosixPath
 from typing import Annotated
 from urllib.parse import quote
@@ -9,12 +10,14 @@ from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import InputError, TooLargeError
+from calib_core.findings import measured_as_read
 from calib_core.records import StepName, parse_capture
 from calib_core.records.strict_fields import require_known_fields
 from server.captures.changes import corrected_capture
 from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.downloads import Download
+from server.http.language import spoken
 from server.http.schemas import CaptureChanges, CapturePage, StoredCapture
 from server.http.strict_json import parse_json
 from server.http.uploads import named_files
@@ -45,6 +48,7 @@ from server.store.captures import (
     remove_capture,
 )
 from server.store.database import Store
+from server.store.models import Data, SessionRow
 from server.store.releases import require_not_in_force
 from server.store.sessions import empty_session, etag, locked_session, require_revision, session_row
 from server.store.unreferenced import remove_unreferenced
@@ -86,7 +90,11 @@ async def add(
         raise InputError("a JSON object as the record", type(data).__name__, "Send one capture.", "record")
     if len(files) > settings.max_files_per_capture:
         raise TooLargeError(
-            f"at most {settings.max_files_per_capture} files", f"{len(files)}", "Split the capture.", "files"
+            "at most {max_files_per_capture} files",
+            f"{len(files)}",
+            "Split the capture.",
+            "files",
+            max_files_per_capture=settings.max_files_per_capture,
         )
     data.pop("measured", None)  # of a record that came from here
     async with memory.taken(sum(file.size or 0 for file in files)):
@@ -139,17 +147,25 @@ def _triggered(store: Store, session_id: str, source: Source, settings: Settings
 def list_all(session_id: SessionId, store: StoreDep, limit: Limit = 200, cursor: Cursor = None) -> Response:
     """List captures in the order of their arrival, with what was measured."""
     with store.read() as db:
-        session_row(db, session_id)
-        return Response(list_captures(db, session_id, limit, cursor), media_type="application/json")
+        read = _reader(session_row(db, session_id))
+        return Response(list_captures(db, session_id, limit, cursor, read), media_type="application/json")
 
 
 @router.get("/captures/{capture_id}", response_model=StoredCapture)
 def get(session_id: SessionId, capture_id: CaptureId, store: StoreDep) -> Response:
     """Return a capture with what was measured in it."""
     with store.read() as db:
-        session_row(db, session_id)
+        read = _reader(session_row(db, session_id))
         row = capture_row(db, session_id, capture_id)
-        return JSONResponse(capture_data(row), headers={"ETag": etag(row)})
+        return JSONResponse(capture_data(row, read or measured_as_read), headers={"ETag": etag(row)})
+
+
+def _reader(session: SessionRow) -> Callable[[Data], Data] | None:
+    """Return what reads a measurement in the language that is asked for, with the cell's own severities."""
+    language, severities = spoken().language, session.record["cell"].get("findings")
+    if language == "en" and not severities:
+        return None
+    return lambda measured: measured_as_read(measured, language, severities)
 
 
 @router.patch("/captures/{capture_id}", response_model=StoredCapture)

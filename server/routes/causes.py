@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError
+from calib_core.messages import message
 from calib_core.records import Changes, RootCause
 from server.captures.applying import apply_changes
 from server.http.api_router import API, api_router
@@ -72,13 +73,15 @@ def apply_cause(
     cause = cause_named(_causes(before), cause_id)
     found = cause.changes
     if found is None:
-        raise ConflictError("a root cause with a remedy", f"'{cause.id}', which has none", cause.sentence, "cause")
+        raise ConflictError(
+            "a root cause with a remedy", "'{cause}', which has none", cause.sentence, "cause", cause=cause.id
+        )
 
     def act(db: Transaction) -> Data:
         locked_session(db, session_id)
         stored = load_session(db, store.blobs, session_id)
         if stored.session != before.session:
-            to_do = "Look at the causes again."
+            to_do = message("Look at the causes again.")
             raise ConflictError("a session that rests", "one that was just changed", to_do, session_id)
         return apply_changes(db, stored, found)
 

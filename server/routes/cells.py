@@ -39,6 +39,7 @@ from server.store.standing import (
     in_force_faults,
     moment_faults,
     policy_of,
+    released_faults,
     require_four_eyes,
     set_policy,
     with_moment,
@@ -173,9 +174,10 @@ def get_released(cell_id: CellId, store: StoreDep) -> Response:
     with store.read() as db:
         row = released(db, cell_id)
         answer, number = row.answer, row.number
-        faults = in_force_faults(db, answer, cell_id)
+        faults = in_force_faults(db, row)
     headers = {**headers_of(answer["verdict"], answer["stale"], faults), "ETag": _tag(number, faults, answer)}
-    return JSONResponse({**answer, "faults": list(faults)}, headers=headers)
+    told = {name: value for name, value in answer.items() if name != "seal"}
+    return JSONResponse({**told, "faults": list(faults)}, headers=headers)
 
 
 @router.get("/cells/{cell_id}/policy", response_model=Policy, response_model_exclude_unset=True)
@@ -239,7 +241,7 @@ def rollback(
     def act(db: Transaction) -> Data:
         earlier = earlier_release(db, cell_id, body.number)
         moment = moment_faults(db, earlier.answer, cell_id, earlier.session_id)
-        refuse_faults((*earlier.answer["faults"], *moment), allowed, cell_id)
+        refuse_faults((*released_faults(earlier), *moment), allowed, cell_id)
         require_four_eyes(db, cell_id, earlier.session_id, _who(request))
         return release_data(roll_back(db, earlier, _who(request), body.why.strip()))
 
@@ -252,7 +254,7 @@ def _in_force(store: Store, answer: Response) -> Response:
     cell = release["cell"]
     with store.read() as db:
         row = released(db, cell)
-        tag = _tag(row.number, in_force_faults(db, row.answer, cell), row.answer)
+        tag = _tag(row.number, in_force_faults(db, row), row.answer)
     return created(answer, f"/api/v1/cells/{quote(cell, safe='')}/answer", tag)
 
 

@@ -7,6 +7,7 @@ from fastapi import Path, Query, Response
 from fastapi.responses import StreamingResponse
 
 from calib_core.errors import NotFoundError
+from calib_core.messages import message
 from server.http.api_router import api_router
 from server.http.downloads import Download
 from server.http.schemas import StoredCloudFile, StoredCloudFiles
@@ -85,6 +86,6 @@ def get_cloud(
 def _missing(stored: StoredSession, name: str) -> NotFoundError:
     there = ", ".join(PurePosixPath(known).name for known in sorted(stored.outputs))
     if there:
-        return NotFoundError(f"a cloud among {there}", repr(name), "Name one of these.", "name")
-    to_do = f"POST …/sessions/{stored.id}/solve/merge makes them."
+        return NotFoundError("a cloud among {there}", repr(name), "Name one of these.", "name", there=there)
+    to_do = message("POST …/sessions/{stored}/solve/merge makes them.", stored=stored.id)
     return NotFoundError("a merged cloud", "none in this session", to_do, "name")

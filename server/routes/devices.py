@@ -75,7 +75,7 @@ class Devices(BaseModel):
 
     items: list[DeviceEntry]
     capture: CaptureSettings
-    waits_for: str = Field(description="What an automatic capture waits for.")
+    waits_for: str = Field(description="What a capture waits for.")
 
 
 class NewShot(Record):

@@ -8,6 +8,7 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError, ConflictError, NotFoundError
+from calib_core.messages import message
 from calib_core.records import StageName as KnownStage
 from calib_core.review.compare import Comparison
 from server.http.api_router import api_router
@@ -111,7 +112,7 @@ def get_answer(job_id: JobId, store: StoreDep) -> Response:
     with store.read() as db:
         answer = job_row(db, job_id).answer
     if answer is None:
-        got = "one that has not ended well, or a solve"
+        got = message("one that has not ended well, or a solve")
         raise NotFoundError("a recomputing job that is done", got, "Wait for its end; read its `status`.", "job")
     return JSONResponse(answer)
 

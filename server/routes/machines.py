@@ -10,6 +10,7 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.captures.certificate import Certificate
 from calib_core.errors import InputError, TooLargeError
+from calib_core.messages import message
 from calib_core.poses.numbers import convention_named
 from calib_core.recognition.taken import TakenFor
 from calib_core.records import ArmTable
@@ -378,17 +379,17 @@ async def read_back_tool(
         contents = await _contents(files) if files else {}
 
         def compared() -> tuple[dict[str, Any], dict[str, str]]:
-            from calib_core.robots.read_back import read_back, tool_in, typed_numbers
+            from calib_core.robots.read_back import frame_in, read_back, typed_numbers
 
             with store.read() as db:
                 answer = session_answer(db, load_session(db, store.blobs, session_id))
             if bool(numbers.strip()) == bool(contents):
                 raise InputError("the controller's files or numbers", "both or neither", "Send one.", "read-back")
             if contents:
-                known, pose = tool_in(contents, brand or None, tool or None)
+                known, pose = frame_in(contents, brand or None, tool or None, answer.mount_from_laser)
             else:
                 known, pose = convention or answer.session.cell.pose_convention, typed_numbers(numbers)
-            found = read_back(pose, known, answer.tool0_from_laser).of_answer(answer.faults)
+            found = read_back(pose, known, answer.mount_from_laser).of_answer(answer.faults)
             return found.to_json(), dict(answer_headers(answer))
 
         found, headers = await run_in_threadpool(compared)
@@ -398,9 +399,15 @@ async def read_back_tool(
 def _size(files: list[UploadFile]) -> int:
     size = sum(file.size or 0 for file in files)
     if size > _MOST_BYTES or len(files) > _MOST_FILES:
-        to_do = "Send the files with programs, tools and frames alone."
+        to_do = message("Send the files with programs, tools and frames alone.")
         raise TooLargeError(
-            f"at most {_MOST_FILES} files and 256 MB", f"{len(files)}, {size} bytes", to_do, "files"
+            "at most {most_files} files and 256 MB",
+            "{count}, {size} bytes",
+            to_do,
+            "files",
+            most_files=_MOST_FILES,
+            count=len(files),
+            size=size,
         )
     return size
 
@@ -408,9 +415,11 @@ def _size(files: list[UploadFile]) -> int:
 async def _contents(files: list[UploadFile]) -> dict[str, bytes]:
     contents: dict[str, bytes] = {}
     for place, file in enumerate(files):
-        name = file.filename or f"file {place + 1}"
+        name = file.filename or message("file {place}", place=place + 1)
         if name in contents:
-            raise InputError("file names that differ", f"'{name}' twice", "Send each file once.", "files")
+            raise InputError(
+                "file names that differ", "'{name}' twice", "Send each file once.", "files", name=name
+            )
         contents[name] = await file.read()
     return contents
 

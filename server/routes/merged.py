@@ -7,6 +7,7 @@ from fastapi import File, Query, Response, UploadFile
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, NotFoundError
+from calib_core.messages import message
 from calib_core.stages.merge.record import MergeResult
 from server.http.api_router import API, api_router
 from server.http.schemas import CloudDeviations, CloudSection, ReferenceMesh
@@ -142,7 +143,7 @@ def _merged(stored: StoredSession) -> MergedScans:
     results = {"merge": MergeResult.model_validate(stored.results["merge"])} if "merge" in stored.results else {}
     merged = merged_cloud(results, stored.read_output)
     if merged is None:
-        to_do = f"POST …/sessions/{stored.id}/solve/merge makes it."
+        to_do = message("POST …/sessions/{stored}/solve/merge makes it.", stored=stored.id)
         raise NotFoundError("a merged cloud", "none in this session", to_do, "merge")
     return merged
 
@@ -152,7 +153,7 @@ def _deviation(stored: StoredSession, merged: MergedScans, against: Against) -> 
     if against.kind == "mesh":
         reference = reference_mesh(stored.read_output)
         if reference is None:
-            to_do = "PUT …/merged/reference with an STL or PLY file, or compare with the sphere."
+            to_do = message("PUT …/merged/reference with an STL or PLY file, or compare with the sphere.")
             raise NotFoundError("a reference mesh", "none in this session", to_do, "against")
     return cloud_deviation(merged.points_mm, against, reference)
 
@@ -161,10 +162,12 @@ def _require_millimetres(extent_mm: float, merge: MergeResult) -> None:
     scanned_mm = float(np.linalg.norm(np.subtract(merge.high_mm, merge.low_mm)))
     if extent_mm < _METRES * scanned_mm or extent_mm > scanned_mm / _METRES:
         raise InputError(
-            f"a reference of about the size of what was scanned ({scanned_mm:.0f} mm across)",
-            f"one of {extent_mm:.3g} mm",
+            "a reference of about the size of what was scanned ({scanned_mm:.0f} mm across)",
+            "one of {extent_mm:.3g} mm",
             "Export it in millimetres.",
             "file",
+            scanned_mm=scanned_mm,
+            extent_mm=extent_mm,
         )
 
 

@@ -7,21 +7,21 @@ from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, Field
 
+from calib_core.findings.catalogues import catalogue
+from calib_core.findings.telling import told
 from server.http.api_router import of_app
 from server.http.page_files import PageFiles
-from server.http.page_sentences import PageSentences
 
 router = APIRouter(include_in_schema=False)
 
 
 PageFilesDep = Annotated[PageFiles, of_app("page_files")]
-PageSentencesDep = Annotated[PageSentences, of_app("page_sentences")]
 
 
 class Texts(BaseModel):
-    """What a page is about to show, each number in it as 0."""
+    """What a scene shows, in English."""
 
-    texts: list[Annotated[str, Field(max_length=16_000)]] = Field(max_length=2_000)
+    texts: list[Annotated[str, Field(max_length=1_000)]] = Field(max_length=500)
 
 
 @router.get("/")
@@ -41,9 +41,10 @@ def login_page(files: PageFilesDep) -> Response:
 
 
 @router.post("/said/{language}")
-def sentences_said(language: Literal["de", "zh"], body: Texts, sentences: PageSentencesDep) -> dict[str, str]:
-    """Return the sentences that occur in what the server has answered, in a page's language."""
-    return sentences.occurring(language, body.texts)
+def said(language: Literal["de", "zh"], body: Texts) -> dict[str, str]:
+    """Return what a scene shows to all in English, in a page's language."""
+    words = told({"text": body.texts}, catalogue(language))["text"]
+    return dict(zip(body.texts, words, strict=True))
 
 
 @router.get("/docs")

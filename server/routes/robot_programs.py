@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.records import Finite, Identifier, Record, StepName
 from calib_core.records.strict_fields import require_known_fields
 from calib_core.steps import tool_stages
@@ -123,7 +124,7 @@ def _poses(stored: StoredSession, body: NewProgram) -> list[tuple[str, RigidTran
         c for c in stored.session.captures if c.step == body.step and c.pose is not None and not c.excluded
     ]
     if not captures:
-        got = f"no captures of the step {body.step} with poses"
+        got = message("no captures of the step {step} with poses", step=body.step)
         raise InputError("poses to go to", got, "Send a planned set in `poses`.", "poses")
     return [(f"{c.id}-again"[:30], parse_pose(convention, c.pose)) for c in captures if c.pose]
 

@@ -1,6 +1,7 @@
 """Sessions."""
 
 import asyncio
+import json
 from collections.abc import AsyncIterator
 from dataclasses import asdict
 from typing import Annotated, Any
@@ -9,7 +10,9 @@ from fastapi import Query, Response
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
+from calib_core.cell.consistency import require_consistent
 from calib_core.errors import InputError
+from calib_core.findings import findings_as_read, guide_as_read
 from calib_core.records import Guide, parse_session
 from calib_core.records.strict_fields import require_known_fields
 from server.captures.changes import corrected_session
@@ -17,6 +20,7 @@ from server.captures.known_results import require_rigid
 from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.events import follow, to_sse
+from server.http.language import spoken
 from server.http.schemas import (
     Findings,
     NewSession,
@@ -80,6 +84,7 @@ def create(body: NewSession, idempotency: IdempotencyDep, store: StoreDep) -> Re
     require_known_fields(body, "request", STORE_FIELDS | {"captures"})
     parsed = parse_session({**record, "captures": []}, "request")
     require_rigid(parsed.cell)
+    require_consistent(parsed.cell)
     session = parsed.to_json()
     del session["captures"]
 
@@ -153,16 +158,20 @@ def delete(
 async def guidance(session_id: SessionId, guides: GuidesDep) -> Response:
     """Return what to do now and why, how many captures are still needed, and each step's status."""
     text = await asyncio.shield(asyncio.wrap_future(guides.ask(session_id)))
+    if spoken().language != "en":
+        return JSONResponse(guide_as_read(json.loads(text), spoken().language))
     return Response(text, media_type="application/json")
 
 
 @router.get("/{session_id}/check", response_model=Findings)
 def check(stored: LoadedSession) -> Findings:
     """Return what is wrong with the session and what is missing, worst first; an `error` blocks solving."""
-    from calib_core.review.check import check_session
+    from calib_core.review.check import check_lines, check_session
 
-    findings = check_session(stored.session, stored.reader, stored.measured)
-    return Findings(items=findings, blocks_solving=any(finding.level == "error" for finding in findings))
+    found = check_session(stored.session, stored.reader, stored.measured)
+    read = findings_as_read(found, spoken().language, stored.session.cell.findings)
+    blocks = any(finding.severity == "error" for finding in found)
+    return Findings(findings=read, items=check_lines(read, spoken()), blocks_solving=blocks)
 
 
 @router.post("/{session_id}/pose-lines", response_model=PoseLines)
@@ -200,7 +209,11 @@ async def events(
     store: StoreDep,
     hub: HubDep,
     last_event_id: LastEventId = None,
+    alive_s: Annotated[
+        float | None, Query(ge=0.2, le=60, description="Where nothing happens, `alive` so often.")
+    ] = None,
 ) -> AsyncIterator[ServerSentEvent]:
     """Stream what happens: `capture`, `result`, `job` and `session` events; begins with the newest one."""
-    async for event in follow(store, hub, session_id, None if last_event_id is None else int(last_event_id)):
+    after = None if last_event_id is None else int(last_event_id)
+    async for event in follow(store, hub, session_id, after, alive_s):
         yield to_sse(event)

@@ -15,7 +15,6 @@ from calib_core.findings.reading import as_read
 from server.http.api_router import api_router
 from server.http.events import ended_job, follow, to_sse
 from server.http.idempotency import Idempotency
-from server.http.language import spoken
 from server.http.schemas import Job, JobPage, JobStatus
 from server.http.schemas_results import StoredResult
 from server.jobs.jobs import Jobs
@@ -154,12 +153,16 @@ def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Resp
         stored = load_session(db, store.blobs, session_id)
     if stage not in stored.results:
         raise NotFoundError(
-            "a stage that was solved", f"'{stage}', which was not", f"POST …/solve/{stage} first.", "stage"
+            "a stage that was solved",
+            "'{stage}', which was not",
+            "POST …/solve/{stage} first.",
+            "stage",
+            stage=stage,
         )
     return JSONResponse(_as_read(stored, stored.results_with_stale())[stage])
 
 
 def _as_read(stored: StoredSession, results: dict[str, Data]) -> dict[str, Data]:
-    """Return results in the language that is asked for, with the cell's own severities."""
+    """Return results with the cell's own severities."""
     severities = stored.session.cell.findings
-    return {stage: as_read(result, spoken().language, severities) for stage, result in results.items()}
+    return {stage: as_read(result, severities=severities) for stage, result in results.items()}

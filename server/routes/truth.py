@@ -4,6 +4,7 @@ from fastapi import Response
 from fastapi.responses import JSONResponse
 
 from calib_core.errors import ConflictError
+from calib_core.messages import message
 from calib_core.records import Record
 from calib_core.review.compare import FrameDifference
 from server.http.api_router import API, api_router
@@ -32,7 +33,9 @@ def off_the_truth(session_id: SessionId, stage: StageName, store: StoreDep) -> R
     if device is None or result is None:
         raise ConflictError(
             "a result of the simulated cell",
-            "a real cell, whose truth nobody knows" if device is None else f"no result of {stage} yet",
+            "a real cell, whose truth nobody knows"
+            if device is None
+            else message("no result of {stage} yet", stage=stage),
             "Ask for the truth of a simulated session that is solved.",
             session_id,
         )

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from calib_core.records import Record
 from calib_core.records.strict_fields import require_known_fields
 from server.http.api_router import API, api_router
@@ -165,10 +166,10 @@ def _require_address(url: str) -> None:
     except ValueError:
         good, parts = False, urlsplit("")
     if not good or any(c.isspace() or not c.isprintable() for c in url):
-        to_do = "Write it as https://host/path."
+        to_do = message("Write it as https://host/path.")
         raise InputError("an address that begins with https:// or http://", repr(url[:80]), to_do, "url")
     if parts.username or parts.password:
-        to_do = "Leave user and password out: the receiver knows the sender by the signature."
+        to_do = message("Leave user and password out: the receiver knows the sender by the signature.")
         raise InputError("an address without a password", "one with it", to_do, "url")
 
 

@@ -85,7 +85,10 @@ async def bridge(websocket: WebSocket, manager: SceneManager, session_id: str, v
 
 
 async def _carry(websocket: WebSocket, live: LiveScene, protocol: str, viewer: str) -> None:
-    await websocket.accept(subprotocol=protocol)
+    try:
+        await websocket.accept(subprotocol=protocol)
+    except OSError:  # it went away while the scene was opened, and comes back by itself
+        return
     try:
         inner = connect(
             f"ws://127.0.0.1:{live.port}",

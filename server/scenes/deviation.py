@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.deviation import Deviations, mesh_deviations, sphere_deviations
+from calib_core.messages import message
 from server.scenes.cloud_view import Against
 from server.scenes.colors import residual_limit_mm
 
@@ -73,7 +74,7 @@ class KeptDeviations:
             try:
                 found = cloud_deviation(points_mm, against, reference)
             except CalibrationError as error:
-                found = f"No deviations: {error}"
+                found = message("No deviations: {error}", error=error)
             known = (points_mm, against, reference, found)
             self._known = known
         return known[3]
@@ -98,7 +99,9 @@ def _from_sphere(points_mm: NDArray[np.floating], diameter_mm: float | None) -> 
         return np.where(np.abs(values) <= farthest, values, np.nan)
 
     how = "best fit" if diameter_mm is None else "known"
-    return _of(found, f"the sphere, diameter {2 * radius_mm:.3f} mm ({how})", of)
+    return _of(
+        found, message("the sphere, diameter {radius_mm:.3f} mm ({how})", radius_mm=2 * radius_mm, how=how), of
+    )
 
 
 def _of(found: Deviations, words: str, of: Callable[[NDArray[np.floating]], FloatArray]) -> CloudDeviation:

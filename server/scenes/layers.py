@@ -15,17 +15,25 @@ from server.scenes.field_layer import field
 from server.scenes.ghost import ghost
 from server.scenes.interim_layers import so_far, table_so_far
 from server.scenes.light_sheet import fan_of_profile
+from server.scenes.many_captures import MANY, frames_of_all, light_of_all, named, points_of_all
 from server.scenes.markers import cross
 from server.scenes.nodes import Node
 from server.scenes.optics_layers import boards, camera, plane_in_camera
 from server.scenes.pose_preview import trial
 from server.scenes.robot_now import robot_now
-from server.scenes.scene_model import SceneFacts
+from server.scenes.scene_model import CaptureFacts, SceneFacts
 from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
 from server.scenes.uncertainty import uncertainty
 
 _STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
 _MANY = 20
+_ROUND = 20  # over a hundred corners around
+
+
+def one_by_one(facts: SceneFacts, look: Look) -> tuple[CaptureFacts, ...]:
+    """Return the captures with nodes of their own: all of a few, of many the one that is picked."""
+    shown = look.shown(facts)
+    return shown if len(shown) <= MANY else tuple(c for c in shown if c.id == look.picked)
 
 
 def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
@@ -56,7 +64,7 @@ def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
 
 def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw flange and laser frames at every capture and what joins them; rejected ones are crossed out."""
-    for capture in look.shown(facts):
+    for capture in one_by_one(facts, look):
         color = _STATE_COLOR[capture.state]
         grow = 1.6 if capture.id == look.picked else 1.0
         flange = capture.base_from_tool0
@@ -70,11 +78,15 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
             picked = capture.id == look.picked
             sign = cross(flange.translation_mm, 26.0 if picked else 14.0)
             yield nodes.lines(f"/frames/{capture.id}/cross", sign, REJECTED, 4.0 if picked else 2.0)
+    if len(look.shown(facts)) > MANY:
+        yield from frames_of_all(facts, look.shown(facts))
 
 
 def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw the plane of light of every profile, up to the sphere, which stops it."""
-    for capture in look.shown(facts):
+    if len(look.shown(facts)) > MANY:
+        yield from light_of_all(facts, look.shown(facts))
+    for capture in one_by_one(facts, look):
         laser = facts.base_from_laser(capture)
         if laser is None or capture.kind != "profile" or len(capture.points_in_laser_mm) < 2:
             continue
@@ -87,7 +99,10 @@ def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
 def residual_points(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw the points that lie on the sphere: used ones by residual, rejected and unplaced ones in one colour."""
     size = 1.0 if facts.sphere_radius_mm is None else min(max(facts.sphere_radius_mm / 50, 0.3), 1.5)
-    for capture in facts.captures:
+    many = len(facts.captures) > MANY
+    if many:
+        yield from points_of_all(facts, look, facts.captures, size)
+    for capture in [c for c in facts.captures if not many or c.id == look.picked]:
         cloud = facts.points_in_base_mm(capture)
         if not len(cloud):
             continue
@@ -107,14 +122,14 @@ def sphere(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     """Draw the solved sphere, slightly inside its surface so that the points on it stay visible."""
     if facts.sphere_center_in_base_mm is not None and facts.sphere_radius_mm is not None:
         yield nodes.ball(
-            "/sphere/solved", facts.sphere_center_in_base_mm, 0.985 * facts.sphere_radius_mm, SPHERE, 0.45
+            "/sphere/solved", facts.sphere_center_in_base_mm, 0.985 * facts.sphere_radius_mm, SPHERE, 0.45, _ROUND
         )
 
 
 def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Name every capture, and say why a rejected one is; the page shortens the reason."""
     crowded = 0.75 if len(facts.captures) > _MANY else 0.95
-    for capture in look.shown(facts):
+    for capture in named(look.shown(facts), look.picked):
         text = capture.id
         if capture.state == "rejected":
             text = f"✕ {capture.id}" + (f" · {capture.reason}" if capture.id == look.picked else "")

@@ -4,6 +4,7 @@ from collections.abc import Collection, Sequence
 from html import escape
 
 from calib_core.evidence.numbers import number_text
+from calib_core.messages import message
 from server.scenes.answers import magnified as answers_magnified
 from server.scenes.cloud_layers import height_range_mm, shown_cloud
 from server.scenes.cloud_view import Section
@@ -53,12 +54,12 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
         parts += _of_cloud(cloud, look)
     if _told_how_well(facts.uncertainty) and told("uncertainty"):
         how = "larger than drawn" if is_cut(facts) else f"×{magnified(facts)}"
-        parts.append(_key(UNCERTAIN, "●", f"uncertainty, k = 2, {how}"))
+        parts.append(_key(UNCERTAIN, "●", message("uncertainty, k = 2, {how}", how=how)))
     if facts.so_far is not None and told("so-far"):
         parts.append(_key(SPHERE, "●", "scanner and sphere, as far as known"))
         parts.append(_key(GHOST, "●", "uncertainty by now, k = 2, at most 25 mm drawn"))
     if facts.table_so_far is not None and told("table-so-far"):
-        parts.append(_key(GHOST, "◍", f"axis by now, k = 2, ×{AXIS_TIMES}"))
+        parts.append(_key(GHOST, "◍", message("axis by now, k = 2, ×{axis_times}", axis_times=AXIS_TIMES)))
     if facts.field is not None and layers is not None and "field" in layers:
         low, high = facts.field.range_mm
         parts.append(f"<div><h2>One scan over the table, k = 2</h2>{_bar(VIRIDIS)}")
@@ -80,30 +81,33 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
     parts: list[str] = []
     if any(facts.residuals_mm(capture) is not None for capture in facts.captures):
         parts.append(_scale(look.limit_mm))
-        parts.append(_key(USED, "●", f"{count['used']} used"))
+        parts.append(_key(USED, "●", message("{count} used", count=count["used"])))
         if count["waiting"]:
-            parts.append(_key(WAITING, "●", f"{count['waiting']} not in the result"))
+            parts.append(_key(WAITING, "●", message("{count} not in the result", count=count["waiting"])))
     elif facts.captures and facts.tool0_from_laser is None and facts.so_far is not None:
         parts.append(_key(WAITING, "●", _plural(count["waiting"], "capture")))
     elif facts.captures and facts.tool0_from_laser is None:
         parts.append("<p>Only the flange is known so far. Scanner and sphere appear with the first result.</p>")
         parts.append(_key(WAITING, "●", _plural(count["waiting"], "capture")))
     elif facts.captures:
-        parts.append(_key(USED, "●", f"{count['used']} used"))
+        parts.append(_key(USED, "●", message("{count} used", count=count["used"])))
     elif facts.optics is None and facts.table is None:
         parts.append("<p>No captures yet. They appear here as they come in.</p>")
     excluded = sum(c.state == "rejected" and c.reason == BY_HAND for c in facts.captures)
     if count["rejected"] > excluded:
-        parts.append(_key(REJECTED, "✕", f"{count['rejected'] - excluded} rejected"))
+        parts.append(_key(REJECTED, "✕", message("{count} rejected", count=count["rejected"] - excluded)))
     if excluded:
-        parts.append(_key(REJECTED, "✕", f"{excluded} excluded"))
+        parts.append(_key(REJECTED, "✕", message("{excluded} excluded", excluded=excluded)))
     return parts
 
 
 def _of_table(table: TableFacts) -> list[str]:
     parts = ["<h2>Turntable</h2>", _key(AXIS, "↑", "axis, T at 0°")]
     mounts = table.mounts or {}
-    parts += [_key(mount_color(table, mount), "●", f"sphere {mount or 'on the table'}") for mount in mounts]
+    parts += [
+        _key(mount_color(table, mount), "●", message("sphere {mount}", mount=mount or "on the table"))
+        for mount in mounts
+    ]
     if table.circles:
         parts.append(_key(WAITING, "○", "circles of the paper's method"))
     return parts
@@ -148,7 +152,7 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
         parts.append(f"<p>{_cut_words(look.cloud.section, frame)}</p>")
     shown = len(merged.points_mm)
     part = (
-        f"{number_text(shown, 0)} of {number_text(merged.measured, 0)}"
+        message("{shown} of {measured}", shown=number_text(shown, 0), measured=number_text(merged.measured, 0))
         if shown < merged.measured
         else number_text(shown, 0)
     )
@@ -172,7 +176,13 @@ def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
 
 def _cut_words(section: Section, frame: str) -> str:
     side = "beyond" if section.keep == "below" else "before"
-    return f"Cut at {section.axis} = {section.at_mm:.1f} mm in {frame}; what lies {side} is hidden."
+    return message(
+        "Cut at {axis} = {at_mm:.1f} mm in {frame}; what lies {side} is hidden.",
+        axis=section.axis,
+        at_mm=section.at_mm,
+        frame=frame,
+        side=side,
+    )
 
 
 def rejected_html(facts: SceneFacts) -> str:

@@ -248,7 +248,7 @@ class LiveScene:
                         setattr(self._handles[name], key, value)
                 else:
                     self._handles[name] = nodes[name].add_to(self._server.scene)
-                    self.viewers.make_clickable(name, self._handles[name])
+                    self.viewers.make_clickable(name, self._handles[name], nodes[name].instances)
         self._drawn = {**others, **now}
         return len(changed) + len(gone)
 

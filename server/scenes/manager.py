@@ -108,7 +108,10 @@ class SceneManager:
         scene = self._load(session_id)
         if scene is None:
             raise NotFoundError(
-                "a session", f"the id '{session_id}', which none has", "Choose one of the sessions listed."
+                "a session",
+                "the id '{session_id}', which none has",
+                "Choose one of the sessions listed.",
+                session_id=session_id,
             )
         return scene
 

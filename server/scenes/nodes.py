@@ -4,7 +4,7 @@ Lengths come in mm and leave in metres, which viser's camera speeds, clipping pl
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,11 +23,15 @@ compares all corners within 0.01 of each other, which in axes of a few centimetr
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One node: its path in the scene, the method of viser's scene that makes it, and that method's arguments."""
+    """One node: its path in the scene, the method of viser's scene that makes it, and that method's arguments.
+
+    `instances` are the captures that it draws, where it draws many.
+    """
 
     name: str
     method: str
     arguments: Mapping[str, Any]
+    instances: tuple[str, ...] = ()
 
     def fingerprint(self) -> str:
         """Return a hash that changes when anything about the node's looks or place does."""
@@ -65,6 +69,18 @@ def axes(name: str, pose: RigidTransform, length_mm: float, origin: Rgb, thickne
             "scale": length_mm * METRES_PER_MM / _AXES_UNIT,
         },
     )
+
+
+def many_axes(name: str, poses: Sequence[RigidTransform], length_mm: float, instances: tuple[str, ...]) -> Node:
+    """Return axes at many places as one node; `instances` says whose each of them is."""
+    places = [_place(pose) for pose in poses]
+    arguments = {
+        "batched_wxyzs": np.array([place["wxyz"] for place in places], dtype=np.float32),
+        "batched_positions": np.array([place["position"] for place in places], dtype=np.float32),
+        "axes_length": length_mm * METRES_PER_MM,
+        "axes_radius": 0.04 * length_mm * METRES_PER_MM,
+    }
+    return Node(name, "add_batched_axes", arguments, instances)
 
 
 def frame(name: str, pose: RigidTransform) -> Node:
@@ -162,8 +178,8 @@ def disc(name: str, radius_mm: float, height_mm: float, color: Rgb, opacity: flo
     return surface(name, here, np.concatenate([rim, center]), faces, color, opacity)
 
 
-def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity: float) -> Node:
-    """Return a translucent sphere."""
+def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity: float, detail: int = 6) -> Node:
+    """Return a translucent sphere; each edge of an icosahedron is cut into `detail` + 1 pieces."""
     center = np.asarray(center_mm, dtype=float) * METRES_PER_MM
     return Node(
         name,
@@ -173,7 +189,7 @@ def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity:
             "position": tuple(center.tolist()),
             "color": color,
             "opacity": opacity,
-            "subdivisions": 4,
+            "subdivisions": detail,
             "cast_shadow": False,
             "receive_shadow": False,
         },
@@ -183,7 +199,7 @@ def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity:
 def ellipsoid(name: str, pose: RigidTransform, half_mm: FloatArray, color: Rgb, opacity: float) -> Node:
     """Return a translucent ellipsoid with its half axes (3,) along those of a pose."""
     scale = tuple((half_mm * METRES_PER_MM).tolist())
-    looks = {"radius": 1.0, "scale": scale, "color": color, "opacity": opacity, "subdivisions": 3}
+    looks = {"radius": 1.0, "scale": scale, "color": color, "opacity": opacity, "subdivisions": 12}
     return Node(name, "add_icosphere", {**_place(pose), **looks, "cast_shadow": False, "receive_shadow": False})
 
 

@@ -73,6 +73,9 @@ _START = """
   document.documentElement.classList.toggle("dark", dark);
   // A page around the scene has controls of its own.
   document.documentElement.classList.toggle("embedded", location.pathname.includes("/viewers/"));
+  // The client connects again only where it has the focus, which the page around it has: being seen is enough.
+  document.hasFocus = () => !document.hidden;
+  document.addEventListener("visibilitychange", () => window.dispatchEvent(new Event("focus")));
   const real = window.matchMedia.bind(window);
   window.matchMedia = (query) => real(query.startsWith("(max-width") ? "not all" : query);
 })();

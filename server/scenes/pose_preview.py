@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calib_core.messages import message
 from server.scenes import nodes
 from server.scenes.colors import GHOST
 from server.scenes.display_options import Look
@@ -18,7 +19,7 @@ def trial(_facts: SceneFacts, look: Look) -> Iterator[Node]:
     for number, pose in enumerate(look.trial, start=1):
         yield nodes.axes(f"/trial/{number}", pose, _AXES_MM, GHOST)
         above = pose.translation_mm + np.array([0.0, 0.0, 14.0])
-        yield nodes.label(f"/trial/{number}/name", above, f"line {number}", 0.9)
+        yield nodes.label(f"/trial/{number}/name", above, message("line {number}", number=number), 0.9)
     if len(look.trial) > 1:
         places = np.array([pose.translation_mm for pose in look.trial])
         yield nodes.polyline("/trial/way", places, GHOST, 1.5)

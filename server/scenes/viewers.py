@@ -93,13 +93,17 @@ class Viewers:
                 "viewer",
             ) from None
 
-    def make_clickable(self, name: str, handle: Any) -> None:
+    def make_clickable(self, name: str, handle: Any, instances: tuple[str, ...] = ()) -> None:
         """Let a node that belongs to a capture be picked by a click."""
         layer, capture = [*name.strip("/").split("/"), ""][:2]
         if layer in _CLICKABLE and capture and hasattr(handle, "on_click"):
-            handle.on_click(partial(self._clicked, capture))
+            handle.on_click(partial(self._clicked, capture, instances))
 
-    def _clicked(self, capture: str, event: Any) -> None:
+    def _clicked(self, capture: str, instances: tuple[str, ...], event: Any) -> None:
+        if instances:
+            if event.instance_index is None or event.instance_index >= len(instances):
+                return
+            capture = instances[event.instance_index]
         viewer = self.name_of(event.client)
         if viewer:
             # The page around the scene hears changes of the storage that both share.
@@ -110,7 +114,11 @@ class Viewers:
             if self.name_of(client) == viewer:
                 return client
         raise NotFoundError(
-            "a page that looks at this scene", f"'{viewer}', which does not", "Open the scene first.", "viewer"
+            "a page that looks at this scene",
+            "'{viewer}', which does not",
+            "Open the scene first.",
+            "viewer",
+            viewer=viewer,
         )
 
     def name_of(self, client: "ClientHandle") -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.robots import to_pose
 from calib_core.simulation import simulate
 from calib_core.simulation.live_camera import HEIGHT_PX, WIDTH_PX, LiveCamera
@@ -56,7 +57,7 @@ class SimulatedDevices:
     ) -> None:
         self.simulated = simulate(scenario, seed)
         if self.simulated.world is None or set(self.simulated.world.options.kinds) != {"profile"}:
-            to_do = "Name tcp, turntable or one of their variants."
+            to_do = message("Name tcp, turntable or one of their variants.")
             raise InputError("a cell whose scanner sends profiles of the sphere", f"'{scenario}'", to_do)
         self.cell = LiveCell(self.simulated, travel_s)
         self._rng = np.random.default_rng([seed, 20_270])

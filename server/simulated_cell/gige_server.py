@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import ConflictError
+from calib_core.messages import message
 from server.simulated_cell import gige_registers as at
 from server.simulated_cell.gige_registers import Registers
 
@@ -62,8 +63,10 @@ class GigeServer:
             self._control.bind((address, GVCP_PORT))
         except OSError as error:
             self._control.close()
-            to_do = "Stop the other camera, or serve this one at another address of the loopback network."
-            raise ConflictError(f"port {GVCP_PORT} at {address}", str(error), to_do, address) from None
+            to_do = message("Stop the other camera, or serve this one at another address of the loopback network.")
+            raise ConflictError(
+                "port {gvcp_port} at {address}", str(error), to_do, address, gvcp_port=GVCP_PORT, address=address
+            ) from None
         self._control.settimeout(_LOOK_S)
         self._stream = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._stream.bind((address, 0))

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 from pydantic import Field, SecretStr
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from calib_core.robots import parse_pose
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.pose_settings import Interval, Pace, axis_number
@@ -94,8 +95,12 @@ class AbbRws:
         except httpx.HTTPError as error:
             raise ConnectionError(str(error) or type(error).__name__) from None
         if answer.status_code != 200:
-            to_do = "Check user and password." if answer.status_code == 401 else "Check unit and RobotWare."
-            raise InputError(f"an answer to {path}", f"{answer.status_code}", to_do, path)
+            to_do = (
+                message("Check user and password.")
+                if answer.status_code == 401
+                else message("Check unit and RobotWare.")
+            )
+            raise InputError("an answer to {path}", f"{answer.status_code}", to_do, path, path=path)
         return parse_state(answer.text, kind)
 
 
@@ -110,7 +115,9 @@ def parse_state(page: str, kind: str) -> dict[str, float]:
     try:
         root: Any = ElementTree.fromstring(re.sub(r"<!DOCTYPE[^>\[]*>", "", page, count=1))
     except ElementTree.ParseError as error:
-        raise InputError("a page of Robot Web Services", f"another one ({error})", "Check the address.") from None
+        raise InputError(
+            "a page of Robot Web Services", "another one ({error})", "Check the address.", error=error
+        ) from None
     found: dict[str, float] = {}
     for item in root.iter():
         if item.tag.rpartition("}")[2] == "li" and item.get("class") == kind:
@@ -120,7 +127,9 @@ def parse_state(page: str, kind: str) -> dict[str, float]:
                 except ValueError:
                     continue
     if not found:
-        raise InputError(f"a state of the kind {kind}", "a page without it", "Check the mechanical unit.", kind)
+        raise InputError(
+            "a state of the kind {kind}", "a page without it", "Check the mechanical unit.", kind, kind=kind
+        )
     return found
 
 

@@ -6,6 +6,7 @@ import re
 from pydantic import Field
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from calib_core.robots import parse_pose
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.pose_settings import Host, Interval, Pace, Port, ToolAndFrame, flange_by_joints, flange_of
@@ -52,12 +53,16 @@ class FanucCurpos:
             answer = self._connection.getresponse()
             content = answer.read(_MOST_BYTES)
         except http.client.HTTPException as error:
-            raise ConnectionError(f"the controller's answer breaks off ({error!r})") from None
+            raise ConnectionError(message("the controller's answer breaks off ({error!r})", error=error)) from None
         if answer.length:
-            raise ConnectionError("the controller's answer breaks off")
+            raise ConnectionError(message("the controller's answer breaks off"))
         if answer.status != 200:
             raise InputError(
-                f"the file {_PATH}", f"the answer {answer.status}", "Unlock it in the controller's HTTP."
+                "the file {path}",
+                "the answer {status}",
+                "Unlock it in the controller's HTTP.",
+                path=_PATH,
+                status=answer.status,
             )
         return self._sample(content.decode("latin-1"))
 
@@ -65,8 +70,15 @@ class FanucCurpos:
         chosen = self._settings
         groups = parse_curpos(text)
         if chosen.group not in groups:
-            got = f"groups {', '.join(map(str, groups)) or 'none'}"
-            raise InputError(f"motion group {chosen.group} in {_PATH}", got, "Name another group.", "group")
+            got = message("groups {groups}", groups=", ".join(map(str, groups)) or "none")
+            raise InputError(
+                "motion group {group} in {path}",
+                got,
+                "Name another group.",
+                "group",
+                group=chosen.group,
+                path=_PATH,
+            )
         told = groups[chosen.group]
         tool = int(told["tool"][0]) if told["tool"] else None
         joints = told["joints"]
@@ -76,8 +88,10 @@ class FanucCurpos:
             if len(told["world"]) != 6:
                 raise InputError("the world position", "none that is calibrated", "Master the robot.", "world")
             if tool not in (None, 0) and not chosen.tool:
-                to_do = "Give its X Y Z W P R in the source's settings, or activate UTOOL 0."
-                raise InputError("the flange: UTOOL 0", f"UTOOL {tool}, whose place is not known", to_do, "tool")
+                to_do = message("Give its X Y Z W P R in the source's settings, or activate UTOOL 0.")
+                raise InputError(
+                    "the flange: UTOOL 0", "UTOOL {tool}, whose place is not known", to_do, "tool", tool=tool
+                )
             pose = flange_of(chosen, "fanuc", parse_pose("fanuc", list(told["world"])))
         return Sample(host_now_s(), None, pose, joints or None, self._table(groups), None, tool)
 

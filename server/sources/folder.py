@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from calib_core.disk import is_system_file
 from calib_core.errors import InputError
+from calib_core.messages import plural
+from calib_core.moment import text_of_seconds
 from calib_core.records import Capture, Session, StepName, parse_capture
 from calib_core.steps import steps_that_show
 
@@ -42,11 +45,12 @@ class Resting:
 
 
 def files_in(folder: Path) -> dict[str, Signature]:
-    """Return the plain files of a folder that are not hidden, not empty and not links; raises OSError."""
+    """Return the plain files of a folder that are not hidden, a system's, empty or links; raises OSError."""
     found: dict[str, Signature] = {}
     with os.scandir(folder) as entries:
         for entry in entries:
-            if entry.name.startswith((".", "~")) or not entry.is_file(follow_symlinks=False):
+            ours = not entry.name.startswith("~") and not is_system_file(entry.name)
+            if not ours or not entry.is_file(follow_symlinks=False):
                 continue
             status = entry.stat(follow_symlinks=False)
             if status.st_size:
@@ -92,19 +96,22 @@ def capture_of(
     record: dict[str, Any] = {"step": step, "kind": _kind(name, session)}
     for note in notes:
         record |= _said(folder, note, name, session)
-        if "pose" in record or note.endswith(".json"):
+        if "pose" in record or Path(note).suffix == ".json":
             break
     if "pose" not in record and record["step"] not in steps_that_show("board") and record["kind"] != "center":
         raise InputError(
             "the pose of this file",
             "none beside it",
-            f"Write {Path(name).stem}.txt with the pose line, or a line that begins with {name} in poses.txt.",
+            "Write {name}.txt with the pose line, or a line that begins with {name_other} in poses.txt.",
             name,
+            name=Path(name).stem,
+            name_other=name,
         )
     wanted = str(record.pop("id", "")) or Path(name).stem
     capture_id = _free_id(wanted, taken)
     file = f"captures/{capture_id}{Path(name).suffix.lower()}"
-    return parse_capture({**record, "id": capture_id, "files": [file]}, name)
+    written = text_of_seconds((folder / name).stat().st_mtime)
+    return parse_capture({"taken": written, **record, "id": capture_id, "files": [file]}, name)
 
 
 def _usual_kind(name: str) -> str | None:
@@ -123,9 +130,14 @@ def _said(folder: Path, note: str, name: str, session: Session) -> dict[str, Any
     """Return the fields of the record that a note gives, none where it says nothing of this file."""
     content = (folder / note).read_bytes()
     if len(content) > _MAX_NOTE_BYTES:
-        raise InputError("a short note", f"{len(content)} bytes", "Keep pose lines alone in it.", note)
+        raise InputError(
+            "a short note",
+            plural("{count} byte", "{count} bytes", by="count", count=len(content)),
+            "Keep pose lines alone in it.",
+            note,
+        )
     text = content.decode("utf-8-sig", errors="replace")
-    if note.endswith(".json"):
+    if Path(note).suffix == ".json":
         return _fields(text, note)
     for line in _lines_about(text, name) if note in POSE_FILES else iter([text]):
         return {"pose": _pose(line, note, session)}
@@ -137,7 +149,7 @@ def _fields(text: str, note: str) -> dict[str, Any]:
         data: Any = json.loads(text)
     except ValueError as error:
         raise InputError(
-            "JSON", f"something else ({error})", "Write the capture's record as JSON.", note
+            "JSON", "something else ({error})", "Write the capture's record as JSON.", note, error=error
         ) from None
     if not isinstance(data, dict):
         raise InputError("a JSON object", type(data).__name__, "Write the capture's record.", note)
@@ -158,7 +170,11 @@ def _pose(text: str, note: str, session: Session) -> list[float]:
 
     rows = parse_pose_lines(session.cell.pose_convention, text)
     if len(rows) != 1 or rows[0].numbers is None or rows[0].pose is None:
-        got = rows[0].problem if len(rows) == 1 and rows[0].problem else f"{len(rows)} poses"
+        got = (
+            rows[0].problem
+            if len(rows) == 1 and rows[0].problem
+            else plural("{count} pose", "{count} poses", by="count", count=len(rows))
+        )
         raise InputError("one pose", got, "Write one pose in the cell's convention.", note)
     return list(rows[0].numbers)
 

@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from calib_core.disk import replace_file
+from calib_core.disk import is_held, replace_file
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError, TooLargeError
+from calib_core.messages import message
 from calib_core.records import Capture, Session, StepName
 from server.sources.folder import Resting, Signature, capture_of, files_in, measurements, notes_of
 
@@ -189,6 +190,9 @@ class Watcher:
         except NotFoundError:
             raise
         except (CalibrationError, OSError) as error:
+            if isinstance(error, OSError) and is_held(error):
+                watch.waiting.append(name)
+                return
             watch.refused[name] = (signatures, str(error))
             return
         watch.refused.pop(name, None)
@@ -203,7 +207,9 @@ class Watcher:
         with os.fdopen(handle, "rb") as file:
             content = file.read(self._max_bytes + 1)
         if len(content) > self._max_bytes:
-            raise TooLargeError(f"at most {self._max_bytes} bytes", "more", "Thin the points.", path.name)
+            raise TooLargeError(
+                "at most {max_bytes} bytes", "more", "Thin the points.", path.name, max_bytes=self._max_bytes
+            )
         return content
 
     def _inside(self, folder: str) -> Path:
@@ -239,5 +245,8 @@ class Watcher:
 
 
 def _not_there(folder: str) -> InputError:
-    got, to_do = f"nothing at {folder[:200]!r} there", "Make it, or choose one that is listed."
+    got, to_do = (
+        message("nothing at {folder!r} there", folder=folder[:200]),
+        message("Make it, or choose one that is listed."),
+    )
     return InputError("a folder below the watched root", got, to_do, "folder")

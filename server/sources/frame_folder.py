@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import Field
 
+from calib_core.disk import is_held
 from calib_core.errors import InputError
 from server.sources.device import Description, Frame, host_now_s
 from server.sources.source import Settings, Source
@@ -52,6 +53,12 @@ class FrameFolder:
             changed_s, content = path.stat().st_mtime, path.read_bytes()
         except FileNotFoundError:  # its writer keeps the newest ones only
             return None
+        except OSError as error:
+            if not is_held(error):
+                raise
+            self._ready.insert(0, name)
+            time.sleep(_LOOK_EVERY_S)
+            return None
         return Frame(host_now_s(), name, content, changed_s)
 
     def close(self) -> None:
@@ -88,4 +95,5 @@ SOURCE = Source(
     FrameFolderSettings,
     connect=FrameFolder,
     delivers=("scanner",),
+    is_asked=True,
 )

@@ -6,6 +6,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.sources.device import Description, Frame, host_now_s
 from server.sources.lossless import lossless
 from server.sources.source import Settings, Source
@@ -76,14 +77,14 @@ class GenicamCamera:
             self._silent += 1
             if self._silent < _SILENT_READS:
                 return None
-            raise ConnectionError(f"the camera sends nothing ({error})") from None
+            raise ConnectionError(message("the camera sends nothing ({error})", error=error)) from None
         if frame is None:
-            raise ConnectionError("the camera ended its stream")
+            raise ConnectionError(message("the camera ended its stream"))
         self._silent = 0
         arrived_s = host_now_s()
         image = frame.to_numpy(True)
         if image.ndim == 1:
-            wanted, got = "a pixel format of grey values or colours", f"'{frame.pixel_format}'"
+            wanted, got = message("a pixel format of grey values or colours"), f"'{frame.pixel_format}'"
             raise InputError(wanted, got, "Set Mono8 in the camera.", "PixelFormat")
         depth = re.search(r"1[0246]", frame.pixel_format)
         if image.dtype == np.uint16 and depth is not None:
@@ -108,7 +109,7 @@ class GenicamCamera:
             try:
                 self._camera.set(name, value)
             except GenicamError as error:
-                to_do = "Look its name and range up in the camera's manual, or leave it out."
+                to_do = message("Look its name and range up in the camera's manual, or leave it out.")
                 raise InputError(
                     "a feature that the camera takes", str(error), to_do, f"features.{name}"
                 ) from None
@@ -122,7 +123,7 @@ class GenicamCamera:
                 if value is not None:
                     write(value)
             except GenicamError as error:
-                to_do = "Leave it out, or set it by the camera's own name among the features."
+                to_do = message("Leave it out, or set it by the camera's own name among the features.")
                 raise InputError("a setting that the camera takes", str(error), to_do, field) from None
 
     def _feature(self, name: str) -> str:
@@ -146,7 +147,7 @@ def _opened(settings: GenicamSettings) -> Any:
     try:
         return Camera.open(_only(_found(settings), settings))
     except GenicamError as error:  # held by another program, say, or this computer has no USB
-        raise ConnectionError(f"no camera could be opened ({error})") from None
+        raise ConnectionError(message("no camera could be opened ({error})", error=error)) from None
 
 
 def _found(settings: GenicamSettings) -> list[Any]:
@@ -165,8 +166,14 @@ def _only(found: list[Any], settings: GenicamSettings) -> Any:
         return names[settings.address]
     if settings.address is None and len(names) == 1:
         return next(iter(names.values()))
-    wanted = f"the camera {settings.address}" if settings.address else "one camera"
-    to_do = "Name one of these as the address." if names else "Check its cable, its power and the interface."
+    wanted = (
+        message("the camera {address}", address=settings.address) if settings.address else message("one camera")
+    )
+    to_do = (
+        message("Name one of these as the address.")
+        if names
+        else message("Check its cable, its power and the interface.")
+    )
     raise InputError(wanted, ", ".join(names) or "none that answers", to_do, "address")
 
 

@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 from pydantic import Field, SecretStr
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.sources.device import Description, Frame, host_now_s
 from server.sources.source import Settings, Source
 
@@ -61,7 +62,7 @@ class ImageStream:
             raise ConnectionError(f"a part that is no exposure with its length: {head}"[:200])
         content = self._answer.read(int(size))
         if len(content) < int(size):
-            raise ConnectionError("the stream ended within an exposure")
+            raise ConnectionError(message("the stream ended within an exposure"))
         self._number += 1
         moment = head.get("x-timestamp")
         return Frame(host_now_s(), f"{self._number:08d}{ending}", content, float(moment) if moment else None)
@@ -71,7 +72,7 @@ class ImageStream:
         while True:
             line = self._answer.readline(2000)
             if not line:
-                raise ConnectionError("the stream ended")
+                raise ConnectionError(message("the stream ended"))
             text = line.decode("latin-1").strip()
             if not text and head:
                 return head

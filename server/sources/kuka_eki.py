@@ -4,6 +4,7 @@ import re
 
 from pydantic import Field
 
+from calib_core.messages import message
 from server.sources.device import Description, Sample
 from server.sources.kuka_xml import parse_telegram, sample_of
 from server.sources.pose_settings import Host, Port, ToolAndFrame
@@ -59,7 +60,7 @@ def _element(received: bytes) -> tuple[str, bytes] | None:
         if end is not None:
             return received[start : end.end()].decode("utf-8", errors="replace"), received[end.end() :]
     if len(received) > _LONGEST:
-        raise ConnectionError("the controller sends something else than elements of XML")
+        raise ConnectionError(message("the controller sends something else than elements of XML"))
     return None
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from calib_core.robots import parse_pose
 from server.sources.device import Sample, host_now_s
 from server.sources.pose_settings import ToolAndFrame, axis_number, flange_by_joints, flange_of
@@ -39,7 +40,7 @@ def parse_telegram(text: str) -> Told:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise InputError(
-            "a telegram of RSI or EKI", f"XML that cannot be read ({error})", "Send it whole."
+            "a telegram of RSI or EKI", "XML that cannot be read ({error})", "Send it whole.", error=error
         ) from None
     told: dict[str, tuple[float, ...]] = {}
     for element in root.iter():
@@ -63,7 +64,7 @@ def sample_of(told: Told, settings: ToolAndFrame, table_axis: str | None) -> Sam
         pose = flange_of(settings, "kuka", parse_pose("kuka", list(told.pose)))
     table_deg = axis_number(table_axis, told.external)
     if pose is None and table_deg is None:
-        got = "a telegram with neither"
+        got = message("a telegram with neither")
         raise InputError("X, Y, Z, A, B, C of the robot", got, "Add DEF_RIst to what the controller sends.")
     return Sample(host_now_s(), told.clock_s, pose, told.joints_deg or None, table_deg)
 
@@ -72,4 +73,4 @@ def _number(text: str, name: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"a number of {name}", repr(text[:20]), "Send it as 123.456.", name) from None
+        raise InputError("a number of {name}", repr(text[:20]), "Send it as 123.456.", name, name=name) from None

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.robots import parse_pose
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.pose_settings import Host, Interval, Pace, Port
@@ -69,7 +70,7 @@ class KukaVarProxy:
         number, size = struct.unpack(">HH", self._stream.exactly(4))
         answer = self._stream.exactly(size)
         if number != self._number or size < 3:
-            raise ConnectionError("the answer is to another question")
+            raise ConnectionError(message("the answer is to another question"))
         (length,) = struct.unpack(">H", answer[1:3])
         return answer[3 : 3 + length].decode("latin-1")
 
@@ -87,7 +88,7 @@ def _numbers(text: str) -> dict[str, float]:
 def _frame(text: str, name: str) -> RigidTransform:
     numbers = _numbers(text)
     if not set(_LETTERS) <= set(numbers):
-        raise InputError(f"a frame in {name}", repr(text[:60]), "Check that the program runs.", name)
+        raise InputError("a frame in {name}", repr(text[:60]), "Check that the program runs.", name, name=name)
     return parse_pose("kuka", [numbers[letter] for letter in _LETTERS])
 
 

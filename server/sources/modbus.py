@@ -6,6 +6,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.pose_settings import Host, Interval, Pace, Port
 from server.sources.source import Settings, Source
@@ -37,7 +38,7 @@ def modbus_client(host: str, port: int) -> Any:
     logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
     client = ModbusTcpClient(host, port=port, timeout=1.0, retries=0)
     if not client.connect():
-        raise ConnectionError(f"nobody answers at {host}:{port}")
+        raise ConnectionError(message("nobody answers at {host}:{port}", host=host, port=port))
     return client
 
 
@@ -69,7 +70,7 @@ class Modbus:
 
     def _answer(self, answer: Any) -> Any:
         if answer.isError():
-            got = f"the exception {getattr(answer, 'exception_code', answer)}"
+            got = message("the exception {answer}", answer=getattr(answer, "exception_code", answer))
             raise InputError("a register's value", got, "Check address, type and device id.", "address")
         return answer
 

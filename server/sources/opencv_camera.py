@@ -4,6 +4,7 @@ from typing import Any
 
 from pydantic import Field
 
+from calib_core.messages import message
 from server.sources.device import Description, Frame, host_now_s
 from server.sources.lossless import lossless
 from server.sources.source import Settings, Source
@@ -35,7 +36,7 @@ class OpenCvCamera:
         is_address = isinstance(place, str) and "://" in place
         self._camera = cv2.VideoCapture(place, cv2.CAP_FFMPEG, limits) if is_address else cv2.VideoCapture(place)
         if not self._camera.isOpened():
-            raise ConnectionError(f"no camera at {settings.camera}")
+            raise ConnectionError(message("no camera at {camera}", camera=settings.camera))
         for name, value in (
             (cv2.CAP_PROP_FRAME_WIDTH, settings.width),
             (cv2.CAP_PROP_FRAME_HEIGHT, settings.height),
@@ -56,7 +57,7 @@ class OpenCvCamera:
         """Return the next frame; raises ConnectionError where the camera is gone."""
         found, image = self._camera.read()
         if not found:
-            raise ConnectionError("the camera sends no frames")
+            raise ConnectionError(message("the camera sends no frames"))
         if self._settings.gray and image.ndim == 3:
             image = self._cv2.cvtColor(image, self._cv2.COLOR_BGR2GRAY)
         self._number += 1

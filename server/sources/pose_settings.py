@@ -53,7 +53,12 @@ def axis_number(axis: str | None, values: Sequence[float]) -> float | None:
     place = int(axis[1:]) - 1
     if place >= len(values):
         raise InputError(
-            f"the external axis {axis}", f"{len(values)} external axes", "Name another.", "table_axis"
+            "the external axis {axis}",
+            "{count} external axes",
+            "Name another.",
+            "table_axis",
+            axis=axis,
+            count=len(values),
         )
     return values[place]
 

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.robots import parse_pose
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.pose_settings import flange_by_joints
@@ -120,16 +121,16 @@ class Rosbridge:
         from websockets.exceptions import ConnectionClosed
 
         try:
-            message = json.loads(self._bridge.recv(_WAIT_S))
+            heard = json.loads(self._bridge.recv(_WAIT_S))
         except TimeoutError:
             return None
         except ConnectionClosed as error:
-            raise ConnectionError(f"the bridge closed the connection ({error})") from None
+            raise ConnectionError(message("the bridge closed the connection ({error})", error=error)) from None
         except ValueError:
             raise InputError("JSON from the bridge", "something else", "Check the address.", "url") from None
-        if not isinstance(message, dict):
+        if not isinstance(heard, dict):
             raise InputError("an operation of rosbridge", "another value", "Check the address.", "url")
-        told = cast("dict[str, Any]", message)
+        told = cast("dict[str, Any]", heard)
         if told.get("op") == "status" and told.get("level") == "error":
             raise InputError("a subscription", str(told.get("msg"))[:200], "Check topics and types.", "topic")
         kind = self._topics.get(str(told.get("topic")))
@@ -138,8 +139,10 @@ class Rosbridge:
         try:
             return self._heard(kind, told["msg"], is_static=told["topic"] == "/tf_static")
         except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-            got = f"one without {error}"
-            raise InputError(f"a message of {_TYPES[kind]}", got, "Check the topic's type.", kind) from None
+            got = message("one without {error}", error=error)
+            raise InputError(
+                "a message of {types}", got, "Check the topic's type.", kind, types=_TYPES[kind]
+            ) from None
 
     def _heard(self, kind: str, message: dict[str, Any], *, is_static: bool) -> Sample | None:
         if kind == "pose":

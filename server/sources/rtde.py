@@ -5,6 +5,7 @@ import struct
 from pydantic import Field
 
 from calib_core.errors import InputError
+from calib_core.messages import message, plural
 from calib_core.robots import parse_pose
 from server.sources.device import Description, Sample, host_now_s
 from server.sources.pose_settings import Host, Port
@@ -39,10 +40,10 @@ class Rtde:
         self._stream = TcpStream(settings.host, settings.port, _WAIT_S)
         try:
             if self._ask(VERSION, struct.pack(">H", 2)) != b"\x01":
-                raise ConnectionError("the controller does not speak version 2 of RTDE")
+                raise ConnectionError(message("the controller does not speak version 2 of RTDE"))
             self._names, self._types = self._outputs(settings.frequency_hz, (*_WANTED, _OFFSET))
             if self._ask(START, b"") != b"\x01":
-                raise ConnectionError("the controller does not start to send")
+                raise ConnectionError(message("the controller does not start to send"))
         except BaseException:
             self._stream.close()
             raise
@@ -60,7 +61,9 @@ class Rtde:
         counts = [_NUMBERS[type_] for type_ in self._types]
         if len(payload) != 1 + 8 * sum(counts):
             raise InputError(
-                "a package as it was agreed", f"{len(payload)} bytes", "Restart the controller's RTDE."
+                "a package as it was agreed",
+                plural("{count} byte", "{count} bytes", by="count", count=len(payload)),
+                "Restart the controller's RTDE.",
             )
         numbers = struct.unpack(f">{sum(counts)}d", payload[1:])
         told: dict[str, tuple[float, ...]] = {}
@@ -91,7 +94,13 @@ class Rtde:
         if len(types) == len(names) and types[-1] == "NOT_FOUND" and names[-1] == _OFFSET:
             return self._outputs(frequency_hz, _WANTED)
         if len(types) != len(names) or not set(types) <= set(_NUMBERS):
-            raise ConnectionError(f"the controller does not tell {', '.join(names)} ({', '.join(types)})")
+            raise ConnectionError(
+                message(
+                    "the controller does not tell {names} ({types})",
+                    names=", ".join(names),
+                    types=", ".join(types),
+                )
+            )
         return names, types
 
     def _ask(self, kind: int, payload: bytes) -> bytes:
@@ -104,7 +113,7 @@ class Rtde:
     def _package(self) -> tuple[int, bytes]:
         size, kind = struct.unpack(">HB", self._stream.exactly(3))
         if size < 3:
-            raise ConnectionError("the controller sends something else than RTDE")
+            raise ConnectionError(message("the controller sends something else than RTDE"))
         return kind, self._stream.exactly(size - 3)
 
 

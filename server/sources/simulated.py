@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from calib_core.errors import ConflictError
+from calib_core.messages import message
 from calib_core.records import Capture, StepName
 from server.sources.source import Occasion, Settings, Source, Taken
 
 if TYPE_CHECKING:
     from calib_core.simulation import SimulatedSession
+
+_TO_VERIFY = 10_007  # apart from the seeds of other captures
 
 
 class SimulatedSettings(Settings):
@@ -83,9 +86,16 @@ def next_capture(
     for capture in left:
         if step in (None, capture.step):
             return capture, {name: simulated.files[name] for name in capture.files}
+    if step == "verify":
+        from calib_core.simulation import to_verify
+
+        number, name = next((n, name) for n in count(1) if (name := f"v{n:02d}") not in taken)
+        return to_verify(simulated, name, seed + _TO_VERIFY * number)
     raise ConflictError(
         "a capture that the simulated cell has not delivered yet",
-        f"all of its captures{f' for the step {step}' if step else ''} in this session",
+        message("all of its captures for the step {step} in this session", step=step)
+        if step
+        else "all of its captures in this session",
         "Solve now; or remove a capture to take it again.",
     )
 

@@ -78,6 +78,8 @@ class Source:
         The extra of this package that must be installed: `pip install scancell[opcua]`.
     clock : "every-reading", "on-change" or "none"
         What the device time of its readings means; by it a stream that repeats one reading is told.
+    is_asked : bool
+        `read` looks anew each time: that there is nothing new is a sign of life as well.
     """
 
     name: str
@@ -89,6 +91,7 @@ class Source:
     delivers: tuple[Role, ...] = ()
     extra: str | None = None
     clock: Clock = "none"
+    is_asked: bool = False
 
     def describe(self) -> dict[str, Any]:
         """Return the entry as JSON data, with the JSON Schema of its settings."""

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 
 from calib_core.errors import CalibrationError
+from calib_core.messages import message
 
 _CONNECT_S = 2.0
 _PIECE_BYTES = 8192
@@ -66,5 +67,5 @@ class TcpStream:
     def _receive(self) -> None:
         more = self._socket.recv(_PIECE_BYTES)
         if not more:
-            raise ConnectionError("the controller closed the connection")
+            raise ConnectionError(message("the controller closed the connection"))
         self._rest += more

@@ -26,9 +26,10 @@ def stored_answer(db: Transaction, scope: str, key: str, fingerprint: str) -> An
     if row is not None and row.fingerprint != fingerprint:
         raise ConflictError(
             "a new Idempotency-Key for new content",
-            f"'{key}', which was sent with other content before",
+            "'{key}', which was sent with other content before",
             "Send a fresh key with each new request; repeat a key only with the very same content.",
             "Idempotency-Key",
+            key=key,
         )
     return row
 

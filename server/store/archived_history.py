@@ -86,7 +86,11 @@ def read_history(bag: Bag) -> ArchivedHistory:
         place = f"{where}: results[{number}]"
         if result.stage not in stage_names():
             raise InputError(
-                "a stage among " + ", ".join(stage_names()), repr(result.stage[:60]), "Pack it again.", place
+                "a stage among {stage_names}",
+                repr(result.stage[:60]),
+                "Pack it again.",
+                place,
+                stage_names=", ".join(stage_names()),
             )
         if result.record is not None:
             require_result(result.stage, result.record, place)

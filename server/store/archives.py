@@ -22,6 +22,7 @@ from calib_core.archive.folder import SESSION_FILE, to_json_bytes
 from calib_core.archive.stored_clouds import REFERENCE_FILE
 from calib_core.archive.stored_results import output_names
 from calib_core.errors import CalibrationError, ConflictError, InputError
+from calib_core.messages import message
 from calib_core.records import FORMAT, Measured, Session
 from calib_core.steps import stage_names
 from server.measuring import Measure, check_poses, measure
@@ -88,7 +89,7 @@ def pack_stored(
     }
     for name, digest in stored.digests.items():
         if plain_name(name) in payload:
-            got = f"a capture's file named {name}"
+            got = message("a capture's file named {name}", name=name)
             raise ConflictError("a name of its own for each file", got, "Rename the file.", stored.id)
         payload[plain_name(name)] = partial(stored.blobs.open, digest)
     pack_files(stored.session, payload, out, stored.id)
@@ -169,14 +170,16 @@ def _require_storable(archived: ArchivedSession) -> None:
     where = f"{_WHERE}: {SESSION_FILE}"
     if len(archived.session.name) > _MAX_NAME:
         got = f"{len(archived.session.name)}"
-        raise InputError(f"a name of at most {_MAX_NAME} characters", got, "Shorten it.", where)
+        raise InputError("a name of at most {max_name} characters", got, "Shorten it.", where, max_name=_MAX_NAME)
     for stage in archived.results:
         if stage not in stage_names():
             raise InputError(
-                "results of the stages " + ", ".join(stage_names()),
-                f"one of '{stage[:60]}'",
+                "results of the stages {stage_names}",
+                "one of '{stage}'",
                 "Import it with a version of scancell that solves this stage.",
                 f"{_WHERE}: results",
+                stage_names=", ".join(stage_names()),
+                stage=stage[:60],
             )
     if any(len(set(capture.files)) != len(capture.files) for capture in archived.session.captures):
         raise InputError("file names that differ", "one that stands twice", "Name each file once.", where)

@@ -18,6 +18,7 @@ from calib_core.archive.folder import parse_json, to_json_bytes
 from calib_core.disk import remove_file, remove_folder
 from calib_core.errors import ConflictError, DamagedError, InputError, NotFoundError
 from calib_core.formats.shared.writing import write_atomically
+from calib_core.messages import message
 from calib_core.moment import now
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
@@ -110,7 +111,7 @@ def _written(settings: Settings, source: Blobs, target: Path, progress: Progress
             return backup
     finally:
         engine.dispose()
-    to_do = "Make the backup when fewer sessions are being removed."
+    to_do = message("Make the backup when fewer sessions are being removed.")
     raise ConflictError("a store that rests for a moment", "files removed while they were copied", to_do)
 
 
@@ -213,7 +214,9 @@ def restore(source: Path, settings: Settings) -> Backup:
         try:
             with engine.execution_options(writing=True).begin() as connection:
                 if stored_revision(connection) is not None:
-                    to_do = "Name a new data folder (or an empty database), and change over when all is there."
+                    to_do = message(
+                        "Name a new data folder (or an empty database), and change over when all is there."
+                    )
                     raise ConflictError("a place without a store", "one", to_do, str(settings.data))
                 upgrade(connection, manifest["revision"])
                 _fill(connection, source / manifest["tables"], manifest)
@@ -230,11 +233,13 @@ def restore(source: Path, settings: Settings) -> Backup:
 def _manifest(source: Path) -> dict[str, Any]:
     file = source / MANIFEST
     if not file.is_file():
-        to_do = "Name the folder that `scancell backup --out` wrote."
-        raise InputError(f"a backup with {MANIFEST}", "none there", to_do, str(source))
+        to_do = message("Name the folder that `scancell backup --out` wrote.")
+        raise InputError("a backup with {manifest}", "none there", to_do, str(source), manifest=MANIFEST)
     manifest = parse_json(file.read_bytes(), str(file))
     if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
-        raise InputError(f"a backup of the form {_FORMAT}", "another", "Use the version that wrote it.", str(file))
+        raise InputError(
+            "a backup of the form {format}", "another", "Use the version that wrote it.", str(file), format=_FORMAT
+        )
     return manifest
 
 
@@ -252,8 +257,8 @@ def _fill(connection: sa.Connection, folder: Path, manifest: Mapping[str, Any]) 
         if batch:
             connection.execute(sa.insert(table), batch)
         if digest.hexdigest() != manifest["sha256"].get(table.name):
-            got, to_do = "another content", "Use another backup."
-            raise DamagedError(f"{table.name}.jsonl as it was written", got, to_do, str(folder))
+            got, to_do = message("another content"), message("Use another backup.")
+            raise DamagedError("{table}.jsonl as it was written", got, to_do, str(folder), table=table.name)
         _renumber(connection, table)
 
 
@@ -262,7 +267,9 @@ def _lines(path: Path) -> Iterator[bytes]:
         with path.open("rb") as file:
             yield from file
     except FileNotFoundError:
-        raise NotFoundError(f"the table {path.name}", "nothing", "Use another backup.", str(path)) from None
+        raise NotFoundError(
+            "the table {file}", "nothing", "Use another backup.", str(path), file=path.name
+        ) from None
 
 
 def _renumber(connection: sa.Connection, table: sa.Table) -> None:

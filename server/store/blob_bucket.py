@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from calib_core.errors import DamagedError, InputError, NotFoundError
+from calib_core.messages import message
 from server.store.blobs import YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
 
 _ATTEMPTS: Final = 3
@@ -155,8 +156,10 @@ class BucketBlobs(Blobs):
             with _named(self._bucket):
                 self._client.head_bucket(Bucket=self._bucket)
         except (ClientError, OSError) as error:
-            to_do = "Make the bucket, or name another in SCANCELL_BLOBS; check the keys and SCANCELL_S3_ENDPOINT."
-            raise InputError(f"the bucket {self._bucket}", str(error), to_do, "blobs") from None
+            to_do = message(
+                "Make the bucket, or name another in SCANCELL_BLOBS; check the keys and SCANCELL_S3_ENDPOINT."
+            )
+            raise InputError("the bucket {bucket}", str(error), to_do, "blobs", bucket=self._bucket) from None
 
 
 @contextmanager
@@ -187,7 +190,7 @@ def _client(endpoint: str | None, timeout_s: float = _TIMEOUT_S, attempts: int =
         import boto3
         from botocore.config import Config
     except ImportError:
-        to_do = "Install it: pip install 'scancell[s3]'; or leave SCANCELL_BLOBS out."
+        to_do = message("Install it: pip install 'scancell[s3]'; or leave SCANCELL_BLOBS out.")
         raise InputError("the extra 's3' for blobs in an S3 store", "an installation without it", to_do) from None
     config = Config(
         connect_timeout=timeout_s,

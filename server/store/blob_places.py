@@ -2,6 +2,7 @@
 
 from calib_core.archive.observation_store import KeptObservations
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.settings import BlobPlace
 from server.store.blobs import Blobs
 
@@ -27,7 +28,9 @@ def _opened(place: BlobPlace, make: bool) -> Blobs:
 
         return FolderBlobs(place.folder, make)
     if not place.bucket.startswith(_S3):
-        to_do = "Write SCANCELL_BLOBS=s3://bucket or s3://bucket/prefix; leave it out for the data folder."
+        to_do = message(
+            "Write SCANCELL_BLOBS=s3://bucket or s3://bucket/prefix; leave it out for the data folder."
+        )
         raise InputError("an S3 address", repr(place.bucket), to_do, "blobs")
     from server.store.blob_bucket import BucketBlobs
 

@@ -8,6 +8,7 @@ from typing import IO
 
 from calib_core.captures.observation_cache import Keeper
 from calib_core.errors import DamagedError, NotFoundError
+from calib_core.messages import message
 
 Pieces = Iterable[bytes | memoryview]
 YOUNG_S = 3600.0
@@ -117,12 +118,16 @@ def digest_of(file: IO[bytes]) -> str:
 
 def missing(digest: str) -> NotFoundError:
     """Return the error that a blob is not there."""
-    to_do = "Put it back from a backup, or upload the capture again; `scancell doctor` names what else is missing."
-    return NotFoundError(f"the stored file {digest[:12]}…", "nothing in its place", to_do, "blobs")
+    to_do = message(
+        "Put it back from a backup, or upload the capture again; `scancell doctor` names what else is missing."
+    )
+    return NotFoundError("the stored file {digest}…", "nothing in its place", to_do, "blobs", digest=digest[:12])
 
 
 def require_same(digest: str, found: str) -> None:
     """Refuse content that is not what was stored; raises DamagedError."""
     if digest != found:
-        to_do = "Put it back from a backup; `scancell doctor` names what else is damaged."
-        raise DamagedError(f"the stored file {digest[:12]}… as it was stored", "another content", to_do, "blobs")
+        to_do = message("Put it back from a backup; `scancell doctor` names what else is damaged.")
+        raise DamagedError(
+            "the stored file {digest}… as it was stored", "another content", to_do, "blobs", digest=digest[:12]
+        )

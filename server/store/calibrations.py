@@ -9,6 +9,8 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.captures.content import shows_board
 from calib_core.captures.raw_frames import of_frames
 from calib_core.captures.stripe_frames import with_solved_calibration
+from calib_core.findings import measured_with
+from calib_core.findings.codes.quality import LIGHT_PLANE_OUTDATED
 from calib_core.graph.keys import Graph
 from calib_core.records import Capture, Measured, Session, parse_capture
 from calib_core.steps import optics_stages, steps_that_show
@@ -16,8 +18,6 @@ from server.store.backlog import measure_anew
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, ResultRow
 from server.store.sessions import StoredSession, load_session
-
-_OUTDATED = "It is measured with the plane of light as it was solved before its captures changed."
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,8 @@ class Calibrated:
 
     def told(self, measured: Measured) -> Measured:
         """Return what was measured, with a doubt where the plane of light is not up to date."""
-        if not self.outdated or measured.verdict == "fail" or measured.reason:
-            return measured
-        to_do = "Solve the laser plane again; this capture is then measured again."
-        return measured.model_copy(update={"verdict": "warn", "reason": _OUTDATED, "to_do": to_do})
+        doubtful = self.outdated and measured.verdict == "pass"
+        return measured_with(measured, [LIGHT_PLANE_OUTDATED()]) if doubtful else measured
 
 
 def needs_calibration(capture: Capture) -> bool:

@@ -110,18 +110,21 @@ def _refusal(
     if capture.id in taken_ids:
         return ConflictError(
             "a capture id that is new in this session",
-            f"'{capture.id}', which is there already",
+            "'{capture}', which is there already",
             "Give the capture another id, or remove the stored one first.",
             capture.id,
+            capture=capture.id,
         )
     for name, digest in digests.items():
         known, owner = taken_names.get(name, (digest, ""))
         if known != digest:
             return ConflictError(
                 "file names that are new in this session",
-                f"{name}, which capture '{owner}' has with other content",
+                "{name}, which capture '{owner}' has with other content",
                 "Name the file otherwise in the record's `files`.",
                 capture.id,
+                name=name,
+                owner=owner,
             )
     return None
 

@@ -1,27 +1,32 @@
 """Captures of a session: immutable files, a record that can be corrected, and what was measured."""
 
 import json
+from collections.abc import Callable
 
 from sqlalchemy import Text, cast, delete, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import NotFoundError
+from calib_core.findings import measured_as_read
+from calib_core.messages import message
 from calib_core.records import Measured
 from server.store.database import record_event
 from server.store.models import CaptureRow, Data, FileRow, SessionRow, required
 from server.store.paging import after_cursor, page_of
 from server.store.sessions import touch
 
+Read = Callable[[Data], Data]
 
-def capture_data(row: CaptureRow) -> Data:
-    """Return a capture's record with what was measured in it."""
-    return {**row.record, "measured": row.measured}
+
+def capture_data(row: CaptureRow, read: Read = measured_as_read) -> Data:
+    """Return a capture's record with what was measured in it, as `read` gives it."""
+    return {**row.record, "measured": read(row.measured)}
 
 
 def capture_row(db: Transaction, session_id: str, capture_id: str) -> CaptureRow:
     """Return a capture's row; raises NotFoundError."""
-    row, to_do = db.get(CaptureRow, (session_id, capture_id)), "List the session's captures."
-    return required(row, "the id of a capture of this session", repr(capture_id), to_do, "capture")
+    row, to_do = db.get(CaptureRow, (session_id, capture_id)), message("List the session's captures.")
+    return required(row, message("the id of a capture of this session"), repr(capture_id), to_do, "capture")
 
 
 def capture_ids(db: Transaction, session_id: str) -> set[str]:
@@ -29,10 +34,13 @@ def capture_ids(db: Transaction, session_id: str) -> set[str]:
     return set(db.scalars(select(CaptureRow.id).where(CaptureRow.session_id == session_id)))
 
 
-def list_captures(db: Transaction, session_id: str, limit: int, cursor: str | None) -> str:
-    """Return a page of captures in the order of their arrival, as JSON text.
+def list_captures(
+    db: Transaction, session_id: str, limit: int, cursor: str | None, read: Read | None = None
+) -> str:
+    """Return a page of captures in the order of their arrival, as JSON text; what was measured as `read` gives it.
 
-    It is put together from the texts that are stored: reading and writing them again would take most of the time.
+    Without `read` it is put together from the texts that are stored: reading and writing them again would take
+    most of the time.
     """
     (position,) = after_cursor(cursor, int) if cursor is not None else (0,)
     query = select(CaptureRow.position, cast(CaptureRow.record, Text), cast(CaptureRow.measured, Text)).where(
@@ -40,8 +48,15 @@ def list_captures(db: Transaction, session_id: str, limit: int, cursor: str | No
     )
     rows = list(db.execute(query.order_by(CaptureRow.position).limit(limit + 1)))
     page = page_of(rows, limit, lambda row: [row[0]])
-    items = ", ".join(f'{record.rstrip()[:-1]}, "measured": {measured}}}' for _, record, measured in page["items"])
+    rows = [(record.rstrip()[:-1], measured) for _, record, measured in page["items"]]
+    items = ", ".join(f'{record}, "measured": {_as_text(measured, read)}}}' for record, measured in rows)
     return f'{{"items": [{items}], "next": {json.dumps(page["next"])}}}'
+
+
+def _as_text(measured: str, read: Read | None) -> str:
+    if read is None and '"findings"' in measured:
+        return measured
+    return json.dumps((read or measured_as_read)(json.loads(measured)), allow_nan=False)
 
 
 def change_capture(
@@ -75,10 +90,11 @@ def file_digest(db: Transaction, session_id: str, capture_id: str, name: str) ->
     matching = [n for n in digests if n == name] or [n for n in digests if n.rsplit("/", 1)[-1] == name]
     if len(matching) != 1:
         raise NotFoundError(
-            f"one of this capture's files: {', '.join(sorted(digests)) or 'it has none'}",
+            "one of this capture's files: {digests}",
             repr(name),
             "Take a name from the capture's `files`.",
             capture_id,
+            digests=", ".join(sorted(digests)) or "it has none",
         )
     return digests[matching[0]]
 

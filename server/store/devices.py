@@ -8,6 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.disk import replace_file
+from calib_core.messages import message
 from server.store.models import Data, DeviceRow, required
 
 _SECRETS_FILE = "device-secrets.json"
@@ -25,8 +26,8 @@ def connected_devices(db: Transaction) -> list[DeviceRow]:
 
 def device_row(db: Transaction, cell: str, name: str) -> DeviceRow:
     """Return a device; raises NotFoundError."""
-    row, to_do = db.get(DeviceRow, (cell, name)), "List the session's devices."
-    return required(row, "a device of this cell", repr(name[:64]), to_do, "device")
+    row, to_do = db.get(DeviceRow, (cell, name)), message("List the session's devices.")
+    return required(row, message("a device of this cell"), repr(name[:64]), to_do, "device")
 
 
 class DeviceSecrets:

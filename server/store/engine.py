@@ -10,6 +10,7 @@ from sqlalchemy.exc import ArgumentError
 
 from calib_core.disk import is_remote
 from calib_core.errors import InputError
+from calib_core.messages import message
 from server.store.json_text import JsonText
 
 _TIMEOUTS = {
@@ -39,11 +40,14 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
     try:
         address = make_url(url)
     except ArgumentError:
-        got, to_do = "something else", "Write SCANCELL_DATABASE_URL=postgresql://user@host/database."
+        got, to_do = (
+            message("something else"),
+            message("Write SCANCELL_DATABASE_URL=postgresql://user@host/database."),
+        )
         raise InputError("the address of a database", got, to_do, "database_url") from None
     kind = address.get_backend_name()
     if kind not in ("sqlite", "postgresql"):
-        to_do = "Name a PostgreSQL database, or leave SCANCELL_DATABASE_URL out."
+        to_do = message("Name a PostgreSQL database, or leave SCANCELL_DATABASE_URL out.")
         raise InputError("an address that begins with postgresql:// or sqlite:///", kind, to_do, "database_url")
     if kind == "sqlite":
         engine = create_engine(
@@ -67,7 +71,7 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
             connect_args=_TIMEOUTS,
         )
     except ModuleNotFoundError:
-        to_do = "Install it: pip install 'scancell[postgres]'; or leave SCANCELL_DATABASE_URL out."
+        to_do = message("Install it: pip install 'scancell[postgres]'; or leave SCANCELL_DATABASE_URL out.")
         raise InputError("the extra 'postgres'", "an installation without it", to_do, "database_url") from None
 
 

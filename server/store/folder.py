@@ -7,6 +7,7 @@ from pathlib import Path
 
 from calib_core.disk import LONGEST_PLAIN, WINDOWS
 from calib_core.errors import ConflictError, InputError
+from calib_core.messages import message
 from server.settings import Settings
 from server.store.file_lock import try_lock
 
@@ -25,8 +26,11 @@ def folder_lock(folder: Path) -> Generator[None]:
         If another server uses it.
     """
     if WINDOWS and len(str(folder.absolute())) > _LONGEST_ON_WINDOWS:
-        need = f"a data folder whose path has at most {_LONGEST_ON_WINDOWS} characters"
-        got = f"{len(str(folder.absolute()))}: Windows ends a path at 260"
+        need = message(
+            "a data folder whose path has at most {longest_on_windows} characters",
+            longest_on_windows=_LONGEST_ON_WINDOWS,
+        )
+        got = message("{count}: Windows ends a path at 260", count=len(str(folder.absolute())))
         raise InputError(need, got, "Choose another with --data.", str(folder))
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -54,5 +58,5 @@ def folder_lock(folder: Path) -> Generator[None]:
 def require_store(settings: Settings) -> None:
     """Refuse a data folder in which no server has stored anything yet; raises InputError."""
     if settings.database_url is None and not (settings.data / "scancell.db").is_file():
-        to_do = "Name the folder that `scancell serve --data` uses."
+        to_do = message("Name the folder that `scancell serve --data` uses.")
         raise InputError("a data folder with a store", "none there", to_do, str(settings.data))

@@ -8,7 +8,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import undefer
 
+from calib_core.captures.measured import measured_of
 from calib_core.errors import InputError, NotFoundError
+from calib_core.findings import verdict_of
+from calib_core.findings.codes.quality import FILES_REMOVED
+from calib_core.messages import message
 from calib_core.records import Capture, Measured, Session, parse_session
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, JobRow, ResultRow
@@ -17,8 +21,6 @@ from server.store.solves import ALL, REPLAY
 
 if TYPE_CHECKING:
     from calib_core.review.compare import Compared
-
-_REMOVED = "Its files were removed since."
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,11 @@ def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment
     items = timeline(db, session_id)
     if not 0 <= place < len(items):
         raise NotFoundError(
-            f"a place on the time line from 0 to {len(items) - 1}", f"{place}", "Read the time line.", "place"
+            "a place on the time line from 0 to {count}",
+            f"{place}",
+            "Read the time line.",
+            "place",
+            count=len(items) - 1,
         )
     stored = load_session(db, blobs, session_id)
     if place == len(items) - 1:
@@ -117,7 +123,7 @@ def past_result(db: Transaction, session_id: str, stage: str, number: int | None
     """Return a result of a stage by its number, or the latest; raises NotFoundError."""
     found = [r for r in stage_history(db, session_id, stage) if number is None or r.number == number]
     if not found:
-        got = f"'{stage}', which was not solved" if number is None else f"{number}"
+        got = message("'{stage}', which was not solved", stage=stage) if number is None else f"{number}"
         raise NotFoundError(
             "a result of this stage", got, "List its history; solve the stage where it is empty.", "number"
         )
@@ -159,7 +165,7 @@ def _past(row: ResultRow) -> PastResult:
         number=row.number,
         stage=row.stage,
         created=row.created,
-        record=row.record,
+        record=row.proved(),
         session=parse_session(solved_from["session"], row.session_id) if solved_from else None,
         files=solved_from["files"] if solved_from else {},
     )
@@ -186,7 +192,8 @@ def _captures(db: Transaction, session_id: str, past: Sequence[PastResult]) -> I
                 continue
             told.add(capture.id)
             data = {"kind": "capture", "at": result.created, "capture": capture.id, "step": capture.step}
-            yield (result.created, 0, position), {**data, "verdict": "warn", "removed": True}
+            verdict = verdict_of([FILES_REMOVED()])
+            yield (result.created, 0, position), {**data, "verdict": verdict, "removed": True}
 
 
 def _results(past: Sequence[PastResult]) -> Iterator[_Item]:
@@ -226,8 +233,6 @@ def _measured_then(stored: StoredSession, session: Session, before: Sequence[Dat
     """Return what was measured; of a capture that was removed it is not known any more."""
     removed = {item["capture"]: item["removed"] for item in before if item["kind"] == "capture"}
     return {
-        capture.id: Measured(capture=capture.id, kind=capture.kind, verdict="warn", reason=_REMOVED)
-        if removed[capture.id]
-        else stored.measured[capture.id]
+        capture.id: measured_of(capture, [FILES_REMOVED()]) if removed[capture.id] else stored.measured[capture.id]
         for capture in session.captures
     }

@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
 
+from calib_core.archive.seals import seal_state, with_provenance
 from calib_core.errors import NotFoundError
 
 Data = dict[str, Any]
@@ -132,6 +133,10 @@ class ResultRow(Base):
     record: Mapped[Data]
     solved_from: Mapped[Data | None] = mapped_column(deferred=True)
 
+    def proved(self) -> Data:
+        """Return the record with the provenance that its seal proves."""
+        return with_provenance(self.record)
+
     __table_args__ = (Index("results_by_stage", "session_id", "stage", "number"),)
 
 
@@ -206,6 +211,16 @@ class ReleaseRow(Base):
     why: Mapped[str]
     created: Mapped[str] = mapped_column(String(32))
     answer: Mapped[Data]
+
+    def about(self) -> Data:
+        """Return what its seal says beside the answer."""
+        return self.fields("cell", "session_id", "action", "who", "why", "created")
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is as it was stored here, by the seal of its answer."""
+        seal = self.answer.get("seal") or {}
+        return bool(seal_state(self.answer)) and self.about() == {name: seal.get(name) for name in self.about()}
 
     __table_args__ = (Index("releases_by_cell", "cell", "number"),)
 

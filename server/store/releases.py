@@ -5,7 +5,9 @@ from collections.abc import Iterator
 from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session as Transaction
 
+from calib_core.archive.seals import sealed
 from calib_core.errors import ConflictError, NotFoundError
+from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.review.answer import cell_id_of
 from calib_core.review.drift import SolvedSession
@@ -59,8 +61,8 @@ def require_not_in_force(db: Transaction, session: SessionRow) -> None:
     """Refuse to remove what the answer in force was solved from."""
     rows = _releases(db, session.cell_id, 1)
     if rows and rows[0].session_id == session.id:
-        to_do = "Set `archived`, or leave captures out with `excluded`; or release another answer first."
-        got = f"evidence of the answer in force for cell {session.cell_id}"
+        to_do = message("Set `archived`, or leave captures out with `excluded`; or release another answer first.")
+        got = message("evidence of the answer in force for cell {cell_id}", cell_id=session.cell_id)
         raise ConflictError("a session whose answer is not in force", got, to_do, session.id)
 
 
@@ -68,7 +70,7 @@ def released(db: Transaction, cell: str) -> ReleaseRow:
     """Return what is in force for a cell; raises NotFoundError where nothing was released."""
     rows = _releases(db, cell, 1)
     if not rows:
-        to_do = "POST …/sessions/{id}/release one of its answers."
+        to_do = message("POST …/sessions/{id}/release one of its answers.")
         raise NotFoundError("a cell with a released answer", repr(cell[:80]), to_do, "cell")
     return rows[0]
 
@@ -97,7 +99,7 @@ def earlier_release(db: Transaction, cell: str, number: int | None = None) -> Re
                 "the number of one of the cell's releases", f"{number}", "Read its history.", "number"
             )
     else:
-        found = next((row for row in rows if row.answer != present.answer), None)
+        found = next((row for row in rows if _plain(row) != _plain(present)), None)
         if found is None:
             raise ConflictError("an earlier release", "none but the present one", "Release another answer.", cell)
     return found
@@ -116,10 +118,16 @@ def release_data(row: ReleaseRow) -> Data:
     return {**data, "session": row.session_id, **told}
 
 
+def _plain(row: ReleaseRow) -> Data:
+    """Return the answer without its seal, which tells when and by whom it was released."""
+    return {name: value for name, value in row.answer.items() if name != "seal"}
+
+
 def _add(db: Transaction, cell: str, session_id: str, action: str, answer: Data, who: str, why: str) -> ReleaseRow:
     row = ReleaseRow(
         cell=cell, session_id=session_id, action=action, answer=answer, who=who, why=why, created=now()
     )
+    row.answer = sealed(answer, row.about())
     db.add(row)
     db.flush()
     told = release_data(row)

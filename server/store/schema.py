@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import Connection
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 if TYPE_CHECKING:
     from alembic.config import Config
@@ -30,7 +31,7 @@ def upgrade(connection: Connection, revision: str = "heads") -> None:
     try:
         command.upgrade(config, revision)
     except CommandError as error:  # it does not know the revision that it finds
-        to_do = "Use the version of scancell that wrote it, or a later one."
+        to_do = message("Use the version of scancell that wrote it, or a later one.")
         raise InputError("a store of this version or an earlier one", str(error), to_do, "store") from None
 
 

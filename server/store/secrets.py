@@ -4,16 +4,15 @@ Nobody guesses 256 random bits, so the hash need not be slow. Its key is a file 
 nothing that stands in the database lets anybody in, and nobody can put a token of their own there.
 """
 
-import os
 import re
 import secrets
-from contextlib import suppress
 from hashlib import sha256
 from hmac import new as keyed_hash
 from pathlib import Path
 
-from calib_core.disk import remove_file, rename_new
+from calib_core.disk import write_private
 from calib_core.errors import InputError
+from calib_core.messages import plural
 
 KEY_FILE = "login.key"
 _KEY_BYTES = 32
@@ -31,14 +30,15 @@ def load_key(data: Path) -> bytes:
     path = data / KEY_FILE
     if not path.exists():
         data.mkdir(parents=True, exist_ok=True)
-        _write_key(path, secrets.token_bytes(_KEY_BYTES))
+        write_private(path, secrets.token_bytes(_KEY_BYTES))
     key = path.read_bytes()
     if len(key) != _KEY_BYTES:
         raise InputError(
-            f"a key of {_KEY_BYTES} bytes",
-            f"{len(key)} bytes",
+            "a key of {key_bytes} bytes",
+            plural("{count} byte", "{count} bytes", by="count", count=len(key)),
             "Put the file back from a backup; or remove it, and make new tokens: those made so far end with it.",
             str(path),
+            key_bytes=_KEY_BYTES,
         )
     return key
 
@@ -46,34 +46,7 @@ def load_key(data: Path) -> bytes:
 def copy_key(source: Path, target: Path) -> None:
     """Copy the key of one folder to another, as for a backup, where there is one and the other has none."""
     if (source / KEY_FILE).exists() and not (target / KEY_FILE).exists():
-        _write_key(target / KEY_FILE, load_key(source))
-
-
-def _write_key(path: Path, key: bytes) -> None:
-    """Write a key whole and durably; of two writers the first wins."""
-    fresh = path.with_name(f"{path.name}.{secrets.token_hex(8)}")
-    handle = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(key)
-            file.flush()
-            os.fsync(file.fileno())
-        with suppress(FileExistsError):
-            _name_new(fresh, path)
-    finally:
-        remove_file(fresh, missing_ok=True)
-
-
-def _name_new(fresh: Path, path: Path) -> None:
-    """Give a file a name that nothing has; raises FileExistsError. Network and USB drives know no second names."""
-    try:
-        os.link(fresh, path)
-    except FileExistsError:
-        raise
-    except OSError:
-        if path.exists():
-            raise FileExistsError(path) from None
-        rename_new(fresh, path)
+        write_private(target / KEY_FILE, load_key(source))
 
 
 def new_token() -> tuple[str, str]:

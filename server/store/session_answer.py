@@ -11,6 +11,7 @@ from sqlalchemy.orm import undefer
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.records import parse_session
 from calib_core.records.decided_before import DecidedBefore
+from calib_core.records.faults import in_order
 from calib_core.review.decided_before import decided_before
 from server.store.models import ResultRow
 from server.store.sessions import StoredSession
@@ -67,5 +68,10 @@ def stage_headers(stored: StoredSession, stage: str) -> Mapping[str, str]:
     result = stored.results_with_stale().get(stage)
     if result is None:
         return {}
-    holds = {"stale": result["stale"], "fail": result["verdict"] == "fail"}
-    return headers_of(result["verdict"], result["stale"], [name for name, held in holds.items() if held])
+    holds = {
+        "stale": result["stale"],
+        "fail": result["verdict"] == "fail",
+        "not-replayed": result["provenance"] == "imported",
+        "differs": result["provenance"] == "differs",
+    }
+    return headers_of(result["verdict"], result["stale"], in_order(name for name, held in holds.items() if held))

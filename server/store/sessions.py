@@ -54,7 +54,7 @@ class StoredSession:
         """Return the bytes of a capture's file; raises NotFoundError."""
         if name not in self.digests:
             raise NotFoundError(
-                f"a file named {name}", "none in this session", "Check the capture's `files`.", name
+                "a file named {name}", "none in this session", "Check the capture's `files`.", name, name=name
             )
         return self.blobs.read(self.digests[name])
 
@@ -141,10 +141,11 @@ def require_revision(row: SessionRow | CaptureRow, if_match: str | None) -> None
         and etag(row) not in {p.strip() for p in if_match.split(",")}
     ):
         raise OutdatedError(
-            f"the stored revision {etag(row)} in If-Match",
+            "the stored revision {row} in If-Match",
             if_match[:80],
             "Read it again, make the change there, and send it with the new ETag.",
             row.id,
+            row=etag(row),
         )
 
 
@@ -230,7 +231,7 @@ def latest_results(db: Transaction, session_id: str) -> dict[str, Data]:
     """Return each stage's latest result, as JSON data."""
     latest = select(func.max(ResultRow.number)).where(ResultRow.session_id == session_id).group_by(ResultRow.stage)
     rows = db.scalars(select(ResultRow).where(ResultRow.number.in_(latest)).order_by(ResultRow.number))
-    return {row.stage: row.record for row in rows}
+    return {row.stage: row.proved() for row in rows}
 
 
 def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) -> Page:

@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from sqlalchemy import bindparam, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 
+from calib_core.archive.seals import signed_result
 from calib_core.exports.answer import NOT_CONFIRMED
+from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.steps import tool_stages
 from server.store.database import record_event
@@ -37,8 +39,8 @@ def job_data(row: JobRow) -> Data:
 
 def job_row(db: Transaction, job_id: str) -> JobRow:
     """Return a job's row; raises NotFoundError."""
-    to_do = "Take it from the answer to the solve; it goes with its session."
-    return required(db.get(JobRow, job_id), "the id of a job", repr(job_id), to_do, "job")
+    to_do = message("Take it from the answer to the solve; it goes with its session.")
+    return required(db.get(JobRow, job_id), message("the id of a job"), repr(job_id), to_do, "job")
 
 
 def list_jobs(db: Transaction, limit: int, cursor: str | None, session_id: str | None, status: str | None) -> Page:
@@ -108,6 +110,7 @@ def add_result(
     job = db.get(JobRow, job_id)
     if job is None or not update_job(db, job_id, "done", "done", 1.0):
         return {output.sha256 for output in outputs.values()}
+    record = signed_result({**record, "solved": record.get("solved") or now()}, solved_from["session"])
     return store_result(db, locked_session(db, job.session_id), job.stage, record, solved_from, outputs)
 
 
@@ -133,8 +136,6 @@ def store_result(
 
     The files that the stage made before give way to `outputs`; returns their digests.
     """
-    if solved_from is not None:  # solved here; what came with an archive says it itself
-        record = {**record, "solved": record.get("solved") or created or now()}
     before = db.scalars(_LATEST_VERDICT, {"session_id": session.id, "stage": stage}).first()
     db.add(
         ResultRow(

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.exports.answer import Answer
+from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records.faults import ACKNOWLEDGED, in_order
 from calib_core.records.policy import Policy
@@ -16,7 +17,7 @@ from calib_core.review.answer import SessionAnswer, answer_record
 from calib_core.review.standing import Standing, changed_equipment, faults_of_moment, serials_of
 from server.store.access import AuditRow
 from server.store.audit import note_change
-from server.store.models import AcknowledgedRow, Data, PolicyRow, SessionRow
+from server.store.models import AcknowledgedRow, Data, PolicyRow, ReleaseRow, SessionRow
 from server.store.releases import cell_history, cell_sessions, released, sessions_of_cell
 
 _CAPTURING = ("/captures", "/captures/batch", "/sources/simulated/capture", "/live/capture", "/live/sweep")
@@ -54,9 +55,14 @@ def moment_faults(
     return faults_of_moment(answer, _standing(db, cell, new=session_id is not None))
 
 
-def in_force_faults(db: Transaction, answer: Mapping[str, Any], cell: str) -> tuple[str, ...]:
+def in_force_faults(db: Transaction, row: ReleaseRow) -> tuple[str, ...]:
     """Return all faults of the answer in force: its own, and those of the moment."""
-    return in_order((*answer["faults"], *moment_faults(db, answer, cell, None)))
+    return in_order((*released_faults(row), *moment_faults(db, row.answer, row.cell, None)))
+
+
+def released_faults(row: ReleaseRow) -> tuple[str, ...]:
+    """Return the faults of a release's own; one that is not as it was stored here is nobody's."""
+    return (*row.answer["faults"], *(() if row.holds else ("not-replayed",)))
 
 
 def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> Data:
@@ -70,11 +76,19 @@ def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> D
         If the cell does not have it.
     """
     if fault not in ACKNOWLEDGED:
-        raise InputError(f"one of {', '.join(ACKNOWLEDGED)}", f"'{fault[:40]}'", "Name one of these.", "fault")
+        raise InputError(
+            "one of {acknowledged}",
+            f"'{fault[:40]}'",
+            "Name one of these.",
+            "fault",
+            acknowledged=", ".join(ACKNOWLEDGED),
+        )
     cell_history(db, cell)
     found = open_steps(db, cell) if fault == "drift" else _changes(db, cell) - _acknowledged(db, cell, fault)
     if not found:
-        raise ConflictError(f"a cell with the fault {fault}", "one without", "Nothing has to be done.", cell)
+        raise ConflictError(
+            "a cell with the fault {fault}", "one without", "Nothing has to be done.", cell, fault=fault
+        )
     row = AcknowledgedRow(cell=cell, fault=fault, of=sorted(found), who=who, why=why, created=now())
     db.add(row)
     db.flush()
@@ -92,13 +106,13 @@ def require_four_eyes(db: Transaction, cell: str, session_id: str, who: str) -> 
         return
     captured = _who_captured(db, session_id)
     if not captured or _NOBODY in (*captured, who):
-        to_do = "Capture with a login of one's own, or ask the administrator for the cell's policy."
+        to_do = message("Capture with a login of one's own, or ask the administrator for the cell's policy.")
         raise ConflictError(
             "a session of which it is known who captured it", "one of which it is not", to_do, cell
         )
     if who in captured:
-        to_do = "Ask somebody else: the cell's policy asks for four eyes."
-        raise ConflictError("somebody who did not capture the session", f"'{who}', who did", to_do, cell)
+        to_do = message("Ask somebody else: the cell's policy asks for four eyes.")
+        raise ConflictError("somebody who did not capture the session", "'{who}', who did", to_do, cell, who=who)
 
 
 def _who_captured(db: Transaction, session_id: str) -> set[str]:

@@ -4,6 +4,7 @@ import logging
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
+from errno import EBUSY
 from typing import Final
 
 from sqlalchemy import Connection, Engine, text
@@ -11,6 +12,7 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError, InputError
+from calib_core.messages import message
 from server.settings import Settings
 from server.store.database import Store
 from server.store.engine import engine_of
@@ -20,7 +22,7 @@ from server.store.updates import keep_before_update
 log = logging.getLogger("scancell")
 _LOCK: Final = 0x7363616E63656C6C  # "scancell": PostgreSQL's advisory locks have numbers for names
 _WRITING: Final = _LOCK + 1
-_END_THE_OTHER: Final = "End the other server, or choose another database."
+_END_THE_OTHER: Final = message("End the other server, or choose another database.")
 _LOOK_S: Final = 2.0
 _LOOK_AGAIN_S: Final = 0.5  # while the lock is gone
 
@@ -57,7 +59,7 @@ class DatabaseLock:
         """Refuse a transaction that would write beside another server; raises OSError."""
         db.execute(text("SELECT pg_advisory_xact_lock_shared(:lock)"), {"lock": _WRITING})
         if db.execute(text("SELECT number FROM server_number")).scalar() not in self._own:
-            raise OSError(_TAKEN_OVER)
+            raise OSError(EBUSY, _TAKEN_OVER)
 
     def _number(self) -> None:
         """Take the next number, once no other write is under way."""
@@ -134,7 +136,7 @@ def _database_lock(settings: Settings) -> Generator[DatabaseLock | None]:
             raise _unusable(settings, error) from None
         with connection:
             if not _taken(connection):
-                need, got = "a database that no other server uses", "one in use"
+                need, got = message("a database that no other server uses"), message("one in use")
                 raise ConflictError(need, got, _END_THE_OTHER, "database_url")
             yield DatabaseLock(engine, connection)
     finally:
@@ -153,8 +155,8 @@ def _taken(connection: Connection) -> bool:
 def _unusable(settings: Settings, error: DBAPIError) -> InputError:
     got = " ".join(str(error.orig).split())
     to_do = (
-        "Check that the database runs, its address and the rights there (SCANCELL_DATABASE_URL)."
+        message("Check that the database runs, its address and the rights there (SCANCELL_DATABASE_URL).")
         if settings.database_url
-        else "Make room there, or correct its permissions; `scancell doctor` says what is wrong."
+        else message("Make room there, or correct its permissions; `scancell doctor` says what is wrong.")
     )
     return InputError("a database that can be read and written", got, to_do, str(settings.data))

@@ -7,6 +7,7 @@ from sqlalchemy import delete, or_, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import ConflictError
+from calib_core.messages import message
 from calib_core.moment import from_now, now
 from server.store.access import LoginRow, TokenRow
 from server.store.models import Data, required
@@ -50,8 +51,11 @@ def has_admin(db: Transaction) -> bool:
 
 def token_row(db: Transaction, token_id: str) -> TokenRow:
     """Return a token; raises NotFoundError."""
-    got, to_do = f"'{token_id}', which none has", "Take one of those that are listed."
-    return required(db.get(TokenRow, token_id), "a token's id", got, to_do, "token")
+    got, to_do = (
+        message("'{token_id}', which none has", token_id=token_id),
+        message("Take one of those that are listed."),
+    )
+    return required(db.get(TokenRow, token_id), message("a token's id"), got, to_do, "token")
 
 
 def revoke_token(db: Transaction, token_id: str, but_not: str | None = None) -> None:

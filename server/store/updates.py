@@ -10,6 +10,7 @@ from typing import Final, Literal, NamedTuple
 
 from calib_core.disk import remove_file, replace_file
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 DATABASE: Final = "scancell.db"
 _KEPT_FOLDER: Final = "before-updates"
@@ -89,10 +90,10 @@ def go_back(data: Path) -> WentBack:
         before = revision_of(data / DATABASE)
         earlier = [name for name in _kept_revisions(data) if before is not None and name < before]
         if before is None or not earlier:
-            to_do = "Start the version of scancell that you want to use: it says whether it can."
+            to_do = message("Start the version of scancell that you want to use: it says whether it can.")
             raise InputError("a data folder that an update changed", "none in it", to_do, str(data))
         if before not in known_revisions():
-            to_do = "Go back with the version that wrote it, then install the earlier one."
+            to_do = message("Go back with the version that wrote it, then install the earlier one.")
             raise InputError("a database of this version or an earlier one", before, to_do, str(data))
         copy = _kept_copy(data)
         engine = engine_of(Settings(data=data).sql_url)
@@ -126,7 +127,7 @@ def _kept_copy(data: Path) -> Path:
         for path in _kept(data)[:-_MOST_KEPT]:
             remove_file(path)
     except (OSError, sqlite3.Error) as error:
-        to_do = "Make room there; the database is as it was."
+        to_do = message("Make room there; the database is as it was.")
         raise InputError(
             "room for a copy of the database before its update", str(error), to_do, str(data)
         ) from None

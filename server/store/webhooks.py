@@ -9,6 +9,7 @@ from typing import Final, Literal, get_args
 from sqlalchemy import ForeignKey, Index, String, delete, insert, select, update
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from calib_core.messages import message
 from calib_core.moment import from_now, now
 from server.store.models import Base, Data, EventRow, SessionRow, required
 from server.store.paging import Page, after_cursor, page_of
@@ -84,8 +85,8 @@ def add_webhook(db: Session, url: str, name: str, events: Sequence[str], cell: s
 
 def webhook_row(db: Session, webhook_id: str) -> WebhookRow:
     """Return a webhook; raises NotFoundError."""
-    row, to_do = db.get(WebhookRow, webhook_id), "Take one of those that are listed."
-    return required(row, "the id of a webhook", repr(webhook_id[:80]), to_do, "webhook")
+    row, to_do = db.get(WebhookRow, webhook_id), message("Take one of those that are listed.")
+    return required(row, message("the id of a webhook"), repr(webhook_id[:80]), to_do, "webhook")
 
 
 def list_webhooks(db: Session) -> list[Data]:

@@ -112,7 +112,7 @@ def measured(seed: int, points: int) -> tuple[FloatArray, FloatArray, FloatArray
     assert known.base_from_turntable is not None
     rng = np.random.default_rng([seed, 4713])
     poses, table = _on_table(made.session), made.true_base_from_turntable
-    solved_tool, solved_table = known.tool0_from_laser.matrix, known.base_from_turntable.matrix
+    solved_tool, solved_table = known.mount_from_laser.matrix, known.base_from_turntable.matrix
     errors: list[FloatArray] = []
     covariances: list[FloatArray] = []
     halves: list[FloatArray] = []

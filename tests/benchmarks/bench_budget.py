@@ -44,7 +44,7 @@ def one(seed: int, points: int = POINTS) -> Points:
     options, errors, covariances, halves = world.options, [], [], []
     shots = [shot for shot in world.shots if shot.table is not None]
     tool, truth = world.tool0_from_laser, table.base_from_turntable
-    solved_tool, solved_table = known.tool0_from_laser.matrix, known.base_from_turntable.matrix
+    solved_tool, solved_table = known.mount_from_laser.matrix, known.base_from_turntable.matrix
     for _ in range(points):
         shot = shots[rng.integers(len(shots))]
         assert shot.table is not None

@@ -21,7 +21,7 @@ _POINT = np.array([0.0, 0.0, 190.0])
 
 def run(full: bool) -> list[Row]:
     """Return the figures: 4 cells of 30 solved sessions in full, 1 of 8 otherwise; and series drawn from those."""
-    kinds = [_session(k).covariance for k in range(6)]
+    kinds = [session_point(k).covariance for k in range(6)]
     return [
         *solved(range(4 if full else 1), _SESSIONS if full else 8),
         *drawn(1000 if full else 200, kinds),
@@ -80,7 +80,7 @@ def solved(cells: range, sessions: int) -> list[Row]:
     """Return the figures of sessions that are simulated and solved, each with captures of its own."""
     alarms, found = 0, 0
     for number in cells:
-        series = [_session(1000 * number + k) for k in range(sessions)]
+        series = [session_point(1000 * number + k) for k in range(sessions)]
         alarms += any(row[3] for row in charted(series))
         found += _is_found(series, 2 * sessions // 3, np.random.default_rng([number, 61]))
     return _rows(f"{len(cells)} cells, {sessions} solved sessions", alarms, found, len(cells))
@@ -92,7 +92,7 @@ def drawn(count: int, kinds: list[FloatArray]) -> list[Row]:
     for number in range(count):
         rng = np.random.default_rng([number, 62])
         picked = [kinds[rng.integers(len(kinds))] for _ in range(_SESSIONS)]
-        series = [_measured(rng.multivariate_normal(np.zeros(3), c), c) for c in picked]
+        series = [measured(rng.multivariate_normal(np.zeros(3), c), c) for c in picked]
         alarms += any(row[3] for row in charted(series))
         found += _is_found(series, _STEP_AT, rng)
     return _rows(f"{count} series of {_SESSIONS} sessions", alarms, found, count)
@@ -118,15 +118,15 @@ def _is_found(series: list[Measured], at: int, rng: np.random.Generator) -> bool
     return charted(stepped)[at][3]
 
 
-def _session(seed: int) -> Measured:
+def session_point(seed: int) -> Measured:
     """Return where the scanner's point lies on the flange by one session, against the truth."""
     cell = Cell.of("tcp", seed)
     solution = cell.solve(GIVEN)
     tool: RigidTransform = solution.joint.mount_from_laser
     follows = np.hstack([-tool.rotation @ skew(_POINT), np.eye(3)])
     covariance = follows @ solution.covariance[:6, :6] @ follows.T
-    return _measured(tool.apply(_POINT) - cell.truth.apply(_POINT), covariance)
+    return measured(tool.apply(_POINT) - cell.truth.apply(_POINT), covariance)
 
 
-def _measured(value: FloatArray, covariance: FloatArray) -> Measured:
+def measured(value: FloatArray, covariance: FloatArray) -> Measured:
     return Measured(SolvedSession("s", "", "", {}), value, covariance)

@@ -66,7 +66,7 @@ def _whole_chain(client: httpx.Client, folder: Path) -> str:
     results = solve(session, files.__getitem__, "all", None, store)
     save_session(folder / "session", session, {**files, **made})
     for stage, result in results.items():
-        write_result(folder / "session", stage, result)
+        write_result(folder / "session", stage, result, session)
     pack(folder / "session", folder / "session.zip")
     content = (folder / "session.zip").read_bytes()
     answer = client.post("/archives", content=content, headers={"Content-Type": "application/zip"})

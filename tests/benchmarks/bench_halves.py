@@ -172,7 +172,7 @@ def plane_views(name: str) -> "tuple[CameraModel, list[PlaneView]]":
         if capture.step == "laser-plane":
             with suppress(CalibrationError):
                 views.append(boards.of(capture))
-    used = {view.name for view in solve_plane(camera, views).views if view.reason is None}
+    used = {view.name for view in solve_plane(camera, views).views if view.left_out is None}
     return camera, [view for view in views if view.name in used]
 
 

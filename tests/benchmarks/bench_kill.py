@@ -164,6 +164,7 @@ def _archive() -> tuple[bytes, int]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "session"
         save_session(folder, simulated.session, simulated.files)
-        write_result(folder, "tcp", solve_stage(simulated.session, "tcp", simulated.files.__getitem__))
+        result = solve_stage(simulated.session, "tcp", simulated.files.__getitem__)
+        write_result(folder, "tcp", result, simulated.session)
         pack(folder, Path(name) / "a.zip")
         return (Path(name) / "a.zip").read_bytes(), len(simulated.session.captures)

@@ -206,7 +206,7 @@ def _without_strays(views: list[PlaneView]) -> list[PlaneView]:
     solution = solve_plane(camera, views)
     clean: list[PlaneView] = []
     for view, figures in zip(views, solution.views, strict=True):
-        if figures.reason is not None:
+        if figures.left_out is not None:
             continue
         off = _stripe_on_board(camera, view) @ solution.normal - solution.distance_mm
         clean.append(PlaneView(view.name, view.board, view.stripe.selected(np.abs(off) < 0.5)))

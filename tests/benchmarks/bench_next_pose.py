@@ -55,7 +55,7 @@ def cell(seed: int) -> Situation:
         SphereSize(2 * radius),
         RigidTransform.of(turn, place, "tool0", "laser"),
         np.array([900.0, 150.0, 420.0]),
-        Sigmas(rng.uniform(0.03, 0.1), rng.uniform(1e-4, 3e-4), 1e-4, 0.03, 7e-5, 1.0),
+        Sigmas(rng.uniform(0.03, 0.1), rng.uniform(1e-4, 3e-4), (1e-4,), 0.03, 7e-5, 1.0),
         sight.middle_mm,
         tool_sigma_mm=10.0,
         tool_sigma_rad=0.05,

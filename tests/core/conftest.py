@@ -19,7 +19,7 @@ def solved_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     simulated = simulate("tcp-spoiled", 7)
     save_session(folder, simulated.session, {**simulated.files, "truth.json": to_json_bytes(simulated.truth)})
     session, read = load_session(folder)
-    write_result(folder, "tcp", run(session, read)["tcp"])
+    write_result(folder, "tcp", run(session, read)["tcp"], session)
     return folder
 
 

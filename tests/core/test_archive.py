@@ -229,7 +229,8 @@ def test_an_archive_is_taken_wherever_a_session_is(solved_folder, archive, tmp_p
     assert unstored == stored
     assert main(["run", str(archive), "--out", str(tmp_path / "of-archive")]) == 0
     written = json.loads((tmp_path / "of-archive" / "results" / "tcp.json").read_text())
-    assert written == {**json.loads(found)["results"]["tcp"], "solved": written["solved"]}
+    told = {name: written[name] for name in ("solved", "provenance", "seal")}
+    assert written == {**json.loads(found)["results"]["tcp"], **told}
     assert main(["check", str(archive)]) == 0
     capsys.readouterr()
     assert main(["export", str(archive), "--format", "json"]) == 0

@@ -27,7 +27,7 @@ def test_an_untouched_session_comes_out_bit_for_bit(solved_folder, stored):
     (stage,) = found.stages
     assert found.equal
     assert (stage.stage, stage.equal, stage.largest_relative, stage.difference_count) == ("tcp", True, 0.0, 0)
-    about = ("evidence", "findings", "frames", "method_revision")
+    about = ("evidence", "findings", "method_revision", "seal")
     assert stage.numbers == count_numbers({k: v for k, v in stored["tcp"].items() if k not in about})
     assert found.tolerance == TOLERANCE == 1e-6
 
@@ -52,14 +52,23 @@ def altered(stored: dict[str, Any], path: str, factor: float) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    "path", ["covariance.0.0", "surface_rms_mm", "residuals.4.surface_rms_mm", "two_step.covariance.2.2"]
+    ("path", "equal", "other"),
+    [
+        ("covariance.0.0", 1e-5, 2e-3),
+        ("two_step.covariance.2.2", 1e-5, 2e-3),
+        ("surface_rms_mm", 5e-5, 1e-2),
+        ("residuals.4.surface_rms_mm", 5e-5, 1e-2),
+        ("residuals.4.mahalanobis", 5e-5, 2e-4),
+        ("residuals.4.zone", 5e-7, 2e-6),
+    ],
 )
-def test_every_number_counts_from_the_stated_tolerance_on(stored, path):
-    assert compare(altered(stored, path, 1 + 5e-7), stored["tcp"]).equal
-    found = compare(altered(stored, path, 1 + 2e-6), stored["tcp"])
+def test_every_number_counts_from_the_stated_tolerance_on(stored, path, equal, other):
+    """Another processor's arithmetic moves a covariance by 1e-5, and that is no forgery."""
+    assert compare(altered(stored, path, 1 + equal), stored["tcp"]).equal
+    found = compare(altered(stored, path, 1 + other), stored["tcp"])
     assert not found.equal
     (difference,) = found.differences
-    assert difference.relative == pytest.approx(2e-6, rel=1e-3)
+    assert difference.relative == pytest.approx(other, rel=1e-2)
     assert found.largest_relative == difference.relative
     named = re.sub(r"\[(p\d\d|\d)\]", lambda found: "." + found[1], difference.path)
     assert named == path.replace("residuals.4", "residuals.p05")
@@ -96,7 +105,8 @@ def test_an_element_of_a_covariance_counts_by_the_sigmas_of_its_row_and_column()
         return {"stage": "x", "covariance": [[turned, both], [both, 1.0]]}
 
     assert compare(result(1e-8, 0.0), result(1e-8 * (1 + 4e-9), 9e-14)).equal
-    assert not compare(result(1e-8, 0.0), result(1e-8, 2e-13)).equal
+    assert compare(result(1e-8, 0.0), result(1e-8 * (1 + 1e-5), 0.0)).equal
+    assert not compare(result(1e-8, 0.0), result(1e-8, 2e-7)).equal
     assert not compare(result(1e-8, 0.0), result(1.01e-8, 0.0)).equal
     assert not compare(result(1e-8, 0.0), {"stage": "x", "covariance": [[1e-8]]}).equal
 
@@ -113,8 +123,6 @@ def test_a_zero_of_a_matrix_may_be_rounded_and_no_more():
 @pytest.mark.parametrize(
     ("stored", "fresh", "path"),
     [
-        ({"a": 1.0}, {}, "a"),
-        ({}, {"a": 1.0}, "a"),
         ({"a": [1.0, 2.0]}, {"a": [1.0]}, "a[1]"),
         ({"a": 1.0}, {"a": "1.0"}, "a"),
         ({"a": True}, {"a": 1}, "a"),
@@ -130,9 +138,10 @@ def test_what_is_no_number_must_be_the_same(stored, fresh, path):
     assert found.differences[0].relative is None
 
 
-def test_a_field_that_says_nothing_and_that_the_other_version_lacks_is_no_difference():
-    assert compare({"a": None}, {}).equal
-    assert compare({}, {"a": None}).equal
+def test_a_field_that_only_one_version_writes_is_no_difference():
+    for value in (None, 1.0, [{"b": 2}]):
+        assert compare({"a": value}, {}).equal
+        assert compare({}, {"a": value}).equal
 
 
 def test_the_worst_of_many_differences_are_listed():

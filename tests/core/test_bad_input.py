@@ -283,7 +283,7 @@ def test_check_finds_all_at_once(folder, capsys):
 def test_check_names_a_copied_file(folder, capsys):
     shutil.copy(folder / "captures" / "p02.csv", folder / "captures" / "p03.csv")
     assert main(["check", str(folder)]) == 0
-    assert "p03: Its file is that of p02, byte for byte, but its pose is another" in capsys.readouterr().out
+    assert "p03: The file of p03 is that of p02, byte for byte, but its pose is another" in capsys.readouterr().out
 
 
 def test_check_says_which_motion_is_missing(folder, capsys):

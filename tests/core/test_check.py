@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from calib_core.errors import MotionError
-from calib_core.records import CheckFinding, Session, parse_session
-from calib_core.review.check import check_session
+from calib_core.records import Finding, Session, parse_session
+from calib_core.review.check import check_lines, check_session
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
 from calib_core.steps import capture_steps
@@ -27,20 +27,22 @@ def captures_of(*steps: str, most: int = 99) -> list[dict[str, Any]]:
     return [c for step in steps for c in [one for one in captures if one["step"] == step][:most]]
 
 
-def checked(session: Session) -> list[CheckFinding]:
+def checked(session: Session) -> list[Finding]:
     return check_session(session, CELL.files.__getitem__)
 
 
-def errors(found: list[CheckFinding]) -> list[str]:
-    return [finding.where for finding in found if finding.level == "error"]
+def errors(found: list[Finding]) -> list[str]:
+    return [finding.where for finding in found if finding.severity == "error"]
 
 
 def test_nothing_blocks_a_good_cell_and_its_notes_are_one_a_cause() -> None:
     found = checked(session_of(captures_of("tcp", "turntable")))
     assert errors(found) == []
-    middles = [finding for finding in found if "sphere's middle" in finding.sentence]
+    middles = [finding for finding in found if finding.code == "captures-weak"]
     assert 0 < len(middles) <= 2  # one of the TCP's captures, one of the table's
-    assert len(found) == len({finding.sentence[:40] for finding in found if finding not in middles}) + len(middles)
+    assert all("sphere's middle" in finding.text for finding in middles)
+    others = [finding.code for finding in found if finding not in middles]
+    assert len(others) == len(set(others))
 
 
 @pytest.mark.parametrize("step", ["tcp", "turntable"])
@@ -67,16 +69,19 @@ def test_a_turntable_without_the_tool_is_blocked_and_boards_alone_are_not() -> N
     board = {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25.0}
     found = check_session(session_of(frames, board=board), blank)
     assert errors(found) == ["captures: camera"]
-    assert [finding.where for finding in found if finding.level == "warning"] == ["f0–f3 (numbers of f0)"]
-    assert [finding.level for finding in found if "step 'tcp'" in finding.sentence] == ["note"]
+    warned = [finding for finding in found if finding.severity == "warning"]
+    assert [(one.code, one.captures) for one in warned] == [("captures-show-nothing", ["f0", "f1", "f2", "f3"])]
+    assert any(finding.code == "no-tcp-captures-yet" for finding in found)
+    lines = check_lines(found)
+    assert [line.where for line in lines if line.level == "warning"] == ["f0–f3"]
 
 
 def test_a_wrong_convention_and_swapped_columns_are_doubted_before_anything_is_solved() -> None:
-    assert not [one for one in checked(session_of(captures_of("tcp"))) if "look at one place" in one.sentence]
+    assert not [one for one in checked(session_of(captures_of("tcp"))) if "look at one place" in one.text]
     doubts = [
         one
         for one in checked(session_of(captures_of("tcp"), pose_convention="quaternion-xyzw"))
         if one.where == "cell.pose_convention"
     ]
     assert len(doubts) == 1
-    assert "if they are written as 'quaternion-wxyz'" in doubts[0].sentence
+    assert "if they are written as 'quaternion-wxyz'" in doubts[0].text

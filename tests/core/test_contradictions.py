@@ -137,7 +137,7 @@ def with_captures(session: Session, **changes: dict[str, Any]) -> Session:
     )
 
 
-def test_a_moving_capture_is_kept_and_told_and_a_sphere_on_the_robot_is_not_supported_yet() -> None:
+def test_a_moving_capture_is_kept_and_told_and_a_table_before_a_fixed_scanner_needs_the_scanner() -> None:
     simulated = simulate("tcp", 5)
     first = simulated.session.captures[4].id
     result = run(with_captures(simulated.session, **{first: {"moving": True}}), simulated.files.__getitem__)["tcp"]
@@ -147,7 +147,7 @@ def test_a_moving_capture_is_kept_and_told_and_a_sphere_on_the_robot_is_not_supp
     cell = simulated.session.cell.model_copy(update={"arrangement": "sphere-on-robot"})
     turned = simulated.session.model_copy(update={"cell": cell})
     on_table = [c.model_copy(update={"step": "turntable", "table_deg": 0.0}) for c in turned.captures]
-    with pytest.raises(InputError, match="not supported yet"):
+    with pytest.raises(InputError, match="before the turntable's"):
         run(turned.model_copy(update={"captures": on_table}), simulated.files.__getitem__, "turntable")
 
 

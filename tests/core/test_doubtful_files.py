@@ -25,10 +25,10 @@ def test_a_doubtful_file_is_told_as_it_arrives_and_by_the_check(step: str) -> No
     measured = measure_capture(MADE.session, capture, in_metres)
     assert measured.verdict != "pass"
     assert measured.reason is not None
-    assert measured.reason.startswith("The file is doubtful: All points lie within")
+    assert "The file is doubtful: All points lie within" in measured.reason
     found = check_session(MADE.session, lambda file: in_metres(file) if file == name else MADE.files[file])
-    told = [finding for finding in found if "doubtful" in finding.sentence and "Taken:" in finding.sentence]
-    assert [(finding.where, finding.level) for finding in told] == [(capture.id, "warning")]
+    told = [finding for finding in found if finding.code == "file-doubtful" and "Taken:" in finding.text]
+    assert [(finding.captures, finding.severity) for finding in told] == [([capture.id], "warning")]
     said = capture.model_copy(update={"format_settings": {"unit": "m"}})
     measured = measure_capture(MADE.session, said, in_metres)
     assert (measured.verdict, measured.center_mm) == (

@@ -11,11 +11,13 @@ from pydantic import TypeAdapter, ValidationError
 
 from calib_core.archive.folder import load_session
 from calib_core.archive.stored_results import stored_results
+from calib_core.captures.contradictions import not_measured
+from calib_core.errors import MeasurementError
 from calib_core.evidence.html import blocks_html, result_html
 from calib_core.evidence.numbers import number_text, quantity, quantity_text
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import blocks_text, plain, result_text
-from calib_core.evidence.words import captures_text, not_used
+from calib_core.evidence.words import captures_text
 from calib_core.records.evidence import (
     AnyBlock,
     Axis,
@@ -227,15 +229,11 @@ def test_captures_are_named_as_runs():
     assert captures_text(order[::2], order).endswith("f23 and 3 more")
 
 
-def test_reasons_that_differ_in_numbers_alone_are_one_cause():
-    order = [f"f{k:02d}" for k in range(1, 31)]
-    reasons = {name: f"need 20 points, got {k}. Move closer." for k, name in enumerate(order[12:24])}
-    reasons |= {"f02": "the lens was covered."}
-    assert not_used(reasons, order) == [
-        "f13–f24 are not used (12 captures): need 20 points, got 0. Move closer (in f13; the others alike).",
-        "f02 is not used: the lens was covered.",
-    ]
-    assert not_used({}, order) == []
+def test_captures_that_fail_for_one_need_are_one_finding():
+    failed = {f"f{k:02d}": MeasurementError("20 points", f"{k}", "Move closer.") for k in range(13, 25)}
+    (few, other) = not_measured({**failed, "f02": MeasurementError("a frame", "a black frame", "Light it.")})
+    assert (few.captures, other.captures) == (list(failed), ["f02"])
+    assert "f13–f24 are not used: need 20 points, got 13 (so in f13; the others alike)." in few.text
 
 
 def plot_of(rows: list[TcpResidual]) -> Plot:

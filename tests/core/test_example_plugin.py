@@ -17,7 +17,8 @@ from calib_core.frames import RigidTransform
 from calib_core.records import parse_cell, Session
 from server.sources.registry import SOURCES
 from server.sources.source import Occasion
-from types import SimpleNamespace
+from calib_core.exports.answer import Answer
+from calib_core.exports.export import write_export
 
 source = SOURCES.get("acme-drop")
 session = Session(cell=parse_cell({"pose_convention": "fanuc"}))
@@ -26,10 +27,13 @@ capture, files = source.trigger(occasion)
 points = parse_profile(files[capture.files[0]], capture.files[0])
 export = export_named("acme-matrix")
 tool = RigidTransform.of([0, 0, 0], [1, 2, 3], "tool0", "laser")
-text = export.write(SimpleNamespace(tool0_from_laser=tool), export.settings(digits=3))
+answer = Answer(session, {}, "tcp", tool, np.eye(6), stale=True)
+text = export.write(answer, export.settings(digits=3))
+marked = write_export(answer, "acme-matrix", ("stale",))[0].decode()
 print(json.dumps({
     "ending": ".acme" in endings_of("profile"), "formats": FORMATS.names(), "points": points[:2].tolist(),
-    "id": capture.id, "text": text, "schema": sorted(export.describe()["settings"]["properties"]),
+    "id": capture.id, "text": text, "marked": marked,
+    "schema": sorted(export.describe()["settings"]["properties"]),
 }))
 """
 
@@ -56,3 +60,6 @@ def test_the_example_package_adds_a_format_an_export_and_a_source(tmp_path: Path
     assert found["id"] == "acme-2"
     assert [float(word) for word in found["text"].split()] == [1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1]
     assert found["schema"] == ["digits"]
+    assert found["marked"].startswith(
+        "# NOT TO BE USED: this answer is stale\n1.0"
+    )  # its writer knows of no marks

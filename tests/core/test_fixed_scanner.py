@@ -71,8 +71,9 @@ def test_its_result_answer_frames_and_exports_are_of_base() -> None:
     assert frames.asked is not None
     assert json.loads(session.export("json"))["base_from_laser"] == told["base_from_laser"]
     assert b"base,laser," in session.export("csv")
+    assert b"BASE_DATA[1]=" in session.export("kuka")
     with pytest.raises(cc.CalibrationError, match="stands still"):
-        session.export("kuka")
+        session.export("kuka-check-move")
     known = session.record.cell.known.model_copy(update={"base_from_laser": told["base_from_laser"]})
     brought = session.record.model_copy(update={"cell": session.cell.model_copy(update={"known": known})})
     with pytest.raises(cc.CalibrationError, match=r"cell\.known"):

@@ -19,6 +19,7 @@ OPTICS = {"camera", "laser-plane"}
 SPHERE = ALL - OPTICS - {"hand-eye"}  # the tool, and all that rests on it; no board is fixed here
 TABLE = {"turntable", "chain", "verify", "recheck", "merge"}
 NONE: set[str] = set()
+UNMOVED = [[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 POSE = [900.0, 10.0, 700.0, 170.0, 5.0, 30.0]
 
 
@@ -61,6 +62,10 @@ CELL: dict[str, tuple[Any, set[str]]] = {
     "scanner.errors": ("apply", SPHERE),
     "sphere_class": ("turned", SPHERE),
     "scanners": ({"left": {"point_sigma_mm": 0.1}}, SPHERE),
+    "spheres": ([{"name": "a", "diameter_mm": 30.0}], SPHERE),
+    "sphere_distances": ([{"between": ["a", "b"], "mm": 100.0}], SPHERE),
+    "axes": ([{"name": "tilt", "kind": "rotary"}], SPHERE),
+    "known.frames": ([{"into": "base", "outof": "laser", "matrix": UNMOVED}], SPHERE),
     "robot.position_sigma_mm": (0.1, SPHERE),
     "robot.orientation_sigma_deg": (0.1, SPHERE),
     "robot.brand": ("KUKA", NONE),
@@ -72,11 +77,11 @@ CELL: dict[str, tuple[Any, set[str]]] = {
     "board": ({"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25.0}, OPTICS),
     "known.camera": ({"camera_matrix": [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]}, OPTICS),
     "known.laser_plane": ({"normal": [0, 1, 0], "distance_mm": 5.0}, {"laser-plane"}),
-    "known.tool0_from_laser": ([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], SPHERE),
-    "known.base_from_laser": ([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], SPHERE),
+    "known.tool0_from_laser": (UNMOVED, SPHERE),
+    "known.base_from_laser": (UNMOVED, SPHERE),
     "equipment": ([{"kind": "sphere", "serial": "17"}], NONE),
     "release": ({"needs": ["verify"]}, NONE),
-    "known.base_from_turntable": ([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], TABLE),
+    "known.base_from_turntable": (UNMOVED, TABLE),
     "findings": ({"stored-note": "warning"}, NONE),
     "wanted_mm": (0.2, NONE),
     "workpiece_in_laser_mm": ([0.0, 0.0, 200.0], NONE),
@@ -151,6 +156,8 @@ CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
     "files": (["captures/other.ply"], tuple(READ_BY)),
     "pose": ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], ("l1", *PLACED)),
     "table_deg": (77.0, ("t1", "s1")),
+    "axes_deg": ({"tilt": 12.0}, PLACED),
+    "axes_mm": ({"rail": 350.0}, PLACED),
     "mount": ("high", ("t1", "v1")),
     "center_mm": ([1.0, 2.0, 3.0], SPHERES),
     "poses": ([POSE], PLACED),
@@ -264,3 +271,11 @@ def test_a_new_field_that_is_not_told_changes_no_key(monkeypatch: pytest.MonkeyP
     before = keys(brought)
     monkeypatch.setattr(type(tcp), "known", (*tcp.known, "camera"))
     assert keys(brought)["turntable"] == before["turntable"]
+
+
+def test_topology_that_is_empty_is_not_told_and_changes_no_key() -> None:
+    data = session_of().to_json()
+    data["cell"] |= {"spheres": [], "sphere_distances": [], "axes": [], "known": {"frames": []}}
+    for capture in data["captures"]:
+        capture |= {"axes_deg": {}, "axes_mm": {}}
+    assert keys(parse_session(data)) == keys(session_of())

@@ -25,7 +25,7 @@ SIGHT = Sight(
 )
 TOOL = RigidTransform.of([0.3, 0.1, -1.5], [35.0, -120.0, 140.0], "tool0", "laser")
 CENTER = np.array([900.0, 150.0, 420.0])
-SIGMAS = Sigmas(0.05, 2e-4, 1e-4, 0.02, 5e-5, 1.0)
+SIGMAS = Sigmas(0.05, 2e-4, (1e-4,), 0.02, 5e-5, 1.0)
 HOME = rotation_from_vector(np.array([np.pi, 0.0, 0.0]))
 
 

@@ -9,7 +9,7 @@ from calib_core.errors import InputError, MotionError
 from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera import CameraOptions, calibrate_camera
-from calib_core.optics.camera_evidence import problems_of, remarks_of
+from calib_core.optics.camera_evidence import camera_findings
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel, Model, Segment
 from calib_core.records import parse_session
@@ -86,7 +86,9 @@ def test_the_plain_model_stays_where_it_is_true() -> None:
     solution = calibrate_camera(simulate(PLAIN, 20, 1), SIZE)
     assert solution.camera.model == "plain"
     assert {c.model for c in solution.candidates} == {"plain", "rational", "tilted", "segmental"}
-    assert "plain model was chosen" in remarks_of(solution)[0]
+    assert [one.values["than"] for one in camera_findings(solution) if one.code == "camera-model-chosen"] == [
+        "plain"
+    ]
 
 
 def test_a_tilted_sensor_over_300_mm_is_found_and_pays() -> None:
@@ -143,7 +145,7 @@ def test_spoiled_views_are_named() -> None:
     views[9] = view(bent)
     solution = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
     assert list(solution.rejected) == [4]
-    assert "px" in solution.rejected[4]
+    assert solution.rejected[4]["off"] == "camera"
     assert solution.camera_from_board[4] is None
     assert solution.rejected_corners >= len(bent[::7])
     assert solution.camera.camera_matrix[0, 0] == pytest.approx(2400, abs=4 * np.sqrt(solution.covariance[0, 0]))
@@ -173,7 +175,7 @@ def test_points_that_are_no_board_are_named_and_harmless() -> None:
     garbage = [view(rng.uniform(0, 1000, BOARD[:, :2].shape)) for _ in range(4)]
     solution = calibrate_camera([*simulate(PLAIN, 9, 13), *garbage], SIZE)
     assert sorted(solution.rejected) == [9, 10, 11, 12]
-    assert "flat board" in solution.rejected[9]
+    assert solution.rejected[9]["off"] == "board"
     assert solution.camera.camera_matrix[0, 0] == pytest.approx(2400, abs=4 * np.sqrt(solution.covariance[0, 0]))
     with pytest.raises(MotionError, match="at least 3 views"):
         calibrate_camera(garbage, SIZE)
@@ -187,8 +189,8 @@ def test_few_views_get_no_fancy_model() -> None:
 
 def test_poor_views_are_talked_about() -> None:
     views = simulate(PLAIN, 4, 6, depths=(550, 600))
-    said = " ".join(problems_of(calibrate_camera(views, SIZE, CameraOptions(model="plain"))))
-    assert "Only 4 views" in said
+    found = camera_findings(calibrate_camera(views, SIZE, CameraOptions(model="plain")))
+    assert [one.values for one in found if one.code == "few-views"] == [{"count": 4}]
 
 
 def test_a_bent_board_is_told_and_refined() -> None:
@@ -202,11 +204,11 @@ def test_a_bent_board_is_told_and_refined() -> None:
         pixels = PLAIN.project(bent @ r.T + t)
         views.append(view(pixels + rng.normal(0, 0.05, pixels.shape)))
     flat = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
-    assert any("bent by 0." in said for said in problems_of(flat))
+    assert any("bent by 0." in one.text for one in camera_findings(flat))
     refined = calibrate_camera(views, SIZE, CameraOptions(model="plain", refine_board=True))
     assert refined.bend_mm == pytest.approx(0.4, abs=0.05)
     assert refined.corner_sigma_px == pytest.approx(0.05, rel=0.05)
-    assert not any("bent" in said for said in problems_of(refined))
+    assert not any(one.code == "board-bent" for one in camera_findings(refined))
 
 
 @pytest.mark.parametrize("count", [0, 2])
@@ -279,7 +281,7 @@ def test_the_stage_from_frames_to_result() -> None:
     assert result.camera_matrix[0][0] == pytest.approx(900, rel=0.01)
     assert [row.used for row in result.residuals] == [True] * 9 + [False]
     assert "black frame" in (result.residuals[-1].reason or "")
-    assert any("f9 is not used" in warning for warning in result.warnings)
+    assert any("f9 is not used" in note for note in result.notes)
     assert len(result.covariance) == len(result.parameters)
     assert CameraResult.model_validate_json(result.model_dump_json()) == result
 

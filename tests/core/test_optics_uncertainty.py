@@ -163,7 +163,7 @@ def test_directions_are_the_whole_covariance(cell: Cell, alone: ChainSolution, w
 
 def test_a_scan_errs_with_the_tool_that_the_same_optics_gave(cell: Cell, whole: ChainSolution) -> None:
     known = Calibrated.of(result_of(cell, whole))
-    tool, seen, table = known.tool0_from_laser, known.point_in_laser_mm, known.base_from_turntable
+    tool, seen, table = known.mount_from_laser, known.point_in_laser_mm, known.base_from_turntable
     assert table is not None
     view, small = View(tool.rotation, 0.3), 0.1
     rows, _ = calibrated_rows(known, view, PLACE_MM)
@@ -191,7 +191,7 @@ def test_the_budget_tells_camera_and_plane(cell: Cell, alone: ChainSolution, who
     assert together(known, view, PLACE_MM) == pytest.approx(apart, abs=1e-9)
     told = budget(known, [view], PLACE_MM.tolist())
     assert {part.name for part in told.parts if part.shared} >= {"camera", "plane"}
-    views = [view, View(known.tool0_from_laser.rotation, -1.2)]
+    views = [view, View(known.mount_from_laser.rotation, -1.2)]
     one, many = at_points(known, views, np.array([PLACE_MM, -PLACE_MM]))
     apiece = budget(known, views, PLACE_MM.tolist())
     assert 2 * np.sqrt(np.linalg.eigvalsh(one[0])[-1]) == pytest.approx(apiece.uncertainty_mm, rel=1e-9)

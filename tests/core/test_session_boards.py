@@ -24,7 +24,7 @@ def test_the_same_bytes_give_the_same_view_another_board_another_search(monkeypa
     view = board_in(capture, board, read)
     again = board_in(capture, board, read)
     assert again.points_px.tobytes() == view.points_px.tobytes()
-    assert again.notes == view.notes
+    assert again.left_out == view.left_out
     wider = board_in(capture, board.model_copy(update={"pitch_mm": 18.0}), read)
     assert wider.points_in_board_mm.max() == 2 * view.points_in_board_mm.max()
     other = Board(kind="chessboard", columns=7, rows=5, pitch_mm=9.0)

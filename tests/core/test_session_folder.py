@@ -61,15 +61,16 @@ def test_saving_the_same_again_changes_nothing_and_another_is_refused(tmp_path, 
     assert contents(tmp_path) == before
 
 
-def test_results_are_written_and_read(tmp_path):
+def test_results_are_written_and_read(tmp_path, session):
     class Figures(Record):
         rms_mm: float
 
-    path = write_result(tmp_path, "tcp", Figures(rms_mm=0.5))
-    assert path == tmp_path / "results" / "tcp.json"
-    solved = load_results(tmp_path)["tcp"].pop("solved")
-    assert datetime.fromisoformat(solved).utcoffset() == timedelta(0)
-    assert load_results(tmp_path) == {"tcp": {"rms_mm": 0.5, "solved": solved}}
+    written = write_result(tmp_path, "tcp", Figures(rms_mm=0.5), session)
+    path = tmp_path / "results" / "tcp.json"
+    stored = load_results(tmp_path)["tcp"]
+    assert stored == written
+    assert datetime.fromisoformat(stored["solved"]).utcoffset() == timedelta(0)
+    assert (stored["rms_mm"], stored["provenance"]) == (0.5, "solved")
     assert result_data(Figures(rms_mm=float("nan"))) == {"rms_mm": None}
     assert oct(path.stat().st_mode & 0o777) == "0o644"
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import calib_core.chain.tcp
-from calib_core.archive.folder import write_result
+from calib_core.archive.folder import load_session, write_result
 from calib_core.errors import ConflictError, InputError, MeasurementError
 from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
@@ -92,8 +92,8 @@ def test_a_duplicate_capture_counts_once(simulated, result):
     assert (row.capture, row.used) == ("p03-again", False)
     assert row.reason.startswith("a duplicate of p03")
     np.testing.assert_allclose(doubled.tool0_from_laser, result.tool0_from_laser, atol=1e-9)
-    found = [f for f in check_session(session, simulated.files.__getitem__) if f.where == "p03-again"]
-    assert ["duplicate of p03" in finding.sentence for finding in found if finding.level == "warning"] == [True]
+    found = [f for f in check_session(session, simulated.files.__getitem__) if f.captures == ["p03-again"]]
+    assert ["duplicate of p03" in finding.text for finding in found if finding.severity == "warning"] == [True]
 
 
 def test_a_wrong_pose_is_rejected_by_the_solver():
@@ -169,7 +169,8 @@ def test_run_prints_one_json_object_and_stores_the_result(folder, capsys, result
     printed = json.loads(out)
     assert printed.keys() == {"session", "results"}
     stored = json.loads((folder / "results" / "tcp.json").read_text())
-    assert printed["results"] == {"tcp": stored}
+    assert stored["seal"]["provenance"] == "solved"
+    assert printed["results"] == {"tcp": {**stored, "seal": None}}  # only what is stored is sealed
     np.testing.assert_allclose(stored["tool0_from_laser"], result.tool0_from_laser, atol=1e-9)
     assert stored["inputs_sha256"] == result.inputs_sha256
 
@@ -189,7 +190,8 @@ def test_export_refuses_a_stored_result_that_is_not_current(folder, result, tmp_
     assert main(["export", str(copy), "--format", "json"]) == 0
     capsys.readouterr()
     assert not (copy / "results").exists()
-    write_result(copy, "tcp", result.model_copy(update={"inputs_sha256": "0" * 64}))
+    session = load_session(copy)[0]
+    write_result(copy, "tcp", result.model_copy(update={"inputs_sha256": "0" * 64}), session)
     assert main(["export", str(copy), "--format", "json"]) == 1
     assert "stale" in capsys.readouterr().err
     assert main(["export", str(copy), "--format", "json", "--allow", "stale"]) == 0

@@ -182,12 +182,12 @@ def test_wrong_poses_are_named_in_a_sentence(simulated, name, words):
         solve_stage(fault(simulated.session, name), "tcp", read)
     if name != "not a number":  # which no record takes
         findings = check_session(fault(simulated.session, name), read)
-        assert [f.level for f in findings].count("error") >= 1
+        assert [f.severity for f in findings].count("error") >= 1
 
 
 def test_a_good_session_of_sweeps_has_no_errors(simulated):
     findings = check_session(simulated.session, simulated.files.__getitem__)
-    assert not [f for f in findings if f.level == "error"]
+    assert not [f for f in findings if f.severity == "error"]
 
 
 def test_an_unreadable_profile_is_named(simulated):
@@ -215,7 +215,7 @@ def test_a_sweep_is_read_as_its_capture_says(simulated) -> None:
     told = changed(session, 0, format="table", format_settings={"unit": "m"})
     again = observe_sweep(told, told.captures[0], in_metres)
     assert len(again) == len(plain)
-    doubts = [f.sentence for f in check_session(session, in_metres) if "doubtful" in f.sentence]
+    doubts = [f.text for f in check_session(session, in_metres) if f.code == "file-doubtful"]
     assert len(doubts) == 1
     assert "look like metres" in doubts[0]
-    assert [f for f in check_session(told, in_metres) if "doubtful" in f.sentence] == []
+    assert [f for f in check_session(told, in_metres) if f.code == "file-doubtful"] == []

@@ -181,24 +181,6 @@ def table_of(values, mounts):
 
 @given(tables())
 @settings(max_examples=30, deadline=None)
-def test_derivatives_of_places_are_those_of_differences(drawn):
-    values, mounts = drawn
-    state = table_of(values, mounts)
-    readings = TableReadings(3 * np.array(values[:6]), np.array([0, -1, mounts - 1, 0, 0, mounts - 1]), mounts)
-    places = state.places(readings)
-    for column in range(readings.size):
-        step = np.zeros(readings.size)
-        step[column] = 1e-5
-        ahead, behind = state.moved(step).places(readings), state.moved(-step).places(readings)
-        difference = (ahead.centers - behind.centers) / 2e-5
-        assert places.jacobian[:, :, column] == pytest.approx(difference, rel=1e-5, abs=1e-4)
-    turned = [TableReadings(readings.angles_rad + h / state.scale, readings.mounts, mounts) for h in (1e-5, -1e-5)]
-    difference = (state.places(turned[0]).centers - state.places(turned[1]).centers) / 2e-5
-    assert places.levers == pytest.approx(difference, rel=1e-5, abs=1e-4)
-
-
-@given(tables())
-@settings(max_examples=30, deadline=None)
 def test_the_frame_by_rule_puts_every_sphere_where_the_state_does(drawn):
     values, mounts = drawn
     state = table_of(values, mounts)
@@ -208,14 +190,14 @@ def test_the_frame_by_rule_puts_every_sphere_where_the_state_does(drawn):
     for mount, angle in enumerate(angles):
         turned = rotation_from_vector([0, 0, frame.direction * state.scale * angle]) @ frame.mounts_mm[mount]
         where = frame.base_from_turntable.apply(turned)
-        assert where == pytest.approx(state.places(readings).centers[mount], abs=1e-8)
+        assert where == pytest.approx(state.centers(readings)[mount], abs=1e-8)
     assert frame.mounts_mm[0, 2] == pytest.approx(0, abs=1e-9)
     assert (
         frame.base_from_turntable.rotation[1, 0]
         == pytest.approx(-frame.axis[0] * frame.axis[1] / np.sqrt(1 - frame.axis[0] ** 2), abs=1e-9)
         or abs(frame.axis[0]) > 0.9
     )
-    covariance = frame_covariance(state, np.diag(np.full(readings.size, 1e-6)))
+    covariance = frame_covariance(state, np.diag(np.full(5 + 3 * mounts, 1e-6)))
     assert np.linalg.matrix_rank(covariance.pose, tol=1e-12) <= 5
 
 

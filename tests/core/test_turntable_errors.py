@@ -34,7 +34,7 @@ def test_a_missing_table_angle_names_its_captures(cell):
             if capture["id"] in ("t03", "t04"):
                 del capture["table_deg"]
 
-    refused(cell, InputError, "table_deg", "t03, t04", change=forget)
+    refused(cell, InputError, "table_deg", "t03 and t04", change=forget)
 
 
 def test_radians_for_degrees_are_named():

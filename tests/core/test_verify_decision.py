@@ -160,8 +160,8 @@ def test_a_limit_that_the_captures_cannot_be_held_to_is_no_pass() -> None:
         capture["step"] = "verify"
     result = run(Session.model_validate(record), cell.files.__getitem__, "verify")["verify"]
     assert result.verdict == "warn"
-    assert any("limit of the probing form, 0.2 mm, was not checked" in said for said in result.warnings)
-    assert any("limit of the sphere spacing, 0.5 mm, was not checked" in said for said in result.warnings)
+    assert any("Probing form: the limit of 0.2 mm was not checked" in said for said in result.warnings)
+    assert any("Sphere spacing: the limit of 0.5 mm was not checked" in said for said in result.warnings)
 
 
 def test_two_captures_decide_nothing() -> None:

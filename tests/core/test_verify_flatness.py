@@ -38,7 +38,7 @@ def test_a_flat_plate_passes_and_a_bowed_one_is_found() -> None:
     assert figure(flat).decision == "pass"
     assert flat.decision == "undecided"  # the ball bar's limit is set, and no bar was captured
     assert len(flat.warnings) == 1
-    assert "limit of the sphere spacing, 1.5 mm, was not checked" in flat.warnings[0]
+    assert "Sphere spacing: the limit of 1.5 mm was not checked" in flat.warnings[0]
     # Points scatter by 0.02 mm and poses by 0.05 mm: a range of many is some sigmas wide.
     assert 0.1 < figure(flat).value_mm < 0.6
     assert figure(flat, "flatness_95").value_mm < figure(flat).value_mm
@@ -86,7 +86,7 @@ def test_too_few_captures_of_the_plate_are_no_pass() -> None:
     kept = [c for c in record["captures"] if c["step"] != "plate" or c["id"] in ("f01", "f02", "f03")]
     found = verified(Session.model_validate({**record, "captures": kept}), cell().files)
     assert found.verdict == "warn"
-    assert any("limit of the flatness, 1 mm, was not checked" in said for said in found.warnings)
+    assert any("Flatness: the limit of 1 mm was not checked" in said for said in found.warnings)
     assert any("there are 3" in said for said in found.warnings)
 
 
@@ -130,9 +130,7 @@ def test_a_plate_alone_is_decided_by_its_flatness() -> None:
     assert "Flatness" in str(flat)
     both = alone(cell(), tool_mm=0.5)
     assert (both.decision, both.verdict) == ("undecided", "warn")
-    assert any(
-        "limit of the tool's error at the sphere, 0.5 mm, was not checked" in said for said in both.warnings
-    )
+    assert any("Tool's error at the sphere: the limit of 0.5 mm was not checked" in said for said in both.warnings)
     without = alone(cell(), flatness_mm=None)
     assert (without.decision, without.verdict) == (None, "warn")
     assert "No limit of the flatness is set" in without.warnings[0]

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
+from calib_core.archive.keys import VARIABLE as KEY_VARIABLE
 from server.cli import COMMANDS, parser
 from server.settings import Settings
 
@@ -28,7 +29,7 @@ def instructions() -> list[tuple[str, str]]:
 
 def settings_in(names: set[str]) -> set[str]:
     ours = {name.removeprefix("SCANCELL_").lower() for name in names if name.startswith("SCANCELL_")}
-    assert ours <= Settings.model_fields.keys()
+    assert ours <= {*Settings.model_fields, KEY_VARIABLE.removeprefix("SCANCELL_").lower()}
     return ours
 
 

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import venv
 import zipfile
 from pathlib import Path
 
@@ -15,6 +14,10 @@ import httpx
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / ".ci"))
+
+import clean_environment  # noqa: E402
+import release  # noqa: E402
 
 
 def built(source: Path, out: Path) -> Path:
@@ -41,26 +44,10 @@ def folders(wheel: Path) -> set[str]:
 
 @pytest.fixture(scope="module")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the environment's programs; what scancell depends on is seen in this one's."""
+    """The folder of the programs of an environment that has what the wheel asks for, and nothing else."""
     place = tmp_path_factory.mktemp("environment")
-    venv.create(place, with_pip=False)
-    programs = place / ("Scripts" if os.name == "nt" else "bin")
-    python = str(programs / "python")
+    programs = clean_environment.make(place, wheel)
     packages = Path(sysconfig.get_path("purelib", vars={"base": str(place), "platbase": str(place)}))
-    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
-    pip = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--python",
-        python,
-        "install",
-        "--quiet",
-        "--no-deps",
-        "--no-index",
-        "--no-compile",
-    ]
-    subprocess.run([*pip, str(wheel)], check=True)
     compiled = packages / "calib_core" / "kernels" / "__pycache__"
     compiled.mkdir()
     for file in (ROOT / "calib_core" / "kernels" / "__pycache__").glob("*.nb[ic]"):  # of the same sources
@@ -107,6 +94,15 @@ assert RESULTS["tcp"] is TcpResult
 Scancell("http://127.0.0.1:9").close()
 """
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=outside(), check=True)
+
+
+def test_the_list_of_parts_names_all_that_is_installed(installed: Path, wheel: Path) -> None:
+    parts = release.list_of_parts(wheel)
+    found = clean_environment.installed(installed)
+    assert release.unlisted(parts, found) == []
+    assert len(found) > 80
+    assert all(part["hashes"] for part in parts["components"])
+    assert release.unlisted(parts, {*found, "other==1.0"}) == ["other==1.0"]
 
 
 def test_the_library_is_imported(installed: Path, tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ from typing import Any
 
 import httpx
 
+from calib_core.findings.codes.faults import FAULT_CODES
+
 ALLOWED = {"allow": "stale,fail"}
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
@@ -28,6 +30,7 @@ class Said:
     values: tuple[str, ...] = ()
 
 
+_FAULTS = {code.name for code in FAULT_CODES.values()}
 _TOLD = ("faults", "stale", "budget", "workpiece_sigma_mm", "cell")
 """Of an answer: what says that it is stale, what a stale one leaves out, and the name that the cell has now."""
 
@@ -38,7 +41,7 @@ def downloads(client: httpx.Client, session: str) -> dict[str, Said]:
     answer = client.get(f"{place}/answer")
     stage = answer.json()["stage"]
     assert answer.json()["budget"] is None or not answer.json()["stale"]
-    found = {"answer": _of(answer, stage, answer.json()["stale"], answer.json(), *_TOLD)}
+    found = {"answer": _of(answer, stage, answer.json()["stale"], _without_faults(answer.json()), *_TOLD)}
     results: dict[str, Any] = client.get(f"{place}/results").json()
     for name, result in results.items():
         alone = client.get(f"{place}/results/{name}").json()
@@ -103,9 +106,14 @@ def _archive(given: httpx.Response, answer: httpx.Response, stage: str) -> Said:
     with zipfile.ZipFile(BytesIO(given.content)) as packed:
         names = {name.partition("/data/")[2]: name for name in packed.namelist()}
         assert json.loads(packed.read(names["answer.json"])) == answer.json()
-        said = _of(given, stage, answer.json()["stale"], answer.json(), *_TOLD)
+        said = _of(given, stage, answer.json()["stale"], _without_faults(answer.json()), *_TOLD)
         assert _says_stale(packed.read(names["report.html"]).decode()) or not said.stale
     return said
+
+
+def _without_faults(answer: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer whose findings are those of its results: a fault's says that it is stale."""
+    return answer | {"findings": [one for one in answer["findings"] if one["code"] not in _FAULTS]}
 
 
 def _of(given: httpx.Response, stage: str, stale: bool | None, body: Any, *told: str) -> Said:

@@ -1,5 +1,7 @@
 """Findings and refusals in the language that a request asks for, and with a cell's own severities."""
 
+import re
+
 import httpx
 import pytest
 
@@ -38,3 +40,21 @@ def test_results_have_findings_of_which_the_judgement_is_made(client: httpx.Clie
     said = [f"{one['text']} {one['to_do']}".strip() for one in result["findings"]]
     assert said == result["warnings"] + result["notes"]
     assert said
+
+
+def test_refusal_guide_check_result_and_answer_speak_german(client: httpx.Client, solved: str) -> None:
+    german = {"Accept-Language": "de"}
+    refused = client.post("/sessions", json={"name": 5}, headers=german).json()
+    assert refused["need"] == "ein Text"
+    assert "Benötigt: ein Text; vorhanden: 5. " in refused["detail"]
+    english = re.compile(r"\b(the|of|and|is|are|with|its|not|from)\b")
+    guide = client.get(f"/sessions/{solved}/guide", headers=german).json()
+    for text in (guide["current"]["instruction"], guide["current"]["why"], guide["current"]["exit"]):
+        assert not english.search(text), text
+    found = client.get(f"/sessions/{solved}/check", headers=german).json()
+    assert not [one["sentence"] for one in found["items"] if english.search(one["sentence"])]
+    result = client.get(f"/sessions/{solved}/results/tcp", headers=german).json()
+    labels = [block.get("label") or block.get("title") or "" for block in result["evidence"]]
+    assert not [label for label in labels if english.search(label)]
+    assert "said" not in result
+    assert client.get(f"/sessions/{solved}/answer", headers=german).status_code == 200

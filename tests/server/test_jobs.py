@@ -4,9 +4,8 @@ import os
 import queue
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import wait
-from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,8 @@ import pytest
 
 import server.jobs.worker
 from server.jobs.pools import ProcessPool
-from server.jobs.results_by_file import result_to_file
+from server.jobs.processes import ProcessEndedError
+from server.jobs.worker import Message
 from server.settings import Settings
 from tests.server.live_server import assert_problem, make_session, simulated_session, wait_for
 from tests.server.slow_work import killed_while_telling, long_result, slow_solve
@@ -164,67 +164,62 @@ def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
             assert job["error"]["to_do"] == "The server restarted; run it again."
 
 
-def test_a_result_that_is_there_before_its_future_has_its_class_is_read_all_the_same(tmp_path: Path) -> None:
-    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
-    quick: Any = pool.executor.submit(partial(result_to_file, str(tmp_path), os.getpid))
-    wait([quick], timeout=300)
-    work: Any = os.getpid
-    done: Any = pool.submit(work)
-    quick.__class__ = type(done)
-    assert quick.result(timeout=300) == done.result(timeout=300)
-    pool.close()
+@pytest.fixture
+def pool(tmp_path: Path) -> Iterator[ProcessPool]:
+    processes = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
+    yield processes
+    processes.close()
+
+
+def only_worker(pool: ProcessPool) -> int:
+    (place,) = pool._processes.pids
+    return place
 
 
 @pytest.mark.parametrize("after_s", [0.01, 0.03, 0.09])
-def test_a_worker_killed_while_it_sends_a_long_result_ends_its_job_and_its_pool(
-    tmp_path: Path, after_s: float
+def test_a_worker_killed_while_it_sends_a_long_result_ends_its_job_alone(
+    pool: ProcessPool, tmp_path: Path, after_s: float
 ) -> None:
-    """Half a message in the executor's pipe kept job, pool and server waiting for ever."""
-    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
-    keeper_of: Any = vars(pool.executor)
+    """Half a message in a pipe that all share kept job, pool and server waiting for ever."""
     work: Any = partial(long_result, tmp_path / "began", 64_000_000)
     job = pool.submit(work)
     end_s = time.monotonic() + 300
     while not (tmp_path / "began").exists():
         assert time.monotonic() < end_s
         time.sleep(0.001)
-    keeper = keeper_of["_executor_manager_thread"]
     time.sleep(after_s)
-    pool.end_worker(next(iter(keeper_of["_processes"])))
+    pool.end_worker(only_worker(pool))
     wait([job], timeout=300)
-    keeper.join(timeout=300)
-    assert (job.done(), keeper.is_alive()) == (True, False)
-    pool.close()
+    assert job.done()
+    other: Any = os.getpid
+    assert pool.submit(other).result(timeout=300) != os.getpid()
 
 
 @pytest.mark.parametrize("told", [b"", b"\0\0\1\0half"])
-def test_a_worker_killed_while_it_tells_of_its_job_leaves_nothing_waiting(tmp_path: Path, told: bytes) -> None:
-    """It keeps the lock by which workers take turns: the server's side waited for it, and did not stop."""
-    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
+def test_a_worker_killed_while_it_tells_of_its_job_leaves_nothing_waiting(pool: ProcessPool, told: bytes) -> None:
     work: Any = partial(killed_while_telling, told)
-    with pytest.raises(BrokenProcessPool):
+    with pytest.raises(ProcessEndedError):
         pool.submit(work).result(timeout=300)
-    pool.close()
-    listener = vars(pool)["_listener"]
-    listener.join(timeout=300)
-    assert not listener.is_alive()
+    other: Any = os.getpid
+    assert pool.submit(other).result(timeout=300) != os.getpid()
 
 
-def test_a_pool_that_breaks_ends_though_a_job_was_cancelled_while_it_waited(tmp_path: Path) -> None:
-    """An exception in the executor's own thread would fail this test, too."""
-    began: queue.SimpleQueue[int] = queue.SimpleQueue()
-    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), lambda _message: None)
-    first = pool.executor.submit(os.getpid)
-    first.add_done_callback(lambda done: began.put(done.result()))
-    place = began.get(timeout=300)
-    work: Any = partial(time.sleep, 60)
-    jobs = [pool.submit(work) for _ in range(5)]
-    keeper: Any = vars(pool.executor)["_executor_manager_thread"]
-    assert [job.cancel() for job in jobs[-2:]] == [True, True]
-    pool.end_worker(place)
-    with pytest.raises(BrokenProcessPool):
+def test_a_worker_that_ends_takes_no_other_job_along(tmp_path: Path) -> None:
+    told: queue.SimpleQueue[Message] = queue.SimpleQueue()
+    pool = ProcessPool(Settings(data=tmp_path, workers=1, warm_up=False), told.put)
+    work: list[Any] = [partial(slow_solve, "job"), partial(abs, -3), partial(abs, -3)]
+    jobs: list[Any] = [pool.submit(one) for one in work]
+    assert jobs[-1].cancel()
+    pool.end_worker(told.get(timeout=300).value)
+    with pytest.raises(ProcessEndedError):
         jobs[0].result(timeout=300)
-    keeper.join(timeout=300)
-    assert not keeper.is_alive()
-    assert jobs[-1].cancelled()
+    assert jobs[1].result(timeout=300) == 3
+    assert jobs[2].cancelled()
     pool.close()
+
+
+def test_a_worker_killed_while_it_waits_costs_no_job(pool: ProcessPool) -> None:
+    work: Any = os.getpid
+    place: Any = pool.submit(work).result(timeout=300)
+    os.kill(place, signal.SIGKILL)
+    assert pool.submit(work).result(timeout=300) != place

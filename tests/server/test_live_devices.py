@@ -2,6 +2,7 @@
 
 import json
 import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,8 @@ def test_a_capture_is_taken_when_asked_for_and_refused_on_the_move(client: httpx
     assert taken.status_code == 201, taken.text
     assert taken.json()["id"] == "first"
     assert taken.json()["verdict"] == "pass"
+    when = datetime.fromisoformat(captures(client, session)[0]["taken"])
+    assert timedelta() <= datetime.now(UTC) - when < timedelta(minutes=5)
     wrong = captures(client, session)[0]["pose"]
     made.go(made.good[2])
     until(lambda: not made.cell.at(time.monotonic()).moving)

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -11,10 +10,7 @@ from calib_core.errors import InputError
 from calib_core.simulation import simulate
 from server.jobs.child_processes import WorkerContext
 from server.jobs.measuring_processes import Measuring
-from server.jobs.request_process import AskedProcess, answer_questions
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
+from server.jobs.processes import Processes
 
 CELL = simulate("tcp", 7)
 CAPTURE = CELL.session.captures[0]
@@ -30,17 +26,17 @@ def measuring() -> Iterator[Measuring]:
 def test_a_process_that_was_killed_is_replaced(measuring: Measuring) -> None:
     first = measuring.measure(CELL.session, CAPTURE, CELL.files.__getitem__)
     assert first.verdict == "pass", first
-    (process,) = measuring._all
+    (process,) = measuring._processes._all
     process._process.kill()
     process._process.join()
     assert measuring.measure(CELL.session, CAPTURE, CELL.files.__getitem__) == first
-    (replaced,) = measuring._all
+    (replaced,) = measuring._processes._all
     assert replaced is not process
 
 
 def test_what_takes_too_long_is_given_up_and_said(measuring: Measuring) -> None:
     measuring.warm_up()
-    (process,) = measuring._all
+    (process,) = measuring._processes._all
     measuring._timeout_s = 1e-4  # no profile is measured in that time
     late = measuring.measure(CELL.session, CAPTURE, CELL.files.__getitem__)
     assert late.verdict == "fail"
@@ -58,33 +54,32 @@ def test_files_of_no_use_are_refused_as_ever(measuring: Measuring) -> None:
 
 def test_stopped_processes_are_gone(measuring: Measuring) -> None:
     measuring.warm_up()
-    (process,) = measuring._all
+    (process,) = measuring._processes._all
     measuring.stop()
     assert not process._process.is_alive()
 
 
-def compiles_first(connection: "Connection[Any, Any]", silent: bool) -> None:
-    def answer(work: object) -> object:
-        if not silent:
-            for told in on_compiling:
-                told()
-        time.sleep(1.0)
-        return work
+def nothing(_: object) -> None:
+    pass
 
-    answer_questions(connection, answer)
+
+def compiles_first(silent: bool) -> str:
+    if not silent:
+        for told in on_compiling:
+            told()
+    time.sleep(1.0)
+    return "done"
 
 
 @pytest.mark.parametrize("silent", [False, True])
 def test_the_time_to_compile_does_not_count(silent: bool) -> None:
     """A first frame on a new machine was kept unmeasured: its kernels took longer than a capture may."""
-    process = AskedProcess(WorkerContext(False), compiles_first, silent)
+    processes = Processes(1, WorkerContext(False), nothing)
     try:
-        assert process.usable
         if silent:
             with pytest.raises(TimeoutError):
-                process.ask("work", 0.2)
+                processes.ask(compiles_first, silent, timeout_s=0.2)
         else:
-            assert process.ask("work", 0.2) == "work"
-            assert process.usable
+            assert processes.ask(compiles_first, silent, timeout_s=0.2) == "done"
     finally:
-        process.end()
+        processes.stop()

@@ -20,13 +20,22 @@ from server.store.updates import go_back, known_revisions, revision_of, state_of
 RELEASES = Path(__file__).resolve().parents[1] / "releases"
 
 
+def data_of(release: str, place: Path) -> Path:
+    """Return the data folder of a release, unpacked."""
+    with zipfile.ZipFile(RELEASES / release / "data.zip") as archive:
+        archive.extractall(place)
+    (database,) = place.rglob("scancell.db")
+    return database.parent
+
+
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
     """The data folder of the first release."""
-    with zipfile.ZipFile(RELEASES / "0.1.0" / "data.zip") as archive:
-        archive.extractall(tmp_path)
-    (database,) = tmp_path.rglob("scancell.db")
-    return database.parent
+    return data_of("0.1.0", tmp_path)
+
+
+def blobs_of(data: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (data / "blobs").rglob("*") if path.is_file()}
 
 
 def rows_of(database: Path, like: Path | None = None) -> dict[str, list[Any]]:
@@ -54,8 +63,10 @@ def test_the_known_revisions_are_alembics() -> None:
     assert len(set(known_revisions())) == len(known_revisions())
 
 
-def test_data_of_a_release_is_updated_and_taken_back_and_nothing_is_lost(data: Path, tmp_path: Path) -> None:
-    database = data / "scancell.db"
+@pytest.mark.parametrize("release", sorted(path.parent.name for path in RELEASES.glob("*/data.zip")))
+def test_data_of_a_release_is_updated_and_taken_back_and_nothing_is_lost(release: str, tmp_path: Path) -> None:
+    data = data_of(release, tmp_path)
+    database, blobs = data / "scancell.db", blobs_of(data)
     before, form, revision = rows_of(database), columns_of(database), revision_of(database)
     assert state_of(data) == "older"
     with store_lock(Settings(data=data)):
@@ -64,7 +75,9 @@ def test_data_of_a_release_is_updated_and_taken_back_and_nothing_is_lost(data: P
     (kept,) = (data / "before-updates").iterdir()
     assert (rows_of(kept), revision_of(kept)) == (before, revision)
     updated = rows_of(database)
-    assert updated["files"]
+    assert {table: len(rows) for table, rows in updated.items() if table in before} == {
+        table: len(rows) for table, rows in before.items()
+    }
     went = go_back(data)
     assert (went.before, went.now, revision_of(database)) == (known_revisions()[-1], revision, revision)
     assert columns_of(database) == form
@@ -72,8 +85,11 @@ def test_data_of_a_release_is_updated_and_taken_back_and_nothing_is_lost(data: P
     assert rows_of(went.copy) == updated
     with store_lock(Settings(data=data)):
         pass
-    assert rows_of(database)["files"] == updated["files"]
-    assert rows_of(database)["captures"] == updated["captures"]
+    again = rows_of(database)
+    for table in ("sessions", "captures", "files", "results", "outputs", "audit"):
+        assert again[table] == updated[table], table
+    assert blobs_of(data) == blobs
+    assert len(blobs) > 10
 
 
 def test_what_came_after_the_update_is_there_after_going_back(data: Path) -> None:

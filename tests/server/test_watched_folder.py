@@ -1,6 +1,7 @@
 """Watched folders: only whole files with a pose become captures, each once, whatever else happens there."""
 
 import json
+import os
 import time
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
@@ -80,6 +81,7 @@ def wait_for_refusal(client: httpx.Client, session: str, name: str, word: str, t
 def test_poses_come_from_a_table_a_line_beside_it_or_a_record(client: httpx.Client, folder: Path) -> None:
     session = watched_session(client)
     (folder / "a1.csv").write_bytes(profile(0))
+    os.utime(folder / "a1.csv", (1_700_000_000, 1_700_000_000))
     (folder / "poses.txt").write_text(f"a1.csv {pose_line(0)}\n")
     (folder / "a2.csv").write_bytes(profile(1))
     (folder / "a2.txt").write_text(pose_line(1))
@@ -89,6 +91,7 @@ def test_poses_come_from_a_table_a_line_beside_it_or_a_record(client: httpx.Clie
     found = wait_for_captures(client, session, 3)
     assert [found[name]["pose"] for name in ("a1", "a2", "a3")] == [c["pose"] for c in CAPTURES[:3]]
     assert [found[name]["step"] for name in ("a1", "a2", "a3")] == ["tcp", "tcp", "verify"]
+    assert found["a1"]["taken"] == "2023-11-14T22:13:20.000Z"  # when its file was written
     assert all(c["measured"]["verdict"] != "fail" for c in found.values())
     stored = client.get(f"/sessions/{session}/captures/a1/files/a1.csv").content
     assert stored == profile(0)

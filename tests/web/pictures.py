@@ -78,7 +78,7 @@ def columns(page: Page, client: httpx.Client) -> None:
 
 def unreachable(page: Page, client: httpx.Client) -> None:
     page.goto(f"/sessions/{simulated_session(client, captures=2)}")
-    expect(page.locator("sc-live")).to_have_text("live")
+    expect(page.locator("sc-live")).to_have_text("connected")
     page.context.set_offline(True)
     page.keyboard.press("Space")
     expect(page.locator(".toast.bad")).to_contain_text("cannot be reached", timeout=120_000)

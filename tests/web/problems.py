@@ -22,7 +22,7 @@ TAKE_PICTURES = "SCANCELL_PICTURE" in os.environ
 COLORS = 64
 
 PROVOKED: set[str] = set()
-"""Types of the server's catalogue, and keys of the page's texts/en/problems.js, that some walk meets."""
+"""Types of the server's catalogue, and names of the page's texts/problems.json, that some walk meets."""
 
 
 def provokes(*names: str) -> Callable[[Any], Any]:

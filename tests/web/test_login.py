@@ -160,7 +160,7 @@ def test_a_revoked_token_ends_an_open_page(profile: SharedProfile, served, watch
     made = client.post("/tokens", json={"name": "guest", "role": "read"}, headers=admin).json()
     page = profile.open(f"{site_of(client)}/login?next=/sessions/{session}")
     log_in(page, made["token"])
-    expect(page.locator("sc-live")).to_contain_text("live")
+    expect(page.locator("sc-live")).to_contain_text("connected")
     start_s = time.monotonic()
     client.delete(f"/tokens/{made['id']}", headers=admin)
     expect(page.get_by_label("Token")).to_be_visible()

@@ -17,10 +17,11 @@ from tests.server.live_server import make_session, simulated_session, upload
 from tests.web.browsing import SharedProfile, Watch
 from tests.web.problems import PROVOKED, provokes, site_of, visiting
 from tests.web.test_problems_server import WALL
+from tests.web.test_release import SOLVED
 
 pytestmark = pytest.mark.browser
 
-TEXTS = Path(__file__).resolve().parents[2] / "web" / "texts" / "en" / "problems.js"
+TEXTS = Path(__file__).resolve().parents[2] / "web" / "texts" / "problems.json"
 
 NOT_FROM_A_PAGE = {
     "http-400": "the page's requests are whole and of the right form; programs send others",
@@ -37,10 +38,10 @@ def api(address: str) -> Iterator[httpx.Client]:
 
 
 def test_every_problem_is_provoked() -> None:
-    own = set(re.findall(r'^  "([^"]+)": ', TEXTS.read_text(encoding="utf-8"), re.MULTILINE))
+    own = set(json.loads(TEXTS.read_text(encoding="utf-8")))
     assert len(own) > 20
     assert set(catalogue()) - PROVOKED - set(NOT_FROM_A_PAGE) == set()
-    assert own - PROVOKED == {"may.release"}  # of approving by who only captures: to be provoked, too
+    assert own - PROVOKED == set()
     assert PROVOKED - set(catalogue()) - own == set(), "provoked, but in no catalogue"
     assert set(NOT_FROM_A_PAGE) <= set(catalogue()) - PROVOKED
 
@@ -122,7 +123,7 @@ def test_what_is_dropped_on_a_session(profile: SharedProfile, api: httpx.Client)
         drop(page, {"session.json": json.dumps(record)})
         expect(page.locator(".toasts")).to_contain_text("p0: the folder lacks captures/p0.csv. Add the files")
         expect(page.locator(".toasts")).to_contain_text(
-            "2 more captures could not be added. Fix the problems above"
+            "3 more captures could not be added. Fix the problems above"
         )
         visitor.picture("intake-lacking")
         # Nothing was stored by halves.
@@ -223,7 +224,7 @@ def test_what_is_taken_again_is_refused_too(profile: SharedProfile, api: httpx.C
         expect(page.get_by_role("checkbox", name="Use p01", exact=True)).to_be_checked()
 
 
-@provokes("may.capture", "may.admin")
+@provokes("may.capture", "may.release", "may.admin")
 def test_what_a_role_may_not(profile: SharedProfile, tmp_path: Path) -> None:
     with guarded(tmp_path / "data") as (client, tokens):
         client.headers["Authorization"] = f"Bearer {tokens['capture']}"
@@ -240,6 +241,13 @@ def test_what_a_role_may_not(profile: SharedProfile, tmp_path: Path) -> None:
             expect(page.locator("main")).to_contain_text("need the role admin")
             visitor.picture("may-admin")
             expect(page.locator("sc-tokens")).to_have_count(0)
+            archive = {"content": SOLVED.read_bytes(), "headers": {"Content-Type": "application/zip"}}
+            solved = client.post("/archives", **archive).json()["id"]
+            page.goto(f"{site_of(client)}/sessions/{solved}#tcp.result")
+            approval = page.get_by_role("region", name="Approval")
+            expect(approval).to_contain_text("Approving and rolling back need the role release.")
+            visitor.picture("may-release")
+            expect(approval.get_by_role("button")).to_have_count(0)
 
 
 def said(field: Locator) -> str:

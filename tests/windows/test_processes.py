@@ -2,9 +2,12 @@
 
 import ctypes
 import errno
+import importlib.util
+import multiprocessing.context
 import os
 import signal
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -16,13 +19,16 @@ import pytest
 
 from calib_core.errors import ConflictError, InputError
 from server.commands import serve
-from server.jobs import child_processes
+from server.jobs import child_processes, worker
 from server.jobs.pools import ProcessPool
+from server.jobs.processes import Processes
 from server.render import pdf
 from server.settings import Settings
 from server.store import blob_folder, file_lock
 from server.store.blob_folder import FolderBlobs
 from server.store.folder import folder_lock
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -107,6 +113,50 @@ def test_processes_are_started_where_the_console_tells_them_nothing(monkeypatch:
     with pytest.raises(RuntimeError), child_processes.ignoring_interrupts():
         raise RuntimeError
     assert told[-1] == (None, False)
+
+
+def test_the_server_ends_in_order_by_what_windows_sends(tmp_path: Path) -> None:
+    """Closing the window and Ctrl-Break are SIGBREAK there; here another signal has its name."""
+    code = """import signal, sys
+signal.SIGBREAK = signal.SIGUSR1
+from server.cli import main
+sys.exit(main(["serve", "--port", "0", "--data", sys.argv[1]]))
+"""
+    settings = {**os.environ, "SCANCELL_WARM_UP": "false", "PYTHONPATH": str(ROOT), "PYTHONUTF8": "1"}
+    command = [sys.executable, "-c", code, str(tmp_path / "data")]
+    with subprocess.Popen(command, env=settings, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            assert " at http://" in server.stdout.readline()
+            server.send_signal(signal.SIGUSR1)
+            assert server.wait(60) == 0
+            assert "has stopped" in server.stdout.read()
+        finally:
+            server.kill()
+    with folder_lock(tmp_path / "data"):  # let go of
+        pass
+
+
+def test_a_spawned_worker_does_what_a_forked_one_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = importlib.util.find_spec("server.jobs.child_processes")
+    assert spec is not None
+    assert spec.loader is not None
+    monkeypatch.setattr(sys, "platform", "win32")
+    as_on_windows = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(as_on_windows)
+    monkeypatch.undo()
+    as_on_windows.sys = SimpleNamespace(platform="win32")  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, spec.name, as_on_windows)  # where its classes are found to be sent
+    context = as_on_windows.WorkerContext(False)
+    assert isinstance(context, multiprocessing.context.SpawnContext)
+    settings = Settings(data=tmp_path, warm_up=False)
+    processes = Processes(1, context, worker.initialize, settings)
+    try:
+        context.load()
+        assert processes.ask(worker.ready) is True
+        assert type(context.started[0]).__mro__[1] is multiprocessing.context.SpawnProcess
+    finally:
+        processes.stop()
 
 
 def test_a_worker_that_has_ended_already_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

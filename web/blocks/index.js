@@ -68,8 +68,8 @@ function following(group, from) {
 }
 
 /** @param {Block} block @param {Context} context */
-function one(block, { state }) {
-  if (block.kind === "frame") return frame(block);
+function one(block, { state, stage }) {
+  if (block.kind === "frame") return frame(block, state.results[stage]?.verdict === "fail");
   if (block.kind === "table") return table(block, state);
   if (block.kind === "picture") return picture(block, state);
   if (block.kind === "plot") {

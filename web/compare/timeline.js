@@ -4,11 +4,9 @@ import { h, s } from "../dom.js";
 import { when } from "../format.js";
 import { icon } from "../icons.js";
 import { ReviewState } from "../state/review.js";
-import { learnTexts, maybe, t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 import { StateElement } from "../components/base.js";
 import { attempt } from "../components/toasts.js";
-
-await learnTexts("timeline");
 
 /** @import {TimelineItem} from "../state/model.js" */
 

@@ -2,9 +2,7 @@
 
 import { h } from "../dom.js";
 import { inField, typedNumber, typedNumbers } from "../format.js";
-import { learnTexts, maybe, said, t } from "../texts.js";
-
-await learnTexts("settings");
+import { maybe, said, t } from "../texts.js";
 
 /** @typedef {{ type?: string, title?: string, description?: string, default?: unknown, enum?: unknown[], anyOf?: Schema[], items?: Schema, properties?: Record<string, Schema>, exclusiveMinimum?: number, minimum?: number }} Schema */
 

@@ -2,10 +2,8 @@
 
 import { json, request } from "../state/http.js";
 import { h } from "../dom.js";
-import { learnTexts, t } from "../texts.js";
+import { t } from "../texts.js";
 import { attempt } from "../components/toasts.js";
-
-await learnTexts("guidance");
 
 const URDF = "urdf";
 

@@ -3,10 +3,8 @@
 import { json, request } from "../state/http.js";
 import { h } from "../dom.js";
 import { inField } from "../format.js";
-import { learnTexts, t } from "../texts.js";
+import { t } from "../texts.js";
 import { attempt, notify } from "../components/toasts.js";
-
-await learnTexts("guidance");
 
 /** @param {HTMLFormElement | null} form */
 export function fillFromCertificate(form) {

@@ -3,9 +3,8 @@
 import { closeButton, openDialog } from "../components/dialog.js";
 import { field, h, style } from "../dom.js";
 import { inField, typedNumber } from "../format.js";
-import { learnTexts, t } from "../texts.js";
+import { t } from "../texts.js";
 
-await learnTexts("guidance");
 style("guidance");
 
 /** @param {string} id @param {string} title @param {...import("../dom.js").Child} children */

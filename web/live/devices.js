@@ -1,12 +1,12 @@
 // The devices of the cell with their state, and the form that adds one.
 
-import { live } from "../state/live.js";
+import { ago, live, OLD_S } from "../state/live.js";
 import { offered } from "../state/registries.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
 import { field, h, keyed } from "../dom.js";
 import { icon, mark } from "../icons.js";
-import { learnTexts, maybe, said, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 
 /** @import {DeviceEntry} from "../api-types.js" */
 /** @import {LiveDevice} from "../state/live.js" */
@@ -34,29 +34,32 @@ export class DevicesElement extends HTMLElement {
     this.show([]);
   }
 
-  /** What is kept with the cell, and how it stands now. @param {LiveDevice[]} now */
-  show(now) {
+  /** What is kept with the cell, and how it stands now, or stood when the server last spoke. @param {LiveDevice[]} now @param {string} [lost] since when it does not */
+  show(now, lost = "") {
     if (now.some(({ name }) => !this.#items.some((one) => one.name === name))) void this.load();
     this.#none.hidden = this.#items.length > 0;
     keyed(this.#list, this.#items, ({ name }) => name, () => h("li", {}), (row, item) => {
-      const { status: link, problem, rate_hz, fresh } = now.find(({ name }) => name === item.name) ?? item;
+      const state = now.find(({ name }) => name === item.name) ?? item;
+      const { status: link, problem, rate_hz, fresh } = state;
       const status = link === "live" && !fresh ? "stale" : link;
-      const told = `${status} ${problem} ${rate_hz} ${item.connected_for}`;
+      const since = lost || ("age_s" in state && state.age_s > OLD_S ? ago(state.age_s) : "");
+      const told = `${status} ${problem} ${rate_hz} ${item.connected_for} ${since}`;
       if (row instanceof HTMLElement && row.dataset["told"] !== told) {
         row.dataset["told"] = told;
         row.dataset["status"] = status;
-        row.replaceChildren(...this.#row(item, status, problem, rate_hz));
+        row.classList.toggle("old", since !== "");
+        row.replaceChildren(...this.#row(item, status, problem, since ? t("devices.since", { since }) : status === "live" ? `${Math.round(rate_hz)}/s` : ""));
       }
     });
   }
 
-  /** @param {DeviceEntry} item @param {string} status @param {string} problem @param {number} rate */
-  #row(item, status, problem, rate) {
+  /** @param {DeviceEntry} item @param {string} status @param {string} problem @param {string} heard */
+  #row(item, status, problem, heard) {
     const connected = item.connected_for === this.sessionId;
     const word = maybe(`device.${status}`, status);
     return [
       h("div", { class: "row spread" },
-        h("p", {}, h("strong", {}, item.name), " ", mark(SIGNS[status] ?? "todo", word), h("span", { class: "soft small" }, ` ${item.title}${status === "live" ? ` · ${`${Math.round(rate)}/s`}` : ""}`)),
+        h("p", {}, h("strong", {}, item.name), " ", mark(SIGNS[status] ?? "todo", word), h("span", { class: "soft small" }, ` ${item.title}${heard && ` · ${heard}`}`)),
         h("span", { class: "row" },
           h("button", { type: "button", class: "small", needs: "admin", onclick: () => void this.#put(item, !connected) }, t(connected ? "devices.disconnect" : "devices.connect")),
           h("button", { type: "button", class: "plain icon", needs: "admin", "aria-label": t("devices.remove", { name: item.name }), onclick: () => void this.#remove(item) }, icon("trash")))),
@@ -78,7 +81,6 @@ export class DevicesElement extends HTMLElement {
 
   /** Offer the live sources that this server has. */
   async add() {
-    await learnTexts("devices");
     const sources = (await offered("sources")).filter(({ delivers }) => delivers?.length);
     const name = h("input", { value: "", autocomplete: "off" });
     const place = h("div", {});

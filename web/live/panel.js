@@ -1,24 +1,26 @@
 // The live cell: its devices, what the scanner sees now, one large sign, and captures taken at standstill.
 
-import { live, followPreviews } from "../state/live.js";
+import { ago, live, followPreviews, OLD_S } from "../state/live.js";
 import { StateElement } from "../components/base.js";
 import { zoneBar } from "../measure/profile-plot.js";
 import { stepName } from "../measure/rail.js";
 import { attempt } from "../components/toasts.js";
 import { field, h, make, style } from "../dom.js";
 import { fixed, integer, small, typedNumber } from "../format.js";
-import { learnTexts, said, t } from "../texts.js";
+import { said, t } from "../texts.js";
 
 /** @import {Preview} from "../state/live.js" */
 /** @import {SessionState} from "../state/session.js" */
 
-await learnTexts("live");
 const { DevicesElement } = await import("./devices.js");
 const { SignElement } = await import("./sign.js");
 const { TableElement } = await import("./table.js");
 const { drawPreview } = await import("./view.js");
 
 const RATE_OVER_MS = 1000;
+const LOOK_MS = 250;
+/** @type {Preview} */
+const NOTHING = { version: 0, step: "", devices: [], automatic: false, waits_for: "", is_taken: false, robot: null, table_deg: null, exposure: null, clocks: null, last: null, image: false };
 style("live");
 
 class LivePanelElement extends StateElement {
@@ -42,6 +44,9 @@ class LivePanelElement extends StateElement {
   #angleField = field("live-angle", t("place.angle"), this.#angle);
   /** @type {number[]} */ #drawnMs = [];
   #told = "";
+  /** @type {Preview | null} */ #last = null;
+  #lastMs = performance.now();
+  #timer = 0;
   /** @type {(() => void) | null} */ #stopPreviews = null;
 
   parts = /** @type {const} */ (["devices", "session"]);
@@ -72,11 +77,13 @@ class LivePanelElement extends StateElement {
     super.connectedCallback();
     void this.#load();
     this.#stopPreviews = followPreviews(this.state.id, (preview, image) => this.#show(preview, image));
+    this.#timer = window.setInterval(() => this.#age(), LOOK_MS);
   }
 
   disconnectedCallback() {
     super.disconnectedCallback();
     this.#stopPreviews?.();
+    window.clearInterval(this.#timer);
   }
 
   update() {
@@ -135,19 +142,34 @@ class LivePanelElement extends StateElement {
 
   /** @param {Preview} preview @param {ImageBitmap | null} image */
   #show(preview, image) {
-    this.#sign.show(preview);
-    this.#devices.show(preview.devices);
+    this.#last = preview;
+    this.#lastMs = performance.now();
+    this.#age();
     this.#table.hidden = !this.#table.isArmed && !preview.devices.some(({ delivers, status }) => delivers.includes("table") && status === "live");
     const { exposure } = preview;
     this.#canvas.hidden = !exposure;
     this.#nothing.hidden = exposure !== null;
     drawPreview(this.#canvas, preview, image);
     this.#measureRate(preview);
-    const told = JSON.stringify([exposure?.zone?.toFixed(2), exposure?.rms_mm?.toFixed(3), exposure?.extent_deg?.toFixed(0), exposure?.picture?.exposure_advice, exposure?.picture?.stripe_width_px?.toFixed(1), exposure?.problem, exposure?.weak, preview.clocks, preview.table_deg?.toFixed(2), preview.robot?.base_from_tool0?.map((row) => row[3]?.toFixed(1))]);
+    const told = JSON.stringify([exposure?.zone?.toFixed(2), exposure?.rms_mm?.toFixed(3), exposure?.extent_deg?.toFixed(0), exposure?.picture?.exposure_advice, exposure?.picture?.stripe_width_px?.toFixed(1), exposure?.problem, exposure?.weak, preview.clocks, preview.table_deg?.toFixed(2), preview.robot?.base_from_tool0?.map((row) => row[3]?.toFixed(1)), (preview.robot?.age_s ?? 0) > OLD_S]);
     if (told === this.#told) return;
     this.#told = told;
     this.#advice.replaceChildren(...advice(preview).map((one) => h("p", { class: "reason" }, said(one))));
     this.#figures.replaceChildren(...figures(preview));
+  }
+
+  /** What is older than it may look is grey, and says since when. */
+  #age() {
+    const silent_s = (performance.now() - this.#lastMs) / 1000;
+    const lost = silent_s > OLD_S ? ago(silent_s) : "";
+    const { exposure, devices } = this.#last ?? NOTHING;
+    this.#sign.show(this.#last ?? NOTHING, lost);
+    this.#devices.show(devices, lost);
+    const exposed_s = exposure ? exposure.age_s + silent_s : 0;
+    const isOld = exposed_s > OLD_S;
+    this.#canvas.classList.toggle("old", isOld);
+    this.#figures.classList.toggle("old", isOld || lost !== "");
+    if (isOld) this.#rate.textContent = t("preview.since", { since: ago(exposed_s) });
   }
 
   /** @param {Preview} preview */
@@ -181,7 +203,7 @@ function figures({ exposure, robot, table_deg, clocks }) {
     if (picture.stripe_width_px) rows.push([t("preview.focus"), [`${fixed(picture.stripe_width_px, 1)} px`]]);
   }
   const place = robot?.base_from_tool0?.slice(0, 3).map((row) => fixed(row[3] ?? 0, 1));
-  if (place) rows.push([t("preview.robot"), [`${place.join("  ")} mm`]]);
+  if (robot && place) rows.push([t("preview.robot"), [`${place.join("  ")} mm`, robot.age_s > OLD_S && ` · ${t("devices.since", { since: ago(robot.age_s) })}`].filter((part) => part !== false)]);
   if (table_deg !== null) rows.push([t("column.table"), [`${fixed(table_deg, 2)}°`]]);
   if (clocks) rows.push([t("preview.clocks"), [`${clocks.offset_s < 0 ? "" : "+"}${fixed(1000 * clocks.offset_s, 1)}\u00a0±\u00a0${fixed(2000 * clocks.sigma_s, 1)} ms`]]);
   return rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "number" }, ...value)));

@@ -5,7 +5,7 @@ import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
 import { field, h } from "../dom.js";
 import { fixed, typedNumber } from "../format.js";
-import { learnTexts, t } from "../texts.js";
+import { t } from "../texts.js";
 
 /** @import {TableMover} from "../api-types.js" */
 
@@ -62,7 +62,6 @@ export class TableElement extends HTMLElement {
     await attempt(async () => {
       const [mover] = await live.movers();
       if (!mover) return;
-      await learnTexts("devices");
       const limits = { low_deg: { type: "number" }, high_deg: { type: "number" }, minutes: { type: "number", default: 15 } };
       const given = /** @type {{ properties?: Record<string, object> }} */ (mover.settings).properties ?? {};
       this.#form.replaceChildren(h("p", { class: "reason" }, t("table.warning")), schemaForm({ properties: { ...limits, ...given } }, {}, {

@@ -5,7 +5,7 @@ import { Problem } from "../state/http.js";
 import { h } from "../dom.js";
 import { allowed, may } from "../state/me.js";
 import { sound } from "../shop.js";
-import { learn, maybe, said, t } from "../texts.js";
+import { maybe, said, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { nextStep } from "../state/next-step.js";
 import { StateElement } from "../components/base.js";
@@ -17,6 +17,9 @@ import { attempt, notify, say } from "../components/toasts.js";
 /** @import {FolderWatchElement} from "./folder-watch.js" */
 /** @import {IntakeElement} from "./intake.js" */
 /** @import {Job, RootCause} from "../state/model.js" */
+
+/** A job ended because its server or its cluster did. */
+const INTERRUPTED = 503;
 
 export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
@@ -39,7 +42,9 @@ export class ActionsElement extends StateElement {
   #waysIn = h("span", { class: "ways-in" }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch, wayIn(t("actions.devices"), () => this.devices()));
   /** @type {string | null} */ #next = null;
   #capturing = false;
+  #asking = false;
   #followed = "";
+  #again = "";
 
   parts = /** @type {const} */ (["session", "guide", "job", "captures", "results", "step", "view"]);
 
@@ -82,7 +87,7 @@ export class ActionsElement extends StateElement {
     this.#mend.hidden = !mends || simulated || view !== "result";
     this.#waysIn.hidden = view === "result"; // new captures belong to measuring; files may be dropped all the same
     this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
-    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.working || !may("capture")));
+    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.#asking || this.state.working || !may("capture")));
     this.#showJob();
     this.#offerRemedies();
     if (job && job.id === this.#followed) this.#ended();
@@ -149,6 +154,7 @@ export class ActionsElement extends StateElement {
     if (!job || this.state.working) return;
     this.#followed = "";
     if (job.status === "done") {
+      this.#again = "";
       this.state.open(job.stage, "result");
       sound(this.state.results[job.stage]?.verdict ?? "pass");
       say(maybe(`actions.solved_${job.stage}`, t("actions.solved")));
@@ -158,7 +164,11 @@ export class ActionsElement extends StateElement {
 
   /** Say why nothing could be solved, and offer what would mend it. @param {Job} job */
   async #failed({ stage, error }) {
-    await learn(error);
+    if (error?.status === INTERRUPTED && stage !== this.#again) {
+      this.#again = stage; // once: what ends the server each time is not asked for for ever
+      notify(t("actions.again"));
+      return this.#start(stage);
+    }
     notify(error ? new Problem(error).message : t("actions.failed"), { bad: true });
     const { items } = await api.causes(this.state.id).catch(() => ({ items: [] }));
     if (!this.state.working) this.#offer(stage, items);
@@ -186,12 +196,21 @@ export class ActionsElement extends StateElement {
   }
 
   async solve() {
-    if (this.state.working || !this.state.captures.length || !allowed("capture")) return;
+    if (this.#asking || this.state.working || !this.state.captures.length || !allowed("capture")) return;
+    await this.#start(this.#stage);
+  }
+
+  /** One job a click, however long its start takes. @param {string} stage */
+  async #start(stage) {
+    this.#asking = true;
+    this.#solve.setAttribute("aria-disabled", "true");
     await attempt(async () => {
-      const job = await api.solve(this.state.id, this.#stage);
+      const job = await api.solve(this.state.id, stage);
       this.#followed = job.id;
       this.state.follows(job);
     });
+    this.#asking = false;
+    this.update();
   }
 }
 

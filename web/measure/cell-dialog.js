@@ -2,18 +2,17 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
-import { field, h } from "../dom.js";
+import { field, h, make } from "../dom.js";
 import { inField, typedNumber, when } from "../format.js";
 import { go } from "../router.js";
 import { conventions } from "../state/registries.js";
-import { learnTexts, maybe, t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 import { did, patchBack } from "../state/undo.js";
 import { bring } from "../state/upload.js";
+import { ChainPictureElement } from "./chain-picture.js";
 import { conventionWords } from "./pose-columns.js";
 import { alarm, closeButton, showDialog } from "../components/dialog.js";
 import { attempt } from "../components/toasts.js";
-
-await learnTexts("cell");
 
 /** @import {Cell} from "../api-types.js" */
 /** @import {Found} from "../state/files.js" */
@@ -117,6 +116,9 @@ function faults(form) {
   return found;
 }
 
+/** @param {Pick<SessionOut, "cell">} [session] */
+const hasTable = (session) => session?.cell.turntable !== undefined && session.cell.turntable !== null;
+
 /**
  * Fill the form with what is known.
  * @param {HTMLFormElement} form
@@ -133,7 +135,7 @@ function fill(form, { name, cell }) {
     arm: cell.robot?.arm ? JSON.stringify(cell.robot.arm) : "",
   };
   const turntable = form.elements.namedItem("turntable");
-  if (turntable instanceof HTMLInputElement) turntable.checked = cell.turntable !== undefined && cell.turntable !== null;
+  if (turntable instanceof HTMLInputElement) turntable.checked = hasTable({ cell });
   for (const [key, value] of Object.entries(values)) {
     const control = form.elements.namedItem(key);
     if (control instanceof HTMLInputElement || control instanceof HTMLSelectElement) control.value = String(inField(value));
@@ -157,6 +159,7 @@ export const cellDialogFor = (convention, found, diameter_mm) => attempt(async (
 /** @param {ConventionInfo[]} conventions @param {SessionOut} [session] @param {{ convention: PoseConvention | undefined, found: Found[], diameter_mm?: number | undefined }} [brought] */
 function open(conventions, session, brought) {
   const told = alarm();
+  const chain = make(ChainPictureElement, { cell: session?.cell ?? {}, turntable: hasTable(session) });
   const form = h(
     "form", { method: "dialog", novalidate: true },
     h("h2", { id: "new-title" }, t(session ? "cell.correct" : "new.title")),
@@ -164,8 +167,9 @@ function open(conventions, session, brought) {
     field("new-convention", t("new.brand"), brandField(conventions), t("new.brand_hint")),
     field("new-diameter", t("new.diameter"), number("diameter"), t("new.diameter_hint")),
     boardFields(),
+    h("details", {}, h("summary", {}, t("chain.title")), chain),
     h("details", {}, h("summary", {}, t("menu.open")), h("div", { class: "more-fields" },
-      h("div", { class: "row whole" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes" }), h("label", { for: "new-turntable" }, t("new.turntable"))),
+      h("div", { class: "row whole" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes", onchange: (/** @type {Event} */ { target }) => { chain.turntable = /** @type {HTMLInputElement} */ (target).checked; } }), h("label", { for: "new-turntable" }, t("new.turntable"))),
       field("new-name", t("name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
       field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),
       h("button", { type: "button", class: "plain wide", onclick: async (/** @type {Event} */ { target }) => (await import("../guidance/certificate.js")).fillFromCertificate(/** @type {HTMLButtonElement} */ (target).form) }, t("new.certificate")),
@@ -187,7 +191,7 @@ function open(conventions, session, brought) {
   if (brought?.diameter_mm && diameter instanceof HTMLInputElement) diameter.value = String(inField(brought.diameter_mm));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    void submit(form, told, dialog, base);
+    void submit(form, chain, told, dialog, base);
   });
   if (session) fill(form, session);
   showDialog(dialog);
@@ -225,11 +229,12 @@ function namesOfChanges(before, after) {
 
 /**
  * @param {HTMLFormElement} form
+ * @param {ChainPictureElement} chain
  * @param {ReturnType<typeof alarm>} told
  * @param {HTMLDialogElement} dialog
  * @param {{ session?: SessionOut, found?: Found[] }} base the session as the fields were filled from it; without one a new one is made, for files that may be there already
  */
-async function submit(form, { show, during }, dialog, base) {
+async function submit(form, chain, { show, during }, dialog, base) {
   const data = new FormData(form);
   const found = faults(data);
   mark(form, found);
@@ -238,6 +243,7 @@ async function submit(form, { show, during }, dialog, base) {
   if (fault) return;
   await during(async () => {
     const body = bodyOf(data);
+    body.cell = /** @type {Cell} */ ({ ...body.cell, ...chain.value });
     const stored = base.session ? await changed(base, base.session, asChange(body)) : await api.createSession(body);
     const { session } = base;
     dialog.close();

@@ -1,5 +1,7 @@
 // One of the page's own drawings, put into the document so that it wears the theme's colours.
 
+import { request } from "../state/http.js";
+
 const FALLBACK = "cell";
 /** @type {Map<string, Promise<string>>} */
 const known = new Map();
@@ -8,11 +10,10 @@ const known = new Map();
 function load(name) {
   let text = known.get(name);
   if (!text) {
-    text = fetch(new URL(`../drawings/${encodeURIComponent(name)}.svg`, import.meta.url)).then((response) => {
-      if (!response.ok) throw new Error(`the drawing ${name} is missing`);
-      return response.text();
-    });
+    const { pathname } = new URL(`../drawings/${encodeURIComponent(name)}.svg`, import.meta.url);
+    text = request(pathname, {}, "").then((response) => response.text());
     known.set(name, text);
+    text.catch(() => known.delete(name));
   }
   return text;
 }
@@ -20,6 +21,7 @@ function load(name) {
 export class DrawingElement extends HTMLElement {
   static names = new Set([
     "cell", "files", "rest", "tcp-first", "tcp-shift", "tcp-turn", "tcp-solve", "tcp-done",
+    "ball-first", "ball-shift", "ball-turn",
     "turntable-first", "turntable-turn", "turntable-height", "turntable-solve", "turntable-done", "chain-solve",
     "scan-first", "scan-around", "merge-solve", "merge-done",
     "board-views", "board-stripe", "board-solve",
@@ -37,7 +39,7 @@ export class DrawingElement extends HTMLElement {
       const parsed = new DOMParser().parseFromString(text, "image/svg+xml").documentElement;
       parsed.removeAttribute("role");
       this.replaceChildren(document.importNode(parsed, true));
-    });
+    }, () => { this.#shown = ""; });
   }
 }
 

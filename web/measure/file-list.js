@@ -3,9 +3,7 @@
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
-import { learnTexts, maybe, said, t } from "../texts.js";
-
-await learnTexts("files");
+import { maybe, said, t } from "../texts.js";
 
 /** @import {Found} from "../state/files.js" */
 /** @import {Capture, Kind, PoseConvention, RecognisedFiles, RecognisedPose} from "../state/model.js" */

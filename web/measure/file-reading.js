@@ -6,9 +6,7 @@ import { field, h } from "../dom.js";
 import { mark } from "../icons.js";
 import { profilePlot } from "./profile-plot.js";
 import { offered } from "../state/registries.js";
-import { learnTexts, maybe, said, t } from "../texts.js";
-
-await learnTexts("dialogs");
+import { maybe, said, t } from "../texts.js";
 
 /** @import {Found} from "../state/files.js" */
 /** @import {Capture, FileReading, Measured, SessionOut} from "../state/model.js" */

@@ -14,7 +14,6 @@ import { keep } from "./removed-captures.js";
 import { imageOf, matchRow, numbersOf, pictureOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
 import { knowConventions } from "../state/pose-table.js";
-import { PoseFileElement } from "./pose-file.js";
 import { stepName } from "./rail.js";
 import { attempt, notify } from "../components/toasts.js";
 
@@ -49,10 +48,11 @@ export class IntakeElement extends StateElement {
   #offersPlace = h("div");
   /** Loaded with the first files. @type {import("./file-list.js").FileListElement | null} */ #list = null;
   #listPlace = h("div");
-  #poseFile = make(PoseFileElement, { changed: () => this.#draw() });
+  /** Loaded with the first file of a controller. @type {import("./pose-file.js").PoseFileElement | null} */ #poseFile = null;
+  #poseFilePlace = h("div", {});
   /** Loaded with the first file. @type {import("./file-reading.js").FileReadingElement | null} */ #scannerFile = null;
   #scannerFilePlace = h("div");
-  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#offersPlace, this.#poseFile, this.#columns);
+  #poseField = h("div", { class: "field" }, h("label", { for: "pose-lines" }, t("intake.poses")), h("span", { class: "hint", id: "pose-hint" }, t("intake.pose_hint")), this.#text, this.#offersPlace, this.#poseFilePlace, this.#columns);
   #turning = h("div", { hidden: true, class: "field" },
     h("label", { for: "intake-angles" }, t("intake.angles")), this.#angles,
     h("label", { for: "intake-mount" }, t("place.mount")), h("span", { class: "hint", id: "intake-mount-hint" }, t("place.mount_hint")), this.#mount);
@@ -166,7 +166,7 @@ export class IntakeElement extends StateElement {
     this.#panel.hidden = true;
     this.#columns.read("");
     this.#list?.clear();
-    this.#poseFile.clear();
+    this.#poseFile?.clear();
     this.#scannerFile?.clear();
     this.#showInScene();
   }
@@ -222,8 +222,8 @@ export class IntakeElement extends StateElement {
     if (!list) return;
     this.#files = [...this.#files.filter(({ path }) => this.#waiting.has(path)), ...list.measurements];
     const { controllers } = list;
-    if (controllers.length) await this.#poseFile.take(this.state.id, controllers, this.state.session?.cell.robot?.arm).catch(unlessProblem);
-    else this.#poseFile.clear();
+    if (controllers.length) await (await this.#controllerFile()).take(this.state.id, controllers, this.state.session?.cell.robot?.arm).catch(unlessProblem);
+    else this.#poseFile?.clear();
     if (list.convention) {
       this.#columns.choose(list.convention);
       this.#text.value = list.lines;
@@ -240,6 +240,15 @@ export class IntakeElement extends StateElement {
 
   /** @param {string} path */
   #kindOf = (path) => this.#list?.kindOf(path) ?? kindOf(path, this.state.session?.cell.scanner?.kind);
+
+  async #controllerFile() {
+    if (!this.#poseFile) {
+      const { PoseFileElement } = await import("./pose-file.js");
+      this.#poseFile = make(PoseFileElement, { changed: () => this.#draw() });
+      this.#poseFilePlace.append(this.#poseFile);
+    }
+    return this.#poseFile;
+  }
 
   #later() {
     this.#keep();
@@ -327,7 +336,7 @@ export class IntakeElement extends StateElement {
   /** The table's angle that a file tells for a line. @param {string} line */
   #angleOf(line) {
     const pose = this.#list?.poseOf(line);
-    return pose && (pose.table_deg ?? this.#poseFile.angleAt(pose.file, pose.line));
+    return pose && (pose.table_deg ?? this.#poseFile?.angleAt(pose.file, pose.line));
   }
 
   #draw() {
@@ -402,8 +411,8 @@ export class IntakeElement extends StateElement {
       const { remove, restore } = keep(this.state.id, sent);
       did(plural(sent.length, "intake.sent_one", "intake.sent_many"), remove, { tell: true, redo: restore });
     }
-    for (const problem of problems.slice(0, 2)) notify(problem, { bad: true });
-    if (problems.length > 2) notify(t("intake.more_problems", { count: problems.length - 2 }), { bad: true });
+    for (const problem of problems.slice(0, 1)) notify(problem, { bad: true });
+    if (problems.length > 1) notify(t("intake.more_problems", { count: problems.length - 1 }), { bad: true });
   }
 }
 

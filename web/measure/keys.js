@@ -1,10 +1,8 @@
 // The keys that the session page knows.
 
 import { h } from "../dom.js";
-import { learnTexts, t } from "../texts.js";
+import { t } from "../texts.js";
 import { closeButton, openDialog } from "../components/dialog.js";
-
-await learnTexts("plots");
 
 /** @import {Text} from "../texts.js" */
 

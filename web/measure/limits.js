@@ -3,15 +3,15 @@
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { did, patchBack } from "../state/undo.js";
-import { learnTexts, maybe, t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 import { StateElement } from "../components/base.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
 
-await learnTexts("settings");
-
 const STAGE = "verify";
 const FIELD = "verification";
+/** What most cells ask of a tool. */
+const USUAL_MM = 1;
 
 /** Beside the limits `changes`, which the server keeps. @typedef {Record<string, unknown>} Limits */
 
@@ -36,7 +36,13 @@ export class LimitsElement extends StateElement {
 
   /** @param {{ settings?: unknown } | undefined} stage @param {Limits} limits @param {string} go */
   #form(stage, limits, go) {
-    return schemaForm(stage?.settings ?? {}, limits, { prefix: FIELD, ids: "limits", go, submit: (chosen) => this.#set(limits, chosen) });
+    const begun = Object.values(limits).some((value) => typeof value === "number");
+    const form = schemaForm(stage?.settings ?? {}, begun ? limits : { tool_mm: USUAL_MM }, { prefix: FIELD, ids: "limits", go, submit: (chosen) => this.#set(limits, chosen) });
+    // One limit is what most need; the others, and what they are measured with, stand behind it.
+    const rest = [...form.querySelectorAll(".field")].slice(1);
+    const more = h("details", {}, h("summary", {}, t("limits.more")), ...rest);
+    form.querySelector(".field")?.after(more);
+    return form;
   }
 
   /** @param {Limits} before @param {Record<string, unknown>} chosen */

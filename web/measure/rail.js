@@ -9,21 +9,27 @@ import { StateElement } from "../components/base.js";
 /** @import {FigureBlock, StageResult} from "../state/model.js" */
 
 const SIGNS = /** @type {Record<string, string>} */ ({
-  done: "pass", usable: "warn", working: "working", todo: "todo", stale: "stale", failing: "fail", later: "todo", known: "pass", "not-needed": "skipped",
+  done: "pass", usable: "warn", working: "working", solving: "working", todo: "todo", stale: "stale", failing: "fail", later: "todo", known: "pass", "not-needed": "skipped",
 });
 
 export class RailElement extends StateElement {
   #list = h("ol", { class: "rail-steps" });
+  #asideList = h("ol", { class: "rail-steps" });
+  #aside = h("details", { class: "small soft" }, h("summary", {}, t("status.not-needed")), this.#asideList);
 
-  parts = /** @type {const} */ (["guide", "results", "captures", "step"]);
+  parts = /** @type {const} */ (["guide", "results", "captures", "step", "job"]);
 
   build() {
-    this.append(h("nav", { "aria-label": t("rail.steps") }, this.#list));
+    this.append(h("nav", { "aria-label": t("rail.steps") }, this.#list, this.#aside));
   }
 
   update() {
     const focused = this.contains(document.activeElement) ? document.activeElement?.getAttribute("data-step") : null;
-    this.#list.replaceChildren(...this.state.steps.map((step) => this.#item(step)));
+    const { state } = this;
+    const aside = state.steps.filter((step) => step !== state.step && state.guide?.steps.find((one) => one.step === step)?.status === "not-needed");
+    this.#list.replaceChildren(...state.steps.filter((step) => !aside.includes(step)).map((step) => this.#item(step)));
+    this.#aside.hidden = aside.length === 0;
+    this.#asideList.replaceChildren(...aside.map((step) => this.#item(step)));
     if (focused) /** @type {HTMLElement | null} */ (this.#list.querySelector(`[data-step="${focused}"]`))?.focus();
   }
 
@@ -33,8 +39,9 @@ export class RailElement extends StateElement {
     const result = this.state.resultOf(step);
     const known = told?.status ?? (result ? statusOf(result) : "todo");
     // Done, but not accepted: a tick would promise more than the verdict does.
+    const isSolving = !result && this.state.without(this.state.stageOf(step)) === "solving" && this.state.job?.stage === step;
     const usable = known === "done" && result?.verdict === "warn" && this.state.stageOf(step) === step;
-    const status = usable ? "usable" : known;
+    const status = isSolving ? "solving" : usable ? "usable" : known;
     const open = step === this.state.step;
     const next = this.state.guide?.current.step === step;
     return h("li", {}, h(

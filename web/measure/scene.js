@@ -5,7 +5,8 @@ import { randomName } from "../state/http.js";
 import { h } from "../dom.js";
 import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
-import { language, SAID, said, t } from "../texts.js";
+import { said, t } from "../texts.js";
+import { sayer } from "./scene-words.js";
 import { StateElement } from "../components/base.js";
 import { attempt, notify } from "../components/toasts.js";
 
@@ -23,7 +24,7 @@ const MOST_ASKED = 60;
 
 export class SceneElement extends StateElement {
   #frame = h("iframe", { title: t("scene.title"), onload: () => void this.#tellStory() });
-  #views = h("select", { "aria-label": t("view.label"), onchange: () => this.#look() });
+  #views = h("select", { "aria-label": t("view.label"), onchange: () => this.#look() }, h("option", { value: "" }, t("scene.view_choose")));
   #layers = h("fieldset", { class: "scene-layer-list" }, h("legend", { class: "visually-hidden" }, t("scene.layers")));
   #play = h("button", { type: "button", class: "scene-play", onclick: () => this.#toggle() });
   #picture = h("button", { type: "button", class: "plain wide", onclick: () => void this.#download() }, t("scene.picture"));
@@ -41,7 +42,7 @@ export class SceneElement extends StateElement {
   /** @type {(() => void) | null} */ #stopTheme = null;
   /** @type {string | null} */ #lit = null;
 
-  parts = /** @type {const} */ (["session", "guide", "selection", "place", "step", "view"]);
+  parts = /** @type {const} */ (["session", "guide", "selection", "place", "step", "view", "live"]);
 
   build() {
     const tools = h("div", { class: "scene-tools", role: "group", "aria-label": t("scene.tools"), onpointerenter: () => this.#learn(), onfocusin: () => this.#learn() },
@@ -56,19 +57,18 @@ export class SceneElement extends StateElement {
     super.connectedCallback();
     this.#stopTheme = whenThemeChanges(() => this.#show());
     window.addEventListener("storage", this.#picked);
-    window.addEventListener(SAID, this.#speak);
   }
 
   disconnectedCallback() {
     super.disconnectedCallback();
     this.#stopTheme?.();
     window.removeEventListener("storage", this.#picked);
-    window.removeEventListener(SAID, this.#speak);
     window.clearInterval(this.#timer);
   }
 
-  /** @param {ReadonlySet<import("../state/session.js").Part>} _changed */
-  update(_changed) {
+  /** @param {ReadonlySet<import("../state/session.js").Part>} changed */
+  update(changed) {
+    if (changed.has("live") && this.state.live === "live" && this.#shown) this.#reconnect();
     this.#move();
     this.#show();
     const { step, view } = this.state;
@@ -80,6 +80,14 @@ export class SceneElement extends StateElement {
     this.#lit = this.state.selected;
     // The scene is an extra: where it cannot light the capture up, the list and the plot still do.
     void this.#tell("highlight", { capture: this.#lit }).catch(() => undefined);
+  }
+
+  /** A server that was away knows nothing of this page's scene: its client connects by itself, its story is told anew. */
+  #reconnect() {
+    if (!this.#drawn) this.#shown = ""; // the frame holds what a browser shows for a page that it cannot load
+    this.#story = this.#offered = "";
+    this.#lit = null;
+    this.#place = -1;
   }
 
   get #scene() {
@@ -99,23 +107,35 @@ export class SceneElement extends StateElement {
     const { state } = this;
     if (!this.#shown || !state.step) return;
     const telling = ++this.#telling;
-    for (let asked = 0; asked < MOST_ASKED && telling === this.#telling && this.isConnected && this.#drawn; asked++) {
-      const told = await api.sceneStory(this.#scene, this.#viewer, state.step, state.view).catch(() => null);
+    await this.#whenOpen(async () => {
       if (telling !== this.#telling) return;
-      if (told?.open && this.#showLayers(told.layers)) return this.#learn();
+      const told = await api.sceneStory(this.#scene, this.#viewer, state.step, state.view);
+      if (telling !== this.#telling) return;
+      if (!told.open || !this.#showLayers(told.layers)) throw new Error("not open yet");
+      this.#learn();
+    });
+  }
+
+  /** Do what needs the scene's connection, as soon as that is there. @param {() => Promise<unknown>} act */
+  async #whenOpen(act) {
+    for (let asked = 0; asked < MOST_ASKED && this.isConnected && this.#drawn; asked++) {
+      if (await act().then(() => true, () => false)) return;
       await new Promise((resolve) => setTimeout(resolve, ASK_AGAIN_MS));
     }
   }
 
   /** What the scene's page offers, once it is loaded. */
   get #drawn() {
-    return /** @type {SceneWindow | null} */ (/** @type {unknown} */ (this.#frame.contentWindow))?.scancellScene;
+    // Of a page that could not be loaded there is no document.
+    return this.#frame.contentDocument ? /** @type {SceneWindow | null} */ (/** @type {unknown} */ (this.#frame.contentWindow))?.scancellScene : undefined;
   }
 
   /** The legend in the page's language, as far as it is known by now. */
   #speak = () => {
-    if (language !== "en") this.#drawn?.speak?.(said);
+    if (this.#say) this.#drawn?.speak?.(this.#say);
   };
+
+  #say = sayer(this.#speak);
 
   /** Which layers this page's scene shows; answers whether the scene is there to hear it. @param {Record<string, boolean>} layers */
   #showLayers(layers) {
@@ -169,8 +189,9 @@ export class SceneElement extends StateElement {
   #look() {
     const view = this.#views.value;
     this.#views.value = "";
-    if (view && !this.#drawn) notify(t("scene.wait"));
-    else if (view) void attempt(() => this.#tell(`viewers/${this.#viewer}/view`, { view }));
+    if (!view) return;
+    if (this.#drawn) void this.#whenOpen(() => this.#tell(`viewers/${this.#viewer}/view`, { view }));
+    else notify(t("scene.wait"));
   }
 
   async #enlarge() {

@@ -1,10 +1,8 @@
 // Asking why, where a deed is kept with its reason: what it does in words, a field, and what the server refuses said in it.
 
 import { field, h } from "../dom.js";
-import { learnTexts, t } from "../texts.js";
+import { t } from "../texts.js";
 import { alarm, closeButton, openDialog } from "../components/dialog.js";
-
-await learnTexts("release");
 
 /**
  * What was typed stays where the server refuses it; `after` follows once the dialog is gone and the focus can be set.

@@ -4,9 +4,7 @@ import { AuditLogElement } from "../account/audit-log.js";
 import { TokensElement } from "../account/tokens.js";
 import { h, make } from "../dom.js";
 import { may, me } from "../state/me.js";
-import { learnTexts, t } from "../texts.js";
-
-await learnTexts("access");
+import { t } from "../texts.js";
 
 export class AccessPage extends HTMLElement {
   connectedCallback() {

@@ -7,15 +7,13 @@ import { attempt } from "../components/toasts.js";
 import { stages } from "../state/registries.js";
 import { field, h, style } from "../dom.js";
 import { when } from "../format.js";
-import { learnTexts, maybe, t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 
 /** @import {Comparison, PastResult, SessionSummary} from "../state/model.js" */
 
 const SIDES = /** @type {const} */ (["left", "right"]);
 
 style("review");
-await learnTexts("compare");
-
 export class ComparePage extends HTMLElement {
   /** @type {HTMLElement | null} */ top = null;
   #query = new URLSearchParams(window.location.search);

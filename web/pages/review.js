@@ -13,10 +13,8 @@ import { attempt } from "../components/toasts.js";
 import { h, make, style } from "../dom.js";
 import { mark } from "../icons.js";
 import { ReviewState } from "../state/review.js";
-import { learnTexts, said, t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { cellWords } from "../measure/cell-words.js";
-
-await learnTexts("timeline");
 
 style("review");
 

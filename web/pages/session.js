@@ -9,11 +9,12 @@ import { LiveElement } from "../components/connection.js";
 import { QualityElement } from "../measure/quality.js";
 import { RailElement } from "../measure/rail.js";
 import { SceneElement } from "../measure/scene.js";
+import { WaysInElement } from "../measure/ways-in.js";
 import { attempt } from "../components/toasts.js";
 import { takeDrops } from "../components/drops.js";
 import { h, make } from "../dom.js";
 import { SessionState } from "../state/session.js";
-import { SAID, said, t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { cellWords } from "../measure/cell-words.js";
 import { forgetDeeds } from "../state/undo.js";
 import { redoLast, undoLast } from "../measure/undo.js";
@@ -45,7 +46,6 @@ export class SessionPage extends HTMLElement {
     this.#actions = make(ActionsElement, { state, intake, watch, devices: () => void this.#follow(state) });
     this.#build(state, [intake, watch], this.#actions);
     document.addEventListener("keydown", this.#key);
-    window.addEventListener(SAID, this.#said);
     window.addEventListener("hashchange", this.#hash);
     state.watch(["session", "problem"], () => this.#update(state));
     state.watch(["view", "step"], () => this.#address(state));
@@ -63,7 +63,6 @@ export class SessionPage extends HTMLElement {
     this.#state?.stop();
     forgetDeeds();
     document.removeEventListener("keydown", this.#key);
-    window.removeEventListener(SAID, this.#said);
     window.removeEventListener("hashchange", this.#hash);
   }
 
@@ -82,7 +81,7 @@ export class SessionPage extends HTMLElement {
       void import("../measure/limits.js").then(({ LimitsElement }) => limits.replaceChildren(make(LimitsElement, { state })));
     });
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
-      make(GuideElement, { state }), limits, this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
+      make(GuideElement, { state }), limits, make(WaysInElement, { state, intake: sources[0], devices: () => void this.#follow(state) }), this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
     const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" });
     let drawn = false;
     state.watch(["view"], () => {
@@ -143,8 +142,6 @@ export class SessionPage extends HTMLElement {
   }
 
   /** What was said before its language had it is said again. */
-  #said = () => this.#state?.tell("session", "captures", "guide", "results", "selection");
-
   #hash = () => {
     const { chosen, view } = placeIn(window.location.hash);
     this.#state?.open(chosen, view);

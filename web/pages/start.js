@@ -13,14 +13,20 @@ import { h, make, style } from "../dom.js";
 import { chosen, dropped, isArchive, sessionFolder } from "../state/files.js";
 import { me } from "../state/me.js";
 import { go } from "../router.js";
-import { learnTexts, t } from "../texts.js";
+import { t } from "../texts.js";
 import { createFromFolder } from "../state/upload.js";
 
-await Promise.all([learnTexts("start"), style("start")]);
+await style("start");
 
 /** @import {Found} from "../state/files.js" */
 
 const SEEDS = 10000;
+/** Simulated cells of other topologies, as `scancell simulate` names them. */
+const OTHER_CELLS = /** @type {const} */ ([
+  "fixed-scanner", "fixed-scanner-turntable", "two-scanners", "two-scanners-in-turn", "scanners-on-flange-and-base",
+  "two-scanners-turntable", "plate", "plate-distances", "plate-on-positioner", "rail", "slide", "tilt", "positioner", "positioner-geared",
+  "rail-positioner", "two-tables", "gantry", "gantry-turntable", "scara", "linear-turntable",
+]);
 
 export class StartPage extends HTMLElement {
   #cards = make(SessionCardsElement);
@@ -45,7 +51,7 @@ export class StartPage extends HTMLElement {
         way("cell", t("way.simulated"), t("way.simulated_words"),
           h("button", { type: "button", needs: "capture", class: "primary", onclick: () => void this.#simulate("tcp") }, t("way.simulated_go")),
           h("button", { type: "button", needs: "capture", onclick: () => void this.#simulate("cell") }, t("way.simulated_turntable")),
-          h("button", { type: "button", needs: "capture", onclick: () => void this.#simulate("frames-tcp") }, t("way.simulated_frames"))),
+          h("button", { type: "button", needs: "capture", onclick: () => void this.#simulate("frames-tcp") }, t("way.simulated_frames")), this.#otherCells()),
         way("files", t("way.files"), t("way.files_words"),
           h("button", { type: "button", needs: "capture", class: "primary", onclick: () => cellDialog() }, t("way.files_go")),
           h("button", { type: "button", needs: "capture", onclick: () => this.#folder.click() }, t("way.folder_go")),
@@ -55,6 +61,11 @@ export class StartPage extends HTMLElement {
       ),
       this.#tour(),
     );
+  }
+
+  #otherCells() {
+    const choice = h("select", { "aria-label": t("start.other_cell") }, ...OTHER_CELLS.map((name) => h("option", { value: name }, t(`simulated.${name}`))));
+    return h("div", { class: "row", needs: "capture" }, choice, h("button", { type: "button", onclick: () => void this.#simulate(choice.value) }, t("start.other_go")));
   }
 
   /** The tour is there on demand; at the first visit the page says so. */

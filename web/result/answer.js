@@ -19,13 +19,22 @@ const BESIDE = 2;
 /** @param {StageResult} result @param {SessionState} state @param {string} stage */
 export function answer(result, state, stage) {
   const verdict = result.stale ? "stale" : result.verdict;
+  const failed = verdict === "fail";
+  const told = messages(result);
+  const figures = h("dl", { class: failed ? "headline number small" : "headline number" }, ...shownFigures(result).map((figure, index) => headline(figure, !failed && figure.headline === true && index < BESIDE)));
   return h(
     "section", { class: `panel answer-card answer-${verdict}`, "aria-labelledby": "answer-title" },
     h("div", { class: "row spread" }, h("h2", { id: "answer-title" }, stepName(state, stage)), mark(verdict, maybe(`verdict.${verdict}`, verdict))),
-    h("dl", { class: "headline number" }, ...shownFigures(result).map((figure, index) => h("div", { class: figure.headline && index < BESIDE ? "first" : "" }, h("dd", {}, figureWords(figure), figure.limit && h("span", { class: "soft small" }, ` ${figure.limit_label ? `${said(figure.limit_label)} ${quantityWords(figure.limit)}` : t("answer.wanted", { limit: quantityWords(figure.limit) })}`)), h("dt", {}, glossed(said(figure.label)))))),
-    ...messages(result),
+    // Of what failed the cause is read first; its number is worth little.
+    ...(failed ? [...told, figures] : [figures, ...told]),
     next(state, stage),
   );
+}
+
+/** @param {FigureBlock} figure @param {boolean} first */
+function headline(figure, first) {
+  const limit = figure.limit && (figure.limit_label ? `${said(figure.limit_label)} ${quantityWords(figure.limit)}` : t("answer.wanted", { limit: quantityWords(figure.limit) }));
+  return h("div", { class: first ? "first" : "" }, h("dd", {}, figureWords(figure), limit && h("span", { class: "soft small" }, ` ${limit}`)), h("dt", {}, glossed(said(figure.label))));
 }
 
 /** @param {StageResult} result */

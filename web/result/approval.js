@@ -90,7 +90,7 @@ function offer(sessionId, answer, releases) {
   const own = ownRelease(sessionId, answer, releases);
   if (own && own === releases[0]) return [];
   const faults = answer.faults.map((name) => h("p", { class: "soft" }, mark("fail", faultWords(name))));
-  if (!may("release")) return [...faults, h("p", { class: "soft" }, t("release.no_right"))];
+  if (!may("release")) return [...faults, h("p", { class: "soft" }, t("may.release"))];
   const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
   const title = t(faults.length ? "release.approve_despite" : "release.approve");
   const known = answer.faults.map(faultWords);

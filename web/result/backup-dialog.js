@@ -5,11 +5,9 @@ import { field, h } from "../dom.js";
 import { backupOf, remember } from "../state/backups.js";
 import { chosen } from "../state/files.js";
 import { offered } from "../state/registries.js";
-import { learnTexts, t } from "../texts.js";
+import { t } from "../texts.js";
 import { alarm, formButtons, openDialog, saveFile } from "../components/dialog.js";
 import { attempt, notify } from "../components/toasts.js";
-
-await learnTexts("dialogs");
 
 /** @import {Backup} from "../state/backups.js" */
 

@@ -1,8 +1,6 @@
 // What of a plot is shown: its dots in sigmas, in millimetres or in parts along axes; and which piece of it, once it is zoomed.
 
-import { learnTexts, t } from "../texts.js";
-
-await learnTexts("plots");
+import { t } from "../texts.js";
 
 /** @import {PlotBlock, Residual, SeriesOf} from "../state/model.js" */
 /** @typedef {{ x: [number, number], y: [number, number] }} Range */

@@ -3,13 +3,11 @@
 
 import { h, make, s } from "../dom.js";
 import { fixed, significant } from "../format.js";
-import { learnTexts, said, t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { excludeCapture } from "../measure/exclude.js";
 import { piece, viewsOf, widened } from "./plot-view.js";
 import { thumbnail } from "../measure/thumbnail.js";
 import { withoutWords } from "./exclusion-effect.js";
-
-await learnTexts("plots");
 
 /** @import {Range} from "./plot-view.js" */
 /** @import {AxisOf, PlotBlock, Residual, SeriesOf} from "../state/model.js" */

@@ -7,12 +7,10 @@ import { fixed } from "../format.js";
 import { mark } from "../icons.js";
 import { chosen } from "../state/files.js";
 import { conventions } from "../state/registries.js";
-import { learnTexts, said, t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { conventionWords } from "../measure/pose-columns.js";
 import { formButtons, openDialog } from "../components/dialog.js";
 import { attempt } from "../components/toasts.js";
-
-await learnTexts("dialogs");
 
 /** @import {ToolComparison} from "../state/model.js" */
 

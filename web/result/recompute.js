@@ -4,15 +4,13 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { significant } from "../format.js";
 import { mark } from "../icons.js";
-import { learnTexts, maybe, pointed, said, t } from "../texts.js";
+import { maybe, pointed, said, t } from "../texts.js";
 import { comparisonSections } from "../compare/comparison.js";
 import { attempt, say } from "../components/toasts.js";
 
 /** @import {Comparison, Job, Recomputed, StageReplay} from "../state/model.js" */
 
 const ASK_MS = 300;
-
-await Promise.all([learnTexts("compare"), learnTexts("timeline")]);
 
 export class RecomputeElement extends HTMLElement {
   sessionId = "";

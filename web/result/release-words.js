@@ -3,9 +3,7 @@
 import { h } from "../dom.js";
 import { plusMinus, when } from "../format.js";
 import { mark } from "../icons.js";
-import { learnTexts, maybe, t } from "../texts.js";
-
-await learnTexts("release");
+import { maybe, t } from "../texts.js";
 
 /** @import {Release} from "../state/model.js" */
 

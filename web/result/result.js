@@ -31,7 +31,7 @@ export class ResultElement extends StateElement {
     if (job?.status === "done" && job.id !== this.#ended) {
       this.#ended = job.id;
       this.#due = true;
-    } else if (changed.has("results") || changed.has("step") || changed.has("guide")) this.#due = true;
+    } else if ((changed.has("job") && !this.state.resultOf(this.state.step)) || changed.has("results") || changed.has("step") || changed.has("guide")) this.#due = true;
     // What nobody looks at is drawn once somebody does.
     if (this.closest("[hidden]")) return;
     if (this.#due) void this.#show();
@@ -45,10 +45,9 @@ export class ResultElement extends StateElement {
     const { state } = this;
     const stage = state.stageOf(state.step);
     const result = state.results[stage];
-    if (!result) {
-      this.replaceChildren(h("p", { class: "soft empty" }, t("result.none")));
-      return;
-    }
+    const empty = (/** @type {"solving" | "loading" | "none"} */ how) => this.replaceChildren(h("p", { class: "soft empty", role: "status" }, t(`result.${how}`)));
+    if (!result) return empty(state.without(stage));
+    if (this.querySelector(".empty")) empty("loading");
     // What draws evidence is loaded with the first result.
     const [own, { sections }] = await Promise.all([elementsOf(state, stage), import("../blocks/index.js")]);
     /** @type {HTMLElement[]} */

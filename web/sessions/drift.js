@@ -3,9 +3,7 @@
 import { api } from "../state/api.js";
 import { h, s } from "../dom.js";
 import { small } from "../format.js";
-import { learnTexts, said, t } from "../texts.js";
-
-await learnTexts("start");
+import { said, t } from "../texts.js";
 
 /** @import {DriftSeries, SessionSummary} from "../state/model.js" */
 

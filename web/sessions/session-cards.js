@@ -6,11 +6,9 @@ import { h, keyed, make } from "../dom.js";
 import { when } from "../format.js";
 import { icon, mark } from "../icons.js";
 import { stages } from "../state/registries.js";
-import { learnTexts, maybe, plural, t } from "../texts.js";
+import { maybe, plural, t } from "../texts.js";
 import { DrawingElement } from "../measure/drawing.js";
 import { drift } from "./drift.js";
-
-await learnTexts("start");
 
 /** @import {Release, SessionSummary} from "../state/model.js" */
 

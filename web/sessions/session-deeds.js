@@ -3,12 +3,10 @@
 import { api } from "../state/api.js";
 import { field, h } from "../dom.js";
 import { did } from "../state/undo.js";
-import { learnTexts, plural, t } from "../texts.js";
+import { plural, t } from "../texts.js";
 import "../measure/undo.js";
 import { closeButton, openDialog } from "../components/dialog.js";
 import { attempt, notify } from "../components/toasts.js";
-
-await Promise.all([learnTexts("start"), learnTexts("cell")]);
 
 /** @import {SessionSummary} from "../state/model.js" */
 

@@ -1,9 +1,7 @@
 // A short tour: one card beside one part of the page at a time. Arrow keys walk it, Escape ends it; nothing moves by itself.
 
 import { h } from "../dom.js";
-import { learnTexts, t } from "../texts.js";
-
-await learnTexts("start");
+import { t } from "../texts.js";
 
 /** @typedef {{ at: string, text: import("../texts.js").Text }} Stop `at` is the selector of what the text is about */
 

@@ -1,6 +1,6 @@
 // What the page asks of the server, one entry for each request. Types come from the server's OpenAPI document (api-types.d.ts).
 
-import { all, get, json, LOGIN, madeAgainst, request, ROOT, sendFile } from "./http.js";
+import { all, get, json, LOGIN, madeAgainst, Problem, request, ROOT, sendFile } from "./http.js";
 
 /** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, RecognisedFiles, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
@@ -21,7 +21,10 @@ function filesForm(found, field) {
 }
 
 /** A file's beginning tells what it is; smaller ones are sent whole, for their pictures and poses. */
-const HEAD_BYTES = 65536, WHOLE_BYTES = 2e6;
+const HEAD_BYTES = 65536;
+/** Up to this size; less, where the server refuses all of it at once. */
+const WHOLE_BYTES = [2e6, HEAD_BYTES, 4096];
+const TOO_LARGE = 413;
 
 /** @param {Record<string, string | number>} values */
 const query = (values) => new URLSearchParams(Object.entries(values).map(([name, value]) => [name, String(value)])).toString();
@@ -125,13 +128,18 @@ export const api = {
     return (await request("/controller-files", { method: "POST", body: form })).json();
   },
 
-  /** What files are and how measurements and poses pair; nothing is stored. @param {readonly { path: string, file: File }[]} found @param {{ taken_for: Record<string, string>, convention?: string }} told @returns {Promise<RecognisedFiles>} */
-  recogniseFiles: async (found, told) => {
-    const cut = found.filter(({ file }) => file.size > WHOLE_BYTES && !/\.(zip|urp|installation)$/i.test(file.name));
+  /** What files are and how measurements and poses pair; nothing is stored. @param {readonly { path: string, file: File }[]} found @param {{ taken_for: Record<string, string>, convention?: string }} told @param {readonly number[]} [portions] @returns {Promise<RecognisedFiles>} */
+  recogniseFiles: async (found, told, [whole = 0, ...less] = WHOLE_BYTES) => {
+    const cut = found.filter(({ file }) => file.size > whole && !/\.(zip|urp|installation)$/i.test(file.name));
     const sizes = Object.fromEntries(cut.map(({ path, file }) => [path, file.size]));
-    const form = filesForm(found.map(({ path, file }) => ({ path, file: path in sizes ? new File([file.slice(0, HEAD_BYTES)], file.name) : file })), "files");
+    const form = filesForm(found.map(({ path, file }) => ({ path, file: path in sizes ? new File([file.slice(0, Math.min(whole, HEAD_BYTES))], file.name) : file })), "files");
     form.append("told", JSON.stringify({ ...told, sizes }));
-    return (await request("/recognised-files", { method: "POST", body: form })).json();
+    try {
+      return await (await request("/recognised-files", { method: "POST", body: form })).json();
+    } catch (error) {
+      if (!(error instanceof Problem && error.status === TOO_LARGE && less.length)) throw error;
+      return api.recogniseFiles(found, told, less);
+    }
   },
 
   /** What a reader takes from a scanner's file; nothing is stored. @param {{ path: string, file: File }} found @param {string} kind @param {string} format @param {Record<string, unknown>} settings @returns {Promise<FileReading>} */
@@ -177,6 +185,9 @@ export const api = {
 
   /** @param {string} id @param {string} stage @returns {Promise<Job>} */
   solve: async (id, stage) => (await request(`${session(id)}/solve/${stage}`, json("POST"))).json(),
+
+  /** @param {string} id @returns {Promise<Job | null>} */
+  newestJob: async (id) => (await get(`/jobs?limit=1&session=${encodeURIComponent(id)}`)).items[0] ?? null,
 
   /** @param {string} jobId @returns {Promise<Job>} */
   job: (jobId) => get(`/jobs/${encodeURIComponent(jobId)}`),
@@ -300,5 +311,5 @@ export const api = {
   },
 
   /** @param {string} id */
-  eventsAddress: (id) => `${ROOT}${session(id)}/events`,
+  eventsAddress: (id) => `${ROOT}${session(id)}/events?alive_s=0.8`,
 };

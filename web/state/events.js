@@ -1,9 +1,13 @@
-// Server-sent events that come back by themselves, with growing pauses, and say when they did.
+// Server-sent events that come back by themselves. The server gives a sign of life each second; where none comes, the page says so.
 
+import { language } from "../texts.js";
 import { requireLogin } from "./me.js";
 
-const FIRST_PAUSE_MS = 500;
-const LONGEST_PAUSE_MS = 15000;
+const PAUSES_MS = [200, 400, 700, 1000];
+/** So long after the last sign of life nothing is called current any more; after longer the connection is made anew. */
+export const FRESH_MS = 2000;
+const GIVEN_UP_MS = 6000;
+const LOOK_MS = 250;
 
 /** @typedef {"connecting" | "live" | "reconnecting"} Liveness */
 
@@ -19,26 +23,53 @@ export function follow(address, names, heard, changed) {
   /** @type {EventSource | null} */
   let source = null;
   let timer = 0;
-  let pause = FIRST_PAUSE_MS;
+  let tries = 0;
   let opened = false;
+  let liveness = /** @type {Liveness} */ ("connecting");
+  let aliveMs = 0;
+  let lookedMs = 0;
 
+  const tell = (/** @type {Liveness} */ now, again = false) => {
+    if (now === liveness && !again) return;
+    liveness = now;
+    changed(now, again);
+  };
+  const alive = () => {
+    aliveMs = performance.now();
+    if (liveness !== "live" && opened) tell("live", true);
+  };
   const open = () => {
-    source = new EventSource(address);
+    source?.close();
+    source = new EventSource(`${address}${address.includes("?") ? "&" : "?"}lang=${language}`);
     source.onopen = () => {
-      pause = FIRST_PAUSE_MS;
-      changed("live", opened);
+      tries = 0;
+      aliveMs = performance.now();
+      tell("live", opened);
       opened = true;
     };
     source.onerror = () => {
       source?.close();
-      changed(opened ? "reconnecting" : "connecting", false);
+      tell(opened ? "reconnecting" : "connecting");
       void requireLogin();
-      timer = window.setTimeout(open, pause);
-      pause = Math.min(pause * 2, LONGEST_PAUSE_MS);
+      window.clearTimeout(timer);
+      timer = window.setTimeout(open, PAUSES_MS[Math.min(tries++, PAUSES_MS.length - 1)]);
     };
+    source.addEventListener("alive", alive);
     for (const name of names) {
-      source.addEventListener(name, (event) => heard(name, JSON.parse(event.data)));
+      source.addEventListener(name, (event) => {
+        alive();
+        heard(name, JSON.parse(event.data));
+      });
     }
+  };
+  const look = () => {
+    const nowMs = performance.now();
+    const [silentMs, busyMs] = [nowMs - aliveMs, nowMs - lookedMs];
+    lookedMs = nowMs;
+    // A page that was busy itself first hears what came meanwhile.
+    if (source?.readyState !== EventSource.OPEN || busyMs > 4 * LOOK_MS) return;
+    if (silentMs > FRESH_MS) tell("reconnecting");
+    if (silentMs > GIVEN_UP_MS) open();
   };
   const soon = () => {
     if (source?.readyState !== EventSource.CLOSED) return;
@@ -47,9 +78,11 @@ export function follow(address, names, heard, changed) {
   };
 
   open();
+  const looking = window.setInterval(look, LOOK_MS);
   window.addEventListener("online", soon);
   return () => {
     window.removeEventListener("online", soon);
+    window.clearInterval(looking);
     window.clearTimeout(timer);
     source?.close();
   };

@@ -1,14 +1,16 @@
 // How the page speaks HTTP: requests that are tried again while the server is away, and problems that say what to do.
 
-import { language, learn, refusal, t } from "../texts.js";
+import { language, said, t } from "../texts.js";
 
 /** @import {Page, ProblemBody} from "./model.js" */
 
 export const ROOT = "/api/v1";
 export const LOGIN = "/login";
-const PATIENCE_MS = [400, 1200, 3000];
+/** How long a server that starts anew is waited for. */
+const PATIENCE_MS = [300, 700, ...Array(11).fill(1000)];
 /** Who is asked to wait for longer than this is told so. */
 const LONGEST_WAIT_S = 5;
+const NO_CONTENT = 204;
 /** So long another page may take to come; a download leaves this one where it is. */
 const LEAVING_MS = 5000;
 
@@ -19,7 +21,7 @@ const sentence = (text) => (/^\S+\.\w+[:：]/u.test(text) ? text : text.charAt(0
 export class Problem extends Error {
   /** @param {ProblemBody} body */
   constructor(body) {
-    super(sentence(refusal(body)));
+    super(sentence(said(body.detail ?? body.title)));
     this.name = "Problem";
     this.body = body;
   }
@@ -40,14 +42,21 @@ const idempotencyKey = () => randomName(16);
 /** @param {number} milliseconds */
 const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
+/** Tells `lost` when the server does not answer and is asked again, and `back` when it does. */
+export const link = new EventTarget();
+let isLost = false;
+
+/** @param {boolean} lost */
+export function linked(lost) {
+  if (lost !== isLost) link.dispatchEvent(new Event(lost ? "lost" : "back"));
+  isLost = lost;
+}
+
 /** @param {Response} response */
 const isJson = (response) => (response.headers.get("content-type") ?? "").includes("json");
 
-/** An answer whose sentences have words in the page's language before anybody shows them. @param {Response} response */
-async function learned(response) {
-  if (language !== "en" && isJson(response)) await learn(await response.clone().json());
-  return response;
-}
+/** An answer that has come to its end: one that breaks off is asked for again. @param {Response} response */
+const whole = async (response) => (isJson(response) && response.status !== NO_CONTENT ? new Response(await response.text(), response) : response);
 
 /** @param {Response} response */
 async function problemOf(response) {
@@ -55,7 +64,7 @@ async function problemOf(response) {
   if (!isJson(response)) {
     return new Problem({ ...fallback, detail: t("problem.unreadable", { status: response.status }) });
   }
-  return new Problem({ ...fallback, ...(await (await learned(response)).json()) });
+  return new Problem({ ...fallback, ...(await response.json()) });
 }
 
 /** When this page was last about to be left: what it asked before must not turn the way somebody goes. */
@@ -84,12 +93,14 @@ async function isLoggedIn() {
  */
 export async function request(path, init = {}, root = ROOT) {
   const headers = new Headers(init.headers);
+  headers.set("Accept-Language", language);
   if (init.method === "POST") headers.set("Idempotency-Key", idempotencyKey());
   let wasRefused = false;
   for (const wait of [...PATIENCE_MS, 0]) {
     try {
-      const response = await fetch(root + path, { ...init, headers });
-      if (response.ok) return await learned(response);
+      const response = await whole(await fetch(root + path, { ...init, headers }));
+      linked(false);
+      if (response.ok) return response;
       const rest_s = Number(response.headers.get("Retry-After") ?? 1);
       if (response.status === 429 && path !== LOGIN && wait && rest_s <= LONGEST_WAIT_S) {
         await pause(1000 * rest_s);
@@ -102,6 +113,7 @@ export async function request(path, init = {}, root = ROOT) {
       throw await problemOf(response);
     } catch (error) {
       if (error instanceof Problem) throw error;
+      linked(true);
       if (wait === 0) break;
       await pause(wait);
     }
@@ -122,15 +134,32 @@ export function unreachable() {
  * @param {(share: number) => void} progress
  * @returns {Promise<any>}
  */
-export function sendFile(path, file, type, progress) {
+export async function sendFile(path, file, type, progress) {
+  const key = idempotencyKey();
+  for (const wait of PATIENCE_MS) {
+    try {
+      return await sendOnce(path, file, type, key, progress);
+    } catch (error) {
+      if (!(error instanceof Problem) || error.status !== 0) throw error;
+      linked(true);
+      await pause(wait);
+    }
+  }
+  throw unreachable();
+}
+
+/** @param {string} path @param {File} file @param {string} type @param {string} key @param {(share: number) => void} progress @returns {Promise<any>} */
+function sendOnce(path, file, type, key, progress) {
   return new Promise((resolve, reject) => {
     const sending = new XMLHttpRequest();
     sending.open("POST", ROOT + path);
     sending.setRequestHeader("Content-Type", type);
-    sending.setRequestHeader("Idempotency-Key", idempotencyKey());
+    sending.setRequestHeader("Idempotency-Key", key);
+    sending.setRequestHeader("Accept-Language", language);
     sending.upload.onprogress = ({ loaded, total }) => progress(total ? loaded / total : 0);
     sending.onerror = () => reject(unreachable());
     sending.onload = () => {
+      linked(false);
       const answer = new Response(sending.response || null, { status: sending.status, headers: { "content-type": sending.getResponseHeader("content-type") ?? "" } });
       if (answer.ok) resolve(answer.json());
       else void problemOf(answer).then(reject);

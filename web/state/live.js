@@ -1,22 +1,29 @@
 // The live cell of a session: its devices, and its previews, each asked for when the last one was drawn.
 
+import { clock } from "../format.js";
 import { session } from "./api.js";
 import { json, request, ROOT } from "./http.js";
+import { language } from "../texts.js";
 
 /** @import {CaptureSettings, Devices, MoverChoice, TableMover, TakenShot} from "../api-types.js" */
 
 /**
- * @typedef {{ name: string, delivers: string[], status: string, problem: string, fresh: boolean, why: string, rate_hz: number }} LiveDevice
+ * @typedef {{ name: string, delivers: string[], status: string, problem: string, fresh: boolean, why: string, rate_hz: number, age_s: number }} LiveDevice
  * @typedef {{ size: [number, number], stripe: [number, number][], arc: [number, number][], stripe_width_px: number | null, brightness: number, saturated: number, exposure_advice: string, focus_advice: string }} LivePicture
  * @typedef {{ name: string, age_s: number, points: [number, number][], on_arc: boolean[], circle: [number, number, number] | null, rms_mm: number | null, extent_deg: number | null, zone: number | null, problem: string, weak: string, picture: LivePicture | null }} LiveExposure
  * @typedef {{ base_from_tool0: number[][] | null, joints_deg: number[] | null, moving: boolean | null, age_s: number }} LiveRobot
- * @typedef {{ version: number, step: string, devices: LiveDevice[], automatic: boolean, waits_for: string, robot: LiveRobot | null, table_deg: number | null, exposure: LiveExposure | null, clocks: { offset_s: number, sigma_s: number, drift_s: number, warning: string } | null, last: { id: string, verdict: string, zone: number | null, text: string } | null, image: boolean }} Preview
+ * @typedef {{ version: number, step: string, devices: LiveDevice[], automatic: boolean, waits_for: string, is_taken: boolean, robot: LiveRobot | null, table_deg: number | null, exposure: LiveExposure | null, clocks: { offset_s: number, sigma_s: number, drift_s: number, warning: string } | null, last: { id: string, verdict: string, zone: number | null, text: string } | null, image: boolean }} Preview
  */
 
-const FIRST_PAUSE_MS = 500;
-const LONGEST_PAUSE_MS = 5000;
+const AGAIN_MS = 500;
 /** Faster than this nobody sees more. */
 const LEAST_MS = 40;
+
+/** What is older is not shown as current. */
+export const OLD_S = 2;
+
+/** The time of day so many seconds ago. @param {number} age_s */
+export const ago = (age_s) => clock(new Date(Date.now() - 1000 * age_s));
 
 export const live = {
   /** @param {string} id @returns {Promise<Devices>} */
@@ -69,11 +76,10 @@ export function followPreviews(id, draw) {
   /** @type {WebSocket | null} */
   let socket = null;
   let timer = 0;
-  let pause = FIRST_PAUSE_MS;
   let drawnMs = 0;
 
   const open = () => {
-    const one = new WebSocket(`${window.location.origin.replace(/^http/, "ws")}${ROOT}${session(id)}/live/preview`);
+    const one = new WebSocket(`${window.location.origin.replace(/^http/, "ws")}${ROOT}${session(id)}/live/preview?lang=${language}`);
     one.binaryType = "blob";
     socket = one;
     /** @type {Preview | null} */
@@ -86,10 +92,7 @@ export function followPreviews(id, draw) {
       timer = window.setTimeout(next, Math.max(0, restMs));
       drawnMs = performance.now();
     };
-    one.onopen = () => {
-      pause = FIRST_PAUSE_MS;
-      next();
-    };
+    one.onopen = next;
     one.onmessage = async ({ data }) => {
       if (typeof data === "string") {
         const preview = /** @type {Preview} */ (JSON.parse(data));
@@ -104,8 +107,7 @@ export function followPreviews(id, draw) {
     };
     one.onclose = () => {
       if (socket !== one) return;
-      timer = window.setTimeout(open, pause);
-      pause = Math.min(2 * pause, LONGEST_PAUSE_MS);
+      timer = window.setTimeout(open, AGAIN_MS);
     };
   };
 

@@ -23,6 +23,7 @@ export class SessionState extends EventTarget {
   /** @type {Results} */ results = {};
   /** @type {Job | null} */ job = null;
   /** @type {Liveness} */ live = "connecting";
+  /** When the page last had the server's word. */ liveSince = new Date();
   /** @type {string | null} */ selected = null;
   /** @type {"measure" | "result"} */ view = "measure";
   /** The step that was chosen; null follows the guide. @type {string | null} */ chosen = null;
@@ -51,10 +52,11 @@ export class SessionState extends EventTarget {
       (name, data) => this.#heard(name, /** @type {Record<string, any>} */ (data)),
       (live, again) => {
         this.live = live;
+        this.liveSince = new Date();
         this.tell("live");
-        if (!again && this.session) return;
-        void this.reload();
+        if (live !== "live") return;
         void this.#askForJob();
+        if (again || !this.session) void this.reload();
       },
     );
   }
@@ -86,12 +88,11 @@ export class SessionState extends EventTarget {
     if (this.#stale.size) this.#later();
   }
 
-  /** The end of a job may have been told while nobody listened. */
+  /** What runs, and how it ended, may have been told while nobody listened. */
   async #askForJob() {
     const { job } = this;
-    if (!job || !this.working) return;
-    const now = await api.job(job.id).catch(gone);
-    if (this.job?.id !== job.id) return;
+    const now = await (job && this.working ? api.job(job.id).catch(gone) : api.newestJob(this.id)).catch(() => job);
+    if (this.job !== job || now?.id === job?.id && now?.status === job?.status) return;
     this.job = now;
     this.tell("job");
   }
@@ -103,6 +104,13 @@ export class SessionState extends EventTarget {
 
   get working() {
     return this.job !== null && (this.job.status === "queued" || this.job.status === "running");
+  }
+
+  /** How a stage stands that has no result to show. @param {string} stage @returns {"solving" | "loading" | "none"} */
+  without(stage) {
+    if (!this.session) return "loading";
+    if (!this.job || (this.job.stage !== stage && this.job.stage !== "all")) return "none";
+    return this.working ? "solving" : this.job.status === "done" && this.job.stage === stage ? "loading" : "none";
   }
 
   /** @param {string | null} id */
@@ -135,7 +143,10 @@ export class SessionState extends EventTarget {
     /** @type {string[]} */
     const guided = (this.guide?.steps ?? []).map(({ step }) => step);
     const solved = this.stages.map(({ name }) => name).filter((name) => (this.results[name] || this.guide?.current.stage === name || this.chosen === name) && !guided.includes(name));
-    return [...guided, ...solved];
+    // Each stands where it is solved: behind the step of the stage before it.
+    const order = this.stages.map(({ name }) => name);
+    const place = (/** @type {string} */ step) => order.indexOf(this.stageOf(step));
+    return [...guided, ...solved].sort((a, b) => place(a) - place(b));
   }
 
   /** The steps that captures are taken for. */

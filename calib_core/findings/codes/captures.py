@@ -30,6 +30,20 @@ CAPTURE_OF_OTHER_SCANNER = Code(
     usual_causes="A typing error, a scanner that was renamed.",
 )
 
+CAPTURE_WITHOUT_READING = Code(
+    "capture-without-axis-reading",
+    "warning",
+    text=Plural(
+        "{captures} is not used: it does not say where the axis {axis} stood.",
+        "{captures} are not used: they do not say where the axis {axis} stood.",
+    ),
+    to_do="Add the axis's reading to `axes_deg` or `axes_mm` of the captures.",
+    reason="it does not say where the axis {axis} stood",
+    meaning="The cell has an axis, and where it stood in the capture is not known.",
+    decided="The axis is in cell.axes, and the capture has no reading of it.",
+    usual_causes="A reading that was forgotten, an axis that was added to the cell later.",
+)
+
 CAPTURE_OF_OTHER_TOOL = Code(
     "capture-of-other-setting",
     "warning",

@@ -99,3 +99,135 @@ CAPTURES_DISAGREE = Code(
     decided="Each is predicted from the others; chance names one of a right set in fewer than 0.5 % of cases.",
     usual_causes="A pose that belongs to another capture, an arm still moving, or a sphere that was touched.",
 )
+
+VERIFIED_ANSWER_FAILS = Code(
+    "verify-of-failed-answer",
+    "warning",
+    text="The answer that is verified, of the {stage} stage, fails by itself.",
+    to_do="Mend that first.",
+    meaning="A verification says little of an answer whose own result must not be used.",
+    decided="The result of the stage that is verified has the verdict `fail`.",
+    usual_causes="A calibration that was not finished.",
+)
+
+TOOL_WITHOUT_UNCERTAINTY = Code(
+    "verify-tool-without-uncertainty",
+    "warning",
+    text="The tool was brought without an uncertainty: how large the scatter may be is not known.",
+    to_do="Solve the TCP from captures of this session, or give the robot's repeatability.",
+    meaning="A scatter is judged by what the answer and the robot allow.",
+    decided="Neither the tool's covariance nor the robot's repeatability is told.",
+    usual_causes="A tool that was typed in.",
+)
+
+SCATTER_LARGE = Code(
+    "verify-scatter-large",
+    "warning",
+    text="The held-out captures scatter {factor:.1f} times as much as their and the answer's uncertainty allow: "
+    "{scatter_mm:.3f} mm, {expected_mm:.3f} mm are expected.",
+    to_do="Look at the captures' poses; solve again with all captures, or calibrate again.",
+    meaning="The answer's stated uncertainty does not explain how far the held-out captures lie apart.",
+    decided="Chance gives such a scatter in fewer than one of a hundred cells.",
+    usual_causes="A robot less accurate than told, a scanner that moved a little after the calibration.",
+)
+
+SCATTER_FAILS = Code(
+    "verify-scatter-fails",
+    "error",
+    text="The held-out captures scatter {factor:.1f} times as much as their and the answer's uncertainty allow: "
+    "{scatter_mm:.3f} mm, {expected_mm:.3f} mm are expected.",
+    to_do="Calibrate again.",
+    meaning="The answer does not hold for captures that it was not solved from, and no limits say otherwise.",
+    decided="The scatter is more than three times as large as expected, and no limits are set.",
+    usual_causes="A scanner that was moved after the calibration, poses of another program.",
+    fixed=True,
+)
+
+LIMIT_NOT_CHECKED = Code(
+    "verify-limit-not-checked",
+    "warning",
+    text="{what}: the limit of {limit_mm:g} mm was not checked.",
+    to_do="{to_do}",
+    meaning="A limit was set, and the captures do not give the figure that it is for.",
+    decided="The figure is missing among the checks.",
+    usual_causes="No captures of the sphere, of the second sphere, or of the plate.",
+    fixed=True,
+)
+
+_CHANGED = {
+    "set": Plural(
+        "The {what} was set after {count} capture: {after_mm:g} mm.",
+        "The {what} was set after {count} captures: {after_mm:g} mm.",
+        by="count",
+    ),
+    "removed": Plural(
+        "The {what} was removed after {count} capture: it was {before_mm:g} mm.",
+        "The {what} was removed after {count} captures: it was {before_mm:g} mm.",
+        by="count",
+    ),
+    "changed": Plural(
+        "The {what} was changed after {count} capture: {before_mm:g} → {after_mm:g} mm.",
+        "The {what} was changed after {count} captures: {before_mm:g} → {after_mm:g} mm.",
+        by="count",
+    ),
+}
+
+LIMIT_EASED = Code(
+    "verify-limit-eased",
+    "warning",
+    text=_CHANGED,
+    by="how",
+    meaning="A limit that is eased when the captures are known can be set so that they pass.",
+    decided="After the first capture a limit was set, removed or raised, and lets more pass now than before.",
+    usual_causes="A limit that was told wrongly at first.",
+    fixed=True,
+)
+
+LIMIT_CHANGED = Code(
+    "verify-limit-changed",
+    "note",
+    text=_CHANGED,
+    by="how",
+    meaning="A limit, or the ball bar's length, was changed when captures were there; it lets no more pass.",
+    decided="The session keeps each change of its limits after the first capture.",
+)
+
+PLATE_NOT_TURNED = Code(
+    "plate-not-turned",
+    "warning",
+    text="All captures of the plate are within {turned_deg:.0f}° of one orientation, so the tool's error hardly shows in "
+    "its flatness.",
+    to_do="Turn the flange between them, about the plate's normal too.",
+    meaning="A plate that is always seen the same way looks flat with a wrong tool too.",
+    decided="No two captures of the plate are turned by 10° or more.",
+    usual_causes="A plate that was scanned along one path.",
+)
+
+POINTS_BESIDE_PLATE = Code(
+    "points-beside-plate",
+    "note",
+    text=Plural(
+        "{count} point beside the plate's plane was left out of its flatness.",
+        "{count} points beside the plate's plane were left out of its flatness.",
+        by="count",
+    ),
+    meaning="What lies far from the plate's plane is not of the plate.",
+    decided="Ten robust standard deviations and more than 1 mm from the plane.",
+)
+
+PLATE_WITHOUT_LIMIT = Code(
+    "plate-without-limit",
+    "warning",
+    text="No limit of the flatness is set, and a plate alone has nothing else to be judged by.",
+    to_do="Set cell.verification.flatness_mm, or capture the sphere as well.",
+    meaning="The plate's flatness is a figure without a judgement.",
+    decided="Only a plate was captured, and no limit of its flatness is set.",
+)
+
+PLATE_ALONE = Code(
+    "plate-alone",
+    "note",
+    text="Only a flat plate was captured: how far the tool is off at a sphere was not looked at.",
+    meaning="A plate shows errors across it, and none along it.",
+    decided="No captures of the sphere are among those of the verification.",
+)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError, TooLargeError
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
 MAX_POINTS = 20_000_000
 
@@ -24,15 +25,33 @@ def require_count(count: int, available: int, where: str, unit: str = "points") 
         If it is beyond `MAX_POINTS`.
     """
     if count > MAX_POINTS:
-        raise TooLargeError(f"at most {MAX_POINTS} {unit}", f"{count} announced", "Thin the capture out.", where)
+        raise TooLargeError(
+            "at most {max_points} {unit}",
+            "{count} announced",
+            "Thin the capture out.",
+            where,
+            max_points=MAX_POINTS,
+            unit=unit,
+            count=count,
+        )
     if count < 1:
-        raise InputError(f"at least one of its {unit}", f"{count} announced", "Save the capture again.", where)
+        raise InputError(
+            "at least one of its {unit}",
+            "{count} announced",
+            "Save the capture again.",
+            where,
+            unit=unit,
+            count=count,
+        )
     if available < count:
         raise InputError(
-            f"the {count} {unit} that the header announces",
-            f"{available} in the file",
+            "the {count} {unit} that the header announces",
+            "{available} in the file",
             "The file was cut off: copy it again.",
             where,
+            count=count,
+            unit=unit,
+            available=available,
         )
 
 
@@ -55,8 +74,8 @@ def parse_npy(data: bytes, where: str) -> tuple[NDArray[Any], tuple[str, ...]]:
     InputError
         If it is no NPY file, is cut off, or holds something other than numbers.
     """
-    to_do = "Save it with numpy.save, an array of numbers."
-    need = "an NPY file of numbers"
+    to_do = message("Save it with numpy.save, an array of numbers.")
+    need = message("an NPY file of numbers")
     header, offset = _npy_header(data, need, to_do, where)
     try:
         dtype = np.dtype(header["descr"])
@@ -66,20 +85,20 @@ def parse_npy(data: bytes, where: str) -> tuple[NDArray[Any], tuple[str, ...]]:
         raise InputError(need, "a header that numpy does not know", to_do, where) from None
     kinds = {dtype[field].kind for field in dtype.names} if dtype.names else {dtype.kind}
     if not kinds <= set("fiu") or dtype.itemsize == 0:
-        raise InputError(need, f"values of type {dtype.name}", to_do, where)
+        raise InputError(need, "values of type {dtype}", to_do, where, dtype=dtype.name)
     if not shape or len(shape) > 3 or min(shape) < 0:
-        raise InputError(need, f"an array of shape {shape}", to_do, where)
+        raise InputError(need, "an array of shape {shape}", to_do, where, shape=shape)
     width = list(shape)[-1] if len(shape) > 1 else 1
     rows = math.prod(list(shape)[:-1]) if len(shape) > 1 else math.prod(shape)
     require_count(rows, (len(data) - offset) // max(dtype.itemsize * width, 1), where, "rows")
     if rows * width > 4 * MAX_POINTS:
-        raise InputError(need, f"an array of shape {shape}", "Save fewer points in a file.", where)
+        raise InputError(need, "an array of shape {shape}", "Save fewer points in a file.", where, shape=shape)
     flat = np.frombuffer(data, dtype=dtype, count=rows * width, offset=offset)
     array = flat.reshape(shape, order="F" if fortran else "C")
     if not dtype.names:
         return array, ()
     if array.ndim != 1:
-        raise InputError(need, f"records in an array of shape {shape}", to_do, where)
+        raise InputError(need, "records in an array of shape {shape}", to_do, where, shape=shape)
     return np.stack([array[field].astype(np.float64) for field in dtype.names], axis=1), dtype.names
 
 

@@ -14,6 +14,7 @@ from calib_core.formats.shared.missing import without_missing
 from calib_core.formats.shared.names import axis_of, unit_in, unit_of
 from calib_core.formats.shared.text_table import TextTable
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
 
 class TableSettings(Settings):
@@ -108,10 +109,11 @@ def _require_announced(table: TextTable, where: str) -> None:
     first = table.preamble[0].strip() if table.preamble else ""
     if first.isdecimal() and int(first) != len(table.values):
         raise InputError(
-            f"the {int(first)} points that the first line announces",
+            "the {first} points that the first line announces",
             f"{len(table.values)}",
             "Copy or export the file again.",
             where,
+            first=int(first),
         )
 
 
@@ -126,10 +128,11 @@ def _without_empty_end(table: TextTable) -> tuple[FloatArray, tuple[str, ...]]:
 def _told(told: list[str], width: int, where: str) -> list[Column]:
     if len(told) != width:
         raise InputError(
-            f"a name for each of {width} columns in the setting 'columns'",
+            "a name for each of {width} columns in the setting 'columns'",
             f"{len(told)}",
             "Name them all; '-' for one to be left aside.",
             where,
+            width=width,
         )
     return _by_name(told, (), where, None)
 
@@ -147,18 +150,32 @@ def _by_name(names: Sequence[str], units: Sequence[str], where: str, header_abov
     axes = [column.axis for column in found]
     twice = next((column for column in found if axes.count(column.axis) > 1), None)
     if twice is not None:
-        raise _refused(f"{axes.count(twice.axis)} columns named {twice.axis}", names, where, header_above)
+        raise _refused(
+            message("{axis} columns named {twice_axis}", axis=axes.count(twice.axis), twice_axis=twice.axis),
+            names,
+            where,
+            header_above,
+        )
     lacking = [axis for axis in "xz" if axis not in axes]
     if lacking:
-        got = "no column named x or z" if len(lacking) == 2 else f"no column named {lacking[0]}"
+        got = (
+            "no column named x or z"
+            if len(lacking) == 2
+            else message("no column named {lacking}", lacking=lacking[0])
+        )
         raise _refused(got, names, where, header_above)
     return sorted(found, key=lambda column: column.axis)
 
 
 def _refused(got: str, names: Sequence[str], where: str, header_above: int | None) -> InputError:
     listed = ", ".join(repr(name[:30]) for name in names[:8]) + (" …" if len(names) > 8 else "")
-    in_header = f"{got} in the header above line {header_above}: {listed}"
-    in_settings = f"{got} in the setting 'columns': {listed}"
+    in_header = message(
+        "{found} in the header above line {header_above}: {listed}",
+        found=got,
+        header_above=header_above,
+        listed=listed,
+    )
+    in_settings = message("{found} in the setting 'columns': {listed}", found=got, listed=listed)
     return InputError(
         "columns named x and z (a profile) or x, y and z (a cloud)",
         in_settings if header_above is None else in_header,
@@ -174,18 +191,25 @@ def _by_place(
     width = values.shape[1]
     kind = kind or ("profile" if width == 2 else plain or "cloud")
     if kind == "profile" and width == 3 and _stands(values[:, 1]) and not _stands(values[:, 2]):
-        return [Column(axis, place, f"column {place + 1}", None) for place, axis in enumerate("xyz")]
+        return [
+            Column(axis, place, message("column {place}", place=place + 1), None)
+            for place, axis in enumerate("xyz")
+        ]
     most = 3 if kind == "profile" else 12
     least = 2 if kind == "profile" else 3
     if not least <= width <= most:
         raise InputError(
             "2 or 3 columns a line (x_mm,z_mm)" if kind == "profile" else "3 to 12 columns a line (x,y,z)",
-            f"{width} in line {first_line}",
+            "{width} in line {first_line}",
             "Write one point a line, or name the columns in a header line.",
             where,
+            width=width,
+            first_line=first_line,
         )
     axes = "xz" if kind == "profile" else "xyz"
-    return [Column(axis, place, f"column {place + 1}", None) for place, axis in enumerate(axes)]
+    return [
+        Column(axis, place, message("column {place}", place=place + 1), None) for place, axis in enumerate(axes)
+    ]
 
 
 def _stands(column: FloatArray) -> bool:
@@ -209,7 +233,10 @@ def _for_kind(
     listed = ", ".join(column.name for column in columns)
     raise InputError(
         "a profile (x and z)" if kind == "profile" else "a cloud (x, y and z)",
-        f"a {has} with the columns {listed}",
-        f"Give the capture the kind '{has}', or export the file as a {kind}.",
+        "a {has} with the columns {listed}",
+        "Give the capture the kind '{has}', or export the file as a {kind}.",
         where,
+        has=has,
+        listed=listed,
+        kind=kind,
     )

@@ -10,6 +10,7 @@ from calib_core.formats.shared.binary_table import columns_from_records, require
 from calib_core.formats.shared.columns import Column, points_of
 from calib_core.formats.shared.text_table import parse_numbers
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
 _AXES = ("x", "y", "z")
 _MAX_HEADER_BYTES = 64_000
@@ -56,18 +57,20 @@ def header_lines(data: bytes, last: bytes, where: str, format_name: str) -> tupl
         lines.append(line.decode("latin-1").split())
         if line.startswith(last):
             return lines, offset
-    raise wrong(where, format_name, f"a header without a line {last.decode()}")
+    raise wrong(where, format_name, message("a header without a line {last}", last=last.decode()))
 
 
 def require_axes(names: list[str], where: str, format_name: str) -> None:
     """Refuse fields of which not exactly one is x, y and z each; raises InputError."""
     if [names.count(axis) for axis in _AXES] != [1, 1, 1] or len(set(names)) != len(names):
-        raise wrong(where, format_name, f"the fields {' '.join(names) or '(none)'}")
+        raise wrong(where, format_name, message("the fields {names}", names=" ".join(names) or "(none)"))
 
 
 def wrong(where: str, format_name: str, got: str) -> InputError:
     """Return the error of a file that is not what its ending says."""
-    return InputError(f"a {format_name} file of points x y z", got, "Export the cloud again.", where)
+    return InputError(
+        "a {format_name} file of points x y z", got, "Export the cloud again.", where, format_name=format_name
+    )
 
 
 def reading_of_fields(

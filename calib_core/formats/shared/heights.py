@@ -43,9 +43,12 @@ def grid_of(heights: NDArray[Any], settings: HeightSettings, where: str) -> Read
     if lacking:
         raise InputError(
             "the pitch of the columns and of the rows of a grid of heights, and what a count is worth",
-            f"{heights.shape[0]} × {heights.shape[1]} values without {', '.join(lacking)}",
+            "{height} × {width} values without {lacking}",
             "Give them in the capture's format_settings, from the scanner's export dialogue.",
             where,
+            height=heights.shape[0],
+            width=heights.shape[1],
+            lacking=", ".join(lacking),
         )
     assert settings.x_pitch_mm is not None
     assert settings.y_pitch_mm is not None

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, TooLargeError
+from calib_core.messages import message
 
 ImageArray = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -45,29 +46,43 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
     try:
         width, height, pixel_bytes, complete = _header(data)
     except (struct.error, IndexError, ValueError):
-        raise _truncated(where, "a file that ends in its header") from None
+        raise _truncated(where, message("a file that ends in its header")) from None
     except InputError as error:
         raise (error.at(where) if where else error) from None
     if width <= 0 or height <= 0:
         raise InputError(
-            "an image", f"a header that says {width}×{height} pixels", "Export the frame again.", where
+            "an image",
+            "a header that says {width}×{height} pixels",
+            "Export the frame again.",
+            where,
+            width=width,
+            height=height,
         )
     if width * height > most_pixels:
         raise TooLargeError(
-            f"an image of at most {most_pixels / 1e6:g} megapixels",
-            f"{width}×{height} = {width * height / 1e6:.0f} megapixels",
+            "an image of at most {most_pixels:g} megapixels",
+            "{width}×{height} = {width_other:.0f} megapixels",
             "Crop it or take the frame at the sensor's own size.",
             where,
+            most_pixels=most_pixels / 1000000.0,
+            width=width,
+            height=height,
+            width_other=width * height / 1000000.0,
         )
     if width * height * pixel_bytes > _MOST_BYTES:
         raise TooLargeError(
-            f"an image of at most {_MOST_BYTES / 1e6:g} MB unpacked",
-            f"{width}×{height} pixels of {pixel_bytes:g} bytes = {width * height * pixel_bytes / 1e6:.0f} MB",
+            "an image of at most {most_bytes:g} MB unpacked",
+            "{width}×{height} pixels of {pixel_bytes:g} bytes = {width_other:.0f} MB",
             "Save it in grey, or with 8 bit, or crop it.",
             where,
+            most_bytes=_MOST_BYTES / 1000000.0,
+            width=width,
+            height=height,
+            pixel_bytes=pixel_bytes,
+            width_other=width * height * pixel_bytes / 1000000.0,
         )
     if not complete:
-        raise _truncated(where, f"a file that breaks off after {len(data)} bytes")
+        raise _truncated(where, message("a file that breaks off after {count} bytes", count=len(data)))
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error:
@@ -81,9 +96,10 @@ def _as_grey_or_rgb(image: NDArray[Any], where: str) -> ImageArray:
     if image.dtype.name not in ("uint8", "uint16"):
         raise InputError(
             "an image of 8 or 16 bit",
-            f"values of type {image.dtype}",
+            "values of type {dtype}",
             "Save it as PNG or TIFF of 8 or 16 bit.",
             where,
+            dtype=image.dtype,
         )
     if image.ndim == 3:
         image = image[:, :, 0] if image.shape[2] < 3 else image[:, :, 2::-1]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, TooLargeError
+from calib_core.messages import message
 
 MAX_TRIANGLES = 5_000_000
 
@@ -21,8 +22,10 @@ class MeshData:
 def require_few(count: int, name: str) -> None:
     """Refuse more than `MAX_TRIANGLES`; raises TooLargeError."""
     if count > MAX_TRIANGLES:
-        to_do = "Export it with a coarser tolerance."
-        raise TooLargeError(f"at most {MAX_TRIANGLES:,} triangles", f"{count:,}", to_do, name)
+        to_do = message("Export it with a coarser tolerance.")
+        raise TooLargeError(
+            "at most {max_triangles:,} triangles", f"{count:,}", to_do, name, max_triangles=MAX_TRIANGLES
+        )
 
 
 def wrong(name: str, got: str, to_do: str = "Export the mesh again, as STL or PLY.") -> InputError:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from calib_core.formats.format import PointKind
 from calib_core.frames import FloatArray
+from calib_core.messages import message, plural
 
 _EDGES = {2.0**bits - off for bits in (15, 16, 31, 32) for off in (0.0, 1.0)}
 _TENS = {10.0**power for power in range(5, 39)}
@@ -46,8 +47,10 @@ def _blank(points: FloatArray, hit: NDArray[np.bool_], value: str, notes: list[s
     count = int(hit.sum())
     if count:
         points[hit] = np.nan
-        rows = "1 row" if count == 1 else f"{count} rows"
-        notes.append(f"{rows} with {value} taken as missing: nothing came back there.")
+        rows = "1 row" if count == 1 else plural("{count} row", "{count} rows", by="count", count=count)
+        notes.append(
+            message("{rows} with {value} taken as missing: nothing came back there.", rows=rows, value=value)
+        )
 
 
 def _written_ends(column: FloatArray) -> list[float]:
@@ -99,7 +102,10 @@ def _blank_zeros(points: FloatArray, kind: PointKind, notes: list[str], doubts: 
         _blank(points, zero, "a height of exactly 0", notes)
         if kind == "cloud" or not far:
             doubts.append(
-                f"{count} heights are exactly 0 and were taken as missing: look whether they are points."
+                message(
+                    "{count} heights are exactly 0 and were taken as missing: look whether they are points.",
+                    count=count,
+                )
             )
 
 

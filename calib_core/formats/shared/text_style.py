@@ -35,11 +35,17 @@ class Style:
 def decode_text(data: bytes, where: str, example: str) -> str:
     """Return the text of a file in UTF-8, UTF-16 or Windows' Latin; raises InputError where it is none."""
     if not data.strip():
-        raise InputError(f"lines of numbers ({example})", "an empty file", "Save the capture again.", where)
+        raise InputError(
+            "lines of numbers ({example})", "an empty file", "Save the capture again.", where, example=example
+        )
     text = _decoded(data)
     if text is None:
         raise InputError(
-            f"lines of numbers as text ({example})", "bytes that are no text", "Export it as text.", where
+            "lines of numbers as text ({example})",
+            "bytes that are no text",
+            "Export it as text.",
+            where,
+            example=example,
         )
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 

@@ -19,6 +19,7 @@ from calib_core.formats.shared.text_style import (
     style_of,
 )
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
 _BLOCK_BYTES = 4_000_000
 _RUN = 3  # so many lines alike are the table
@@ -74,10 +75,14 @@ def parse_numbers(data: bytes, where: str, width: int, example: str) -> FloatArr
     table = parse_table(decode_text(data, where, example), where, example)
     if table.values.shape[1] != width:
         raise InputError(
-            f"{width} columns a line ({example})",
-            f"{table.values.shape[1]} in line {table.first_line}",
+            "{width} columns a line ({example})",
+            "{width_other} in line {first_line}",
             "Write one point a line.",
             where,
+            width=width,
+            example=example,
+            width_other=table.values.shape[1],
+            first_line=table.first_line,
         )
     return table.values
 
@@ -107,7 +112,11 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     head = _head(lines)
     if head is None:
         raise InputError(
-            f"lines of numbers ({example})", "no line with a number", "Save the capture again.", where
+            "lines of numbers ({example})",
+            "no line with a number",
+            "Save the capture again.",
+            where,
+            example=example,
         )
     header = _header(lines[: head.start], head, where, first_line)
     offset = sum(len(line) + 1 for line in lines[: head.start])
@@ -126,7 +135,11 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
         header = replace(header, names=(*header.names, ""))
     if not len(values):
         raise InputError(
-            f"lines of numbers ({example})", "no line with a number", "Save the capture again.", where
+            "lines of numbers ({example})",
+            "no line with a number",
+            "Save the capture again.",
+            where,
+            example=example,
         )
     return TextTable(values, header.names, header.units, header.preamble, first_line + head.start)
 
@@ -235,10 +248,12 @@ def _require_same_separator(line: str, head: _Head, where: str, number: int) -> 
     style = style_of(line)
     if head.style.separator == "," and style.separator in (";", "\t") and any(map(_is_axis, style.fields(line))):
         raise InputError(
-            f"rows cut by {style.separator!r}, like the header in line {number}",
+            "rows cut by {separator!r}, like the header in line {number}",
             "commas alone",
             "Copy or export the file again.",
             where,
+            separator=style.separator,
+            number=number,
         )
 
 
@@ -252,8 +267,8 @@ def _require_no_short_header(line: str, head: _Head, where: str, number: int) ->
     axes = [axis for name in names if (axis := axis_of(name)[0])]
     if not axes or len(names) < 2 or (_is_comment(line) and names == axes == ["x", "y", "z"]):
         return
-    got = f"{len(names)} in line {number}: {_shown(line)}"
-    raise InputError(f"a name for each of {head.width} columns", got, "Correct the header.", where)
+    got = message("{count} in line {number}: {line}", count=len(names), number=number, line=_shown(line))
+    raise InputError("a name for each of {width} columns", got, "Correct the header.", where, width=head.width)
 
 
 def _require_no_row(line: str, head: _Head, where: str, number: int, named: bool) -> None:
@@ -263,10 +278,13 @@ def _require_no_row(line: str, head: _Head, where: str, number: int, named: bool
     count = not named and len(words) == 1 and words[0].isdecimal()  # of points, as XYZ and PTS begin
     if not _is_comment(line) and (alike or (not count and all(map(NUMBER.match, words)))):
         raise InputError(
-            f"{head.width} numbers in a line, like the rows below",
-            f"{_shown(line)} in line {number}",
+            "{width} numbers in a line, like the rows below",
+            "{line} in line {number}",
             "Correct this line, or begin it with # where it is a remark.",
             where,
+            width=head.width,
+            line=_shown(line),
+            number=number,
         )
 
 
@@ -291,10 +309,13 @@ def _require_empty_end(values: FloatArray, where: str, line: int) -> None:
     """Refuse a header with a name fewer than there are columns, unless the rows end in a separator."""
     if not np.isnan(values[:, -1]).all():
         raise InputError(
-            f"a name for each of {values.shape[1]} columns",
-            f"{values.shape[1] - 1} in the header above line {line}",
+            "a name for each of {width} columns",
+            "{width_other} in the header above line {line}",
             "Correct the header.",
             where,
+            width=values.shape[1],
+            width_other=values.shape[1] - 1,
+            line=line,
         )
 
 
@@ -306,9 +327,10 @@ def _require_one_decimal_mark(body: str, where: str, first_line: int) -> None:
     line = body.count("\n", 0, place[1]) + first_line
     raise InputError(
         "decimal points or decimal commas",
-        f"both, first in line {line}",
+        "both, first in line {line}",
         "Export the file again with one of them.",
         where,
+        line=line,
     )
 
 
@@ -362,10 +384,14 @@ def _parse_with_care(lines: list[str], head: _Head, before: int, where: str, exa
         fields = head.style.fields(line)
         if len(fields) != head.width:
             raise InputError(
-                f"{head.width} columns in every line",
-                f"{len(fields)} in line {number}: {_shown(line)}",
+                "{width} columns in every line",
+                "{count} in line {number}: {line}",
                 "If the file was cut off, copy it again; otherwise correct this line.",
                 where,
+                width=head.width,
+                count=len(fields),
+                number=number,
+                line=_shown(line),
             )
         row: list[float] = []
         for field in fields:
@@ -376,7 +402,13 @@ def _parse_with_care(lines: list[str], head: _Head, before: int, where: str, exa
                 row.append(np.nan)
             else:
                 raise InputError(
-                    f"numbers ({example})", f"{_shown(word)} in line {number}", "Correct this line.", where
+                    "numbers ({example})",
+                    "{word} in line {number}",
+                    "Correct this line.",
+                    where,
+                    example=example,
+                    word=_shown(word),
+                    number=number,
                 )
         rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, head.width)

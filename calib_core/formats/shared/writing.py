@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib_core.disk import extended, remove_file, replace_file
 from calib_core.errors import InputError
+from calib_core.messages import message, plural
 
 SingleArray = NDArray[np.float32]
 
@@ -80,7 +81,7 @@ def replacing(path: Path, durable: bool = True) -> Generator[IO[bytes]]:
     except OSError as error:
         _remove(temporary)
         got = error.strerror or type(error).__name__
-        to_do = "Make room, or name a folder that may be written."
+        to_do = message("Make room, or name a folder that may be written.")
         raise InputError("a place to write to", got, to_do, str(path)) from None
     except BaseException:
         _remove(temporary)
@@ -95,11 +96,13 @@ def require_replaceable(path: Path) -> None:
     InputError
     """
     if path.is_symlink():
-        to_do = "Name the file that it leads to, or another; - is standard output."
+        to_do = message("Name the file that it leads to, or another; - is standard output.")
         raise InputError("a file or a new name", "a link, which is not replaced", to_do, str(path))
     if path.exists() and not path.is_file():
         got = "a folder" if path.is_dir() else "a device or the like"
-        raise InputError("a file or a new name", f"{got}, which is not replaced", "Name another file.", str(path))
+        raise InputError(
+            "a file or a new name", "{found}, which is not replaced", "Name another file.", str(path), found=got
+        )
 
 
 def _in_large_steps(pieces: Iterable[bytes | memoryview]) -> Iterator[list[bytes | memoryview]]:
@@ -141,9 +144,21 @@ def table_of(values: ArrayLike, names: tuple[str, ...]) -> SingleArray:
     """Return points as a table (N, K) float32; raises InputError where there are none or names do not fit."""
     table = np.ascontiguousarray(values, dtype="<f4")
     if table.ndim != 2 or not len(table):
-        raise InputError("at least one point to write", f"an array of shape {table.shape}", "Merge scans first.")
+        raise InputError(
+            "at least one point to write", "an array of shape {table}", "Merge scans first.", table=table.shape
+        )
     if table.shape[1] != len(names) or names[:3] != XYZ:
-        raise InputError(f"{len(names)} columns ({' '.join(names)})", f"{table.shape[1]}", "Name each column.")
+        raise InputError(
+            plural(
+                "{count} column ({names})",
+                "{count} columns ({names})",
+                by="count",
+                count=len(names),
+                names=" ".join(names),
+            ),
+            f"{table.shape[1]}",
+            "Name each column.",
+        )
     return table
 
 
@@ -151,9 +166,15 @@ def faces_of(triangles: ArrayLike, points: int) -> NDArray[np.int32]:
     """Return triangles (M, 3); raises InputError where there are none or one names a point that is not there."""
     faces = np.asarray(triangles)
     if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
-        raise InputError("triangles of three corners", f"an array of shape {faces.shape}", "Mesh the cloud first.")
+        raise InputError(
+            "triangles of three corners", "an array of shape {faces}", "Mesh the cloud first.", faces=faces.shape
+        )
     if faces.min() < 0 or faces.max() >= points:
         raise InputError(
-            f"corners among {points} points", f"number {faces.max()}", "Give mesh and points together."
+            "corners among {points} points",
+            "number {faces}",
+            "Give mesh and points together.",
+            points=points,
+            faces=faces.max(),
         )
     return faces.astype("<i4")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 _LARGEST_BYTES = 64_000_000
 
@@ -107,6 +108,8 @@ def elements(data: bytes, name: str) -> list[Element]:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         what = expat.errors.messages[error.code] if error.code in expat.errors.messages else str(error)
-        to_do = "Copy the file again: it is cut or damaged, or no XML."
-        raise InputError("whole XML", f"{what} in line {error.lineno}", to_do, name) from None
+        to_do = message("Copy the file again: it is cut or damaged, or no XML.")
+        raise InputError(
+            "whole XML", "{what} in line {lineno}", to_do, name, what=what, lineno=error.lineno
+        ) from None
     return found

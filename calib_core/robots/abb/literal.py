@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from calib_core.messages import message
 from calib_core.robots.phrases import UNMATCHED
 from calib_core.robots.text import closing, split_top
 
@@ -21,10 +22,10 @@ def literal(text: str, begin: int, end: int) -> Value:
         begin += 1
     raw = text[begin:end].rstrip()
     if not raw:
-        raise ValueError("a value is missing")
+        raise ValueError(message("a value is missing"))
     if raw[0] != "[":
         if any(c in raw for c in "[]"):
-            raise ValueError(f"'{' '.join(raw.split())[:40]}' cannot be read")
+            raise ValueError(message("'{raw}' cannot be read", raw=" ".join(raw.split())[:40]))
         return Value(begin, raw, None)
     if closing(raw, 0, ";") != len(raw):
         raise ValueError(UNMATCHED)

@@ -11,6 +11,7 @@ from dataclasses import replace
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
+from calib_core.messages import explained, message
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.abb.literal import Value, literal
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
@@ -68,16 +69,18 @@ class _Module:
             line = self._source.line(found.start(1))
             if found[5] != ":=":
                 if kind in _KINDS:
-                    self._found.skip(line, f"{found[2]} {name}: no value in this file", name)
+                    self._found.skip(
+                        line, message("{found} {name}: no value in this file", found=found[2], name=name), name
+                    )
                 continue
             end = self._text.find(";", found.end())
             try:
                 if end < 0:
-                    raise ValueError(f"it has no end (;): {CUT}")
+                    raise ValueError(message("it has no end (;): {cut}", cut=CUT))
                 yield found.start(1), kind, name, literal(self._text, found.end(), end)
             except ValueError as error:
                 if kind in _KINDS:
-                    self._found.skip(line, f"{found[2]} {name}: {error}", name)
+                    self._found.skip(line, explained(f"{found[2]} {name}", error), name)
 
     def _elements(self, kind: str, name: str, value: Value, depth: int, index: list[int]) -> None:
         if depth and value.items is not None:
@@ -89,7 +92,7 @@ class _Module:
         try:
             self._element(kind, full, value, line)
         except (ValueError, InputError) as error:
-            self._found.skip(line, f"{kind} {full}: {error}", full)
+            self._found.skip(line, explained(f"{kind} {full}", error), full)
 
     def _element(self, kind: str, name: str, value: Value, line: int) -> None:
         file = self._source.name
@@ -107,7 +110,9 @@ class _Module:
             held, programmed, mechanism, user, of_object = self._list(value, 5)
             moving = "is held by the robot (robhold is TRUE)" if self._boolean(held) else ""
             if not self._boolean(programmed):
-                moving = f"is moved by the mechanical unit {mechanism.text} (ufprog is FALSE)"
+                moving = message(
+                    "is moved by the mechanical unit {mechanism} (ufprog is FALSE)", mechanism=mechanism.text
+                )
             pose = _chained(self._pose(user), self._pose(of_object))
             self._found.frames.append(Frame(name, name, pose, "abb", line, file, moving))
 
@@ -121,9 +126,11 @@ class _Module:
     def _list(self, value: Value, count: int) -> tuple[Value, ...]:
         value = self._parts.get(value.text.lower(), value) if value.items is None else value
         if value.items is None:
-            raise ValueError(f"'{value.text[:40]}' instead of a list of {count}")
+            raise ValueError(message("'{value}' instead of a list of {count}", value=value.text[:40], count=count))
         if len(value.items) != count:
-            raise ValueError(f"a list of {len(value.items)} instead of {count}")
+            raise ValueError(
+                message("a list of {count} instead of {count_other}", count=len(value.items), count_other=count)
+            )
         return value.items
 
     def _numbers(self, value: Value, count: int) -> list[float]:
@@ -131,7 +138,7 @@ class _Module:
         for item in self._list(value, count):
             item = self._parts.get(item.text.lower(), item) if item.items is None else item
             if item.items is not None:
-                raise ValueError("a list where a number should stand")
+                raise ValueError(message("a list where a number should stand"))
             values.append(number(item.text))
         return values
 
@@ -141,7 +148,7 @@ class _Module:
 
     def _boolean(self, value: Value) -> bool:
         if value.text.strip().upper() not in ("TRUE", "FALSE"):
-            raise ValueError(f"'{value.text.strip()[:40]}' instead of TRUE or FALSE")
+            raise ValueError(message("'{value}' instead of TRUE or FALSE", value=value.text.strip()[:40]))
         return value.text.strip().upper() == "TRUE"
 
     def _external(self, value: Value) -> dict[str, float] | None:
@@ -164,7 +171,9 @@ class _Module:
         points = positional[: 2 if re.match(r"(?:move|trigg|arc|search|cap|laser|paint|disp|spot)c", kind) else 1]
         tool: Reference = positional[-1][1].split("\\")[0].strip()
         if not re.fullmatch(r"[\w{}.,]+", str(tool)):
-            self._found.skip(line, f"{found[1]}: its tool '{str(tool)[:40]}' is no name")
+            self._found.skip(
+                line, message("{found}: its tool '{tool}' is no name", found=found[1], tool=str(tool)[:40])
+            )
             return
         work_object = _WORK_OBJECT.search(self._text[found.end() : end])
         frame: Reference = work_object[1] if work_object else "wobj0"
@@ -177,7 +186,7 @@ class _Module:
             elif text.startswith("["):
                 self._inline(kind, text, found.end() + position, tool, frame)
             else:
-                self._found.skip(line, f"{found[1]} {text[:60]}: {CALCULATED}")
+                self._found.skip(line, explained(f"{found[1]} {text[:60]}", CALCULATED))
 
     def _inline(self, kind: str, text: str, position: int, tool: Reference, frame: Reference) -> None:
         position = self._text.index("[", position)
@@ -189,7 +198,7 @@ class _Module:
                 return
             taught = self._robtarget(f"line {line}", value, line)
         except (ValueError, InputError) as error:
-            self._found.skip(line, f"position in the move: {error}")
+            self._found.skip(line, message("position in the move: {error}", error=error))
             return
         self._found.poses.append(
             Taught(taught.name, taught.numbers, "abb", line, None, taught.external, tool, frame, self._source.name)
@@ -208,7 +217,12 @@ class _Module:
             for i, entry in enumerate(entries):
                 line = assigned.get(str(entry.number).partition("{")[0].lower())
                 if line is not None:
-                    doubt = f"The program changes the {what} {entry.number} (line {line})."
+                    doubt = message(
+                        "The program changes the {what} {number} (line {line}).",
+                        what=what,
+                        number=entry.number,
+                        line=line,
+                    )
                     entries[i] = replace(entry, doubt=doubt)
 
 

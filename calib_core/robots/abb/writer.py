@@ -13,6 +13,7 @@ from calib_core.exports.writing import (
     provenance,
     replaced,
 )
+from calib_core.messages import message, plural
 from calib_core.robots.abb.literal import literal
 from calib_core.robots.text import without_comments
 
@@ -46,14 +47,25 @@ def _put(text: str, what: str, pose: list[float], settings: NamedSettings, answe
     try:
         items = list(literal(plain, found.end(), end).items or ())
     except ValueError as error:
-        to_do = "Correct the module first."
-        raise InputError(f"a whole {kind} {name}", str(error), to_do, "into") from None
+        to_do = message("Correct the module first.")
+        raise InputError("a whole {kind} {name}", str(error), to_do, "into", kind=kind, name=name) from None
     if len(items) not in ((3,) if kind == "tooldata" else (5,)):
-        raise InputError(f"a whole {kind} {name}", f"{len(items)} parts", "Correct the module first.", "into")
+        raise InputError(
+            "a whole {kind} {name}",
+            plural("{count} part", "{count} parts", by="count", count=len(items)),
+            "Correct the module first.",
+            "into",
+            kind=kind,
+            name=name,
+        )
     held = items[0].text.strip().upper() == "TRUE"
     if held != (kind == "tooldata"):
-        got = f"robhold {items[0].text.strip()}"
-        need = "a tool that the robot holds" if kind == "tooldata" else "a work object that stands still"
+        got = message("robhold {items}", items=items[0].text.strip())
+        need = (
+            message("a tool that the robot holds")
+            if kind == "tooldata"
+            else message("a work object that stands still")
+        )
         raise InputError(need, got, "Choose another name with --tool or --frame.", name)
     note = f" ! {'; '.join(provenance(answer))}"
     line_end = min((i for i in (text.find("\r", end), text.find("\n", end)) if i >= 0), default=len(text))

@@ -1,14 +1,21 @@
 """Comau: the lines of a program that set tool and user frame; those lines of a program."""
 
+from typing import Self
+
+from calib_core.errors import ConflictError
 from calib_core.exports.answer import Answer
-from calib_core.exports.entry import Settings
-from calib_core.exports.writing import Part, listed, patched_line, program_export, table_pose, tool_pose, wanted
+from calib_core.exports.writing import ControllerSettings, frames_written, listed, patched_line, program_export
 
 
-class PlainSettings(Settings):
-    """What is written."""
+class PlainSettings(ControllerSettings):
+    """What is written; a program has one user frame."""
 
-    part: Part | None = None
+    def of_fixed_scanner(self, with_table: bool) -> Self:
+        """Return them; raises ConflictError where the table would be written into the same user frame."""
+        if with_table:
+            need = "part tool or table: a program has one $UFRAME, for the scanner or for the turntable"
+            raise ConflictError(need, "both", "Export each with its own part.", "part")
+        return self
 
 
 def _tool(pose: list[float], settings: PlainSettings, answer: Answer) -> list[str]:
@@ -21,15 +28,10 @@ def _table(pose: list[float], settings: PlainSettings, answer: Answer) -> list[s
 
 def patch(backup: bytes, answer: Answer, settings: PlainSettings) -> bytes:
     """Return a program with the numbers of its $TOOL, or its $UFRAME, changed."""
-    with_tool, with_table = wanted(answer, settings.part, "tool")
-    poses = [("$TOOL", tool_pose)] * with_tool + [("$UFRAME", table_pose)] * with_table
     entries = [
-        (
-            f"{name} := POS(…)",
-            rf"^(?![ \t]*--)[^\r\n]*?\{name}[ \t]*:=[ \t]*POS[ \t]*\(",
-            listed(pose_of(answer, "kawasaki"), 6, 8),
-        )
-        for name, pose_of in poses
+        (f"{name} := POS(…)", rf"^(?![ \t]*--)[^\r\n]*?\{name}[ \t]*:=[ \t]*POS[ \t]*\(", listed(one.pose, 6, 8))
+        for one in frames_written(answer, settings, "kawasaki", "tool")
+        for name in ("$TOOL" if one.kind == "tool" else "$UFRAME",)
     ]
     return patched_line(backup, answer, "-- ", entries)
 

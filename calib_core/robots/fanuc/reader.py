@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 
 from calib_core.formats.shared.number import NUMBER, number
+from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.phrases import CUT, CUT_LINE, TWICE
 from calib_core.robots.text import Source, source_of
@@ -50,17 +51,20 @@ def _program(source: Source, found: Found) -> None:
         name = f"P[{position[1]}]"
         try:
             if end < 0:
-                raise ValueError(f"it has no end (}}): {CUT}")
+                raise ValueError(message("it has no end (}}): {cut}", cut=CUT))
             body = source.text[position.end() : end]
             taught = _position(name, body, line, source.name, found)
             if int(position[1]) in incremental:
-                raise ValueError("an incremental move (INC) uses it: it is no place")
+                raise ValueError(message("an incremental move (INC) uses it: it is no place"))
             if name in shifted:
-                doubt = f"A move adds an offset to it (line {shifted[name]}): make sure that the robot stood here."
+                doubt = message(
+                    "A move adds an offset to it (line {shifted}): make sure that the robot stood here.",
+                    shifted=shifted[name],
+                )
                 taught = replace(taught, doubt=doubt)
             found.poses.append(taught)
         except ValueError as error:
-            found.skip(line, f"{name}: {error}", name)
+            found.skip(line, explained(f"{name}", error), name)
 
 
 def _assigned(source: Source, end: int, found: Found) -> None:
@@ -74,7 +78,15 @@ def _assigned(source: Source, end: int, found: Found) -> None:
         else:
             line, values = source.line(step.start(5)), registers.get(step[7], {})
             if set(values) != set(range(1, 7)):
-                found.skip(line, f"{step[5]}[{step[6]}]: PR[{step[7]}] has no six numbers in the program")
+                found.skip(
+                    line,
+                    message(
+                        "{step}[{step_other}]: PR[{step_2}] has no six numbers in the program",
+                        step=step[5],
+                        step_other=step[6],
+                        step_2=step[7],
+                    ),
+                )
                 continue
             pose = tuple(values[i] for i in range(1, 7))
             frame = Frame(int(step[6]), None, pose, "fanuc", line, source.name, by_program=True)
@@ -102,7 +114,7 @@ def _position(name: str, body: str, line: int, file: str, found: Found) -> Taugh
     """Return a position of group 1, with the other groups' axes as external ones."""
     groups = list(_GROUP.finditer(body))
     if not groups:
-        raise ValueError("it has no motion group (GP1)")
+        raise ValueError(message("it has no motion group (GP1)"))
     external: dict[str, float] = {}
     robot: tuple[dict[str, float], str] | None = None
     for i, group in enumerate(groups):
@@ -110,18 +122,18 @@ def _position(name: str, body: str, line: int, file: str, found: Found) -> Taugh
         fields = _fields(text)
         if group[1] == "1":
             if robot:
-                raise ValueError(f"group 1: {TWICE}")
+                raise ValueError(message("group 1: {twice}", twice=TWICE))
             robot = fields, text
         elif "X" in fields:
-            found.skip(line, f"{name}: group {group[1]} is another robot's pose")
+            found.skip(line, message("{name}: group {group} is another robot's pose", name=name, group=group[1]))
         else:
             external |= {f"GP{group[1]}.{axis}": value for axis, value in fields.items()}
     if robot is None:
-        raise ValueError("it has no motion group 1: it is not this robot's")
+        raise ValueError(message("it has no motion group 1: it is not this robot's"))
     fields, text = robot
     frames = _FRAMES.search(text)
     if not frames:
-        raise ValueError("it names no user frame and tool (UF, UT)")
+        raise ValueError(message("it names no user frame and tool (UF, UT)"))
     base, tool = (int(v) if v.isdigit() else None for v in frames.groups())
     external = {axis: v for axis, v in fields.items() if axis[0] == "E"} | external
     joints = tuple(fields[f"J{i}"] for i in range(1, 10) if f"J{i}" in fields)
@@ -138,23 +150,29 @@ def _fields(text: str) -> dict[str, float]:
         if axis in fields:
             raise ValueError(f"{axis}: {TWICE}")
         if value.startswith("*"):
-            raise ValueError("it is not taught (********)")
+            raise ValueError(message("it is not taught (********)"))
         fields[axis] = number(value)
         if unit not in _UNITS.get(axis, ("mm", "deg")):
             allowed = " or ".join(_UNITS.get(axis, ("mm", "deg")))
-            raise ValueError(f"{axis} is in '{unit}' instead of {allowed}" if unit else f"{axis} has no unit")
+            raise ValueError(
+                message("{axis} is in '{unit}' instead of {allowed}", axis=axis, unit=unit, allowed=allowed)
+                if unit
+                else message("{axis} has no unit", axis=axis)
+            )
     left = re.sub(r"[\s,]+", "", _FRAMES.sub("", _FIELD.sub("", text)))
     if re.match(r"R[XYZWPR]=", left):
-        raise ValueError("a remote TCP (RX, RY …): the tool stands still and the robot holds the workpiece")
+        raise ValueError(
+            message("a remote TCP (RX, RY …): the tool stands still and the robot holds the workpiece")
+        )
     if left:
-        raise ValueError(f"'{left[:40]}' cannot be read")
+        raise ValueError(message("'{left}' cannot be read", left=left[:40]))
     return fields
 
 
 def _pose(fields: dict[str, float]) -> tuple[float, ...]:
     missing = [name for name in _NAMES if name not in fields]
     if missing:
-        raise ValueError(f"{', '.join(missing)} missing")
+        raise ValueError(message("{missing} missing", missing=", ".join(missing)))
     return tuple(fields[name] for name in _NAMES)
 
 
@@ -177,12 +195,14 @@ def _entry(what: str, entry: re.Match[str], body: str, source: Source, found: Fo
     label = {"$MNUTOOL": "tool", "$MNUFRAME": "user frame", "$POSREG": "PR"}[what]
     try:
         if re.search(r"Uninitialized|\*{4,}", body, re.IGNORECASE):
-            raise ValueError("it is not set (Uninitialized)")
+            raise ValueError(message("it is not set (Uninitialized)"))
         if source.text.endswith(body) and not body.endswith("\n"):
             raise ValueError(CUT_LINE)
         stated = re.search(r"Group\s*:\s*(\d+)", body, re.IGNORECASE)
         if stated and int(stated[1]) != group:
-            raise ValueError(f"its group is {stated[1]}, but its index says {group}")
+            raise ValueError(
+                message("its group is {stated}, but its index says {group}", stated=stated[1], group=group)
+            )
         fields = _components(body)
         if what == "$POSREG":
             if group == 1:
@@ -214,8 +234,8 @@ def _components(body: str) -> dict[str, float]:
             raise ValueError(f"{axis}: {TWICE}")
         fields[axis] = number(value)
         if unit and unit not in _UNITS.get(axis, ("mm", "deg")):
-            raise ValueError(f"{axis} is in '{unit}'")
+            raise ValueError(message("{axis} is in '{unit}'", axis=axis, unit=unit))
     left = re.sub(rf"[\s,]+|{NUMBER}(?=\s*$)", "", _COMPONENT.sub("", text))
     if left and "X" not in fields and not any(axis[0] == "J" for axis in fields):
-        raise ValueError(f"'{left[:40]}' cannot be read")
+        raise ValueError(message("'{left}' cannot be read", left=left[:40]))
     return fields

@@ -10,14 +10,13 @@ from calib_core.exports.entry import Export
 from calib_core.exports.writing import (
     NumberedSettings,
     fixed,
+    frames_written,
     patched_by,
     provenance,
     remarks,
     replaced,
-    table_pose,
-    tool_pose,
-    wanted,
 )
+from calib_core.messages import message
 
 _NAMES = "XYZWPR"
 
@@ -30,15 +29,13 @@ class FanucSettings(NumberedSettings):
 
 def write(answer: Answer, settings: FanucSettings) -> str:
     """Return a TP program as a listing; the controller's ASCII option or its PC tool loads it."""
-    with_tool, with_table = wanted(answer, settings.part, "both")
     steps: list[str] = []
     for line in provenance(answer):
         steps += [f"  !{piece}" for piece in remarks(line)]
-    if with_tool:
-        steps += _assignments(settings.position_register, tool_pose(answer, "fanuc"), f"UTOOL[{settings.tool}]")
-    if with_table:
-        steps += ["  !the turntable at 0 deg"]
-        steps += _assignments(settings.position_register, table_pose(answer, "fanuc"), f"UFRAME[{settings.frame}]")
+    for one in frames_written(answer, settings, "fanuc", "both"):
+        steps += [f"  !{piece}" for piece in remarks(one.note)] if one.note else []
+        target = f"UTOOL[{one.settings.tool}]" if one.kind == "tool" else f"UFRAME[{one.settings.frame}]"
+        steps += _assignments(settings.position_register, one.pose, target)
     numbered = [f"{i:4d}:{step} ;" for i, step in enumerate(steps, start=1)]
     comment = "DO NOT USE" if answer.faults else "scancell"
     head = ["/PROG  SCANCELL", "/ATTR", f'COMMENT\t\t= "{comment}";', "DEFAULT_GROUP\t= 1,*,*,*,*;", "/MN"]
@@ -63,14 +60,16 @@ def _put(text: str, which: str, pose: list[float], settings: FanucSettings, answ
     following = re.compile(r"^[ \t]*\[", re.MULTILINE)
     limit = re.compile(r"^\[\*", re.MULTILINE).search(text, head.end()) if head else None
     if head is None or entry is None or (limit and limit.start() < entry.start()):
-        raise InputError(f"{what} in the backup", "none", "Give sysframe.va, or name another frame.", "into")
+        raise InputError(
+            "{what} in the backup", "none", "Give sysframe.va, or name another frame.", "into", what=what
+        )
     after = following.search(text, entry.end())
     end = after.start() if after else len(text)
     for name, value in reversed(list(zip(_NAMES, pose, strict=True))):
         number = re.compile(rf"\b{name}[ \t]*:[ \t]*([-+.\d]+)").search(text, entry.end(), end)
         if number is None:
-            to_do = "Set the frame on the pendant once, and save the backup again."
-            raise InputError(f"numbers in {what}", "an entry that is not set", to_do, "into")
+            to_do = message("Set the frame on the pendant once, and save the backup again.")
+            raise InputError("numbers in {what}", "an entry that is not set", to_do, "into", what=what)
         new = fixed(value, 3).rjust(number.end(1) - number.start(1))
         text = replaced(text, number.start(1), number.end(1), new)
         end += len(new) - (number.end(1) - number.start(1))

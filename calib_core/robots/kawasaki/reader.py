@@ -2,6 +2,7 @@
 
 import re
 
+from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import CALCULATED, CUT, require_count
 from calib_core.robots.text import numbers, source_of, without_comments
@@ -38,7 +39,9 @@ class _Saved:
                 continue
             if begin := _SECTION.match(content):
                 if begin[1].upper() != "END" and section in ("TRANS", "JOINTS"):
-                    self._found.skip(opened, f".{section} has no .END before line {line}")
+                    self._found.skip(
+                        opened, message(".{section} has no .END before line {line}", section=section, line=line)
+                    )
                 section, opened = begin[1].upper() if begin[1].upper() != "END" else "", line
                 self._active = {}
             elif section in ("TRANS", "JOINTS"):
@@ -48,14 +51,14 @@ class _Saved:
             elif section == "PROGRAM":
                 self._step(content, line)
         if section in ("TRANS", "JOINTS"):
-            self._found.skip(opened, f".{section} has no .END: {CUT}")
+            self._found.skip(opened, message(".{section} has no .END: {cut}", section=section, cut=CUT))
         self._sort_out_frames()
         return self._found
 
     def _row(self, section: str, content: str, line: int) -> None:
         row = _ROW.match(content)
         if not row:
-            self._found.skip(line, f"'{content.strip()[:40]}' is no name with numbers")
+            self._found.skip(line, message("'{content}' is no name with numbers", content=content.strip()[:40]))
             return
         name, values = row[1], row[2]
         try:
@@ -63,7 +66,7 @@ class _Saved:
             of_joints = section == "JOINTS" or name.startswith("#")
             self._taught(name, numbers(values, separator=" "), line, of_joints)
         except ValueError as error:
-            self._found.skip(line, f"{name}: {error}")
+            self._found.skip(line, explained(f"{name}", error))
 
     def _taught(self, name: str, values: tuple[float, ...], line: int, of_joints: bool = False) -> None:
         require_count(values[:6], 6)
@@ -77,12 +80,12 @@ class _Saved:
         if not saved:
             return
         what = saved[1].upper()
-        name = f"{what} of .SYSDATA"
+        name = message("{what} of .SYSDATA", what=what)
         try:
             self._source.require_ended(line)
             frame = Frame(name, name, numbers(saved[2], 6, separator=" "), "kawasaki", line, self._source.name)
         except ValueError as error:
-            self._found.skip(line, f"{name}: {error}")
+            self._found.skip(line, explained(f"{name}", error))
             return
         if what == "TOOL":
             self._found.tools.append(frame)
@@ -99,7 +102,15 @@ class _Saved:
         elif move := _MOVE.match(content):
             name = move[2].lower()
             if move[3].lstrip().startswith(("+", "-")):
-                self._found.skip(line, f"{move[1]} {move[2]}{move[3][:40]}: a compound position is calculated")
+                self._found.skip(
+                    line,
+                    message(
+                        "{move} {move_other}{move_2}: a compound position is calculated",
+                        move=move[1],
+                        move_other=move[2],
+                        move_2=move[3][:40],
+                    ),
+                )
             elif not name.startswith("#") and self._active:
                 used_with = self._active.get("TOOL"), self._active.get("BASE")
                 self._found.moves.setdefault(name, set()).add(used_with)
@@ -111,7 +122,7 @@ class _Saved:
                 raise ValueError(CALCULATED)
             self._taught(name, numbers(literal[1]), line)
         except ValueError as error:
-            self._found.skip(line, f"{name}: {error}")
+            self._found.skip(line, explained(f"{name}", error))
 
     def _activate(self, what: str, value: str, line: int) -> None:
         literal = re.fullmatch(_TRANS, value, re.IGNORECASE)
@@ -119,13 +130,13 @@ class _Saved:
         if value.upper() == "NULL":
             self._active[what] = 0
         elif literal:
-            name = f"{what} of line {line}"
+            name = message("{what} of line {line}", what=what, line=line)
             try:
                 pose = numbers(literal[1], 6)
                 frame = Frame(name, name, pose, "kawasaki", line, self._source.name)
                 (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
             except ValueError as error:
-                self._found.skip(line, f"{name}: {error}")
+                self._found.skip(line, explained(f"{name}", error))
             self._active[what] = name
         elif named:
             self._used_as[value.lower()] = what

@@ -8,6 +8,7 @@ import re
 from dataclasses import replace
 
 from calib_core.formats.shared.number import number
+from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import CALCULATED, TWICE, UNMATCHED
 from calib_core.robots.text import closing, source_of, split_top, without_comments
@@ -76,7 +77,7 @@ class _Program:
         elif move := _MOVE.match(content):
             self._move(move, line)
         elif re.match(rf"\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:{_TYPES})\s+X?\w+.*=", content, re.IGNORECASE):
-            self._found.skip(line, f"'{content.strip()[:60]}' has no list in braces")
+            self._found.skip(line, message("'{content}' has no list in braces", content=content.strip()[:60]))
 
     def _assigned(self, assigned: re.Match[str], content: str, line: int) -> None:
         kind, name = (assigned[1] or "").upper(), assigned[2]
@@ -89,7 +90,7 @@ class _Program:
             if end < 0:
                 raise ValueError(UNMATCHED)
             if content[end:].strip(" \t,"):
-                raise ValueError(f"'{content[end:].strip()[:40]}' stands behind it")
+                raise ValueError(message("'{content}' stands behind it", content=content[end:].strip()[:40]))
             fields = _fields(content[assigned.end() : end])
             if system:
                 self._frame(system, fields, line)
@@ -97,11 +98,11 @@ class _Program:
                 self._fdat(name, fields, line)
             elif self._system and not name.upper().startswith("X"):
                 if any(number(fields.get(axis, "0")) for axis in "XYZ"):
-                    self._found.skip(line, f"{name}: a variable of the system, no taught point")
+                    self._found.skip(line, message("{name}: a variable of the system, no taught point", name=name))
             elif kind or "X" in fields or "A1" in fields:
                 self._found.poses.append(self._position(name, fields, line))
         except ValueError as error:
-            self._found.skip(line, f"{name}: {error}", name.replace(" ", ""))
+            self._found.skip(line, explained(f"{name}", error), name.replace(" ", ""))
 
     def _frame(self, system: re.Match[str], fields: dict[str, str], line: int) -> None:
         what, index = system[1].upper(), int(system[2])
@@ -114,16 +115,21 @@ class _Program:
         kind = self._types.get((what, frame.number), "")
         moving = ""
         if what == "TOOL" and kind == "TCP":
-            moving = f"stands still beside the robot (TOOL_TYPE[{frame.number}] is #TCP)"
+            moving = message("stands still beside the robot (TOOL_TYPE[{number}] is #TCP)", number=frame.number)
         elif what == "BASE" and kind == "TCP":
-            moving = f"is held by the robot (BASE_TYPE[{frame.number}] is #TCP)"
+            moving = message("is held by the robot (BASE_TYPE[{number}] is #TCP)", number=frame.number)
         return replace(frame, name=self._names.get((what, frame.number)) or None, moving=moving)
 
     def _fdat(self, name: str, fields: dict[str, str], line: int) -> None:
         tool, base = int(number(fields["TOOL_NO"])), int(number(fields["BASE_NO"]))
         known = self._motion.setdefault(name.upper(), (tool, base, fields.get("IPO_FRAME", "#BASE"), line))
         if known[:2] != (tool, base):
-            self._motion[name.upper()] = (tool, base, f"two ways in lines {known[3]} and {line}", line)
+            self._motion[name.upper()] = (
+                tool,
+                base,
+                message("two ways in lines {known} and {line}", known=known[3], line=line),
+                line,
+            )
 
     def _with_motion(self, taught: Taught) -> Taught:
         """Return a point with the tool and base that its FDAT names."""
@@ -135,9 +141,12 @@ class _Program:
         tool, base, interpolation, line = motion
         refused = ""
         if interpolation.startswith("two ways"):
-            refused = f"its FDAT names tool and base in {interpolation}"
+            refused = message("its FDAT names tool and base in {interpolation}", interpolation=interpolation)
         elif interpolation.upper().strip() == "#TCP":
-            refused = f"its tool stands still and the robot holds the workpiece (IPO_FRAME is #TCP, line {line})"
+            refused = message(
+                "its tool stands still and the robot holds the workpiece (IPO_FRAME is #TCP, line {line})",
+                line=line,
+            )
         return replace(
             taught, tool=tool if tool >= 0 else None, frame=base if base >= 0 else None, refused=refused
         )
@@ -164,7 +173,7 @@ class _Program:
                 frame = Frame(named, named, _numbers(_fields(value), _POSE), "kuka", line, self._source.name)
                 (self._found.tools if what == "TOOL" else self._found.frames).append(frame)
             except ValueError as error:
-                self._found.skip(line, f"${what}: {error}")
+                self._found.skip(line, explained(f"${what}", error))
         else:
             self._active[what] = f"{value[:40]} (line {line})"
 
@@ -173,14 +182,22 @@ class _Program:
         for _, target in split_top(rest)[: 2 if kind.upper().endswith("CIRC") else 1]:
             target = target.strip()
             if relative:
-                self._found.skip(line, f"{kind}{relative} {target[:60]}: a relative move has no pose of its own")
+                self._found.skip(
+                    line,
+                    message(
+                        "{kind}{relative} {target}: a relative move has no pose of its own",
+                        kind=kind,
+                        relative=relative,
+                        target=target[:60],
+                    ),
+                )
                 continue
             if target.startswith("{"):
                 self._inline(kind, target, line)
             elif named := _TARGET.match(target):
                 name = named[1].replace(" ", "")
                 if named[2] in _CALCULATES:
-                    self._found.skip(line, f"{kind} {target[:60]}: {CALCULATED}")
+                    self._found.skip(line, explained(f"{kind} {target[:60]}", CALCULATED))
                     continue
                 self._found.want(name, line)
                 if "F" + name.upper()[1:] not in self._motion and self._active:
@@ -195,7 +212,7 @@ class _Program:
                 raise ValueError(CALCULATED)
             taught = self._position(f"line {line}", _fields(target[:end]), line)
         except ValueError as error:
-            self._found.skip(line, f"{kind} {target[:60]}: {error}")
+            self._found.skip(line, explained(f"{kind} {target[:60]}", error))
             return
         tool, base = self._tool_and_base()
         self._found.poses.append(replace(taught, tool=tool, frame=base))
@@ -211,7 +228,7 @@ def _fields(text: str) -> dict[str, str]:
     for _, part in split_top(inside):
         named = re.fullmatch(r"\s*([A-Za-z_]\w*)(?:\[\s*\])?\s+(\S.*?)\s*", part, re.DOTALL)
         if not named:
-            raise ValueError(f"'{part.strip()[:40]}' is no name with a value")
+            raise ValueError(message("'{part}' is no name with a value", part=part.strip()[:40]))
         if named[1].upper() in fields:
             raise ValueError(f"{named[1]}: {TWICE}")
         fields[named[1].upper()] = named[2]
@@ -221,5 +238,7 @@ def _fields(text: str) -> dict[str, str]:
 def _numbers(fields: dict[str, str], names: tuple[str, ...]) -> tuple[float, ...]:
     missing = [name for name in names if name not in fields]
     if missing:
-        raise ValueError(f"{', '.join(missing)} missing: a part of a position is not enough")
+        raise ValueError(
+            message("{missing} missing: a part of a position is not enough", missing=", ".join(missing))
+        )
     return tuple(number(fields[name]) for name in names)

@@ -14,6 +14,7 @@ from calib_core.exports.writing import (
     provenance,
     replaced,
 )
+from calib_core.messages import message
 
 _NAMES = "XYZABC"
 
@@ -52,8 +53,8 @@ def _selectable(text: str, tool: int) -> str:
     """Return a $config.dat in which a tool can be selected; refuses one that stands beside the robot."""
     kind = re.search(rf"^[ \t]*TOOL_TYPE\[\s*{tool}\s*\]\s*=\s*#(\w+)", text, re.M | re.I)
     if kind and kind[1].upper() == "TCP":
-        to_do = "Choose another tool with --tool: this one stands still beside the robot."
-        raise InputError("a tool on the flange", f"TOOL_TYPE[{tool}]=#TCP", to_do, "tool")
+        to_do = message("Choose another tool with --tool: this one stands still beside the robot.")
+        raise InputError("a tool on the flange", "TOOL_TYPE[{tool}]=#TCP", to_do, "tool", tool=tool)
     if kind and kind[1].upper() == "NONE":  # of a slot that nothing was in: it could not be selected
         return replaced(text, kind.start(1), kind.end(1), "BASE")
     return text

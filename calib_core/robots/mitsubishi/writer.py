@@ -1,15 +1,20 @@
 """Mitsubishi: the line of a program that sets the tool; that line of a program."""
 
+from typing import Self
+
 from calib_core.errors import ConflictError
 from calib_core.exports.answer import Answer
-from calib_core.exports.entry import Settings
-from calib_core.exports.writing import Part, listed, patched_line, program_export, tool_pose
+from calib_core.exports.writing import ControllerSettings, listed, patched_line, program_export, tool_pose
+from calib_core.messages import message
 
 
-class PlainSettings(Settings):
-    """What is written."""
+class PlainSettings(ControllerSettings):
+    """What is written; programs have no statement for a user frame."""
 
-    part: Part | None = None
+    def of_fixed_scanner(self, with_table: bool) -> Self:
+        """Raise ConflictError."""
+        to_do = "Set the work coordinate on the teaching box by the numbers of `scancell answer`."
+        raise ConflictError("a scanner on the flange", "one that stands still", to_do, "part")
 
 
 def _tool(pose: list[float], settings: PlainSettings, answer: Answer) -> list[str]:
@@ -23,7 +28,7 @@ def _table(pose: list[float], settings: PlainSettings, answer: Answer) -> list[s
 def patch(backup: bytes, answer: Answer, settings: PlainSettings) -> bytes:
     """Return a program with the numbers of its Tool line changed."""
     if settings.part in ("table", "both"):
-        to_do = "Set the work coordinate on the teaching box, by three points of the table."
+        to_do = message("Set the work coordinate on the teaching box, by three points of the table.")
         raise ConflictError("part tool", settings.part, to_do, "part")
     before = r"^[ \t]*(?:\d+[ \t]+)?Tool[ \t]*\("
     numbers = listed(tool_pose(answer, "mitsubishi"), 6, 8)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from calib_core.formats.shared.number import number
 from calib_core.formats.shared.xml_file import elements
 from calib_core.frames import RigidTransform
+from calib_core.messages import explained, message
 from calib_core.poses.numbers import to_pose
 from calib_core.poses.rotations import rotation_from_angles
 from calib_core.robots.controller_file import Found
@@ -41,7 +42,10 @@ def urdf_edges(source: Source, found: Found) -> Iterator[Edge]:
             roll, pitch, yaw = _three(origin.get("rpy", "0 0 0"))
             yield parent, child, _numbers(place, roll, pitch, yaw), joint.line
         except ValueError as error:
-            found.skip(joint.line, f"joint {joint.attributes.get('name', '')}: {error}")
+            found.skip(
+                joint.line,
+                message("joint {attributes}: {error}", attributes=joint.attributes.get("name", ""), error=error),
+            )
 
 
 def launch_edges(source: Source, found: Found) -> Iterator[Edge]:
@@ -52,7 +56,13 @@ def launch_edges(source: Source, found: Found) -> Iterator[Edge]:
         line = source.line(begin)
         parent, child = words.get("frame-id"), words.get("child-frame-id")
         if parent is None or child is None:
-            found.skip(line, f"static_transform_publisher without --frame-id and --child-frame-id: {CALCULATED}")
+            found.skip(
+                line,
+                message(
+                    "static_transform_publisher without --frame-id and --child-frame-id: {calculated}",
+                    calculated=CALCULATED,
+                ),
+            )
             continue
         try:
             values = {name: _value(words[name]) for name in words if "frame" not in name}
@@ -64,7 +74,7 @@ def launch_edges(source: Source, found: Found) -> Iterator[Edge]:
                 angles = (values.get(name, 0.0) for name in ("roll", "pitch", "yaw"))
                 yield parent, child, _numbers(place, *angles), line
         except ValueError as error:
-            found.skip(line, f"{child} in {parent}: {error}")
+            found.skip(line, explained(f"{child} in {parent}", error))
 
 
 def _three(text: str) -> tuple[float, ...]:

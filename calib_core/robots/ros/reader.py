@@ -9,6 +9,7 @@ from calib_core.errors import InputError
 from calib_core.formats.ros_bags import bag_messages, is_bag
 from calib_core.formats.shared.number import NUMBER
 from calib_core.frames import RigidTransform
+from calib_core.messages import explained, message
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.file_hints import Told
@@ -115,14 +116,21 @@ class _Recorder:
         found = self._found
         if len(self._topics) > 1 and not self._told.topic:
             found.notes.append(
-                f"Poses of several topics ({', '.join(self._topics)}): name the flange's with topic."
+                message(
+                    "Poses of several topics ({topics}): name the flange's with topic.",
+                    topics=", ".join(self._topics),
+                )
             )
         self._place_static()
         none_taken = not (found.tools or found.frames)
         if self._transforms and none_taken and not any(pose.name.startswith("tf ") for pose in found.poses):
             frames = ", ".join(self._tree.frames()[:12])
             found.skip(
-                1, f"no way from the base to the flange among the frames {frames}: name them with base, flange"
+                1,
+                message(
+                    "no way from the base to the flange among the frames {frames}: name them with base, flange",
+                    frames=frames,
+                ),
             )
 
     def _place_static(self) -> None:
@@ -144,14 +152,14 @@ class _Recorder:
 
     def refuse(self, line: int, text: str) -> None:
         """Note a line that cannot be read."""
-        self._found.skip(line, f"'{text.strip()[:60]}' cannot be read: {CUT}")
+        self._found.skip(line, message("'{text}' cannot be read: {cut}", text=text.strip()[:60], cut=CUT))
 
     def _edge(self, parent: str, child: str, numbers: tuple[float, ...], line: int) -> None:
         try:
             self._tree.put(parent, child, numbers)
             self._transforms += 1
         except ValueError as error:
-            self._found.skip(line, f"{child} in {parent}: {error}")
+            self._found.skip(line, explained(f"{child} in {parent}", error))
 
     def _way(self, time_s: float | None, line: int) -> None:
         way = self._tree.base_from_flange()
@@ -172,15 +180,15 @@ class _Recorder:
         tool: str | None = None,
     ) -> None:
         if not all(map(math.isfinite, numbers)):
-            self._found.skip(line, f"{name}: not finite numbers")
+            self._found.skip(line, message("{name}: not finite numbers", name=name))
             return
         last = self._last.get(of)
         if of and last is not None and max(abs(a - b) for a, b in zip(last, numbers, strict=True)) < _SAME:
             return
         self._last[of] = numbers
         if len(self._found.poses) >= _MOST_POSES:
-            to_do = "Cut the recording to where the robot stands still, or thin it."
-            raise InputError(f"at most {_MOST_POSES} poses", "more", to_do, self._found.file)
+            to_do = message("Cut the recording to where the robot stands still, or thin it.")
+            raise InputError("at most {most_poses} poses", "more", to_do, self._found.file, most_poses=_MOST_POSES)
         if frame is not None and (from_base := self._tree.from_base(frame.lstrip("/"))) is not None:
             base, matrix = from_base
             placed = RigidTransform(matrix, "base", "base") @ parse_pose("ros", numbers)
@@ -199,7 +207,7 @@ class _Recorder:
         except ValueError as error:
             if topic not in self._unordered:
                 self._unordered.add(topic)
-                self._found.skip(number, f"{topic}: {error}")
+                self._found.skip(number, explained(f"{topic}", error))
             return
         self._joints = (_stamp(message.header), joints)
 

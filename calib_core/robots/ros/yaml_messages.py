@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
+from calib_core.messages import message
 from calib_core.robots.controller_file import Found
 from calib_core.robots.phrases import CUT_LINE
 from calib_core.robots.text import Source
@@ -12,6 +13,8 @@ from calib_core.robots.text import Source
 Numbers = tuple[float, ...]
 _MOST_NODES = 2_000_000
 _DEEPEST = 40
+
+_UNNAMED = message("a transform without the names of its two frames")
 
 
 @dataclass
@@ -84,10 +87,15 @@ def _documents(source: Source, found: Found) -> Iterator[_Node]:
             problem = getattr(error, "problem", None) or str(error)
             if len(whole) == 1:
                 raise InputError(
-                    "messages as YAML", f"{problem} in line {line}", "Save them again.", source.name
+                    "messages as YAML",
+                    "{problem} in line {line}",
+                    "Save them again.",
+                    source.name,
+                    problem=problem,
+                    line=line,
                 ) from None
             cut = " Is the file cut?" if place == len(whole) - 1 else ""
-            found.skip(line, f"a message that is no YAML: {problem}.{cut}")
+            found.skip(line, message("a message that is no YAML: {problem}.{cut}", problem=problem, cut=cut))
 
 
 def _node(node: object, at: int, walk: _Walk, depth: int) -> _Node:
@@ -95,13 +103,19 @@ def _node(node: object, at: int, walk: _Walk, depth: int) -> _Node:
 
     walk.left -= 1
     if walk.left < 0 or depth > _DEEPEST:
-        raise ValueError("too many values, or too deep ones")
+        raise ValueError(message("too many values, or too deep ones"))
     if isinstance(node, yaml.MappingNode):
         line = at + 1 + node.start_mark.line
         fields: dict[str, _Node] = {}
         for key, value in node.value:
             if str(key.value) in fields:
-                raise ValueError(f"'{key.value}' stands twice in one value (line {at + 1 + key.start_mark.line})")
+                raise ValueError(
+                    message(
+                        "'{key}' stands twice in one value (line {at})",
+                        key=key.value,
+                        at=at + 1 + key.start_mark.line,
+                    )
+                )
             fields[str(key.value)] = _node(value, at, walk, depth + 1)
         return _Node(line, fields)
     if isinstance(node, yaml.SequenceNode):
@@ -137,7 +151,7 @@ def _collect(node: _Node, header: _Node | None, message: Message, found: Found, 
             numbers = (*_xyz(inner.get("translation")), *_xyzw(inner.get("rotation")))
             parent, child = _word(header, "frame_id"), fields["child_frame_id"].text.strip()
             if not parent or not child:
-                raise ValueError("a transform without the names of its two frames")
+                raise ValueError(_UNNAMED)
             message.transforms.append((parent, child, numbers, node.line))
             return
     except ValueError as error:
@@ -157,7 +171,7 @@ def _moveit(parameters: _Node, transform: _Node) -> tuple[str, str, Numbers, int
     )
     child = words.get("tracking_base_frame")
     if not parent or not child:
-        raise ValueError("a calibration without the names of its two frames")
+        raise ValueError(message("a calibration without the names of its two frames"))
     return parent, child, _named(transform, ("x", "y", "z", "qx", "qy", "qz", "qw"), "a transform"), transform.line
 
 
@@ -187,11 +201,11 @@ def _xyzw(node: _Node | None) -> Numbers:
 
 def _named(node: _Node | None, names: Sequence[str], what: str) -> Numbers:
     if node is not None and node.items is not None:
-        raise ValueError(f"{what} as a bare list: the order of its numbers is not said")
+        raise ValueError(message("{what} as a bare list: the order of its numbers is not said", what=what))
     fields = (node.fields or {}) if node else {}
     missing = [name for name in names if name not in fields]
     if missing:
-        raise ValueError(f"{what} without {', '.join(missing)}")
+        raise ValueError(message("{what} without {missing}", what=what, missing=", ".join(missing)))
     if any(fields[name].cut for name in names):
         raise ValueError(CUT_LINE)
     return tuple(number(fields[name].text) for name in names)

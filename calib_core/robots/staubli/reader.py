@@ -11,6 +11,7 @@ from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
 from calib_core.formats.shared.xml_file import Element, elements
 from calib_core.frames import RigidTransform
+from calib_core.messages import explained, message
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
 
@@ -42,7 +43,7 @@ def find(data: bytes, name: str) -> Found:
         try:
             _sort_in(entry, chains, found)
         except (ValueError, InputError) as error:
-            found.skip(entry.line, f"{entry.name}: {error}")
+            found.skip(entry.line, explained(f"{entry.name}", error))
     return found
 
 
@@ -58,7 +59,7 @@ def _value(element: Element, around: Element, entries: list[_Entry], found: Foun
             return
         pose = tuple(number(element.attributes.get(axis, "0")) for axis in _NAMES)
     except ValueError as error:
-        found.skip(element.line, f"{name}: {error}")
+        found.skip(element.line, explained(f"{name}", error))
         return
     entries.append(_Entry(kind, name, pose, element.attributes.get("fatherId", ""), element.line))
 
@@ -74,9 +75,9 @@ def _sort_in(entry: _Entry, chains: dict[str, _Entry], found: Found) -> None:
     while father.lower() not in _ROOTS:
         outer = chains.get(father.lower())
         if outer is None or outer.kind != entry.kind:
-            raise ValueError(f"it stands in {father}, which the file does not define")
+            raise ValueError(message("it stands in {father}, which the file does not define", father=father))
         if outer.name.lower() in seen:
-            raise ValueError(f"it stands in itself, by {father}")
+            raise ValueError(message("it stands in itself, by {father}", father=father))
         seen.add(outer.name.lower())
         product = parse_pose("staubli", outer.pose).matrix @ parse_pose("staubli", pose).matrix
         pose, father = tuple(to_pose("staubli", RigidTransform(product, "base", "tool0"))), outer.father

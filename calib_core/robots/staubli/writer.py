@@ -7,13 +7,11 @@ from calib_core.exports.entry import Export
 from calib_core.exports.writing import (
     NamedSettings,
     fixed,
+    frames_written,
     only_match,
     patched_by,
     provenance,
     replaced,
-    table_pose,
-    tool_pose,
-    wanted,
 )
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")
@@ -46,12 +44,12 @@ def tool_data(name: str, pose: list[float]) -> str:
 
 def write(answer: Answer, settings: NamedSettings) -> str:
     """Return a .dtx with the tool and the frame."""
-    with_tool, with_table = wanted(answer, settings.part, "both")
     lines = [_HEAD, *(f"    <!-- {line.replace('--', '-')} -->" for line in provenance(answer))]
-    if with_tool:
-        lines.append(tool_data(settings.tool, tool_pose(answer, "staubli")))
-    if with_table:
-        lines.append(_data(settings.frame, "frame", table_pose(answer, "staubli"), "world[0]"))
+    for one in frames_written(answer, settings, "staubli", "both"):
+        if one.kind == "tool":
+            lines.append(tool_data(one.settings.tool, one.pose))
+        else:
+            lines.append(_data(one.settings.frame, "frame", one.pose, "world[0]"))
     return "\n".join([*lines, "  </Datas>", "</Database>"]) + "\n"
 
 

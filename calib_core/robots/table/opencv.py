@@ -7,6 +7,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.opencv import storage_matrices
 from calib_core.frames import FloatArray, rotation_from_vector
+from calib_core.messages import explained, message
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.file_hints import Told
@@ -32,11 +33,19 @@ def find(data: bytes, name: str, told: Told) -> Found:
         if fixed and values.shape == (4, 4):
             fixed_ones.append((fixed[1].lower() in ("tool0", "flange"), fixed[2], values, line))
         elif _OTHER_THINGS.search(node):
-            found.skip(line, f"{node}: its name is not that of the flange in the base")
+            found.skip(line, message("{node}: its name is not that of the flange in the base", node=node))
         elif values.shape == (4, 4):
             matrices.append((node, values))
         else:
-            found.skip(line, f"{node}: {values.shape[0]} × {values.shape[1]} numbers are no pose")
+            found.skip(
+                line,
+                message(
+                    "{node}: {height} × {width} numbers are no pose",
+                    node=node,
+                    height=values.shape[0],
+                    width=values.shape[1],
+                ),
+            )
     scale = scale_of("matrix", told.unit or "", [m[:3, 3].tolist() for _, m in matrices], name)
     for on_flange, child, values, line in fixed_ones:  # as our own export writes them, in mm unless told otherwise
         matrix = values.copy()
@@ -51,7 +60,7 @@ def find(data: bytes, name: str, told: Told) -> Found:
         try:
             pose = parse_pose("matrix", matrix.ravel().tolist())
         except InputError as error:
-            found.skip(line, f"{node}: {error}")
+            found.skip(line, explained(f"{node}", error))
             continue
         numbers = to_pose("matrix", pose.inverse() if _INVERSE.search(node) else pose)
         if _INVERSE.search(node):

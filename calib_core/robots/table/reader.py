@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
+from calib_core.messages import explained, message, plural
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import convention_named
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
@@ -76,13 +77,23 @@ def _columns(head: list[str], width: int, told: Told, where: str) -> tuple[str, 
         wanted = [n.lower() for n in convention_named(convention).numbers.split()]
         roles = [column.strip().lower() for column in told.columns]
         if len(roles) != width:
-            got = f"{len(roles)} for {width} columns"
+            got = message("{count} for {width} columns", count=len(roles), width=width)
             raise InputError("a name for each column", got, "Name them all; '-' for one to be left aside.", where)
         unknown = [role for role in roles if role not in wanted and role not in OTHERS]
         lacking = [role for role in wanted if roles.count(role) != 1]
         if unknown or lacking:
-            got = f"'{unknown[0]}'" if unknown else f"{roles.count(lacking[0])} columns '{lacking[0]}'"
-            need = f"columns {', '.join(wanted)} once each, and {', '.join(OTHERS[:5])}"
+            got = (
+                f"'{unknown[0]}'"
+                if unknown
+                else message(
+                    "{lacking} columns '{lacking_other}'",
+                    lacking=roles.count(lacking[0]),
+                    lacking_other=lacking[0],
+                )
+            )
+            need = message(
+                "columns {wanted} once each, and {others}", wanted=", ".join(wanted), others=", ".join(OTHERS[:5])
+            )
             raise InputError(need, got, "Correct the columns.", where)
         return convention, roles
     convention = None if told.convention is None else convention_named(told.convention).name
@@ -91,8 +102,12 @@ def _columns(head: list[str], width: int, told: Told, where: str) -> tuple[str, 
         return convention or "quaternion-xyzw", roles
     if convention and not head and len(CONVENTIONS[convention].numbers.split()) == width:
         return convention, [n.lower() for n in CONVENTIONS[convention].numbers.split()]
-    to_do = "Say columns=name,x,y,z,A,B,C and convention=kuka, or the like; '-' for one to be left aside."
-    got = f"the columns {', '.join(head[:10])}" if head else f"{width} columns without names"
+    to_do = message("Say columns=name,x,y,z,A,B,C and convention=kuka, or the like; '-' for one to be left aside.")
+    got = (
+        message("the columns {head}", head=", ".join(head[:10]))
+        if head
+        else message("{width} columns without names", width=width)
+    )
     raise InputError("what each column is", got, to_do, where)
 
 
@@ -108,9 +123,11 @@ def _unit_stated(head: Sequence[str], roles: Sequence[str], convention: str, whe
         got = " and ".join(unit or "none" for unit in sorted(places))
         raise InputError("one unit for x, y and z in the header", got, "Correct the header.", where)
     if angles - {right} and known.form != "quaternion":
-        got = f"a header that says {' and '.join(sorted(angles))}"
-        to_do = f"Convert them, or name another convention than '{convention}'."
-        raise InputError(f"angles in {right}, as of '{convention}'", got, to_do, where)
+        got = message("a header that says {angles}", angles=" and ".join(sorted(angles)))
+        to_do = message("Convert them, or name another convention than '{convention}'.", convention=convention)
+        raise InputError(
+            "angles in {right}, as of '{convention}'", got, to_do, where, right=right, convention=convention
+        )
     return next(iter(places), "")
 
 
@@ -126,12 +143,20 @@ class _Table:
         name = f"line {line}"
         try:
             if len(cells) != len(self._roles):
-                raise ValueError(f"{len(cells)} columns instead of {len(self._roles)}")
+                raise ValueError(
+                    plural(
+                        "{count} column instead of {count_other}",
+                        "{count} columns instead of {count_other}",
+                        by="count",
+                        count=len(cells),
+                        count_other=len(self._roles),
+                    )
+                )
             by_role = {role: cell for role, cell in zip(self._roles, cells, strict=True) if role != "-"}
             name = by_role.get("name") or name
             self._rows.append((line, name, tuple(_number(by_role[n]) for n in self._names), by_role))
         except ValueError as error:
-            self._found.skip(line, f"{name}: {error}")
+            self._found.skip(line, explained(f"{name}", error))
 
     def places(self) -> list[tuple[float, ...]]:
         """Return the positions as they are written."""
@@ -148,7 +173,7 @@ class _Table:
                 joints = _joints(cells)
                 external = {"table": _number(cells["table"])} if cells.get("table") else None
             except ValueError as error:
-                self._found.skip(line, f"{name}: {error}")
+                self._found.skip(line, explained(f"{name}", error))
                 continue
             if {"parent", "child"} <= cells.keys():
                 self._fixed(cells, scaled, line)
@@ -167,7 +192,9 @@ class _Table:
         places = {"tool0": self._found.tools, "flange": self._found.tools, "base": self._found.frames}
         place = places.get(parent.lower())
         if place is None:
-            self._found.skip(line, f"{child} in {parent}: neither the flange nor the base")
+            self._found.skip(
+                line, message("{child} in {parent}: neither the flange nor the base", child=child, parent=parent)
+            )
         else:
             place.append(Frame(child, child, numbers, self._convention, line, self._found.file))
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 from calib_core.poses.conventions import CONVENTIONS
 
 _NEAREST_MM, _FARTHEST_MM = 20.0, 8000.0
@@ -39,9 +40,10 @@ def scale_of(convention: str, unit: str, places: Sequence[Sequence[float]], wher
         name for name, mm in _MM.items() if all(_NEAREST_MM <= length * mm <= _FARTHEST_MM for length in lengths)
     ]
     if len(fits) != 1:
-        to_do = "Say unit=mm or unit=m."
+        to_do = message("Say unit=mm or unit=m.")
         raise InputError("the unit of the positions", "none in the file", to_do, where)
-    doubt = (
-        f"The file states no unit: {fits[0]} is taken, since the flange would be out of an arm's reach otherwise."
+    doubt = message(
+        "The file states no unit: {fits} is taken, since the flange would be out of an arm's reach otherwise.",
+        fits=fits[0],
     )
     return Scale(_MM[fits[0]] / known.mm_per_unit, doubt)

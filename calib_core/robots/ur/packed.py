@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from calib_core.arms.kinematics import flange_of_joints
 from calib_core.formats.shared.xml_file import Element, elements
+from calib_core.messages import explained, message
 from calib_core.poses.numbers import to_pose
 from calib_core.records import ArmJoint, ArmTable
 from calib_core.robots.controller_file import Found, Frame, Taught
@@ -60,7 +61,7 @@ def found_in(data: bytes, name: str) -> Found:
         try:
             pose = plausible(numbers(tcp.text.strip().strip("p[] "), 6))
         except ValueError as error:
-            found.skip(tcp.element.line, f"TCP {tcp.name}: {error}")
+            found.skip(tcp.element.line, message("TCP {tcp}: {error}", tcp=tcp.name, error=error))
             continue
         found.tools.append(Frame(tcp.name, tcp.name, pose, "ur", tcp.element.line, name))
         if active in (tcp.name, tcp.identity):
@@ -71,13 +72,13 @@ def found_in(data: bytes, name: str) -> Found:
             try:
                 _waypoint(element, arms, found)
             except ValueError as error:
-                found.skip(element.line, f"{_name(element)}: {error}", _name(element))
+                found.skip(element.line, explained(f"{_name(element)}", error), _name(element))
     return found
 
 
 def _name(joints: Element) -> str:
     waypoint = next((e for e in reversed(joints.path) if e.name == "Waypoint"), None)
-    return (waypoint.attributes.get("name") if waypoint else None) or f"line {joints.line}"
+    return (waypoint.attributes.get("name") if waypoint else None) or message("line {line}", line=joints.line)
 
 
 def scripts_in(data: bytes, name: str) -> list[tuple[str, int]]:
@@ -90,7 +91,11 @@ def _waypoint(joints: Element, arms: "_Arms", found: Found) -> None:
     waypoint = next((e for e in reversed(joints.path) if e.name == "Waypoint"), None)
     kind = waypoint.attributes.get("type", "Fixed") if waypoint else "Fixed"
     if kind != "Fixed":
-        found.skip(joints.line, f"{name}: a {kind.lower()} waypoint is no certain place", name)
+        found.skip(
+            joints.line,
+            message("{name}: a {kind} waypoint is no certain place", name=name, kind=kind.lower()),
+            name,
+        )
         return
     angles = degrees(numbers(joints.attributes.get("angles", ""), 6))
     arm, doubt = arms.of(joints)

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from calib_core.formats.shared.number import number
 from calib_core.formats.shared.xml_file import is_gzip, unzipped
+from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.phrases import UNMATCHED, changed, require_count
 from calib_core.robots.text import Source, closing, numbers, source_of, split_top, without_comments
@@ -79,10 +80,10 @@ class _Script:
                 raise ValueError(UNMATCHED)
             pose = _pose(self._text[position + 1 : end - 1])
         except ValueError as error:
-            self._found.skip(line, f"{name}: {error}", name)
+            self._found.skip(line, explained(f"{name}", error), name)
             return
         if sign == "(" and before == "set_tcp":
-            self._set_tcp(f"set_tcp of line {line}", pose, line)
+            self._set_tcp(message("set_tcp of line {line}", line=line), pose, line)
         elif sign == "=":
             self._named[before.lower()] = pose
             self._found.poses.append(Taught(name, pose, "ur", line, frame="base", file=self._source.name))
@@ -94,7 +95,7 @@ class _Script:
             self._found.poses.append(taught)
         else:
             what = f"{before}(p[…])" if sign == "(" else "p[…]"
-            self._found.skip(line, f"{what}: a pose in a calculation is no place of the robot")
+            self._found.skip(line, message("{what}: a pose in a calculation is no place of the robot", what=what))
 
     def _inside_of(self, call: str, position: int) -> bool:
         begin = self._text.rfind("\n", 0, position) + 1
@@ -128,7 +129,7 @@ class _Script:
                 raise ValueError(UNMATCHED)
             joints = degrees(numbers(self._text[match.end() + 1 : end - 1], 6))
         except ValueError as error:
-            self._found.skip(line, f"{match[1]}: {error}", match[1])
+            self._found.skip(line, explained(f"{match[1]}", error), match[1])
             return
         of = match[1].removesuffix("_q") + "_p"
         for i, taught in enumerate(self._found.poses):
@@ -172,7 +173,7 @@ def _recording(source: Source) -> Found:
     rows = csv.DictReader(io.StringIO(source.text), delimiter=separator, skipinitialspace=True)
     for row in rows:
         line = rows.line_num
-        name = f"row {line}"
+        name = message("row {line}", line=line)
         try:
             source.require_ended(line)
             joints = _group(row, "actual_q")
@@ -187,7 +188,7 @@ def _recording(source: Source) -> Found:
             taught = Taught(name, pose and plausible(pose), "ur", line, turned, None, tool, "base", source.name)
             found.poses.append(taught)
         except ValueError as error:
-            found.skip(line, f"{name}: {error}")
+            found.skip(line, explained(f"{name}", error))
     return found
 
 

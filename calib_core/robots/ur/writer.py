@@ -6,10 +6,9 @@ from pydantic import Field
 
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
-from calib_core.exports.entry import Settings
 from calib_core.exports.writing import (
     Name,
-    Part,
+    NamedSettings,
     as_bytes_kept,
     fixed,
     only_match,
@@ -21,15 +20,16 @@ from calib_core.exports.writing import (
     wanted,
 )
 from calib_core.formats.shared.xml_file import elements, gzipped_as, is_gzip, unzipped
+from calib_core.messages import message
 from calib_core.robots.ur.packed import tcps, with_tcp
 
 
-class UrSettings(Settings):
-    """What the turntable's feature is called; which TCP of an installation is changed, where it has several."""
+class UrSettings(NamedSettings):
+    """What the features are called; which TCP of an installation is changed, where it has several."""
 
     tool: str = Field(default="", max_length=64)
     frame: Name = "turntable"
-    part: Part | None = None
+    scanner_frame: Name = "scanner"
 
 
 def _list(pose: list[float]) -> str:
@@ -67,12 +67,12 @@ def _in_installation(plain: bytes, name: str, numbers: str) -> bytes:
     chosen = [tcp for tcp in known if not name or tcp.name == name]
     if len(chosen) != 1:
         names = ", ".join(tcp.name for tcp in known)
-        got = f"these: {names}" if known else "none"
+        got = message("these: {names}", names=names) if known else message("none")
         raise InputError("one TCP of the installation", got, "Name one with --tool.", "into")
     new = with_tcp(plain, chosen[0], numbers)
     after = [] if new is None else [(tcp.name, tcp.text) for tcp in tcps(elements(new, "into"))]
     if new is None or after != [(tcp.name, numbers if tcp is chosen[0] else tcp.text) for tcp in known]:
-        got = f"another layout in line {chosen[0].element.line}"
+        got = message("another layout in line {line}", line=chosen[0].element.line)
         raise InputError("the TCP's numbers in its element", got, "Enter the TCP on the pendant.", "into")
     return new
 

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from typing import NamedTuple
 
+from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.phrases import CUT, TWICE, changed, require_count
 from calib_core.robots.text import Source, numbers, source_of
@@ -35,12 +36,12 @@ def _tools(source: Source, found: Found) -> None:
         text = content.strip()
         if re.match(r"//[A-Z]", text):
             if awaited:
-                found.skip(head, f"tool {index}: its frame is missing: {CUT}")
+                found.skip(head, message("tool {index}: its frame is missing: {cut}", index=index, cut=CUT))
             begin = re.fullmatch(r"//TOOL\s+(\d+)", text)
             awaited = begin is not None
             index, name, head = int(begin[1]) if begin else -1, "", line
             if not begin and line and text.startswith("//TOOL"):
-                found.skip(line, f"'{text[:40]}' names no tool")
+                found.skip(line, message("'{text}' names no tool", text=text[:40]))
         elif text.startswith("///NAME") and index >= 0:
             name = text.removeprefix("///NAME").strip()
         elif awaited and text and not text.startswith("/"):
@@ -50,7 +51,7 @@ def _tools(source: Source, found: Found) -> None:
                 frame = Frame(index, name or None, numbers(text, 6), "yaskawa", line, source.name)
                 found.tools.append(frame)
             except ValueError as error:
-                found.skip(line, f"tool {index}: {error}")
+                found.skip(line, message("tool {index}: {error}", index=index, error=error))
 
 
 def _frames(source: Source, found: Found) -> None:
@@ -65,14 +66,14 @@ def _frames(source: Source, found: Found) -> None:
             try:
                 source.require_ended(line)
                 if index < 0:
-                    raise ValueError("it stands under no //UFRAME")
+                    raise ValueError(message("it stands under no //UFRAME"))
                 if known:
                     raise ValueError(TWICE)
                 pose = numbers(text.removeprefix("////BUSER").lstrip(" ="), 6)
                 found.frames.append(Frame(index, name or None, pose, "yaskawa", line, source.name))
                 known = True
             except ValueError as error:
-                found.skip(line, f"user frame {index}: {error}")
+                found.skip(line, message("user frame {index}: {error}", index=index, error=error))
 
 
 _STEP = re.compile(r"(?:COMM\s+)?([A-Z]+)\b(.*)")
@@ -107,7 +108,9 @@ class _Uses(NamedTuple):
         """Raise ValueError for a position that the job only uses to shift others."""
         key = _key(name)
         if key in self.shifts and key not in self.moved:
-            raise ValueError(f"the job uses it as a shift (line {self.shifts[key]}): it is no place")
+            raise ValueError(
+                message("the job uses it as a shift (line {shifts}): it is no place", shifts=self.shifts[key])
+            )
 
 
 def _key(name: str) -> str:
@@ -150,7 +153,7 @@ def _job(source: Source, found: Found) -> None:
             else:
                 rows.append((line, row[1] + row[2], row[3].strip(), state.kind, state.tool, state.user))
         elif re.match(r"[A-Z]+\d+\s*=", text):
-            found.skip(line, f"'{text[:40]}' is no row of a position")
+            found.skip(line, message("'{text}' is no row of a position", text=text[:40]))
     rail = any(axis.startswith("BC") for axes in external.values() for axis in axes)
     for line, name, values, kind, tool, user in rows:
         try:
@@ -158,7 +161,7 @@ def _job(source: Source, found: Found) -> None:
             taught = _position(name, values, kind, tool, user, line, source.name)
             uses.require_a_place(name)
         except ValueError as error:
-            found.skip(line, f"{name}: {error}", name)
+            found.skip(line, explained(f"{name}", error), name)
             continue
         axes = {**(taught.external or {}), **external.get(name[1:], {})} or None
         doubts = ["The robot stands on a rail: make sure that its base did not move."] if rail else []
@@ -166,7 +169,9 @@ def _job(source: Source, found: Found) -> None:
             doubts.append(changed(line_of))
         found.poses.append(replace(taught, external=axes, doubt=" ".join(doubts)))
     for number in external.keys() - {row[1][1:] for row in rows}:
-        found.skip(heads[number], f"position {number}: external axes alone, no pose of the robot")
+        found.skip(
+            heads[number], message("position {number}: external axes alone, no pose of the robot", number=number)
+        )
     written = {_key(row[1]): row[1] for row in rows}
     for key, line in uses.moved.items():
         found.want(written.get(key, key), line)
@@ -176,7 +181,7 @@ def _external(external: dict[str, dict[str, float]], row: re.Match[str], line: i
     try:
         values = numbers(row[3])
     except ValueError as error:
-        found.skip(line, f"{row[1]}{row[2]}: {error}")
+        found.skip(line, explained(f"{row[1]}{row[2]}", error))
         return
     named = {f"{row[1]}{i}": value for i, value in enumerate(values, start=1)}
     external.setdefault(row[2], {}).update(named)
@@ -184,20 +189,22 @@ def _external(external: dict[str, dict[str, float]], row: re.Match[str], line: i
 
 def _position(name: str, text: str, kind: str, tool: int | None, user: int | None, line: int, file: str) -> Taught:
     if kind == "PULSE":
-        raise ValueError("pulses alone, no pose: record Cartesian positions (POSTYPE BASE), or name the arm")
+        raise ValueError(
+            message("pulses alone, no pose: record Cartesian positions (POSTYPE BASE), or name the arm")
+        )
     if not kind:
-        raise ValueError("no ///POSTYPE says what its numbers are")
+        raise ValueError(message("no ///POSTYPE says what its numbers are"))
     values = numbers(text)
     if kind == "ANGLE":
         return Taught(name, None, "yaskawa", line, values, None, tool, file=file)
     require_count(values, 6, 7)
     if kind == "USER":
         if user is None:
-            raise ValueError("it is in a user frame, but no ///USER says which")
+            raise ValueError(message("it is in a user frame, but no ///USER says which"))
         frame: int | str = user
     elif kind in _IN_BASE:
         frame = kind.lower()
     else:
-        raise ValueError(f"positions of type {kind} are not in the robot's base")
+        raise ValueError(message("positions of type {kind} are not in the robot's base", kind=kind))
     external = {"E": values[6]} if len(values) == 7 else None
     return Taught(name, values[:6], "yaskawa", line, None, external, tool, frame, file)

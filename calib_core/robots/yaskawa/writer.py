@@ -7,28 +7,25 @@ from calib_core.exports.entry import Export
 from calib_core.exports.writing import (
     NumberedSettings,
     as_bytes_kept,
+    frames_written,
     listed,
     mark,
     only_match,
     put_back,
     replaced,
-    table_pose,
-    tool_pose,
-    wanted,
 )
 
 
 def write(answer: Answer, settings: NumberedSettings) -> str:
     """Return the entry of TOOL.CND and, behind it, that of UFRAME.CND."""
-    with_tool, with_table = wanted(answer, settings.part, "both")
     lines: list[str] = []
-    if with_tool:
-        numbers = listed(tool_pose(answer, "yaskawa"), 3, 4)
-        load = ["0.000,0.000,0.000", "0.000", "0.000,0.000,0.000", "0"]
-        lines += [f"//TOOL {settings.tool}", f"///NAME {mark(answer, 16)}", numbers, *load]
-    if with_table:
-        numbers = listed(table_pose(answer, "yaskawa"), 3, 4)
-        lines += [f"//UFRAME {settings.frame}", f"///NAME {mark(answer, 16)}", "///TOOL 0", f"////BUSER {numbers}"]
+    for one in frames_written(answer, settings, "yaskawa", "both"):
+        numbers, name = listed(one.pose, 3, 4), f"///NAME {mark(answer, 16)}"
+        if one.kind == "tool":
+            load = ["0.000,0.000,0.000", "0.000", "0.000,0.000,0.000", "0"]
+            lines += [f"//TOOL {one.settings.tool}", name, numbers, *load]
+        else:
+            lines += [f"//UFRAME {one.settings.frame}", name, "///TOOL 0", f"////BUSER {numbers}"]
     return "\r\n".join(lines) + "\r\n"
 
 
@@ -36,16 +33,11 @@ def patch(backup: bytes, answer: Answer, settings: NumberedSettings) -> bytes:
     """Return a TOOL.CND or UFRAME.CND with one frame changed; load data and all else stay as they are."""
     text, encoding = as_bytes_kept(backup)
     is_tool_file = re.search(r"^//TOOL\b", text, re.MULTILINE) is not None
-    with_tool, with_table = wanted(answer, settings.part, "tool" if is_tool_file else "table")
-    if with_tool:
-        numbers = listed(tool_pose(answer, "yaskawa"), 3, 4)
-        text = _put(
-            text, rf"^//TOOL[ \t]+{settings.tool}[ \t]*$", r"^([-+.\d][^\r\n/]*)", "//TOOL", numbers, settings.tool
-        )
-    if with_table:
-        numbers = listed(table_pose(answer, "yaskawa"), 3, 4)
-        value = r"^////BUSER[ \t]*([^\r\n]*)"
-        text = _put(text, rf"^//UFRAME[ \t]+{settings.frame}[ \t]*$", value, "//UFRAME", numbers, settings.frame)
+    default = "tool" if is_tool_file or answer.base_from_turntable is None else "table"
+    for one in frames_written(answer, settings, "yaskawa", default):
+        what, number = ("//TOOL", one.settings.tool) if one.kind == "tool" else ("//UFRAME", one.settings.frame)
+        value = r"^([-+.\d][^\r\n/]*)" if one.kind == "tool" else r"^////BUSER[ \t]*([^\r\n]*)"
+        text = _put(text, rf"^{what}[ \t]+{number}[ \t]*$", value, what, listed(one.pose, 3, 4), number)
     return put_back(text, encoding)
 
 

@@ -4,6 +4,7 @@ import math
 from typing import Final
 
 from calib_core.evidence.numbers import number_text, quantity
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.evidence import (
@@ -111,9 +112,10 @@ def _lengths(result: CameraResult) -> list[AnyBlock]:
         Row(cells=["Focal length y", alone[1], both[1]]),
         Row(cells=["Board's pitch beside the told one", "not seen", pitch]),
     ]
-    caption = (
-        f"By the robot's poses of {told.views} views of the fixed board. The camera stays that of the boards, and "
-        "its uncertainty holds the difference. ± at k = 2."
+    caption = message(
+        "By the robot's poses of {views} views of the fixed board. The camera stays that of the "
+        "boards, and its uncertainty holds the difference. ± at k = 2.",
+        views=told.views,
     )
     return [
         Table(id="robot-lengths", title="By the robot's lengths", caption=caption, columns=columns, rows=rows),
@@ -153,11 +155,19 @@ def _coverage(result: CameraResult) -> list[AnyBlock]:
             id="coverage",
             title="Coverage",
             shape="grid",
-            caption=f"Corners seen in each part of the image. {number_text(100 * seen.covered, 0)} % of the parts "
-            f"saw a board, from {near} to {far} mm, tilted by up to {tilt}°.",
+            caption=message(
+                "Corners seen in each part of the image. {covered} % of the parts saw a board, from "
+                "{near} to {far} mm, tilted by up to {tilt}°.",
+                covered=number_text(100 * seen.covered, 0),
+                near=near,
+                far=far,
+                tilt=tilt,
+            ),
             x=Axis(label="Column"),
             y=Axis(label="Corners"),
-            series=[Series(label=f"row {k + 1}", y=list(counts)) for k, counts in enumerate(seen.counts)],
+            series=[
+                Series(label=message("row {k}", k=k + 1), y=list(counts)) for k, counts in enumerate(seen.counts)
+            ],
         )
     ]
 

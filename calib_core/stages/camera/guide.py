@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 from calib_core.records import Board, GuideNow, Measured, Session
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review
@@ -42,9 +43,12 @@ def guide(view: GuideView) -> GuideNow | None:
         action="capture",
         instruction=missing or "Show the board tilted another way, by 20 to 40°.",
         why="The lens is known only where boards were seen; tilts and distances fix the focal length.",
-        exit=f"{WANTED_VIEWS} sharp views: all parts of the image, near and far, tilted to all sides.",
+        exit=message(
+            "{wanted_views} sharp views: all parts of the image, near and far, tilted to all sides.",
+            wanted_views=WANTED_VIEWS,
+        ),
         drawing="board-views",
-        progress=f"{len(views)} of {WANTED_VIEWS} views",
+        progress=message("{count} of {wanted_views} views", count=len(views), wanted_views=WANTED_VIEWS),
         still_needed=max(needed, 1),
     )
 
@@ -68,9 +72,12 @@ def laser_plane_now(view: GuideView) -> GuideNow | None:
         action="capture",
         instruction=again if stripes else first,
         why="Each stripe is one line of the plane: lines at different distances and tilts fix it.",
-        exit=f"{WANTED_STRIPES} boards with the stripe, over all distances in use, tilted differently.",
+        exit=message(
+            "{wanted_stripes} boards with the stripe, over all distances in use, tilted differently.",
+            wanted_stripes=WANTED_STRIPES,
+        ),
         drawing="board-stripe",
-        progress=f"{len(stripes)} of {WANTED_STRIPES} stripes",
+        progress=message("{count} of {wanted_stripes} stripes", count=len(stripes), wanted_stripes=WANTED_STRIPES),
         still_needed=needed,
     )
 
@@ -86,9 +93,12 @@ def _stripe_words(board: Board, stripes: int) -> tuple[str, str]:
     place = ("near the scanner", "far from it", "tilted to the left", "tilted to the right")[stripes % 4]
     if not board.fixed:
         first = "Lay the stripe on the board; take the lit board and the stripe without moving it."
-        return first, f"Take the board and its stripe again, with the board {place}."
+        return first, message("Take the board and its stripe again, with the board {place}.", place=place)
     first = "Lay the stripe on the fixed board and take it with the robot's pose; the board may be dark."
-    return first, f"Move the robot so that the fixed board is {place}, and take the stripe on it; it may be dark."
+    return first, message(
+        "Move the robot so that the fixed board is {place}, and take the stripe on it; it may be dark.",
+        place=place,
+    )
 
 
 def _usable(session: Session, measured: Sequence[Measured], step: str) -> list[Measured]:
@@ -110,7 +120,10 @@ def _next_view(views: Sequence[Measured]) -> str | None:
     counts = sum(_counts(pixels, size) for pixels, size in sized)
     empty = np.flatnonzero(np.ravel(counts) == 0)
     if len(empty):
-        return f"Show the board at the {_PLACES[int(empty[0])]} of the image: nothing was seen there yet."
+        return message(
+            "Show the board at the {places} of the image: nothing was seen there yet.",
+            places=_PLACES[int(empty[0])],
+        )
     sizes = [float(np.sqrt(np.prod(np.ptp(pixels, axis=0)))) for pixels, _ in sized]
     if max(sizes) < _SIZES_APART * min(sizes):
         return "Show the board nearer to the camera, then farther away: all views are from one distance."

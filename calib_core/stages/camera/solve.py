@@ -6,20 +6,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib_core.captures.boards import board_in, board_of, relative_pitch_sigma, shows_stripe_alone
+from calib_core.captures.contradictions import EXCLUDED, not_a_frame, not_measured
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
-from calib_core.evidence.words import not_used
+from calib_core.findings import Finding, judgement, reasons_of
+from calib_core.findings.codes import camera as codes
 from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
+from calib_core.messages import Value, message
 from calib_core.optics.board import BoardView
-from calib_core.optics.board_refusal import COLOUR_NOTE
 from calib_core.optics.camera import CameraOptions, calibrate_camera
-from calib_core.optics.camera_evidence import problems_of, remarks_of
+from calib_core.optics.camera_evidence import camera_findings
 from calib_core.optics.camera_model import TILT, CameraModel
 from calib_core.optics.camera_solution import CameraSolution
 from calib_core.optics.robot_lengths import RobotLengths, RobotPoses
 from calib_core.poses.numbers import parse_pose
-from calib_core.records import Board, Capture, Verdict
+from calib_core.records import Board, Capture
 from calib_core.records.camera_result import (
     CameraByRobot,
     CameraCandidate,
@@ -31,11 +33,10 @@ from calib_core.records.camera_result import (
 if TYPE_CHECKING:
     from calib_core.graph.stage_input import StageInput
 
-_FAIL_RMS_PX = 3.0
 _FINDING_SHARE = 0.7
 _PITCH_SIGMAS, _HARMLESS_PITCH = 3.0, 1e-3  # what an ordinary arm's lengths are off themselves, some times over
 _RARE = 0.001
-_STRIPE_ALONE = "the stripe alone"
+_STRIPE_ALONE = message("the stripe alone: it serves the plane of light, the board is not seen")
 
 
 def solve(given: "StageInput") -> CameraResult:
@@ -57,7 +58,7 @@ def solve(given: "StageInput") -> CameraResult:
         if not failed:
             raise InputError("frames of the board", "none", "Capture the board and add the frames.", "captures")
         first_name, first = next(iter(failed.items()))
-        got = f"{first.got} (none of {len(captures)} frames shows the board)"
+        got = message("{found} (none of {count} frames shows the board)", found=first.got, count=len(captures))
         raise MeasurementError(first.need, got, first.to_do, first_name)
     image_size = _one_size(views)
     solution = _calibrate(given, views, image_size, failed, board)
@@ -70,7 +71,9 @@ def _find_all(
     views: dict[str, BoardView] = {}
     failed: dict[str, MeasurementError] = {}
     for number, capture in enumerate(captures):
-        given.progress(_FINDING_SHARE * number / len(captures), f"Finding the board in {capture.id}")
+        given.progress(
+            _FINDING_SHARE * number / len(captures), message("Finding the board in {capture}", capture=capture.id)
+        )
         try:
             views[capture.id] = board_in(capture, board, given.read)
         except MeasurementError as error:
@@ -84,10 +87,14 @@ def _one_size(views: dict[str, BoardView]) -> tuple[int, int]:
     for name, view in views.items():
         if view.image_size != usual:
             raise InputError(
-                f"frames of one size, {usual[0]}×{usual[1]} as in most captures",
-                f"mixed image sizes, {view.image_size[0]}×{view.image_size[1]} here",
+                "frames of one size, {width}×{height} as in most captures",
+                "mixed image sizes, {width_other}×{height_other} here",
                 "Take all frames with one camera and one setting, or remove this capture.",
                 name,
+                width=usual[0],
+                height=usual[1],
+                width_other=view.image_size[0],
+                height_other=view.image_size[1],
             )
     return usual
 
@@ -136,23 +143,27 @@ def _result(
     image_size: tuple[int, int],
 ) -> CameraResult:
     camera = solution.camera
-    board = board_of(given.session.cell)
-    problems = [*problems_of(solution), *_robot_problems(solution.robot, board)]
-    rows = _rows(given, solution, views, failed)
-    left_out = {
-        row.capture: row.reason
-        for row in rows
-        if not row.used and row.reason and not row.reason.startswith(("excluded", _STRIPE_ALONE))
-    }
+    board, captures = board_of(given.session.cell), {capture.id: capture for capture in given.captures}
+    alone = {n for n in failed if shows_stripe_alone(given.session.cell, captures[n], given.read)}
+    unused = _not_used(
+        solution,
+        views,
+        {name: error for name, error in failed.items() if name not in alone},
+        sum(capture.id not in alone for capture in given.captures),
+    )
+    found = [
+        *camera_findings(solution),
+        *_by_robot_findings(solution.robot, board),
+        *_unverifiable(board, views, solution.robot),
+        *unused,
+    ]
     seen = solution.coverage
     return CameraResult(
         method="bundle adjustment of camera and board poses, least squares after robust rejection; "
         "model by held-out error",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict=_verdict(solution, bool(problems), len(views) - len(solution.rejected), _expected_views(rows)),
-        warnings=[*problems, *not_used(left_out, [row.capture for row in rows])],
-        notes=[*remarks_of(solution), *_unverifiable(given, views, solution.robot)],
+        **judgement(found),
         model=camera.model,
         image_size=image_size,
         camera_matrix=camera.camera_matrix.tolist(),
@@ -178,7 +189,7 @@ def _result(
             largest_tilt_rad=seen.largest_tilt_rad,
         ),
         by_robot=None if solution.robot is None else _by_robot(camera, solution.robot),
-        residuals=rows,
+        residuals=_rows(given, solution, views, reasons_of(unused), alone),
     )
 
 
@@ -196,84 +207,65 @@ def _by_robot(camera: CameraModel, told: RobotLengths) -> CameraByRobot:
     )
 
 
-def _robot_problems(told: RobotLengths | None, board: Board) -> list[str]:
-    """Return where the robot's lengths contradict pitch or camera, in sentences."""
+def _by_robot_findings(told: RobotLengths | None, board: Board) -> list[Finding]:
+    """Return where the robot's lengths contradict pitch or camera."""
     if told is None:
         return []
     off = told.pitch_factor - 1
     if abs(off) > max(_PITCH_SIGMAS * told.pitch_sigma, _HARMLESS_PITCH):
-        pitch_mm, sigma_mm = board.pitch_mm * told.pitch_factor, board.pitch_mm * told.pitch_sigma
-        return [
-            f"The board's pitch is {pitch_mm:.3f} ± {2 * sigma_mm:.3f} mm by the robot's moves, and told as "
-            f"{board.pitch_mm:g} mm: all lengths scale with it. Measure it over several squares and correct "
-            "cell.board.pitch_mm."
-        ]
-    if told.chance < _RARE:
-        return [
-            "The robot's moves ask for another camera than the boards do, beyond both uncertainties: the stated "
-            "one holds the difference. Check that the board is flat and stands still, and the robot's accuracy."
-        ]
-    return []
+        pitch = board.pitch_mm
+        shown_mm, uncertainty_mm = pitch * told.pitch_factor, 2 * pitch * told.pitch_sigma
+        return [codes.PITCH_BY_ROBOT(pitch_mm=shown_mm, uncertainty_mm=uncertainty_mm, told_mm=pitch)]
+    return [codes.CAMERA_BY_ROBOT()] if told.chance < _RARE else []
 
 
-def _unverifiable(given: "StageInput", views: dict[str, BoardView], told: RobotLengths | None) -> list[str]:
-    """Return what frames of this kind of board cannot tell, in sentences."""
-    board = board_of(given.session.cell)
-    sentences: list[str] = []
-    if told is None:
-        sentences.append(
-            f"The board's pitch, {board.pitch_mm:g} mm, is not checked: frames of it look the same at any pitch, "
-            "and all lengths scale with it. Measure it over several squares; of a board that stands still "
-            "(cell.board.fixed) six robot poses check it."
-        )
+def _unverifiable(board: Board, views: dict[str, BoardView], told: RobotLengths | None) -> list[Finding]:
+    """Return what frames of this kind of board cannot tell."""
+    found = [codes.PITCH_NOT_CHECKED(pitch_mm=board.pitch_mm)] if told is None else []
     if any(view.turn_is_ambiguous for view in views.values()):
-        sentences.append(
-            "The board looks the same turned by 180°, so the camera is right but a board's pose may be turned: "
-            "take a chessboard with an odd sum of columns and rows, or ChArUco, where that matters."
-        )
-    in_colour = [name for name, view in views.items() if COLOUR_NOTE in view.notes]
+        found.append(codes.BOARD_TURN_AMBIGUOUS())
+    in_colour = [name for name, view in views.items() if view.in_colour]
     if in_colour:
-        sentences.append(
-            f"Frames in colour were turned into grey ({', '.join(in_colour[:5])}"
-            f"{' …' if len(in_colour) > 5 else ''}): a camera that interpolates colours blurs the corners."
-        )
+        found.append(codes.FRAMES_IN_COLOUR(in_colour))
     if board.kind != "charuco":
-        sentences.append(
-            f"A mirrored {board.kind} board looks like one that is not: if the driver mirrors frames, turn it off."
-        )
-    return sentences
+        found.append(codes.BOARD_MAY_BE_MIRRORED(kind=board.kind))
+    return found
 
 
-def _verdict(solution: CameraSolution, problems: bool, used: int, captures: int) -> Verdict:
-    if solution.reprojection_rms_px > _FAIL_RMS_PX:
-        return "fail"
-    return "warn" if problems or used < 0.5 * captures else "pass"
-
-
-def _expected_views(rows: list[CameraResidual]) -> int:
-    """Return how many captures should show the board."""
-    return sum(not (row.reason or "").startswith(_STRIPE_ALONE) for row in rows)
+def _not_used(
+    solution: CameraSolution, views: dict[str, BoardView], failed: dict[str, MeasurementError], expected: int
+) -> list[Finding]:
+    """Return which of the frames that should show the board are not used."""
+    names, groups = list(views), dict[str, dict[str, dict[str, Value]]]()
+    for place, values in solution.rejected.items():
+        groups.setdefault(str(values["off"]), {})[names[place]] = values
+    off = [codes.VIEW_NOT_USED(list(each), each=each) for each in groups.values()]
+    used = len(views) - len(solution.rejected)
+    few = [codes.FEW_FRAMES_USED(used=used, count=expected)] if used < 0.5 * expected else []
+    return [*few, *off, *not_measured(failed, codes.FRAME_NOT_USED)]
 
 
 def _rows(
     given: "StageInput",
     solution: CameraSolution,
     views: dict[str, BoardView],
-    failed: dict[str, MeasurementError],
+    reasons: dict[str, str],
+    alone: set[str],
 ) -> list[CameraResidual]:
     place = {name: index for index, name in enumerate(views)}
     rows: list[CameraResidual] = []
     for capture in given.captures:
         if capture.kind != "frame":
-            reason = f"a capture of kind '{capture.kind}', not a frame"
+            reason = str(not_a_frame(capture))
         elif capture.excluded:
-            reason = "excluded by the user"
-        elif capture.id in failed and shows_stripe_alone(given.session.cell, capture, given.read):
-            reason = f"{_STRIPE_ALONE}: it serves the plane of light, the board is not seen"
-        elif capture.id in failed:
-            reason = failed[capture.id].reason
+            reason = str(EXCLUDED)
+        elif capture.id in alone:
+            reason = str(_STRIPE_ALONE)
+        elif capture.id not in views:
+            reason = reasons[capture.id]
         else:
-            rows.append(_row_of_view(capture.id, views[capture.id], solution, place[capture.id]))
+            row = _row_of_view(capture.id, views[capture.id], solution, place[capture.id])
+            rows.append(row.model_copy(update={"reason": reasons.get(capture.id)}))
             continue
         rows.append(CameraResidual(capture=capture.id, used=False, reason=reason))
     return rows
@@ -285,7 +277,6 @@ def _row_of_view(name: str, view: BoardView, solution: CameraSolution, index: in
     return CameraResidual(
         capture=name,
         used=pose is not None,
-        reason=solution.rejected.get(index),
         corners=len(view.ids),
         rms_px=rms if np.isfinite(rms) else None,
         edge_width_px=width if np.isfinite(width) else None,

@@ -17,11 +17,16 @@ class Chain(Stage):
     reads = (
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
-    known = ("tool0_from_laser", "base_from_turntable")
+    known = ("tool0_from_laser", "base_from_laser", "base_from_turntable")
+    any_arrangement = True
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")
     is_answer = True
-    frames: ClassVar = {"tool0_from_laser": "covariance", "base_from_turntable": "turntable_covariance"}
+    frames: ClassVar = {
+        "tool0_from_laser": "covariance",
+        "base_from_laser": "covariance",
+        "base_from_turntable": "turntable_covariance",
+    }
     optional = True
     needs_every_step = True
 

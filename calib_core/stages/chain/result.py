@@ -1,17 +1,18 @@
 """The whole chain's solution as the record that is stored, sent and archived."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from calib_core.chain.observations import TableObservation
-from calib_core.chain.table_judging import TABLE_COLUMN
 from calib_core.chain.whole import ChainSolution
 from calib_core.findings import Code, Finding, judgement
 from calib_core.findings.codes import turntable as codes
 from calib_core.frames import FloatArray
 from calib_core.records import Result
 from calib_core.records.results import ArmErrorsFound, OpticsShift, ScannerFound
+from calib_core.stages.axes_found import axes_found
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult, ToolResult
 from calib_core.stages.tcp.result import by_pose, tcp_result
@@ -20,6 +21,7 @@ from calib_core.stages.turntable.result import table_fields, table_rows, varianc
 METHOD = (
     "joint maximum likelihood over all points of both kinds of captures, errors of poses and angles integrated out"
 )
+_OF_TOOL = ToolResult.model_fields.keys() - Result.model_fields.keys() - {"axes"}
 _CHI2_6_RARE, _CHI2_5_RARE = 22.5, 20.5  # 99.9 %
 
 
@@ -42,15 +44,28 @@ def chain_result(
         turntable_covariance=table.covariance.pose.tolist(),
         cross_covariance=solution.cross_covariance.tolist(),
         residuals=[*tcp.residuals, *table_rows(observations, table, findings)],
-        **{name: getattr(tcp, name) for name in ToolResult.model_fields.keys() - Result.model_fields.keys()}
+        frames=tcp.frames,
+        axes=axes_found(table.state, table.unknowns_covariance),
+        **{
+            name: getattr(tcp, name)
+            for name in ToolResult.model_fields.keys() - Result.model_fields.keys() - {"axes"}
+        }
         | {
             "variance_components": variance_components(table),
-            "scanner": tcp.scanner and _with_table(tcp.scanner, solution),
+            **_scanners(solution, tcp),
             "optics": _optics(solution, tcp),
             "arm_errors": _arm_errors(solution, tcp),
         },
         **table_fields(observations, table),
     )
+
+
+def _scanners(solution: ChainSolution, tcp: TcpResult) -> dict[str, Any]:
+    """Return what was found of each scanner, that of the first with what it does to the table."""
+    first = tcp.errors_of_scanner and _with_table(tcp.errors_of_scanner, solution)
+    if not isinstance(tcp.scanner, str):
+        return {"scanner": first}
+    return {"scanner": tcp.scanner, "scanner_errors": {**(tcp.scanner_errors or {}), tcp.scanner: first}}
 
 
 def _with_table(scanner: ScannerFound, solution: ChainSolution) -> ScannerFound:
@@ -73,7 +88,7 @@ def _arm_errors(solution: ChainSolution, tcp: TcpResult) -> ArmErrorsFound | Non
 
 def _optics(solution: ChainSolution, tcp: TcpResult) -> list[OpticsShift]:
     """Return what camera and plane of light do to the tool, with what they do to the table."""
-    table = slice(TABLE_COLUMN, TABLE_COLUMN + solution.turntable.covariance.pose_by_unknowns.shape[1])
+    table = solution.turntable.state.walk.layout.axis_and_places(solution.turntable.state.walk.layout.table)
     moves = [solution.turntable.covariance.pose_by_unknowns @ e.step[table] for e in solution.tcp.optics]
     pairs = zip(tcp.optics, moves, strict=True)
     return [shift.model_copy(update={"turntable": move.tolist()}) for shift, move in pairs]

@@ -29,9 +29,10 @@ def solve(given: StageInput) -> ChainResult:
         if not some:
             raise InputError(
                 "captures with step 'tcp' and with step 'turntable'",
-                f"none with step '{step}'",
+                "none with step '{step}'",
                 "Capture the sphere beside the table and on it; or solve the other stage alone.",
                 "captures",
+                step=step,
             )
     solved = tcp_of(given)
     tool = tool_of(solved)
@@ -66,7 +67,7 @@ def _findings(
     from calib_core.stages.tcp.result import solution_findings
     from calib_core.stages.tcp.verdict import lag_findings
 
-    tool = solved.solution.joint.mount_from_laser
+    tool = tool_of(solved).mounts
     both = [*solved.observations, *(one.sphere for one in table.observations)]
     return [
         *disagreements(solution),

@@ -3,6 +3,7 @@
 from typing import Final
 
 from calib_core.evidence.numbers import fixed, quantity
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Figure, Row, Table
 from calib_core.stages.evidence_parts import captures_used, left_out, provenance, residual_table
@@ -19,7 +20,7 @@ def evidence(_session: Session, result: HandEyeResult) -> list[AnyBlock]:
     return [
         *_agreement(result.agreement, result.tool0_from_laser_by_board is not None),
         *(
-            Figure(label=f"Camera on the flange, {axis}", quantity=quantity(value, "mm", sigma))
+            Figure(label=message("Camera on the flange, {axis}", axis=axis), quantity=quantity(value, "mm", sigma))
             for axis, value, sigma in zip("xyz", place, sigmas, strict=True)
         ),
         *_pitch(result),
@@ -47,7 +48,7 @@ def _agreement(found: Agreement | None, with_plane: bool) -> list[AnyBlock]:
         Figure(
             label="Board and sphere apart, in units of both uncertainties",
             quantity=fixed(found.distance, 2, "σ"),
-            remark=f"of six; a right pair is as far apart in {100 * found.chance:.0f} %",
+            remark=message("of six; a right pair is as far apart in {chance:.0f} %", chance=100 * found.chance),
             headline=True,
         ),
         Figure(label="Apart", quantity=quantity(found.shift_mm, "mm")),
@@ -55,8 +56,11 @@ def _agreement(found: Agreement | None, with_plane: bool) -> list[AnyBlock]:
         Table(
             id="agreement",
             title="Board beside sphere",
-            caption=f"tool0_from_laser by the board less that of {found.with_stage}, in units of both "
-            "uncertainties. Both rest on one camera and one plane of light.",
+            caption=message(
+                "tool0_from_laser by the board less that of {with_stage}, in units of both "
+                "uncertainties. Both rest on one camera and one plane of light.",
+                with_stage=found.with_stage,
+            ),
             columns=[Column(label="Axis", align="left"), Column(label="Difference", unit="σ", decimals=2)],
             rows=rows,
         ),

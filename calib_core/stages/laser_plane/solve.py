@@ -4,31 +4,32 @@ import numpy as np
 
 from calib_core.captures.boards import board_in, board_of
 from calib_core.captures.camera_source import camera_of
+from calib_core.captures.contradictions import EXCLUDED, not_a_frame, not_measured
 from calib_core.captures.dark_boards import PlaneViews
 from calib_core.captures.lost_rays import lost_rays
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
-from calib_core.evidence.words import not_used
-from calib_core.findings import sentence_of
+from calib_core.findings import Finding, judgement, reasons_of
+from calib_core.findings.codes import camera as camera_codes
+from calib_core.findings.codes import laser_plane as codes
 from calib_core.frames import FloatArray
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
+from calib_core.messages import Value, message
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
     camera_from_laser_of,
-    plane_warnings,
+    plane_findings,
     rotation_sigma_deg,
 )
 from calib_core.optics.laser_plane_joint import CameraUncertainty
 from calib_core.optics.laser_plane_solve import (
-    NO_LINE,
     PlaneSolution,
     PlaneView,
     ViewFigures,
     solve_plane,
 )
-from calib_core.records import Verdict
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import (
     LaserPlaneResidual,
@@ -38,7 +39,6 @@ from calib_core.records.laser_plane_result import (
 )
 
 _FINDING_SHARE = 0.6
-_FAIL_NORMAL_SIGMA_DEG = 2.0
 _LEAST_DISTANCE_SIGMAS = 3.0
 
 
@@ -70,7 +70,9 @@ def solve_laser_plane(
             raise InputError(
                 "frames of the board with the stripe on it", "none", "Capture some and add them.", "captures"
             )
-        got = f"{first.got} (none of {len(failed)} captures shows both board and stripe)"
+        got = message(
+            "{found} (none of {count} captures shows both board and stripe)", found=first.got, count=len(failed)
+        )
         raise MeasurementError(first.need, got, first.to_do, first_name)
 
     def tell(fraction: float, what: str) -> None:
@@ -88,7 +90,10 @@ def _find_all(given: StageInput, boards: PlaneViews) -> tuple[list[PlaneView], d
     views: list[PlaneView] = []
     failed: dict[str, MeasurementError] = {}
     for number, capture in enumerate(captures):
-        given.progress(_FINDING_SHARE * number / len(captures), f"Finding board and stripe in {capture.id}")
+        given.progress(
+            _FINDING_SHARE * number / len(captures),
+            message("Finding board and stripe in {capture}", capture=capture.id),
+        )
         try:
             views.append(boards.of(capture))
         except MeasurementError as error:
@@ -122,24 +127,14 @@ def _result(
     normal, distance = solution.normal, solution.distance_mm
     covariance = _with_pitch(solution.covariance, distance, camera)
     sigma_deg = rotation_sigma_deg(covariance)
-    rows = _rows(given, solution, failed)
-    warnings = plane_warnings(solution.fit, solution.lines, sigma_deg)
-    left_out = {
-        row.capture: row.reason
-        for row in rows
-        if not row.used and row.reason and not row.reason.startswith("excluded")
-    }
-    verdict: Verdict = "warn" if warnings or sum(row.used for row in rows) < 0.5 * len(rows) else "pass"
-    failures = plane_failures(solution, sigma_deg)
-    if failures:
-        verdict, warnings = "fail", [*failures, *warnings]
+    unused = _not_used(solution, failed, len(given.captures))
+    found = [*noticed(solution, sigma_deg), *lost_rays(sum(view.without_ray for view in solution.views))]
+    found += [solution.camera_held] if solution.camera_held else []
     return LaserPlaneResult(
         method="robust plane through the stripe's points on the boards, then plane and board poses together",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict=verdict,
-        notes=_notes(solution),
-        warnings=[*warnings, *not_used(left_out, [row.capture for row in rows])],
+        **judgement([*found, *unused]),
         plane_in_camera=PlaneInCamera(normal=normal.tolist(), distance_mm=distance),
         camera_from_laser=camera_from_laser_of(normal, distance).to_rows(),
         plane_rms_mm=solution.rms_mm,
@@ -150,7 +145,7 @@ def _result(
         joint_covariance=solution.joint_covariance.tolist(),
         normal_sigma_deg=sigma_deg,
         distance_sigma_mm=float(np.sqrt(covariance[3, 3])),
-        residuals=rows,
+        residuals=_rows(given, solution, reasons_of(unused)),
     )
 
 
@@ -165,41 +160,36 @@ def _with_pitch(covariance: FloatArray, distance_mm: float, camera: CameraResult
     return grown
 
 
-def plane_failures(solution: PlaneSolution, normal_sigma_deg: float) -> list[str]:
-    """Return why the plane must not be used."""
+def noticed(solution: PlaneSolution, normal_sigma_deg: float) -> list[Finding]:
+    """Return why the plane must not be used, or is less certain than it should be."""
     distance_sigma_mm = float(np.sqrt(solution.covariance[3, 3]))
     figures = [*solution.normal, solution.distance_mm, normal_sigma_deg, distance_sigma_mm, solution.rms_mm]
     if not np.isfinite(figures).all():
-        return [
-            "The plane is not determined: its figures are not finite. Capture more boards, near, far and tilted."
-        ]
-    failures: list[str] = []
-    if normal_sigma_deg > _FAIL_NORMAL_SIGMA_DEG:
-        failures.append(f"The plane's normal is known only to ±{2 * normal_sigma_deg:.1f}° (k = 2).")
+        return [codes.PLANE_NOT_FINITE()]
+    found = plane_findings(solution.fit, solution.lines, normal_sigma_deg)
     if solution.distance_mm < _LEAST_DISTANCE_SIGMAS * distance_sigma_mm:
-        failures.append(
-            f"The plane runs through the camera's centre within its uncertainty ({solution.distance_mm:.2f} ± "
-            f"{2 * distance_sigma_mm:.2f} mm): such a laser gives no depth. Check board, pitch and camera."
+        found.append(
+            codes.PLANE_THROUGH_CAMERA(distance_mm=solution.distance_mm, uncertainty_mm=2 * distance_sigma_mm)
         )
-    measured = [view for view in solution.views if view.reason != NO_LINE]
-    rejected = sum(view.reason is not None for view in measured)
-    if rejected > len(measured) / 2:
-        failures.append(
-            f"{rejected} of {len(measured)} lines lie off the plane of the others: boards or camera moved, or the "
-            "pitch is wrong."
-        )
-    return failures
+    left_out = [view.left_out for view in solution.views if view.left_out != "no-line"]
+    rejected = sum(why is not None for why in left_out)
+    if rejected > len(left_out) / 2:
+        found.append(codes.MOST_LINES_OFF(rejected=rejected, count=len(left_out)))
+    return found
 
 
-def _notes(solution: PlaneSolution) -> list[str]:
-    dropped = sum(view.without_ray for view in solution.views)
-    found = [sentence_of(finding) for finding in lost_rays(dropped)]
-    if not solution.camera_held:
-        return found
+def _not_used(solution: PlaneSolution, failed: dict[str, MeasurementError], count: int) -> list[Finding]:
+    """Return which frames of `count` captures are not used."""
+    dark = [view.name for view in solution.views if view.left_out == "no-line"]
+    off: dict[str, dict[str, Value]] = {
+        view.name: {"off_mm": view.line_rms_mm} for view in solution.views if view.left_out == "off-plane"
+    }
+    used = sum(view.left_out is None for view in solution.views)
     return [
-        *found,
-        f"The camera is the one that the boards' corners gave: {solution.camera_held}. Its uncertainty is in the "
-        "plane's.",
+        *([camera_codes.FEW_FRAMES_USED(used=used, count=count)] if used < 0.5 * count else []),
+        *([codes.LINE_OFF_PLANE(list(off), each=off)] if off else []),
+        *([codes.NO_LINE_ON_BOARD(dark)] if dark else []),
+        *not_measured(failed, camera_codes.FRAME_NOT_USED),
     ]
 
 
@@ -213,31 +203,28 @@ def _refined(camera: CameraModel) -> RefinedCamera:
     )
 
 
-def _rows(
-    given: StageInput, solution: PlaneSolution, failed: dict[str, MeasurementError]
-) -> list[LaserPlaneResidual]:
+def _rows(given: StageInput, solution: PlaneSolution, reasons: dict[str, str]) -> list[LaserPlaneResidual]:
     seen = {view.name: view for view in solution.views}
     rows: list[LaserPlaneResidual] = []
     for capture in given.captures:
+        reason = reasons.get(capture.id)
         if capture.id in seen:
-            rows.append(_row(seen[capture.id]))
+            rows.append(_row(seen[capture.id], reason))
             continue
         if capture.kind != "frame":
-            reason = f"a capture of kind '{capture.kind}', not a frame"
+            reason = str(not_a_frame(capture))
         elif capture.excluded:
-            reason = "excluded by the user"
-        else:
-            reason = failed[capture.id].reason
+            reason = str(EXCLUDED)
         rows.append(LaserPlaneResidual(capture=capture.id, used=False, reason=reason))
     return rows
 
 
-def _row(view: ViewFigures) -> LaserPlaneResidual:
+def _row(view: ViewFigures, reason: str | None) -> LaserPlaneResidual:
     measured = view.points > 0
     return LaserPlaneResidual(
         capture=view.name,
-        used=view.reason is None,
-        reason=view.reason,
+        used=view.left_out is None,
+        reason=reason,
         points=view.points,
         line_rms_mm=view.line_rms_mm if measured else None,
         line_mean_mm=view.line_mean_mm if measured else None,

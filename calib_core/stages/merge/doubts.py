@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.findings.codes import merge as codes
 from calib_core.fusion.solve import Looked, MergeSolution
+from calib_core.messages import message
 from calib_core.records import Changes, Finding, RootCause
 
 _SUSPICIOUS = 1.5  # overlap over what is expected: something beyond the calibration moves the scans
@@ -16,7 +17,7 @@ _MOST_NAMED = 8
 def merge_doubts(solution: MergeSolution, mistakes: Sequence[Finding]) -> list[Finding]:
     """Return every reason for doubt beside the mistakes that were found."""
     found = [
-        codes.SCAN_OF_NO_USE([name], why=f"need {error.need}, got {error.got}")
+        codes.SCAN_OF_NO_USE([name], why=message("need {need}, got {got}", need=error.need, got=error.got))
         for name, error in solution.failed.items()
         if not any(name in one.captures for one in mistakes)
     ]

@@ -5,6 +5,7 @@ from typing import Final
 
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
 from calib_core.evidence.words import counted
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Table
 from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance
@@ -73,8 +74,11 @@ def _apart(result: MergeResult) -> list[AnyBlock]:
     if shared is not None:
         moved = number_text(hypot(*shared.shift[3:6]), 3)
         directions = counted(shared.directions, "direction")
-        text = f"The overlap determines {directions} of tool and table better than the captures did; it moved "
-        blocks.append(Note(text=f"{text}the tool by {moved} mm."))
+        text = message(
+            "The overlap determines {directions} of tool and table better than the captures did; it moved ",
+            directions=directions,
+        )
+        blocks.append(Note(text=message("{text}the tool by {moved} mm.", text=text, moved=moved)))
     return blocks
 
 
@@ -85,7 +89,7 @@ def _cloud(result: MergeResult) -> list[AnyBlock]:
     figures: list[AnyBlock] = [
         Figure(title="Merged cloud", label="Points scanned", quantity=fixed(result.scanned_points, 0)),
         Figure(label="Voxel size", quantity=fixed(result.voxel_mm, 2, "mm")),
-        Figure(label="Size, x × y × z", text=f"{size}\u202fmm", remark=f"in the {where}"),
+        Figure(label="Size, x × y × z", text=f"{size}\u202fmm", remark=message("in the {place}", place=where)),
     ]
     if result.mesh or result.triangles:
         figures.append(Figure(label="Triangles of the mesh", quantity=fixed(result.triangles, 0)))

@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.captures.scans import Placement, ScanGroup, poses_of, scan_groups
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import message, sentences
 from calib_core.records import GuideNow, Session
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review
@@ -19,9 +20,11 @@ WANTED_SIDES, LEAST_SIDES = 6, 2
 _STEP_DEG = 360.0 / WANTED_AROUND
 _DIFFERENT_DEG = 10.0  # views nearer to each other than this count once
 _HEIGHTS_DEG = 15.0  # views from one height alone miss what they are too flat, or too steep, for
-_EXIT = (
-    f"{WANTED_AROUND} scans all around from at least two heights; {LEAST_AROUND} are the least. "
-    "Neighbours should see a third of each other's surface."
+_EXIT = message(
+    "{wanted_around} scans all around from at least two heights; {least_around} are the least. "
+    "Neighbours should see a third of each other's surface.",
+    wanted_around=WANTED_AROUND,
+    least_around=LEAST_AROUND,
 )
 _EXIT_WITHOUT_TABLE = "Every side of the object that you need was seen, and each scan overlaps another."
 
@@ -121,9 +124,11 @@ def _around(views: _Views, *, again: bool) -> GuideNow:
     """Return what is missing all around the table."""
     taken = _different(views)
     if len(taken) < WANTED_AROUND:
-        count = f"{len(taken)} of {WANTED_AROUND} scans around"
+        count = message("{count} of {wanted_around} scans around", count=len(taken), wanted_around=WANTED_AROUND)
         return _capture(
-            f"Turn the table to about {_next_deg(views, taken):.0f}° and scan the object there.",
+            message(
+                "Turn the table to about {views:.0f}° and scan the object there.", views=_next_deg(views, taken)
+            ),
             "What one scan cannot see, the next ones do. Change the scanner's height from scan to scan: low for "
             "the sides, steep for the top.",
             progress=count,
@@ -133,8 +138,11 @@ def _around(views: _Views, *, again: bool) -> GuideNow:
         middle = float(np.median(views.height_deg))
         where = "from steeper above" if middle < 50 else "from lower down"
         return _capture(
-            f"Scan the object again {where}, at four angles of the table.",
-            f"All scans look from about {middle:.0f}° above the table: what they see edge-on is missing.",
+            message("Scan the object again {place}, at four angles of the table.", place=where),
+            message(
+                "All scans look from about {middle:.0f}° above the table: what they see edge-on is missing.",
+                middle=middle,
+            ),
             progress="one height only",
             still_needed=4,
         )
@@ -162,11 +170,12 @@ def _from_all_sides(views: _Views, *, again: bool) -> GuideNow:
         now = _capture(
             "Scan the object from another side.",
             "What one scan cannot see, the next ones do; each should see a third of another one's surface.",
-            progress=f"{sides} of {WANTED_SIDES} sides",
+            progress=message("{sides} of {wanted_sides} sides", sides=sides, wanted_sides=WANTED_SIDES),
             still_needed=WANTED_SIDES - sides,
         )
-        enough = f" {LEAST_SIDES} sides are the least." if sides < LEAST_SIDES else " Merge whenever it is enough."
-        return now.model_copy(update={"exit": _EXIT_WITHOUT_TABLE + enough})
+        least = message("{least} sides are the least.", least=LEAST_SIDES)
+        enough = least if sides < LEAST_SIDES else "Merge whenever it is enough."
+        return now.model_copy(update={"exit": sentences([_EXIT_WITHOUT_TABLE, enough])})
     return _merge(len(views.azimuth_deg), again=again)
 
 
@@ -175,7 +184,7 @@ def _first(turns: bool) -> GuideNow:
         now = _capture(
             "Scan the object from its first side.",
             "Robot and calibration put every scan where it belongs: no markers and no registration are needed.",
-            progress=f"0 of {WANTED_SIDES} sides",
+            progress=message("0 of {wanted_sides} sides", wanted_sides=WANTED_SIDES),
             still_needed=WANTED_SIDES,
         )
         return now.model_copy(update={"exit": _EXIT_WITHOUT_TABLE, "drawing": "scan-first"})
@@ -183,7 +192,7 @@ def _first(turns: bool) -> GuideNow:
         "Put the object on the table and scan it.",
         "Tool and table are calibrated: export them under Result, and stop here; or go on and scan an object from "
         "everywhere, in one frame, without markers or registration.",
-        progress=f"0 of {WANTED_AROUND} scans around",
+        progress=message("0 of {wanted_around} scans around", wanted_around=WANTED_AROUND),
         still_needed=WANTED_AROUND,
     )
     return now.model_copy(update={"drawing": "scan-first"})
@@ -191,8 +200,8 @@ def _first(turns: bool) -> GuideNow:
 
 def _mend(error: InputError) -> GuideNow:
     now = _capture(
-        f"Correct {error.where}: need {error.need}.",
-        f"Got {error.got}. {error.to_do}",
+        message("Correct {place}: need {needed}.", place=error.where, needed=error.need),
+        message("Got {found}. {advice}", found=error.got, advice=error.to_do),
         progress="a scan has no place",
         still_needed=1,
     )
@@ -218,7 +227,9 @@ def _merge(count: int, *, again: bool) -> GuideNow:
         step="merge",
         stage="merge",
         action="solve",
-        instruction="Merge again: captures have changed." if again else f"Merge the {count} scans.",
+        instruction="Merge again: captures have changed."
+        if again
+        else message("Merge the {count} scans.", count=count),
         why="Each scan is cleaned and goes where robot, table and calibration put it. How far overlapping scans "
         "lie apart then shows how good all of it is.",
         exit="Overlapping scans lie as near to each other as the calibration predicts.",

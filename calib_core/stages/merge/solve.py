@@ -27,6 +27,7 @@ from calib_core.fusion.self_calibration import SelfCalibration
 from calib_core.fusion.solve import Looked, MergeSolution, solve_merge
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
+from calib_core.messages import message
 from calib_core.records import Cell, Finding, VarianceComponents
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.merge.doubts import merge_doubts
@@ -401,7 +402,9 @@ def _rows(given: StageInput, plan: MergePlan, solution: MergeSolution) -> list[M
 def _row(name: str, solution: MergeSolution) -> MergeResidual:
     if name in solution.failed:
         error = solution.failed[name]
-        return MergeResidual(capture=name, used=False, reason=f"need {error.need}, got {error.got}")
+        return MergeResidual(
+            capture=name, used=False, reason=message("need {need}, got {got}", need=error.need, got=error.got)
+        )
     number = solution.used.index(name)
     pairs, mean, rms, expected = solution.overlap.per_scan[number].tolist()
     counts = solution.counts[name]

@@ -8,13 +8,14 @@ import numpy as np
 from calib_core.captures.poses import base_from_tool0_by_capture
 from calib_core.errors import CalibrationError, MotionError
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.records import GuideNow, Matrix4, Record, Session
 from calib_core.records.base import Finite
 from calib_core.stages.guide import GuideView
 from calib_core.stages.recheck.solve import ENOUGH, is_repeated
 from calib_core.stages.tcp.guide import review
 
-_EXIT = f"{ENOUGH} poses of the calibration were captured again."
+_EXIT = message("{enough} poses of the calibration were captured again.", enough=ENOUGH)
 
 
 class RepeatedPose(Record):
@@ -90,7 +91,7 @@ def guide(view: GuideView) -> GuideNow | None:
             why="The robot repeats a pose well: what is seen differently now has changed since.",
             exit=_EXIT,
             drawing="tcp-turn",
-            progress=f"{seen} of {ENOUGH} captures",
+            progress=message("{seen} of {enough} captures", seen=seen, enough=ENOUGH),
             still_needed=ENOUGH - seen,
             **_next_pose(view),
         )
@@ -114,7 +115,7 @@ def _next_pose(view: GuideView) -> dict[str, Any]:
     left = next((pose for pose in plan.poses if pose.captured is None), None)
     if left is None:
         return {}
-    note = f"the pose of {left.capture}"
+    note = message("the pose of {capture}", capture=left.capture)
     return {"suggested_pose": left.base_from_tool0, "suggested_pose_numbers": left.pose, "suggested_note": note}
 
 

@@ -4,6 +4,7 @@ from typing import Final
 
 from calib_core.evidence.numbers import fixed, plus_minus, quantity
 from calib_core.exports.workpiece import turned_deg
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
 from calib_core.stages.chain.record import ChainResult
@@ -86,7 +87,7 @@ def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
 
 def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:
     """Return what was found of sphere and scanner together with the tool."""
-    found = getattr(result, "scanner", None)
+    found = result.errors_of_scanner
     if found is None:
         return []
     rows: list[Row] = []
@@ -96,7 +97,7 @@ def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:
         rows.append(Row(cells=[label, quantity(factor * value, unit, factor * sigma)]))
     columns = [Column(label="Error", align="left"), Column(label="Found")]
     done = "taken out of the points" if found.applied else "in the uncertainty, not taken out of the points"
-    caption = f"Each with its prior; errors of scale, shear and bow are {done}."
+    caption = message("Each with its prior; errors of scale, shear and bow are {done}.", done=done)
     return [
         Table(id="scanner", title="Sphere and scanner", detail=True, caption=caption, columns=columns, rows=rows)
     ]
@@ -107,7 +108,12 @@ def sphere_figures(result: TcpResult | ChainResult) -> list[AnyBlock]:
     names = ("x", "y", "z")
     values = zip(names, result.sphere_center_mm, strict=True)
     where = "in base" if result.sphere_center_in_base_mm is not None else "on the flange"
-    figures = [Figure(detail=True, label=f"Centre {n}, {where}", quantity=fixed(v, 3, "mm")) for n, v in values]
+    figures = [
+        Figure(
+            detail=True, label=message("Centre {axis}, {where}", axis=n, where=where), quantity=fixed(v, 3, "mm")
+        )
+        for n, v in values
+    ]
     return [figures[0].model_copy(update={"title": "Sphere"}), *figures[1:]]
 
 

@@ -5,18 +5,18 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.cell.carriers import ball_carrier
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.cell.found import carriers_found
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
-from calib_core.evidence.words import listed
-from calib_core.findings import has_code
+from calib_core.findings import has_code, message_of_finding, sentence_of, to_do_of
 from calib_core.findings.codes.tcp import LAG_NOT_CHECKED
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
 from calib_core.guidance.sphere_guess import SeenCenter, probable_place
+from calib_core.messages import Names, message, plural, sentences
 from calib_core.poses.numbers import parse_pose, to_pose
-from calib_core.records import Capture, Cell, GuideNow, Measured
+from calib_core.records import Capture, Cell, Finding, GuideNow, Measured
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.motion import (
     GOOD_TURNS,
@@ -35,12 +35,21 @@ ASK_FOR_REPEAT = (
     "Nothing shows a lag that is always in one direction yet: drive to an earlier pose again from the other side, "
     "let the arm come to rest, and capture the sphere once more."
 )
+_OF_BALL = {"tcp-first": "ball-first", "tcp-shift": "ball-shift", "tcp-turn": "ball-turn"}
+"""Drawings of a ball that the flange carries."""
 _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
 _MANY = 12  # so many captures of different orientations do without pure translations
 
 
 def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the TCP step, None where the tool is given with the cell."""
+    now = _guide(view)
+    if now is None or not ball_on_flange(view.session.cell) or now.drawing not in _OF_BALL:
+        return now
+    return now.model_copy(update={"drawing": _OF_BALL[now.drawing]})
+
+
+def _guide(view: GuideView) -> GuideNow | None:
     if view.statuses["tcp"] == "known":
         return None
     session, measured = view.session, view.measured
@@ -79,7 +88,9 @@ def _reviewed(cell: Cell, now: GuideNow, advice: Advice | None) -> GuideNow:
         return now
     meter = advice.meter
     if meter.wanted_mm is not None and meter.enough and now.action == "review":
-        return now.model_copy(update={"meter": meter, "progress": f"enough: {advice.words()}"})
+        return now.model_copy(
+            update={"meter": meter, "progress": message("enough: {advice}", advice=advice.words())}
+        )
     more = meter.wanted_mm is not None and not meter.enough and now.action == "review" and meter.still_needed != 0
     if advice.next is None or not (more or now.action == "capture"):
         return now.model_copy(update={"meter": meter})
@@ -94,40 +105,49 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
     meter, pose = advice.meter, advice.next
     if meter.enough or pose is None:
         progress = (
-            f"enough: {advice.words()}"
+            message("enough: {advice}", advice=advice.words())
             if meter.enough
-            else f"no pose is left that the limits allow: {advice.words()}"
+            else message("no pose is left that the limits allow: {advice}", advice=advice.words())
         )
         solve = _solve(GOOD_TURNS, again=again)
-        why = f"At the workpiece {advice.words()}, by the poses and arcs so far."
+        why = message("At the workpiece {advice}, by the poses and arcs so far.", advice=advice.words())
         return solve.model_copy(update={"why": why, "progress": progress, "meter": meter})
     more = meter.still_needed
-    left = "" if more is None or meter.wanted_mm is None else f", about {more} more"
+    progress = advice.words()
+    if more is not None and meter.wanted_mm is not None:
+        progress = message("{progress}, about {count} more", progress=progress, count=more)
     note = (
         "The sphere stays in view there, as far as is known."
         if pose.sure
-        else f"The sphere may be {pose.doubt_mm:.0f} mm beside its place in the view: go there slowly, and shift "
-        "the scanner until it sees the sphere as before."
+        else message(
+            "The sphere may be {doubt_mm:.0f} mm beside its place in the view: go there slowly, and "
+            "shift the scanner until it sees the sphere as before.",
+            doubt_mm=pose.doubt_mm,
+        )
     )
     better = (
-        f"after it the workpiece is known to {amount(meter.after_next_mm)}"
+        message("after it the workpiece is known to {after_next_mm}", after_next_mm=amount(meter.after_next_mm))
         if meter.uncertainty_mm is None
-        else f"at the workpiece from {amount(meter.uncertainty_mm)} to {amount(meter.after_next_mm)}"
+        else message(
+            "at the workpiece from {uncertainty_mm} to {after_next_mm}",
+            uncertainty_mm=amount(meter.uncertainty_mm),
+            after_next_mm=amount(meter.after_next_mm),
+        )
     )
-    why = [f"No other pose tells more: {better}."]
+    why = [message("No other pose tells more: {better}.", better=better)]
     if advice.open_directions:
-        why.append(f"Still open: {_sentence(advice.open_directions[0])}")
+        why.append(message("Still open: {open_directions}", open_directions=_sentence(advice.open_directions[0])))
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="capture",
         instruction="Move the flange to the pose below and capture the sphere.",
-        why=" ".join(why),
-        exit=f"{amount(meter.wanted_mm)} at the workpiece, as wanted."
+        why=sentences(why),
+        exit=message("{wanted_mm} at the workpiece, as wanted.", wanted_mm=amount(meter.wanted_mm))
         if meter.wanted_mm is not None
         else "Nothing is left open, and another capture would change little.",
         drawing="tcp-turn",
-        progress=f"{advice.words()}{left}",
+        progress=progress,
         still_needed=more or 1,
         meter=meter,
         **suggested(cell, pose.base_from_tool0, note),
@@ -146,7 +166,7 @@ def _sphere(
     home = poses[names[motion.reference]]
     if result:
         return _solved_center(result, home), "The flange turns about the sphere: the scanner goes on seeing it."
-    if ball_carrier(cell) == "tool0":
+    if ball_on_flange(cell):
         return None, "Only the orientation is meant: move the ball until the scanner sees it as before."
     seen = {m.capture: _seen(cell, poses[m.capture], m) for m in measured if m.capture in names}
     found = [(name, one) for name, one in seen.items() if one is not None]
@@ -165,8 +185,11 @@ def _sphere(
         )
     return (
         place.center_in_base_mm,
-        "The flange turns about the place where the captures so far put the sphere, "
-        f"about ±{2 * place.scanner_sigma_mm:.0f}\u00a0mm.",
+        message(
+            "The flange turns about the place where the captures so far put the sphere, about "
+            "±{scanner_sigma_mm:.0f}\xa0mm.",
+            scanner_sigma_mm=2 * place.scanner_sigma_mm,
+        ),
     )
 
 
@@ -197,7 +220,7 @@ def _poses(cell: Cell, captures: Sequence[Capture]) -> tuple[dict[str, RigidTran
         try:
             poses[capture.id] = parse_pose(cell.pose_convention, capture.pose)
         except InputError as error:
-            return poses, (capture.id, f"Need {error.need}, got {error.got}.")
+            return poses, (capture.id, error.lack)
     return poses, None
 
 
@@ -207,8 +230,10 @@ def _mend_pose(unread: tuple[str, str]) -> GuideNow:
         step="tcp",
         stage="tcp",
         action="capture",
-        instruction=f"Give the robot's pose of {capture}.",
-        why=f"{reason} A capture says something about the TCP only together with the flange's pose.",
+        instruction=message("Give the robot's pose of {capture}.", capture=capture),
+        why=message(
+            "{reason} A capture says something about the TCP only together with the flange's pose.", reason=reason
+        ),
         exit="Every capture has a pose that can be read.",
         drawing="tcp-first",
         still_needed=1,
@@ -224,13 +249,13 @@ def _first(cell: Cell) -> GuideNow:
         step="tcp",
         stage="tcp",
         action="capture",
-        instruction=f"{seen}, and take the first capture.",
+        instruction=message("{seen}, and take the first capture.", seen=seen),
         why="The sphere stands still from now on: every capture sees the same point from another pose."
-        if ball_carrier(cell) == "base"
+        if not ball_on_flange(cell)
         else "The scanner stands still, and the ball keeps its place on the flange: each pose shows it anew.",
         exit="The sphere is found. For a stripe: r/R between 0.45 and 0.95, 70° of arc or more.",
         drawing="tcp-first",
-        progress=f"0 of {1 + WANTED_SHIFTS + WANTED_TURNS} captures",
+        progress=message("0 of {wanted_shifts} captures", wanted_shifts=1 + WANTED_SHIFTS + WANTED_TURNS),
         still_needed=1 + WANTED_SHIFTS + WANTED_TURNS,
     )
 
@@ -241,19 +266,25 @@ def _shift(cell: Cell, motion: Motion, home: RigidTransform) -> GuideNow:
     pose = next_shift(motion, home, length_mm)
     parallel = count >= LEAST_SHIFTS and not motion.shifts_differ
     direction = "in another direction: all shifts so far are parallel" if parallel else "in a new direction"
-    on_flange = ball_carrier(cell) == "tool0"
+    on_flange = ball_on_flange(cell)
     where = "in base" if on_flange else "on the flange"
-    why = f"Two shifts that are not parallel fix the scanner's rotation {where}; a third makes it sure."
+    why = message(
+        "Two shifts that are not parallel fix the scanner's rotation {place}; a third makes it sure.", place=where
+    )
     move = "Shift the ball with the flange" if on_flange else "Shift the scanner"
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="capture",
-        instruction=f"{move} 30–80 mm {direction}. Keep its orientation.",
+        instruction=message("{move} 30–80 mm {direction}. Keep its orientation.", move=move, direction=direction),
         why=why,
-        exit=f"{WANTED_SHIFTS} shifts with one orientation, not all parallel; {LEAST_SHIFTS} are the least.",
+        exit=message(
+            "{wanted_shifts} shifts with one orientation, not all parallel; {least_shifts} are the least.",
+            wanted_shifts=WANTED_SHIFTS,
+            least_shifts=LEAST_SHIFTS,
+        ),
         drawing="tcp-shift",
-        progress=f"{count} of {WANTED_SHIFTS} shifts",
+        progress=message("{count} of {wanted_shifts} shifts", count=count, wanted_shifts=WANTED_SHIFTS),
         still_needed=max(WANTED_SHIFTS - count, 1),
         **suggested(
             cell, pose, "If the sphere leaves the view here, go less far, or the same way in the other direction."
@@ -273,29 +304,39 @@ def _turn(cell: Cell, motion: Motion, home: RigidTransform, sphere: tuple[FloatA
         stage="tcp",
         action="capture",
         instruction=(
-            f"{start} the flange by about {angle_deg:.0f}°, mostly about its {axis} axis, "
-            "and bring the sphere back into view."
+            message(
+                "{start} the flange by about {angle_deg:.0f}°, mostly about its {axis} axis, and "
+                "bring the sphere back into view.",
+                start=start,
+                angle_deg=angle_deg,
+                axis=axis,
+            )
         ),
         why="Turns about different axes fix where the ball sits on the flange."
-        if ball_carrier(cell) == "tool0"
+        if ball_on_flange(cell)
         else "Turns about different axes fix where the scanner sits on the flange.",
-        exit=f"{WANTED_TURNS} orientations that differ by 5° or more, about axes that are not parallel; "
-        f"{LEAST_TURNS} are the least, {GOOD_TURNS} are good.",
+        exit=message(
+            "{wanted_turns} orientations that differ by 5° or more, about axes that are not "
+            "parallel; {least_turns} are the least, {good_turns} are good.",
+            wanted_turns=WANTED_TURNS,
+            least_turns=LEAST_TURNS,
+            good_turns=GOOD_TURNS,
+        ),
         drawing="tcp-turn",
-        progress=f"{count} of {WANTED_TURNS} turns",
+        progress=message("{count} of {wanted_turns} turns", count=count, wanted_turns=WANTED_TURNS),
         still_needed=max(WANTED_TURNS - count, 1),
         **suggested(cell, pose, note),
     )
 
 
 def _solve(turns: int, *, again: bool) -> GuideNow:
-    more = f" {GOOD_TURNS - turns} more turns would narrow the answer." if turns < GOOD_TURNS else ""
+    more = message("{count} more turns would narrow the answer.", count=GOOD_TURNS - turns)
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="solve",
         instruction="Solve again: the captures have changed." if again else "Solve the TCP.",
-        why="The shifts and turns determine all of it." + more,
+        why=sentences(["The shifts and turns determine all of it.", more if turns < GOOD_TURNS else ""]),
         exit="Every capture fits the sphere within its noise, and no direction is left open.",
         drawing="tcp-solve",
         progress="enough captures",
@@ -326,24 +367,32 @@ def review(
     """
     rejected = [r["capture"] for r in result.get("residuals", []) if not r.get("used", True)]
     undetermined = [u["description"] for u in result.get("undetermined", [])]
-    doubts = [*undetermined, *result.get("warnings", [])]
+    shown = [Finding.model_validate(one) for one in result.get("findings") or []]
+    told = [_said(one) for one in shown if one.severity != "note" and one.behind is None]
+    doubts = [*undetermined, *(told or result.get("warnings", []))]
     action, progress = "review", "solved"
     if undetermined:
-        instruction = f"Take another capture. Still open: {_sentence(undetermined[0])}"
+        instruction = message(
+            "Take another capture. Still open: {undetermined}", undetermined=_sentence(undetermined[0])
+        )
         why = "Without it the answer is not determined in this direction."
-        action, progress = "capture", f"{len(undetermined)} still open"
+        action, progress = "capture", message("{count} still open", count=len(undetermined))
     elif result.get("verdict") == "fail":
         instruction = "Do not use this result yet: fix what is named below, then solve again."
         why = _sentence(doubts[0]) if doubts else "It does not explain the captures within their noise."
     elif rejected:
-        were = "was" if len(rejected) == 1 else "were"
-        instruction = f"Look at the result, and at why {listed(rejected)} {were} left out."
+        instruction = plural(
+            "Look at the result, and at why {rejected} was left out.",
+            "Look at the result, and at why {rejected} were left out.",
+            by="rejected",
+            rejected=Names(rejected),
+        )
         why = "A capture that contradicts all others was spoiled: the sphere moved, or the pose is not its own."
     else:
         instruction = look
         why = _sentence(doubts[0]) if doubts else "An answer is as good as its evidence."
         if has_code(result, LAG_NOT_CHECKED):
-            why += " " + ASK_FOR_REPEAT
+            why = sentences([why, ASK_FOR_REPEAT])
     return GuideNow(
         step=step,
         stage=stage or step,
@@ -367,5 +416,13 @@ def suggested(cell: Cell, pose: RigidTransform, note: str) -> dict[str, Any]:
     }
 
 
+def _said(finding: Finding) -> str:
+    """Return what a stored finding says and what to do, in any language where its code is known."""
+    try:
+        return sentences([message_of_finding(finding), to_do_of(finding)])
+    except (KeyError, ValueError):  # another version's code, or its values
+        return sentence_of(finding)
+
+
 def _sentence(text: str) -> str:
-    return text if text.endswith((".", "!", "?")) else text + "."
+    return text if text.endswith((".", "!", "?")) else message("{text}.", text=text)

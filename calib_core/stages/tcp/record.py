@@ -17,6 +17,7 @@ from calib_core.records.results import (
     Undetermined,
     VarianceComponents,
 )
+from calib_core.records.topology import TopologyFields
 
 
 class TcpResidual(CaptureResidual):
@@ -92,11 +93,12 @@ class TwoStep(Record):
     reason: str | None = None
 
 
-class ToolResult(Result):
+class ToolResult(Result, TopologyFields):
     """What tells of the scanner's pose on what carries it, solved alone or together with the table.
 
     A scanner on the flange has tool0_from_laser, and its sphere stands in base; one that stands still has
-    base_from_laser, and its sphere is on the flange.
+    base_from_laser, and its sphere is on the flange.  Where the cell names its scanners, the pose is that of the
+    first that was solved, `scanner` its name, and `scanner_errors` has what was found of each; `frames` has all.
     """
 
     tool0_from_laser: Matrix4 | None = None
@@ -111,7 +113,8 @@ class ToolResult(Result):
     undetermined: list[Undetermined] = Field(default_factory=list)
     two_step: TwoStep
     variance_components: VarianceComponents
-    scanner: ScannerFound | None = None
+    scanner: ScannerFound | str | None = None
+    scanner_errors: dict[str, ScannerFound] | None = None
     optics: list[OpticsShift] = Field(default_factory=list[OpticsShift])
     workpiece: AtPoint | None = None
     arm_errors: ArmErrorsFound | None = None
@@ -126,6 +129,13 @@ class ToolResult(Result):
     def sphere_center_mm(self) -> list[float]:
         """The sphere's centre in what carries it."""
         return self.sphere_center_in_base_mm or self.sphere_center_in_tool0_mm or []
+
+    @property
+    def errors_of_scanner(self) -> ScannerFound | None:
+        """What was found of the one scanner, or of the first."""
+        if isinstance(self.scanner, str):
+            return (self.scanner_errors or {}).get(self.scanner)
+        return self.scanner
 
 
 class TcpResult(ToolResult):

@@ -1,6 +1,7 @@
 """The TCP's solution as the record that is stored, sent and archived."""
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ from calib_core.chain.moved import OpticsError
 from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp import TcpSolution
 from calib_core.findings import Finding, judgement, reasons_of
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.records import Capture, Undetermined, VarianceComponents
-from calib_core.records.results import ArmErrorsFound, AtPoint, LeftInFiles, OpticsShift, ScannerFound
+from calib_core.records.results import ArmErrorsFound, AtPoint, FoundFrame, LeftInFiles, OpticsShift, ScannerFound
+from calib_core.stages.axes_found import axes_found
 from calib_core.stages.tcp.record import TcpResidual, TcpResult, TwoStep
 from calib_core.stages.tcp.verdict import tcp_findings
 from calib_core.stages.tcp.warm_up import drift_findings, session_drift
@@ -49,7 +51,9 @@ def tcp_result(
         ],
         two_step=_two_step(solution),
         variance_components=_variance_components(solution),
-        scanner=scanner_found(solution),
+        **scanners_found(solution),
+        frames=mounts_found(solution.held),
+        axes=axes_found(solution.held.state, solution.held.covariance),
         optics=[_optics_shift(solution, error) for error in solution.optics],
         workpiece=AtPoint(
             point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_point.tolist()
@@ -81,14 +85,55 @@ def _confidence(covariance: FloatArray) -> dict[str, float]:
     return {name: float(value) for name, value in zip(_NAMES, half, strict=True)}
 
 
-def scanner_found(solution: TcpSolution) -> ScannerFound:
-    """Return what was found of sphere and scanner with the tool."""
+def scanners_found(solution: TcpSolution) -> dict[str, Any]:
+    """Return what was found of sphere and scanner, or of each of several by its name."""
+    mounts = solution.held.state.walk.layout.mounts
+    if len(mounts) == 1 and not mounts[0][0]:
+        return {"scanner": scanner_found(solution)}
+    each = {name: scanner_found(solution, n) for n, (name, _) in enumerate(mounts)}
+    return {"scanner": mounts[0][0], "scanner_errors": each}
+
+
+def mounts_found(held: Held) -> list[FoundFrame]:
+    """Return where scanners are on what carries them, and of several on one thing where they are to each other."""
+    layout, state, found = held.state.walk.layout, held.state, list[FoundFrame]()
+    if len(layout.mounts) == 1:
+        return found
+    for n, (name, carrier) in enumerate(layout.mounts):
+        own = held.covariance[layout.mount(n), layout.mount(n)]
+        rows = state.mount(n).to_rows()
+        found.append(FoundFrame(into=carrier, outof="laser", scanner=name, matrix=rows, covariance=own.tolist()))
+    for one, other in combinations(range(len(layout.mounts)), 2):
+        if layout.mounts[one][1] == layout.mounts[other][1]:
+            found.append(_between(held, one, other))
+    return found
+
+
+def _between(held: Held, one: int, other: int) -> FoundFrame:
+    """Return a scanner's pose in another's frame, with what both share of their errors."""
+    layout, state = held.state.walk.layout, held.state
+    apart = state.mount(one).inverse() @ state.mount(other)
+    back = apart.rotation.T
+    # x = X₁⁻¹ X₂: an error of X₂ on its right stays, that of X₁ is seen from there.
+    by_one, by_other = np.zeros((6, 6)), np.eye(6)
+    by_one[:3, :3], by_one[3:, :3] = -back, skew(apart.translation_mm)
+    by_one[3:, 3:] = -state.mount(one).rotation.T
+    by_other[3:, 3:] = state.mount(one).rotation.T
+    rows = np.zeros((6, len(held.covariance)))
+    rows[:, layout.mount(one)], rows[:, layout.mount(other)] = by_one, by_other
+    names = [f"laser:{layout.mounts[n][0]}" for n in (one, other)]
+    covariance = rows @ held.covariance @ rows.T
+    return FoundFrame(into=names[0], outof=names[1], matrix=apart.to_rows(), covariance=covariance.tolist())
+
+
+def scanner_found(solution: TcpSolution, which: int = 0) -> ScannerFound:
+    """Return what was found of a sphere and a scanner with its mount."""
     held = solution.held
-    some = held.tool_and_scanner
+    some, active = held.columns_of(which), held.active[held.nuisances_of(which)]
     covariance = held.covariance[some][:, some]
     return ScannerFound(
-        names=[NAMES[k] for k in held.active],
-        values=held.found.scanner[held.active].tolist(),
+        names=[NAMES[held.data.kinds[k]] for k in active],
+        values=held.found.scanner[active].tolist(),
         sigmas=np.sqrt(np.diag(covariance)[6:]).tolist(),
         covariance=covariance[6:, 6:].tolist(),
         covariance_with_tool=covariance[:6, 6:].tolist(),
@@ -96,14 +141,14 @@ def scanner_found(solution: TcpSolution) -> ScannerFound:
         sphere_diameter_sigma_mm=solution.sphere.sigma_mm,
         half_width_mm=held.half_width_mm,
         facing=held.facing,
-        left_in_files=_left_in_files(held),
+        left_in_files=_left_in_files(held, which),
     )
 
 
-def _left_in_files(held: Held) -> LeftInFiles | None:
+def _left_in_files(held: Held, which: int) -> LeftInFiles | None:
     if held.left is None:
         return None
-    some = held.left[held.tool_and_scanner]
+    some = held.left[held.columns_of(which)]
     return LeftInFiles(tool=some[:6].tolist(), scanner=some[6:].tolist())
 
 

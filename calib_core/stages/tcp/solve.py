@@ -1,20 +1,21 @@
 """The tcp stage: every capture of the sphere observed, the joint solve, one row of residuals a capture."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TypeVar
 
 from calib_core.captures.content import sphere_of
-from calib_core.captures.contradictions import EXCLUDED, first_reasons, unfit
+from calib_core.captures.contradictions import EXCLUDED, first_reasons, not_measured, unfit
 from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
+from calib_core.cell.axes import moved_axes, reading_sigmas
 from calib_core.chain.observations import SphereObservation
-from calib_core.errors import CalibrationError, MeasurementError, MotionError
+from calib_core.errors import MeasurementError, MotionError
 from calib_core.findings import Finding, reasons_of, sentence_of, verdict_of
-from calib_core.findings.codes.captures import CAPTURE_DUPLICATE, CAPTURE_NOT_MEASURED
+from calib_core.findings.codes.captures import CAPTURE_DUPLICATE
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, SolvedTcp, StageInput
-from calib_core.messages import Value
+from calib_core.messages import Value, message
 from calib_core.records import Capture
 from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.stages.chain.record import ChainResult
@@ -126,6 +127,8 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         orientation_sigma_rad=cell.robot.orientation_sigma_rad,
         point_sigma_mm=cell.scanner.point_sigma_mm,
         apply_scanner=cell.scanner.errors == "apply",
+        axes=moved_axes(cell),
+        axis_sigmas=reading_sigmas(cell),
         taken_at_s=tuple((c.id, c.device_time_s) for c in given.captures if c.device_time_s is not None),
     )
     try:
@@ -150,21 +153,6 @@ def observe_stage(given: StageInput) -> Observed:
     return Observed(observations, failed, first_reasons([*unused, *not_measured(failed)]))
 
 
-def not_measured(failed: Mapping[str, CalibrationError]) -> list[Finding]:
-    """Return captures that do not show what is measured, one finding a need."""
-    groups: dict[tuple[str, str], dict[str, dict[str, Value]]] = {}
-    for name, error in failed.items():
-        cause = getattr(error.need, "template", error.need), getattr(error.got, "template", _kind_of(error.got))
-        values: dict[str, Value] = {"need": error.need, "got": error.got, "to_do": error.to_do}
-        groups.setdefault(cause, {})[name] = values
-    return [CAPTURE_NOT_MEASURED(list(each), each=each, first=next(iter(each))) for each in groups.values()]
-
-
-def _kind_of(text: str) -> str:
-    """Return a text without its numbers, by which captures of one cause differ."""
-    return "".join(letter for letter in text if letter not in "-−+±0123456789.,")
-
-
 def observe_all(
     given: StageInput, captures: Sequence[Capture]
 ) -> tuple[list[SphereObservation], dict[str, MeasurementError]]:
@@ -179,7 +167,10 @@ def observe_all(
     failed: dict[str, MeasurementError] = {}
     seen = 0
     for number, capture in enumerate(captures):
-        given.progress(_MEASURING_SHARE * number / len(captures), f"Finding the sphere in {capture.id}")
+        given.progress(
+            _MEASURING_SHARE * number / len(captures),
+            message("Finding the sphere in {capture}", capture=capture.id),
+        )
         try:
             observations += _observe(given, capture)
             seen += 1
@@ -187,7 +178,12 @@ def observe_all(
             failed[capture.id] = error
     if len(failed) > seen:
         first = next(iter(failed.values()))
-        got = f"{first.got} ({len(failed)} of {len(captures)} captures do not show the sphere)"
+        got = message(
+            "{found} ({count} of {count_other} captures do not show the sphere)",
+            found=first.got,
+            count=len(failed),
+            count_other=len(captures),
+        )
         raise MeasurementError(first.need, got, first.to_do, first.where)
     return observations, failed
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
 from calib_core.stages.chain.record import ChainResult
@@ -83,7 +84,9 @@ def axis_figures(result: TableLike) -> list[AnyBlock]:
     return [
         Figure(title="Axis", label="Direction in base", text=direction),
         Figure(label="A point on it, in base", text=f"({point})\u202fmm"),
-        Figure(label="Angles count", text="right-handed" if result.direction == 1 else "left-handed"),
+        Figure(
+            label="Angles count", text=message("right-handed") if result.direction == 1 else message("left-handed")
+        ),
         Figure(
             label="Scale of the angles off by",
             quantity=quantity(1e6 * scale.error, "ppm", 1e6 * scale.sigma),
@@ -164,9 +167,23 @@ def circles(result: TableLike) -> list[AnyBlock]:
         apart = None if radius is None else quantity(circle.radius_mm - radius, "mm")
         beside = None if radius is None else fixed(radius, 3, "mm")
         rows += [
-            Row(cells=[f"Radius, {name}", beside, fixed(circle.radius_mm, 3, "mm"), apart]),
-            Row(cells=[f"Off the circle, {name}, RMS", None, quantity(circle.circle_rms_mm, "mm"), None]),
-            Row(cells=[f"Off its plane, {name}, RMS", None, quantity(circle.plane_rms_mm, "mm"), None]),
+            Row(cells=[message("Radius, {name}", name=name), beside, fixed(circle.radius_mm, 3, "mm"), apart]),
+            Row(
+                cells=[
+                    message("Off the circle, {name}, RMS", name=name),
+                    None,
+                    quantity(circle.circle_rms_mm, "mm"),
+                    None,
+                ]
+            ),
+            Row(
+                cells=[
+                    message("Off its plane, {name}, RMS", name=name),
+                    None,
+                    quantity(circle.plane_rms_mm, "mm"),
+                    None,
+                ]
+            ),
         ]
     heads = [Column(label="Figure", align="left"), Column(label="Joint")]
     return [

@@ -10,6 +10,7 @@ from calib_core.findings import has_code
 from calib_core.findings.codes.turntable import PLAY_NOT_CHECKED
 from calib_core.guidance.advice import amount
 from calib_core.guidance.table_advice import TableAdvice, TableShot, table_advice
+from calib_core.messages import message, sentences
 from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, GuideNow, Meter, Session
 from calib_core.stages.guide import GuideView
@@ -20,9 +21,12 @@ WANTED_ANGLES, LEAST_ANGLES = 8, 3
 WANTED_MOUNTS = 2
 _DIFFERENT_DEG = 5.0  # angles nearer to each other than this count once
 _TWO_TURNS = 2 * np.pi + 0.01
-_EXIT = (
-    f"{WANTED_ANGLES} angles at each of {WANTED_MOUNTS} heights; {LEAST_ANGLES} angles are the least, "
-    "spread as far as the table turns."
+_EXIT = message(
+    "{wanted_angles} angles at each of {wanted_mounts} heights; {least_angles} angles are the least, "
+    "spread as far as the table turns.",
+    wanted_angles=WANTED_ANGLES,
+    wanted_mounts=WANTED_MOUNTS,
+    least_angles=LEAST_ANGLES,
 )
 
 
@@ -74,14 +78,16 @@ def _by_worth(cell: Cell, advice: TableAdvice, *, again: bool) -> GuideNow:
         words = "enough" if meter.enough else "no pose is left that the limits allow"
         progress = f"{words}: {_words(meter)}"
         return _solve_table(again=again).model_copy(update={"progress": progress, "meter": meter})
-    more = meter.still_needed
+    more, progress = meter.still_needed, _words(meter)
+    if more is not None:
+        progress = message("{progress}, about {count} more", progress=progress, count=more)
     return _now(
         action="capture",
         instruction=_to_do(shot),
         why=_why(shot, meter),
-        exit=f"{amount(meter.wanted_mm)} at the workpiece, as wanted.",
+        exit=message("{wanted_mm} at the workpiece, as wanted.", wanted_mm=amount(meter.wanted_mm)),
         drawing="turntable-turn" if shot.higher_mm is None else "turntable-height",
-        progress=_words(meter) + ("" if more is None else f", about {more} more"),
+        progress=progress,
         still_needed=more or 1,
         meter=meter,
         **_suggested(cell, shot),
@@ -101,7 +107,9 @@ def _reviewed(cell: Cell, now: GuideNow, advice: TableAdvice | None) -> GuideNow
     if advice is None or advice.meter.wanted_mm is None or now.action != "review":
         return now
     if advice.meter.enough:
-        return now.model_copy(update={"meter": advice.meter, "progress": f"enough: {_words(advice.meter)}"})
+        return now.model_copy(
+            update={"meter": advice.meter, "progress": message("enough: {meter}", meter=_words(advice.meter))}
+        )
     if advice.next is None or advice.meter.still_needed is None:
         return now.model_copy(update={"meter": advice.meter})
     return _by_worth(cell, advice, again=False).model_copy(update={"stage": now.stage})
@@ -110,24 +118,35 @@ def _reviewed(cell: Cell, now: GuideNow, advice: TableAdvice | None) -> GuideNow
 def _to_do(shot: TableShot) -> str:
     angle = f"{shot.table_deg:.0f}°"
     if shot.higher_mm is None:
-        return f"Turn the table to about {angle} and capture the sphere there."
+        return message("Turn the table to about {angle} and capture the sphere there.", angle=angle)
     way = "higher" if shot.higher_mm > 0 else "lower"
-    return (
-        f"Fix the sphere about {abs(shot.higher_mm):.0f} mm {way}, name that mount, turn the table to about "
-        f"{angle} and capture it."
+    return message(
+        "Fix the sphere about {higher_mm:.0f} mm {way}, name that mount, turn the table to about {angle} "
+        "and capture it.",
+        higher_mm=abs(shot.higher_mm),
+        way=way,
+        angle=angle,
     )
 
 
 def _why(shot: TableShot, meter: Meter) -> str:
-    gain = f"at the workpiece on the table from {amount(meter.uncertainty_mm)} to {amount(meter.after_next_mm)}"
+    gain = message(
+        "at the workpiece on the table from {uncertainty_mm} to {after_next_mm}",
+        uncertainty_mm=amount(meter.uncertainty_mm),
+        after_next_mm=amount(meter.after_next_mm),
+    )
     if shot.higher_mm is not None:
-        return f"Three captures there tell more than three more here: {gain}."
-    return f"No other angle tells more: {gain}."
+        return message("Three captures there tell more than three more here: {gain}.", gain=gain)
+    return message("No other angle tells more: {gain}.", gain=gain)
 
 
 def _words(meter: Meter) -> str:
     now = amount(meter.uncertainty_mm)
-    return now if meter.wanted_mm is None else f"{now}, wanted {amount(meter.wanted_mm)}"
+    return (
+        now
+        if meter.wanted_mm is None
+        else message("{now}, wanted {wanted_mm}", now=now, wanted_mm=amount(meter.wanted_mm))
+    )
 
 
 def _suggested(cell: Cell, shot: TableShot) -> dict[str, Any]:
@@ -177,10 +196,12 @@ def _fault(session: Session, captures: Sequence[Capture]) -> tuple[str, str, str
         try:
             parse_pose(session.cell.pose_convention, capture.pose)
         except InputError as error:
-            return capture.id, "robot's pose", f"Need {error.need}, got {error.got}."
+            return capture.id, "robot's pose", error.lack
     read = [abs(capture.table_deg or 0.0) for capture in captures]
     if len(captures) >= LEAST_ANGLES and 0 < max(read) <= _TWO_TURNS and any(v % 1 for v in read):
-        why = f"No angle is above {max(read):.2f}: these look like radians, and degrees are meant."
+        why = message(
+            "No angle is above {most:.2f}: these look like radians, and degrees are meant.", most=max(read)
+        )
         return captures[-1].id, "table's angle in degrees", why
     return None
 
@@ -188,7 +209,7 @@ def _fault(session: Session, captures: Sequence[Capture]) -> tuple[str, str, str
 def _mend(capture: str, missing: str, why: str) -> GuideNow:
     return _now(
         action="capture",
-        instruction=f"Give the {missing} of {capture}.",
+        instruction=message("Give the {missing} of {capture}.", missing=missing, capture=capture),
         why=why,
         exit="Every turntable capture has its angle and its pose.",
         drawing="turntable-first",
@@ -203,22 +224,28 @@ def _first() -> GuideNow:
         why="As the table turns, the sphere's centre goes round on a circle about the axis.",
         exit=_EXIT,
         drawing="turntable-first",
-        progress=f"0 of {WANTED_ANGLES} angles, first height",
+        progress=message("0 of {wanted_angles} angles, first height", wanted_angles=WANTED_ANGLES),
         still_needed=WANTED_ANGLES * WANTED_MOUNTS,
     )
 
 
 def _next_angle(mount: str, taken: Sequence[float], angles: Mapping[str, Sequence[float]]) -> GuideNow:
-    named = f" '{mount}'" if mount else ""
     heights = max(WANTED_MOUNTS - len(angles), 0)
     return _now(
         action="capture",
-        instruction=f"Turn the table to about {_suggested_deg(taken):.0f}° and capture the sphere there.",
+        instruction=message(
+            "Turn the table to about {taken:.0f}° and capture the sphere there.", taken=_suggested_deg(taken)
+        ),
         why="Angles all around fix the circle and show the table's wobble. "
         "Where the table or the view ends earlier, spread the angles over what there is.",
         exit=_EXIT,
         drawing="turntable-turn",
-        progress=f"{len(taken)} of {WANTED_ANGLES} angles at height{named or f' {len(angles)}'}",
+        progress=message(
+            "{count} of {wanted_angles} angles at height {height}",
+            count=len(taken),
+            wanted_angles=WANTED_ANGLES,
+            height=f"'{mount}'" if mount else len(angles),
+        ),
         still_needed=WANTED_ANGLES - len(taken) + heights * WANTED_ANGLES,
     )
 
@@ -245,7 +272,14 @@ def _next_height(mount: str, angles: Mapping[str, Sequence[float]]) -> GuideNow:
         "Heights 100 mm or more apart are good.",
         exit=_EXIT,
         drawing="turntable-height",
-        progress=f"{len(angles)} of {WANTED_MOUNTS} heights" + (f", '{mount}' done" if mount else ""),
+        progress=message(
+            "{count} of {wanted_mounts} heights, '{mount}' done"
+            if mount
+            else "{count} of {wanted_mounts} heights",
+            count=len(angles),
+            wanted_mounts=WANTED_MOUNTS,
+            mount=mount,
+        ),
         still_needed=WANTED_ANGLES,
     )
 
@@ -267,7 +301,7 @@ def _solve_chain(*, again: bool) -> GuideNow:
     return _now(
         stage="chain",
         action="solve",
-        instruction=f"{start}: tool and table from all captures together.",
+        instruction=message("{start}: tool and table from all captures together.", start=start),
         why="The table's captures tell about the tool too: together both answers become better.",
         exit="Its answers agree with those of the steps within their uncertainties.",
         drawing="chain-solve",
@@ -288,7 +322,7 @@ def _review(result: Mapping[str, Any]) -> GuideNow:
         drawings=("turntable-done", "turntable-height"),
     )
     if now.action == "review" and has_code(result, PLAY_NOT_CHECKED):
-        return now.model_copy(update={"why": f"{now.why} {ASK_FOR_PLAY}"})
+        return now.model_copy(update={"why": sentences((now.why, ASK_FOR_PLAY))})
     return now
 
 

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from calib_core.records.base import Matrix4, Record, Rows, Vector3
 from calib_core.records.results import CaptureResidual, Result, Undetermined, VarianceComponents
+from calib_core.records.topology import TopologyFields
 
 
 class TurntableResidual(CaptureResidual):
@@ -85,12 +86,13 @@ class TableFields(Record):
     angle_rms_deg: float
 
 
-class TurntableResult(Result, TableFields):
-    """The turntable, with its evidence."""
+class TurntableResult(Result, TableFields, TopologyFields):
+    """The turntable, with its evidence; the scanner's pose that it rests on is on the flange or in base."""
 
     stage: Literal["turntable"] = "turntable"
     covariance: Rows
-    tool0_from_laser: Matrix4
+    tool0_from_laser: Matrix4 | None = None
+    base_from_laser: Matrix4 | None = None
     undetermined: list[Undetermined] = Field(default_factory=list)
     variance_components: VarianceComponents
     residuals: list[TurntableResidual]

@@ -12,6 +12,7 @@ from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.frames import FloatArray
 from calib_core.records import VarianceComponents
+from calib_core.stages.axes_found import axes_found
 from calib_core.stages.tcp.result import components, estimated_of_robot
 from calib_core.stages.turntable.record import (
     EncoderScaleError,
@@ -39,13 +40,20 @@ def turntable_result(
         software=software,
         inputs_sha256=inputs_sha256,
         **judgement(findings),
-        tool0_from_laser=solution.state.mount_from_laser.to_rows(),
+        **mount_fields(solution),
         covariance=solution.covariance.pose.tolist(),
         undetermined=undetermined_of_table(solution.covariance),
         variance_components=variance_components(solution),
         residuals=table_rows(observations, solution, findings),
+        axes=axes_found(solution.state, solution.unknowns_covariance, known="robot"),
         **table_fields(observations, solution),
     )
+
+
+def mount_fields(solution: TurntableSolution) -> dict[str, Any]:
+    """Return the first scanner's pose on what carries it, by its name in results."""
+    mount = solution.state.mount_from_laser
+    return {f"{mount.into}_from_laser": mount.to_rows()}
 
 
 def table_fields(observations: Sequence[TableObservation], table: TurntableSolution) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The turntable stage: the tool first, then the captures of the sphere on the table."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -8,13 +8,16 @@ import numpy as np
 
 from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import lost_rays_of
-from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.cell.axes import axis_of_mounts, moved_axes, reading_sigmas
+from calib_core.cell.carriers import scanner_mount
+from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.errors import InputError, MotionError
 from calib_core.findings import Finding, judged, verdict_of
 from calib_core.findings.codes import turntable as codes
 from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
+from calib_core.messages import Names
 from calib_core.records import Capture, Cell
 from calib_core.records.callbacks import Progress
 from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_all_rows
@@ -22,6 +25,7 @@ from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.record import TurntableResult
 
 if TYPE_CHECKING:
+    from calib_core.chain.table_start import Mounts
     from calib_core.chain.turntable import KnownTool, TurntableOptions
 
 _TCP_SHARE = 0.4
@@ -44,19 +48,16 @@ def solve(given: StageInput) -> TurntableResult:
     from calib_core.stages.turntable.result import turntable_result
 
     cell = given.session.cell
-    known = cell.known.tool0_from_laser
+    known = known_mount(cell)
     found: list[Finding] = []
     if known is not None:
-        tool, sphere = (
-            KnownTool(RigidTransform.from_rounded(known, "tool0", "laser")),
-            sphere_of(cell, given.captures),
-        )
+        tool, sphere = KnownTool(known), sphere_of(cell, given.captures)
     else:
         solved = tcp_of(given)
         tool, sphere = tool_of(solved), solved.sphere
         found = _about_tool(solved)
     table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
-    found += findings_of_table(given, table, sphere, tool.mount_from_laser)
+    found += findings_of_table(given, table, sphere, tool.mounts)
     found += beyond_told_sigma(table.solution.sigmas, table.solution.options.position_sigma_mm)
     found += [*lost_rays_of([one.sphere for one in table.observations]), *table.unused]
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256, found)
@@ -66,18 +67,25 @@ def solve(given: StageInput) -> TurntableResult:
 
 
 def findings_of_table(
-    given: StageInput, table: SolvedTable, sphere: SphereSize, tool0_from_laser: RigidTransform
+    given: StageInput, table: SolvedTable, sphere: SphereSize, mounts: "Mounts"
 ) -> list[Finding]:
     """Return what is noticed of a table, with what would explain doubts about its angles."""
     from calib_core.causes.table import table_causes
     from calib_core.stages.turntable.verdict import table_findings
 
     found = table_findings(table.solution, table.observations, given.session.cell)
-    if verdict_of(found) == "pass" or given.session.cell.turntable.angles == "unknown":
+    if verdict_of(found) == "pass" or given.session.cell.turntable.angles == "unknown" or given.session.cell.axes:
         return found
     given.progress(0.99, "Trying other angles of the table")
     captures = [capture for capture in given.captures if capture.step == "turntable"]
-    return [*table_causes(captures, table.observations, sphere, tool0_from_laser), *found]
+    return [*table_causes(captures, table.observations, sphere, mounts), *found]
+
+
+def known_mount(cell: Cell) -> RigidTransform | None:
+    """Return where the scanner is known to be on what carries it, None where it is to be found."""
+    mount = scanner_mount(cell)
+    rows = getattr(cell.known, f"{mount}_from_laser")
+    return None if rows is None else RigidTransform.from_rounded(rows, mount, "laser")
 
 
 def tcp_of(given: StageInput) -> SolvedTcp:
@@ -123,19 +131,17 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     from calib_core.chain.turntable import solve_turntable
 
     captures = [capture for capture in given.captures if not capture.excluded]
-    turning = given.session.cell.turntable
-    if turning.angles != "unknown":
+    cell = given.session.cell
+    turning = cell.turntable
+    if turning.angles != "unknown" and not cell.axes:
         _require_angles(captures)
     observed = observe_stage(replace(given, progress=part_of(progress, 0.0, 0.3)))
     by_id = {capture.id: capture for capture in captures}
-    observations = [
-        TableObservation(o, float(np.deg2rad(by_id[o.capture].table_deg or 0.0)), by_id[o.capture].mount or "")
-        for o in observed.observations
-    ]
+    carriers = axis_of_mounts(cell, captures)
+    observations = [_on_axis(o, by_id[o.capture], carriers) for o in observed.observations]
     try:
         if turning.angles == "unknown":
-            frame = tool.mount_from_laser
-            observations = with_found_angles(observations, sphere, frame, turning.direction or 1)
+            observations = with_found_angles(observations, sphere, tool.mounts, turning.direction or 1)
         solution = solve_turntable(
             observations, sphere, tool, table_options(given.session.cell), part_of(progress, 0.3, 1.0)
         )
@@ -144,15 +150,24 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     return SolvedTable(solution, observations, observed.unused)
 
 
+def _on_axis(seen: SphereObservation, capture: Capture, carriers: Mapping[str, str]) -> TableObservation:
+    """Return a capture of the sphere on the axis that carries its mounting, or on the turntable."""
+    mount = capture.mount or ""
+    if mount in carriers:
+        return TableObservation(seen, seen.readings.get(carriers[mount], 0.0), mount, carriers[mount])
+    return TableObservation(seen, float(np.deg2rad(capture.table_deg or 0.0)), mount)
+
+
 def _require_angles(captures: Sequence[Capture]) -> None:
     missing = [capture.id for capture in captures if capture.table_deg is None]
     if missing:
         raise InputError(
             "the table's angle in each turntable capture (table_deg, degrees)",
-            f"none in {', '.join(missing[:8])}{' and more' if len(missing) > 8 else ''}",
+            "none in {missing}",
             "Read it from the table's controller and add it; exclude captures whose angle is lost, or set "
             "cell.turntable.angles to 'unknown' where all are.",
             f"captures[{missing[0]}].table_deg",
+            missing=Names(missing),
         )
 
 
@@ -171,6 +186,8 @@ def table_options(cell: Cell) -> "TurntableOptions":
         direction=cell.turntable.direction,
         encoder_scale=None if encoder is None else encoder == "scale",
         angles_unknown=unknown,
+        axes=moved_axes(cell),
+        axis_sigmas=reading_sigmas(cell),
     )
 
 

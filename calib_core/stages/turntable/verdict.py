@@ -125,6 +125,8 @@ def _doubts_about_axis(table: TurntableSolution) -> list[Finding]:
         found.append(
             codes.ANGLES_NOT_READ(weakest=weakest, tilt_deg=tilt_deg, place_mm=place_mm, direction=direction)
         )
+    if not table.turns:
+        return found
     heights = table.frame.mounts_mm[:, 2]
     if np.ptp(heights) < _ONE_HEIGHT_MM:
         found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg))
@@ -142,6 +144,7 @@ def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
         found.append(codes.ENCODER_SCALE(handled=handled, error_percent=error, uncertainty_percent=uncertainty))
     if (
         table.pattern is None
+        and not table.options.axes
         and table.options.angle_sigma_rad is None
         and table.sigmas.angle_rad > _LARGE_ANGLE_RAD
     ):
@@ -161,5 +164,10 @@ def _words(direction: FloatArray) -> str:
     signed = direction * np.sign(direction[np.argmax(np.abs(direction))])
     largest = int(np.argmax(np.abs(signed)))
     if signed[largest] > np.cos(np.deg2rad(15)):
-        return f"base {'xyz'[largest]}"
-    return f"base ({signed[0]:.2f}, {signed[1]:.2f}, {signed[2]:.2f})"
+        return message("base {value}", value="xyz"[largest])
+    return message(
+        "base ({signed:.2f}, {signed_other:.2f}, {signed_2:.2f})",
+        signed=signed[0],
+        signed_other=signed[1],
+        signed_2=signed[2],
+    )

@@ -7,7 +7,7 @@ limit, or too few captures count, nothing is decided.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final, get_args
 
 import numpy as np
 
@@ -16,15 +16,16 @@ from calib_core.estimation import covariance_of
 from calib_core.findings import Code
 from calib_core.findings.codes import verify as codes
 from calib_core.frames import FloatArray, skew
+from calib_core.messages import message
 from calib_core.records.findings import Finding
 from calib_core.stages.verify.held_out import Tool, linearised
 from calib_core.stages.verify.record import Decision, VerifyCheck
 
-_ORDER: tuple[Decision, ...] = ("pass", "conditional-pass", "undecided", "conditional-fail", "fail")
+_ORDER: tuple[Decision, ...] = get_args(Decision)
+_BEYOND = _ORDER[-1]
 _SAID: dict[Decision, Code] = {
-    "conditional-pass": codes.VERIFY_CONDITIONAL_PASS,
-    "conditional-fail": codes.VERIFY_CONDITIONAL_FAIL,
-    "fail": codes.VERIFY_FAIL,
+    code.name.removeprefix("verify-"): code  # pyright: ignore[reportAssignmentType]
+    for code in (codes.VERIFY_CONDITIONAL_PASS, codes.VERIFY_CONDITIONAL_FAIL, codes.VERIFY_FAIL)
 }
 LEAST_DECIDING = 4
 """Fewer captures leave nothing over from which to tell how far they scatter about the tool's stated error."""
@@ -50,25 +51,45 @@ def decided(value_mm: float, uncertainty_mm: float, limit_mm: float) -> Decision
         return "pass"
     if value <= limit_mm:
         return "conditional-pass"
-    return "conditional-fail" if value <= limit_mm + uncertainty_mm else "fail"
+    return "conditional-fail" if value <= limit_mm + uncertainty_mm else _BEYOND
 
 
-def checked(
-    name: str, title: str, estimate: Estimate, limit_mm: float | None, count: int = LEAST_DECIDING
-) -> VerifyCheck:
+TITLES: Final = {
+    "tool": message("Tool's error at the sphere"),
+    "form": message("Probing form"),
+    "form_95": message("Probing form, 95 %"),
+    "size": message("Probing size"),
+    "spacing": message("Sphere spacing"),
+    "flatness": message("Flatness"),
+    "flatness_95": message("Flatness, 95 %"),
+}
+"""The figures of a verification by their names."""
+
+
+def checked(name: str, estimate: Estimate, limit_mm: float | None, count: int = LEAST_DECIDING) -> VerifyCheck:
     """Return a figure of `count` captures held against its limit, None where none was set."""
     decision: Decision | None = None
-    reason = ""
+    title, reason = TITLES[name], ""
     if limit_mm is not None:
         enough = count >= LEAST_DECIDING
         decision = decided(estimate.value_mm, estimate.uncertainty_mm, limit_mm) if enough else "undecided"
-        reason = f"{title}: {estimate.value_mm:.3f} ± {estimate.uncertainty_mm:.3f} mm, limit {limit_mm:g} mm"
-        if decision not in ("pass", "fail") and not (enough and estimate.uncertainty_mm <= _QUARTER * limit_mm):
-            reason += "; its uncertainty is more than a quarter of the limit: take more captures, turned further"
-        reason += "."
+        reason = message(
+            "{title}: {value_mm:.3f} ± {uncertainty_mm:.3f} mm, limit {limit_mm:g} mm",
+            title=title,
+            value_mm=estimate.value_mm,
+            uncertainty_mm=estimate.uncertainty_mm,
+            limit_mm=limit_mm,
+        )
+        if decision not in ("pass", _BEYOND) and not (enough and estimate.uncertainty_mm <= _QUARTER * limit_mm):
+            reason = message(
+                "{told}; its uncertainty is more than a quarter of the limit: take more captures, turned further.",
+                told=reason,
+            )
+        else:
+            reason = message("{told}.", told=reason)
     return VerifyCheck(
         name=name,
-        title=title,
+        title=str(title),
         value_mm=estimate.value_mm,
         uncertainty_mm=estimate.uncertainty_mm,
         limit_mm=limit_mm,
@@ -92,7 +113,7 @@ def decision_findings(checks: Sequence[VerifyCheck], count: int) -> list[Finding
         if check.decision is None or check.decision == "pass":
             continue
         figures: dict[str, Any] = {
-            "title": check.title,
+            "title": TITLES[check.name],
             "value_mm": check.value_mm,
             "uncertainty_mm": check.uncertainty_mm,
             "limit_mm": check.limit_mm or 0.0,

@@ -3,6 +3,7 @@
 from typing import Final
 
 from calib_core.evidence.numbers import fixed, quantity
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Figure, Quantity, Row, Table
 from calib_core.stages.evidence_parts import captures_used, left_out, provenance, residual_plot, residual_table
@@ -97,7 +98,7 @@ def _checks(result: VerifyResult) -> list[AnyBlock]:
 def _chance(result: VerifyResult) -> list[AnyBlock]:
     if result.chi_squared is None or result.chance is None:
         return []
-    remark = f"{result.degrees_of_freedom} degrees of freedom"
+    remark = message("{degrees_of_freedom} degrees of freedom", degrees_of_freedom=result.degrees_of_freedom)
     return [
         Figure(label="χ² of the scatter", quantity=quantity(result.chi_squared), remark=remark),
         Figure(label="A right answer shows as much in", quantity=fixed(100 * result.chance, 1, "%")),

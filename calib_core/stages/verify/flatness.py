@@ -8,8 +8,10 @@ import numpy as np
 from calib_core.captures.contradictions import EXCLUDED, unfit
 from calib_core.captures.scans import Placement, ScanGroup, read_scan
 from calib_core.errors import MeasurementError
-from calib_core.findings import reasons_of
+from calib_core.findings import Finding, reasons_of
+from calib_core.findings.codes.verify import PLATE_NOT_TURNED, POINTS_BESIDE_PLATE
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import message
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.stages.verify.decision import Estimate, jackknifed, range_and_band
@@ -49,22 +51,14 @@ class Plate:
     turned_deg: float = 0.0
 
     @property
-    def doubts(self) -> list[str]:
-        """What is to be doubted about the figures, in sentences."""
-        found: list[str] = []
+    def findings(self) -> list[Finding]:
+        """What is to be doubted about the figures, and what else is worth knowing."""
+        found: list[Finding] = []
         if self.form is not None and self.turned_deg < _LEAST_TURN_DEG:
-            found.append(
-                f"All captures of the plate are within {self.turned_deg:.0f}° of one orientation, so the tool's "
-                "error hardly shows in its flatness: turn the flange between them, about the plate's normal too."
-            )
+            found.append(PLATE_NOT_TURNED(turned_deg=self.turned_deg))
+        if self.left_out:
+            found.append(POINTS_BESIDE_PLATE(count=self.left_out))
         return found
-
-    @property
-    def notes(self) -> list[str]:
-        """What else is worth knowing, in sentences."""
-        if not self.left_out:
-            return []
-        return [f"{self.left_out} points beside the plate's plane were left out of its flatness."]
 
 
 def plate(session: Session, captures: Sequence[Capture], read: ReadFile, tool: RigidTransform) -> Plate | None:
@@ -93,7 +87,11 @@ def plate(session: Session, captures: Sequence[Capture], read: ReadFile, tool: R
         rotations.append(turned)
     rows = [VerifyResidual(capture=c.id, used=False, reason=unused.get(c.id)) for c in captures]
     if len(points) < LEAST_CAPTURES:
-        why = f"It needs {LEAST_CAPTURES} captures of the plate that can be used; there are {len(points)}."
+        why = message(
+            "It needs {least} captures of the plate that can be used; there are {count}.",
+            least=LEAST_CAPTURES,
+            count=len(points),
+        )
         return Plate(None, None, rows, why)
     return _flatness(captures, points, unused, _most_apart_deg(rotations))
 
@@ -114,8 +112,10 @@ def _flatness(
             continue
         kept = of_plate[capture.id]
         if len(kept) < _MOST_OF_OTHERS * len(own):
-            reason = (
-                "most of its points lie off the others' plane: they are not of the plate, or its pose is wrong"
+            reason = str(
+                message(
+                    "most of its points lie off the others' plane: they are not of the plate, or its pose is wrong"
+                )
             )
             rows.append(VerifyResidual(capture=capture.id, used=False, points=len(own), reason=reason))
             del of_plate[capture.id]
@@ -123,9 +123,16 @@ def _flatness(
     told = {row.capture for row in rows}
     if len(counted) < LEAST_CAPTURES or _width_mm(np.concatenate(counted)) < _LEAST_SPREAD_MM:
         rows += [VerifyResidual(capture=name, used=False) for name in of_plate if name not in told]
-        why = f"Its captures lie within {_LEAST_SPREAD_MM:.0f} mm of one line: spread them over the plate."
+        why = message(
+            "Its captures lie within {spread_mm:.0f} mm of one line: spread them over the plate.",
+            spread_mm=_LEAST_SPREAD_MM,
+        )
         if len(counted) < LEAST_CAPTURES:
-            why = f"It needs {LEAST_CAPTURES} captures of the plate that lie in one plane; {len(counted)} do."
+            why = message(
+                "It needs {least} captures of the plate that lie in one plane; {count} do.",
+                least=LEAST_CAPTURES,
+                count=len(counted),
+            )
         return Plate(None, None, _ordered(rows, captures), why)
     form, band = flatness(counted)
     normal, middle = plane_of(np.concatenate(counted))

@@ -1,6 +1,7 @@
 """The verification's step: captures of the sphere that were not used for the answer, then how far they scatter."""
 
 from calib_core.guidance.advice import verify_pose
+from calib_core.messages import message
 from calib_core.records import GuideNow
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review, suggested
@@ -10,8 +11,13 @@ from calib_core.steps import tool_stages
 WANTED_CAPTURES = 10
 WANTED_OF_PLATE = 8
 _NOTE = "No capture of the calibration was taken from here, and none tells more of the tool by itself."
-_PLATE_EXIT = f"{WANTED_OF_PLATE} captures of the plate, at different places and turned to all sides."
-_EXIT = f"{WANTED_CAPTURES} captures of the sphere, standing still, from all sides."
+_PLATE_EXIT = message(
+    "{wanted_of_plate} captures of the plate, at different places and turned to all sides.",
+    wanted_of_plate=WANTED_OF_PLATE,
+)
+_EXIT = message(
+    "{wanted_captures} captures of the sphere, standing still, from all sides.", wanted_captures=WANTED_CAPTURES
+)
 
 
 def guide(view: GuideView) -> GuideNow | None:
@@ -57,7 +63,7 @@ def guide(view: GuideView) -> GuideNow | None:
         else "Captures that the answer has never seen show how good it is.",
         exit=_EXIT,
         drawing="tcp-first",
-        progress=f"{seen} of {WANTED_CAPTURES} captures",
+        progress=message("{seen} of {wanted_captures} captures", seen=seen, wanted_captures=WANTED_CAPTURES),
         still_needed=WANTED_CAPTURES - seen,
         **told,
     )
@@ -72,7 +78,9 @@ def _plate(seen: int) -> GuideNow:
         why="A limit is set for the flatness: seen from several sides a plate is flat only with a right tool.",
         exit=_PLATE_EXIT,
         drawing="scan-first",
-        progress=f"{seen} of {WANTED_OF_PLATE} captures of the plate",
+        progress=message(
+            "{seen} of {wanted_of_plate} captures of the plate", seen=seen, wanted_of_plate=WANTED_OF_PLATE
+        ),
         still_needed=WANTED_OF_PLATE - seen,
     )
 

@@ -5,23 +5,25 @@ limits are told wrongly too, but kept with the session and said wherever the dec
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from calib_core.evidence.numbers import fixed
+from calib_core.findings import Code, Finding
+from calib_core.findings.codes.verify import LIMIT_CHANGED, LIMIT_EASED
+from calib_core.messages import message
 from calib_core.records import LimitChange, Verification
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
 
 _NAMES: Final = {
-    "tool_mm": "limit of the tool's error at the sphere",
-    "form_mm": "limit of the probing form",
-    "form_95_mm": "limit of the probing form of 95 %",
-    "size_mm": "limit of the probing size",
-    "spacing_mm": "limit of the sphere spacing",
-    "flatness_mm": "limit of the flatness",
-    "flatness_95_mm": "limit of the flatness of 95 %",
-    "ball_bar_mm": "ball bar's calibrated length",
-    "ball_bar_sigma_mm": "uncertainty of the ball bar's length",
+    "tool_mm": message("limit of the tool's error at the sphere"),
+    "form_mm": message("limit of the probing form"),
+    "form_95_mm": message("limit of the probing form of 95 %"),
+    "size_mm": message("limit of the probing size"),
+    "spacing_mm": message("limit of the sphere spacing"),
+    "flatness_mm": message("limit of the flatness"),
+    "flatness_95_mm": message("limit of the flatness of 95 %"),
+    "ball_bar_mm": message("ball bar's calibrated length"),
+    "ball_bar_sigma_mm": message("uncertainty of the ball bar's length"),
 }
 _REFERENCES: Final = ("ball_bar_mm", "ball_bar_sigma_mm")
 LIMITS: Final = tuple(name for name in _NAMES if name not in _REFERENCES)
@@ -42,29 +44,12 @@ def changes_between(
     ]
 
 
-@dataclass(frozen=True)
-class LateLimits:
-    """What is said of limits that were changed late.
-
-    `doubts` are of limits that let more pass now than before the first capture, or that were not there then;
-    `notes` of the others.
-    """
-
-    doubts: list[str]
-    notes: list[str]
-
-    @property
-    def sentences(self) -> list[str]:
-        """All of them."""
-        return [*self.doubts, *self.notes]
-
-
-def late_limits(limits: Verification) -> LateLimits:
-    """Return what is said of the changes that were kept with the limits."""
+def limit_findings(limits: Verification) -> list[Finding]:
+    """Return the changes that were kept with the limits: those that let more pass now are doubts."""
     changes = limits.changes or []
-    easier = {change.field for change in changes if _is_easier(change.field, changes)}
-    doubts = [_sentence(change) for change in changes if change.field in easier]
-    return LateLimits(doubts, [_sentence(change) for change in changes if change.field not in easier])
+    return [
+        _found(change, LIMIT_EASED if _is_easier(change.field, changes) else LIMIT_CHANGED) for change in changes
+    ]
 
 
 def changes_table(limits: Verification) -> list[AnyBlock]:
@@ -98,14 +83,11 @@ def _is_easier(field: str, changes: Sequence[LimitChange]) -> bool:
     return first is None or last is None or last > first
 
 
-def _sentence(change: LimitChange) -> str:
-    name = _name(change.field)
-    after = "1 capture" if change.captures == 1 else f"{change.captures} captures"
-    if change.before_mm is None:
-        return f"The {name} was set after {after}: {change.after_mm or 0.0:g} mm."
-    if change.after_mm is None:
-        return f"The {name} was removed after {after}: it was {change.before_mm:g} mm."
-    return f"The {name} was changed after {after}: {change.before_mm:g} → {change.after_mm:g} mm."
+def _found(change: LimitChange, code: Code) -> Finding:
+    figures = {"before_mm": change.before_mm, "after_mm": change.after_mm}
+    known: dict[str, Any] = {name: value for name, value in figures.items() if value is not None}
+    how = "set" if change.before_mm is None else "removed" if change.after_mm is None else "changed"
+    return code(how=how, what=_name(change.field), count=change.captures, **known)
 
 
 def _name(field: str) -> str:

@@ -15,25 +15,23 @@ from calib_core.findings.codes import verify as codes
 from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, StageInput
-from calib_core.records import Capture, Verdict, Verification
+from calib_core.messages import message
+from calib_core.records import Capture, Verification
 from calib_core.records.findings import Finding
 from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.agreement import disagreeing
 from calib_core.stages.verify.calibrated import that_calibrated
-from calib_core.stages.verify.decision import checked, decision_findings, overall, probing, tool_error
+from calib_core.stages.verify.decision import TITLES, checked, decision_findings, overall, probing, tool_error
 from calib_core.stages.verify.flatness import Plate, plate
 from calib_core.stages.verify.held_out import HeldOut, Tool, held_out, together
-from calib_core.stages.verify.limits import LIMITS, late_limits
-from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
+from calib_core.stages.verify.limits import LIMITS, limit_findings
+from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
 from calib_core.steps import steps_that_show
 
 _ANSWER_SHARE = 0.6
-_VERDICTS: tuple[Verdict, ...] = ("pass", "warn", "fail")
 _LEAST_PROBED = 4
-_NO_LIMIT = "No limit of the flatness is set, and a plate alone has nothing else to be judged by."
-_PLATE_ALONE = "Only a flat plate was captured: how far the tool is off at a sphere was not looked at."
 _DOUBTFUL_CHANCE = 0.01
 _FAILING_FACTOR = 3.0  # of the scatter over the expected one
 
@@ -65,22 +63,30 @@ def solve(given: StageInput) -> VerifyResult:
     count = len({o.capture for o in observed.observations})
     if count < LEAST_CAPTURES and not (same and _limited(limits)):
         raise MotionError(
-            f"{LEAST_CAPTURES} captures with step 'verify' that show the sphere, ten are good",
+            "{least_captures} captures with step 'verify' that show the sphere, ten are good",
             f"{count}",
             "Capture the sphere, standing still, from poses that were not used for the TCP.",
             "captures",
+            least_captures=LEAST_CAPTURES,
         )
     spheres = by_sphere(observed.observations, of_sphere)
     alone = [mount for mount, seen in spheres.items() if len({o.capture for o in seen}) < LEAST_CAPTURES]
     if alone and count >= LEAST_CAPTURES:
-        to_do = f"Capture sphere '{alone[0]}' again, or give its capture the right `mount`."
-        raise MotionError(f"{LEAST_CAPTURES} captures of each sphere", f"one of '{alone[0]}'", to_do, "captures")
+        to_do = message("Capture sphere '{alone}' again, or give its capture the right `mount`.", alone=alone[0])
+        raise MotionError(
+            "{least_captures} captures of each sphere",
+            "one of '{alone}'",
+            to_do,
+            "captures",
+            least_captures=LEAST_CAPTURES,
+            alone=alone[0],
+        )
     flat = plate(
         given.session, [c for c in given.captures if c.step == "plate"], given.read, tool.tool0_from_laser
     )
-    late = late_limits(limits)
+    late = limit_findings(limits)
     checks = _flatness(limits, flat)
-    findings, warnings, found = [*same], [*doubts, *(flat.doubts if flat is not None else []), *late.doubts], None
+    findings, found = [*same], None
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     if count >= LEAST_CAPTURES:
         observed = replace(observed, observations=[o for seen in spheres.values() for o in seen])
@@ -89,33 +95,22 @@ def solve(given: StageInput) -> VerifyResult:
         checks = [*_checks(given, first, sphere, tool, found), *_spacing(given, spheres, sphere, tool), *checks]
         findings += _disagreeing(first, sphere, tool, found)
     unchecked = _unchecked(limits, checks, flat)
-    warnings += unchecked
     decision = overall(checks, len(unchecked))
-    findings += decision_findings(checks, count)
-    scatter, said = _judged(found, knows_uncertainty) if found is not None else ("warn", [])
-    warnings += said if decision is None or knows_uncertainty else []
-    told = judgement(findings)
-    verdicts: list[Verdict] = [told["verdict"]]
-    if warnings:
-        verdicts.append("warn")
-    if decision is None:
-        verdicts.append(scatter)
+    findings += [*decision_findings(checks, count), *doubts, *(flat.findings if flat else []), *late, *unchecked]
+    findings += _of_scatter(found, knows_uncertainty, decision) if found is not None else []
     surfaces = np.empty(0) if found is None else found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
     return VerifyResult(
         method="centre of a still sphere over held-out captures, by their and the answer's covariance",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict=max(verdicts, key=_VERDICTS.index),
-        findings=told["findings"],
-        warnings=[*told["warnings"], *warnings],
-        notes=[*(flat.notes if flat is not None else []), *late.notes],
+        **judgement(findings),
         verified=verified,
         tool0_from_laser=tool.tool0_from_laser.to_rows(),
         surface_rms_mm=float(np.sqrt(np.mean(surfaces**2))) if len(surfaces) else None,
         **_figures(found, knows_uncertainty),
         checks=checks,
         decision=decision,
-        limits_changed=late.sentences,
+        limits_changed=[change.text for change in late],
         residuals=[
             *_rows(of_sphere, observed.observations, reasons_of(observed.unused), found, sphere.radius_mm),
             *(flat.residuals if flat is not None else []),
@@ -170,7 +165,7 @@ def _limited(limits: Verification) -> bool:
     return any(value is not None for name, value in limits.model_dump().items() if name in LIMITS)
 
 
-def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[str]) -> VerifyResult:
+def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[Finding]) -> VerifyResult:
     """Return what a flat plate says of the tool, where no sphere was captured."""
     limits = given.session.cell.verification
     captures = [capture for capture in given.captures if capture.step == "plate"]
@@ -179,21 +174,16 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[s
     if flat is None or not checks:
         to_do = "" if flat is None else flat.why_not
         raise MotionError("captures of a plate that tell its flatness", "too few of use", to_do, "captures")
-    late, unchecked = late_limits(limits), _unchecked(limits, checks, flat)
+    late, unchecked = limit_findings(limits), _unchecked(limits, checks, flat)
     decision = overall(checks, len(unchecked))
     count = sum(row.used for row in flat.residuals)
-    findings = decision_findings(checks, count)
-    told = judgement(findings)
-    verdict, reasons = ("warn", [_NO_LIMIT]) if decision is None else (told["verdict"], told["warnings"])
-    doubts = [*doubts, *unchecked, *flat.doubts, *late.doubts]
+    findings = [*decision_findings(checks, count), *doubts, *unchecked, *flat.findings, *late, codes.PLATE_ALONE()]
+    findings += [codes.PLATE_WITHOUT_LIMIT()] if decision is None else []
     return VerifyResult(
         method="flatness of a plate over held-out captures, with the answer's tool",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        verdict="warn" if doubts and verdict == "pass" else verdict,
-        findings=told["findings"],
-        warnings=[*doubts, *reasons],
-        notes=[_PLATE_ALONE, *flat.notes, *late.notes],
+        **judgement(findings),
         verified=verified,
         tool0_from_laser=tool.tool0_from_laser.to_rows(),
         sphere_center_in_base_mm=None,
@@ -206,7 +196,7 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[s
         chance=None,
         checks=checks,
         decision=decision,
-        limits_changed=late.sentences,
+        limits_changed=[change.text for change in late],
         residuals=flat.residuals,
     )
 
@@ -218,7 +208,7 @@ def _checks(
     limits = given.session.cell.verification
     error = tool_error(observations, sphere.radius_mm, found.center_in_base_mm, tool)
     count = len({o.capture for o in observations})
-    checks = [checked("tool", "Tool's error at the sphere", error, limits.tool_mm, count)]
+    checks = [checked("tool", error, limits.tool_mm, count)]
     points = [
         (o.base_from_tool0 @ tool.tool0_from_laser).apply(o.points_in_laser_mm)
         for o in observations
@@ -227,9 +217,9 @@ def _checks(
     if len(points) >= _LEAST_PROBED:
         figures = probing(points, sphere.diameter_mm, sphere.sigma_mm)
         checks += [
-            checked("form", "Probing form", figures["form"], limits.form_mm),
-            checked("form_95", "Probing form, 95 %", figures["form_95"], limits.form_95_mm),
-            checked("size", "Probing size", figures["size"], limits.size_mm),
+            checked("form", figures["form"], limits.form_mm),
+            checked("form_95", figures["form_95"], limits.form_95_mm),
+            checked("size", figures["size"], limits.size_mm),
         ]
     return checks
 
@@ -239,33 +229,27 @@ def _flatness(limits: Verification, flat: Plate | None) -> list[VerifyCheck]:
     if flat is None or flat.form is None or flat.form_95 is None:
         return []
     return [
-        checked("flatness", "Flatness", flat.form, limits.flatness_mm),
-        checked("flatness_95", "Flatness, 95 %", flat.form_95, limits.flatness_95_mm),
+        checked("flatness", flat.form, limits.flatness_mm),
+        checked("flatness_95", flat.form_95, limits.flatness_95_mm),
     ]
 
 
-def _unchecked(limits: Verification, checks: Sequence[VerifyCheck], flat: Plate | None) -> list[str]:
-    """Return the limits that were set and that these captures cannot be held to, in sentences."""
+def _unchecked(limits: Verification, checks: Sequence[VerifyCheck], flat: Plate | None) -> list[Finding]:
+    """Return the limits that were set and that these captures cannot be held to."""
     found = {check.name for check in checks}
-    probing_to_do = f"It needs points on the sphere from {_LEAST_PROBED} captures or more."
-    spacing_to_do = "It needs verification.ball_bar_mm, and captures of both spheres, told apart by their `mount`."
-    plate_to_do = flat.why_not if flat is not None else "It needs captures of a flat plate, with step 'plate'."
-    every = {
-        "tool": (
-            "tool's error at the sphere",
-            limits.tool_mm,
-            "It needs captures of the sphere, with step 'verify'.",
-        ),
-        "form": ("probing form", limits.form_mm, probing_to_do),
-        "form_95": ("probing form of 95 %", limits.form_95_mm, probing_to_do),
-        "size": ("probing size", limits.size_mm, probing_to_do),
-        "spacing": ("sphere spacing", limits.spacing_mm, spacing_to_do),
-        "flatness": ("flatness", limits.flatness_mm, plate_to_do),
-        "flatness_95": ("flatness of 95 %", limits.flatness_95_mm, plate_to_do),
-    }
+    of_plate = (
+        flat.why_not if flat is not None else message("It needs captures of a flat plate, with step 'plate'.")
+    )
+    probing = message("It needs points on the sphere from {least} captures or more.", least=_LEAST_PROBED)
+    of_bar = message(
+        "It needs verification.ball_bar_mm, and captures of both spheres, told apart by their `mount`."
+    )
+    to_do = dict.fromkeys(TITLES, probing) | {"spacing": of_bar, "flatness": of_plate, "flatness_95": of_plate}
+    to_do["tool"] = message("It needs captures of the sphere, with step 'verify'.")
+    told = {name: getattr(limits, f"{name}_mm") for name in TITLES}
     return [
-        f"The limit of the {what}, {limit_mm:g} mm, was not checked. {to_do}"
-        for name, (what, limit_mm, to_do) in every.items()
+        codes.LIMIT_NOT_CHECKED(what=TITLES[name], limit_mm=limit_mm, to_do=to_do[name])
+        for name, limit_mm in told.items()
         if limit_mm is not None and name not in found
     ]
 
@@ -278,10 +262,10 @@ def _spacing(
     if told.ball_bar_mm is None:
         return []
     error = spacing(spheres, sphere, tool, told.ball_bar_mm, told.ball_bar_sigma_mm or 0.0)
-    return [] if error is None else [checked("spacing", "Sphere spacing", error, told.spacing_mm)]
+    return [] if error is None else [checked("spacing", error, told.spacing_mm)]
 
 
-def _tool(given: StageInput) -> tuple[Tool, str, list[str]]:
+def _tool(given: StageInput) -> tuple[Tool, str, list[Finding]]:
     """Return the tool to verify, the stage whose answer it is or "known", and what is to be doubted about it."""
     cell = given.session.cell
     known = cell.known.tool0_from_laser
@@ -293,24 +277,18 @@ def _tool(given: StageInput) -> tuple[Tool, str, list[str]]:
     answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
     assert isinstance(answer, ToolResult)
     failed = answer.verdict == "fail"
-    return Tool.of(answer), stage, [f"The {stage} stage's own verdict is fail: fix that first."] if failed else []
+    return Tool.of(answer), stage, [codes.VERIFIED_ANSWER_FAILS(stage=stage)] if failed else []
 
 
-def _judged(found: HeldOut, knows_uncertainty: bool) -> tuple[Verdict, list[str]]:
-    """Return the verdict on the scatter, and why it is not better."""
+def _of_scatter(found: HeldOut, knows_uncertainty: bool, decision: Decision | None) -> list[Finding]:
+    """Return what is said of the scatter; where limits were set, these decide."""
     if not knows_uncertainty:
-        return "warn", [
-            "The tool was brought without an uncertainty: how large the scatter may be is not known. Solve the "
-            "TCP from captures of this session, or give the robot's repeatability."
-        ]
+        return [codes.TOOL_WITHOUT_UNCERTAINTY()] if decision is None else []
     if found.chance >= _DOUBTFUL_CHANCE:
-        return "pass", []
+        return []
     factor = float(np.sqrt(found.chi_squared / found.degrees_of_freedom))
-    sentence = (
-        f"The held-out captures scatter {factor:.1f} times as much as their and the answer's uncertainty allow: "
-        f"{found.scatter_rms_mm:.3f} mm, {found.expected_scatter_rms_mm:.3f} mm are expected."
-    )
-    return ("fail" if factor > _FAILING_FACTOR else "warn"), [sentence]
+    code = codes.SCATTER_FAILS if factor > _FAILING_FACTOR and decision is None else codes.SCATTER_LARGE
+    return [code(factor=factor, scatter_mm=found.scatter_rms_mm, expected_mm=found.expected_scatter_rms_mm)]
 
 
 def _rows(

@@ -11,15 +11,19 @@ from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
 from calib_core.archive.bag import Content
 from calib_core.archive.dates import ANSWER_FILE, solved_when
 from calib_core.archive.folder import folder_of, load_session, to_json_bytes
+from calib_core.archive.seals import signed_result
 from calib_core.archive.stored_results import stored_results, truth_of
 from calib_core.errors import CalibrationError, InputError
+from calib_core.findings import in_language
 from calib_core.moment import now
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.review.answer import answer_of_folder
+from calib_core.review.provenance import verify as verify_archive
 from calib_core.review.replay import Replay, StageReplay
 from calib_core.review.replay import replay as replay_session
 from server.console.command import NOT_ACCEPTED, OK
+from server.console.language import spoken
 from server.console.output import input_name, is_stream, print_result, remark, write_out
 from server.console.progress import progress_bar
 from server.console.remote import connected
@@ -35,7 +39,10 @@ def pack(options: argparse.Namespace) -> int:
     extra: dict[str, Content] = {}
     results = stored_results(folder)
     if not results:
-        results = solved_if_possible(options, session, read)
+        results = {
+            stage: signed_result(result, session)
+            for stage, result in solved_if_possible(options, session, read).items()
+        }
         extra |= {f"results/{stage}.json": to_json_bytes(result) for stage, result in results.items()}
         date = now()
     else:
@@ -65,12 +72,16 @@ def unpack(options: argparse.Namespace) -> int:
 def verify(options: argparse.Namespace) -> int:
     """Check an archive as a whole, and say what it holds."""
     if options.server is None:
-        facts = archive.verify(options.file)
+        facts = verify_archive(options.file)
     else:
         with connected(options) as api:
             facts = ArchiveFacts.model_validate(api.archives_verify_archive(_content(options.file)))
-    _print_facts(options, input_name(options.file), facts, "whole and unaltered. ")
-    return OK
+    signer = f"signed by {facts.signed_by}" if facts.sealed else "not signed by a key that is trusted here"
+    state = "NOT what was signed" if facts.sealed is False else signer
+    told = (in_language(finding, spoken(options).language) for finding in facts.findings)
+    said = "".join(f"\n  {finding.text} {finding.to_do}".rstrip() for finding in told)
+    _print_facts(options, input_name(options.file), facts, f"agrees with its own checksums; {state}. ", said)
+    return NOT_ACCEPTED if any(finding.severity == "error" for finding in facts.findings) else OK
 
 
 def replay(options: argparse.Namespace) -> int:
@@ -93,7 +104,7 @@ def _replayed_there(options: argparse.Namespace) -> Replay:
     with connected(options) as api:
         session = api.archives_import_archive(_content(options.file))["id"]
         try:
-            job = api.history_recompute(session)["id"]
+            job = api.solves_list_all(session=session, limit=1)["items"][0]["id"]  # an import begins it
             api.wait(job)
             return Replay.model_validate(api.history_get_answer(job)["replay"])
         finally:
@@ -146,8 +157,12 @@ def _scene(
         return {}
 
 
-def _print_facts(options: argparse.Namespace, where: str, facts: ArchiveFacts, state: str = "") -> None:
-    print_result(options, f"{where}: {state}{_facts(facts)}", {"path": where, **facts.model_dump(mode="json")})
+def _print_facts(
+    options: argparse.Namespace, where: str, facts: ArchiveFacts, state: str = "", said: str = ""
+) -> None:
+    print_result(
+        options, f"{where}: {state}{_facts(facts)}{said}", {"path": where, **facts.model_dump(mode="json")}
+    )
 
 
 def _facts(facts: ArchiveFacts) -> str:

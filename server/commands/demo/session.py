@@ -50,7 +50,7 @@ def keep_session(
             files = {**simulated.files, **made, "truth.json": to_json_bytes(simulated.truth)}
             save_session(folder, simulated.session, files)
             for stage, result in results.items():
-                write_result(folder, stage, result)
+                write_result(folder, stage, result, simulated.session)
             archive = Path(temporary) / "session.zip"
             pack(folder, archive)
             with archive.open("rb") as file:

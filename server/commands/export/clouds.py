@@ -12,6 +12,7 @@ from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, 
 from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_pieces
 from calib_core.graph.keys import Graph
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.stages.pipeline import solve_stage
@@ -31,7 +32,7 @@ def export_cloud(options: argparse.Namespace) -> int:
         if not file.is_file() or _is_stale(folder, session, read):
             file = _merged_anew(options, session, read, Path(fresh)) / name
         if not file.is_file():
-            to_do = "Set cell.merge.mesh to poisson or grid, and look at the merge's warnings."
+            to_do = message("Set cell.merge.mesh to poisson or grid, and look at the merge's warnings.")
             raise InputError("a mesh of the merged cloud", "none", to_do, str(options.session))
         with file.open("rb") as content:
             stored = StoredFile(content, str(file))

@@ -19,6 +19,7 @@ from calib_core.library.machines import files_of
 from calib_core.moment import now
 from calib_core.records import Record, Session
 from calib_core.records.faults import NotUsableError, allowed_faults
+from calib_core.review.provenance import replayed
 from calib_core.stages.pipeline import run as run_stages
 from calib_core.stages.pipeline import stages_to_solve
 from calib_core.steps import tool_stages
@@ -40,6 +41,9 @@ def export(options: argparse.Namespace) -> int:
         session, read = load_session(folder)
         stored = load_results(folder)
         stale = Graph.stale_of(session, read, stored)
+        if "not-replayed" not in allow:
+            with progress_bar(options) as progress:
+                stored = replayed(session, read, stored, progress)
         results: dict[str, Record | Mapping[str, Any]] = {**stored}
         if stored.keys().isdisjoint(tool_stages()):
             with progress_bar(options) as progress:

@@ -3,13 +3,14 @@
 import argparse
 import sys
 
+from calib_core.messages import message
 from server.console.command import OK, Command
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
     from server.commands.schema.records import SCHEMAS
 
-    parser.add_argument("record", metavar="RECORD", help=f"one of {', '.join(SCHEMAS)}")
+    parser.add_argument("record", metavar="RECORD", help=message("one of {schemas}", schemas=", ".join(SCHEMAS)))
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -3,11 +3,9 @@
 import { api } from "../../state/api.js";
 import { h, make, style } from "../../dom.js";
 import { registry } from "../../state/registries.js";
-import { learnTexts, t } from "../../texts.js";
+import { t } from "../../texts.js";
 import { later } from "../../components/lazy-parts.js";
 import { attempt } from "../../components/toasts.js";
-
-await learnTexts("merged");
 
 /** @import {Context} from "../../blocks/index.js" */
 /** @import {MergeResult} from "../../state/model.js" */

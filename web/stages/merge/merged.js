@@ -6,12 +6,10 @@ import { field, h } from "../../dom.js";
 import { fixed, inField, integer, small, typedNumber } from "../../format.js";
 import { mark } from "../../icons.js";
 import { may } from "../../state/me.js";
-import { learnTexts, said, t } from "../../texts.js";
+import { said, t } from "../../texts.js";
 import { StateElement } from "../../components/base.js";
 import { histogramPlot, sectionPlot } from "./section-plot.js";
 import { attempt, say } from "../../components/toasts.js";
-
-await learnTexts("merged");
 
 /** @import {CloudView, MergeResult} from "../../state/model.js" */
 

@@ -2,9 +2,7 @@
 
 import { s } from "../../dom.js";
 import { fixed } from "../../format.js";
-import { learnTexts, t } from "../../texts.js";
-
-await learnTexts("merged");
+import { t } from "../../texts.js";
 
 /** @import {CloudSection} from "../../state/model.js" */
 

@@ -1,0 +1,96 @@
+"""The axes of a cell as its record tells them, the turntable among them, and where they stood."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from calib_core.cell.layout import MovedAxis
+from calib_core.records import Capture, Cell, CellAxis
+from calib_core.steps import steps_that_show
+
+TABLE: Final = "table"
+"""The name of the axis that `cell.turntable` and a capture's `table_deg` tell of."""
+
+
+def frame_of(carrier: str) -> str:
+    """Return the frame of what carries something: an axis's is the one that it moves, any other its own."""
+    return "turntable" if carrier == TABLE else carrier
+
+
+def axes_of(cell: Cell, captures: Sequence[Capture] = ()) -> tuple[CellAxis, ...]:
+    """Return a cell's axes, the turntable last where it is not named among them."""
+    named = tuple(cell.axes or ())
+    on_table = steps_that_show("sphere-on-table")
+    turned = (one.table_deg is not None or (not named and one.step in on_table) for one in captures)
+    if any(axis.name == TABLE for axis in named):
+        return named
+    if cell.known.base_from_turntable is None and not any(turned):
+        return named
+    told = cell.turntable
+    return (
+        *named,
+        CellAxis(
+            name=TABLE,
+            kind="rotary",
+            on="base",
+            direction=told.direction,
+            sigma_deg=told.angle_sigma_deg,
+            encoder=told.encoder,
+        ),
+    )
+
+
+def carrier_of_axis(axis: CellAxis, axes: Sequence[CellAxis]) -> str:
+    """Return what an axis stands on: what it says, else the axis before it that carries the same, else base."""
+    before = [one.name for one in axes[: axes.index(axis)] if one.carries == axis.carries]
+    return axis.on or (before[-1] if before else "base")
+
+
+def moved_axes(cell: Cell) -> tuple[MovedAxis, ...]:
+    """Return the axes that a cell names, as the walk takes them, each after the one that it stands on."""
+    axes = tuple(cell.axes or ())
+    waiting, given = [*axes], list[MovedAxis]()
+    while waiting:
+        known = {"base", *(one.name for one in given)}
+        axis = next(one for one in waiting if carrier_of_axis(one, axes) in known)
+        waiting.remove(axis)
+        given.append(MovedAxis(axis.name, axis.kind, axis.carries, carrier_of_axis(axis, axes)))
+    return tuple(given)
+
+
+def reading_sigmas(cell: Cell) -> tuple[float | None, ...]:
+    """Return the standard deviations that are told of the readings of `moved_axes`, rad and mm."""
+    told = {axis.name: axis for axis in cell.axes or ()}
+    axes = [told[axis.name] for axis in moved_axes(cell)]
+    return tuple(a.sigma_mm if a.kind == "linear" else _radians(a.sigma_deg) for a in axes)
+
+
+def _radians(degrees: float | None) -> float | None:
+    return None if degrees is None else math.radians(degrees)
+
+
+def read_axes(cell: Cell, capture: Capture) -> dict[str, float]:
+    """Return where the axes that a cell names stood in a capture, in rad and mm, by their names."""
+    told = readings(capture)
+    return {
+        axis.name: told[axis.name] if axis.kind == "linear" else math.radians(told[axis.name])
+        for axis in cell.axes or ()
+        if axis.name in told
+    }
+
+
+def axis_of_mounts(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
+    """Return which axis carries the ball of each mounting: the last one that moved between its captures."""
+    carrying = [axis.name for axis in moved_axes(cell) if axis.carries == "object"]
+    found: dict[str, str] = {}
+    for mount in dict.fromkeys(capture.mount or "" for capture in captures if carrying):
+        stood = [readings(one) for one in captures if (one.mount or "") == mount]
+        moved = [name for name in carrying if len({where.get(name) for where in stood}) > 1]
+        found[mount] = (moved or carrying)[-1]
+    return found
+
+
+def readings(capture: Capture) -> dict[str, float]:
+    """Return where a capture's axes stood, in degrees and mm, by their names."""
+    table = {} if capture.table_deg is None else {TABLE: capture.table_deg}
+    return {**table, **(capture.axes_deg or {}), **(capture.axes_mm or {})}

@@ -1,0 +1,171 @@
+"""Where the fit of several axes starts: their directions and places from the balls' own centres in base.
+
+Given the directions of the rotary axes, all else is linear: where axes and balls are, and the way of linear axes.
+So directions are tried from everywhere, each profile on the side that is nearer, with a robust loss; the best few
+guesses are refined with their directions free.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+from calib_core.cell.layout import AxisState
+from calib_core.cell.walk import Position, Walk
+from calib_core.chain.spread import AGREE_MM, robust_costs
+from calib_core.errors import MotionError
+from calib_core.frames import FloatArray, with_third
+
+_ROUNDS, _REFINED, _STEPS = 6, 8, 25
+_RIDGE = 1e-6
+_DAMPING = 1e-4
+_FAR_MM = 20.0  # a guess whose median misfit is more is none
+
+
+def axes_start(
+    walk: Walk, centers: FloatArray, mounts: tuple[FloatArray, FloatArray], known: Mapping[str, AxisState]
+) -> tuple[Position, FloatArray]:
+    """Return the guess of axes and places on which most captures agree, and each capture's misfit (K,), mm.
+
+    Parameters
+    ----------
+    walk : Walk
+        Of K captures of balls on axes.
+    centers : (K, 2, 3)
+        The balls' possible centres in base, on either side of the plane of light.
+    mounts : (S, 3, 3), (S, 3)
+        Of the scanners, which are kept.
+    known : mapping
+        Linear axes under the robot, by their names.
+
+    Raises
+    ------
+    MotionError
+        If no guess fits.
+    """
+    axes = walk.layout.axes
+    kept = {a: known[axis.name] for a, axis in enumerate(axes) if axis.name in known}
+    rotary = [a for a, axis in enumerate(axes) if axis.kind == "rotary" and walk.layout.rides[:, a].any()]
+    moved = sum((walk.readings[:, [a]] * at.scale * at.rotation[:, 2] for a, at in kept.items()), np.zeros(3))
+    in_ground = centers + np.broadcast_to(moved, (len(centers), 3))[:, None] * (walk.over_robot > 0)[:, None, None]
+    every = [dict(zip(rotary, ways, strict=True)) for ways in product(_ways(), repeat=len(rotary))]
+    tried = [_linear(walk, in_ground, ways) for ways in every]
+    tried.sort(key=lambda one: one[1])
+    best_few = [_position(walk, mounts, *guess, kept) for guess, _ in tried[:_REFINED]]
+    found = [_refined(walk, centers, one, [*kept]) for one in best_few]
+    best = min(found, key=lambda one: float(robust_costs(one[1])))
+    if np.median(best[1]) > _FAR_MM:
+        raise MotionError(
+            "captures that show how the axes {axes} move the ball",
+            "no axes that fit better than {misfit:.0f} mm",
+            "Check the readings of the axes; move one axis at a time between captures, then all together.",
+            axes=", ".join(axis.name for axis in walk.layout.axes),
+            misfit=float(np.median(best[1])),
+        )
+    return best
+
+
+def _ways() -> FloatArray:
+    """Return directions all over the sphere, (26, 3)."""
+    grid = np.array([way for way in product((-1.0, 0.0, 1.0), repeat=3) if any(way)])
+    return grid / np.linalg.norm(grid, axis=1)[:, None]
+
+
+_Guess = tuple[dict[int, FloatArray], FloatArray]
+
+
+def _linear(walk: Walk, centers: FloatArray, ways: dict[int, FloatArray]) -> tuple[_Guess, float]:
+    """Return places of balls and axes for directions of the rotary ones, and the robust cost."""
+    layout = walk.layout
+    rows, many = np.arange(len(centers)), len(layout.places)
+    parts = np.zeros((len(centers), 3, 3 * (many + len(layout.axes))))
+    for i in range(3):
+        parts[rows, i, 3 * walk.place + i] = 1.0
+    for a in reversed(range(len(layout.axes))):
+        rides = np.flatnonzero(layout.rides[walk.place, a])
+        own, reading = slice(3 * (many + a), 3 * (many + a) + 3), walk.readings[rides, a]
+        if layout.axes[a].kind == "linear":
+            parts[rides, :, own] += reading[:, None, None] * np.eye(3)
+        else:
+            turn = _turns(ways[a], reading)
+            parts[rides] = turn @ parts[rides]
+            parts[rides, :, own] += np.eye(3) - turn
+    seen, weight = centers.mean(axis=1), np.ones(len(centers))
+    found, off = np.zeros(parts.shape[2]), np.zeros(len(centers))
+    for _ in range(_ROUNDS):
+        weighted = parts * weight[:, None, None]
+        normal = np.einsum("kip,kiq->pq", weighted, parts)
+        scale = np.trace(normal) / len(normal)
+        found = np.linalg.solve(
+            normal + _RIDGE * scale * np.eye(len(normal)), np.einsum("kip,ki->p", weighted, seen)
+        )
+        expected = parts @ found
+        apart = np.linalg.norm(centers - expected[:, None], axis=2)
+        seen, off = centers[rows, np.argmin(apart, axis=1)], apart.min(axis=1)
+        weight = 1 / (1 + (off / max(3 * float(np.median(off)), 1.0)) ** 2)
+    return (ways, found), float(robust_costs(off))
+
+
+def _turns(way: FloatArray, angles_rad: FloatArray) -> FloatArray:
+    cross = np.array([[0, -way[2], way[1]], [way[2], 0, -way[0]], [-way[1], way[0], 0]])
+    sine, cosine = np.sin(angles_rad)[:, None, None], np.cos(angles_rad)[:, None, None]
+    return np.eye(3) + sine * cross + (1 - cosine) * (cross @ cross)
+
+
+def _position(
+    walk: Walk,
+    mounts: tuple[FloatArray, FloatArray],
+    ways: dict[int, FloatArray],
+    found: FloatArray,
+    kept: Mapping[int, AxisState],
+) -> Position:
+    layout, vectors = walk.layout, found.reshape(-1, 3)
+    many, axes = len(layout.places), list[AxisState]()
+    for a in range(len(layout.axes)):
+        own = vectors[many + a]
+        if a in kept:
+            axes.append(kept[a])
+        elif a in ways:
+            axes.append(AxisState(with_third(ways[a]), own))
+        else:
+            length = float(np.linalg.norm(own))
+            axes.append(AxisState(with_third(own / length) if length > 0 else np.eye(3), np.zeros(3)))
+    places = vectors[:many].copy()
+    for n, a in zip(*np.nonzero(layout.owns), strict=True):
+        places[n] = (places[n] - axes[a].origin) @ axes[a].rotation
+    return Position(*mounts, places, tuple(axes))
+
+
+def _refined(walk: Walk, centers: FloatArray, at: Position, kept: Sequence[int]) -> tuple[Position, FloatArray]:
+    """Return a guess with all axes and places free, damped Gauss–Newton with Cauchy's loss, and the misfits."""
+    layout, rows = walk.layout, np.arange(len(centers))
+    free = np.ones(layout.unknowns, dtype=bool)
+    free[layout.of_mounts] = False
+    free &= ~layout.fixed
+    for a, axis in enumerate(layout.axes):
+        if a in kept or axis.carries == "robot":
+            free[layout.axis(a)] = False
+
+    def look(position: Position) -> tuple[FloatArray, FloatArray, FloatArray]:
+        expected, moves, _ = walk.balls(position)
+        assert moves is not None
+        apart = np.linalg.norm(centers - expected[:, None], axis=2)
+        off = expected - centers[rows, np.argmin(apart, axis=1)]
+        return off, moves[:, :, free], np.linalg.norm(off, axis=1)
+
+    off, moves, misfit = look(at)
+    damping = _DAMPING
+    for _ in range(_STEPS):
+        weight = 1 / (1 + (misfit / max(3 * float(np.median(misfit)), AGREE_MM)) ** 2)
+        normal = np.einsum("k,kip,kiq->pq", weight, moves, moves)
+        slope = np.einsum("k,kip,ki->p", weight, moves, off)
+        damped = normal + damping * np.diag(np.diag(normal)) + 1e-9 * np.trace(normal) * np.eye(len(normal))
+        step = np.zeros(layout.unknowns)
+        step[free] = -np.linalg.solve(damped, slope)
+        trial = at.moved(layout, np.clip(step, -layout.step_limit() * 3, layout.step_limit() * 3))
+        there = look(trial)
+        if robust_costs(there[2]) < robust_costs(misfit):
+            at, (off, moves, misfit), damping = trial, there, damping / 5
+        else:
+            damping *= 10
+    return at, misfit

@@ -1,0 +1,33 @@
+"""Under what circumstances it was captured."""
+
+from calib_core.findings.code import Code
+
+LENGTH_AT_TEMPERATURE = Code(
+    "length-at-temperature",
+    "note",
+    text={
+        "sphere": "At {temperature_c:.1f} °C the sphere's diameter is {length_mm:.4f} mm (±{sigma_mm:.4f} mm), "
+        "{change_um:+.1f} µm from its certified one.",
+        "bar": "At {temperature_c:.1f} °C the ball bar is {length_mm:.4f} mm long (±{sigma_mm:.4f} mm), "
+        "{change_um:+.1f} µm from its certified length.",
+    },
+    by="kind",
+    meaning="Sphere and ball bar expand with temperature; the stage was solved with their lengths as captured.",
+    decided="The ball's temperature (`environment.ball_c` of the captures or the session), the expansion and the "
+    "reference temperature (`cell.equipment`; 20 °C if it is not told). The thermometer counts with 0.5 K, the "
+    "expansion with ± 10 %.",
+    usual_causes="A workshop that is not at 20 °C.",
+    since="0.2",
+)
+
+EXPANSION_UNKNOWN = Code(
+    "expansion-unknown",
+    "note",
+    text="The ball's temperature is known ({temperature_c:.1f} °C), but not its expansion: its diameter is taken as "
+    "certified.",
+    to_do="Add `expansion_per_k` to the sphere in cell.equipment: steel 11.5e-6, ceramic 8e-6 to 10e-6.",
+    meaning="Without the sphere's expansion its diameter cannot be given at the temperature of the captures.",
+    decided="A temperature of the ball is told, and no `expansion_per_k` of a sphere.",
+    usual_causes="A sphere without a data sheet.",
+    since="0.2",
+)

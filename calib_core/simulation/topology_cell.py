@@ -1,0 +1,358 @@
+"""Captures of the balls of a simulated cell of any topology: poses that show them, what was recorded and seen."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from calib_core.records import Session
+from calib_core.simulation.motion import FloatArray, pose, turn
+from calib_core.simulation.profile_cell import draw_centers, pose_numbers, rounded_pose, true_pose
+from calib_core.simulation.scenarios import TcpScenario
+from calib_core.simulation.sensor import arc_points, cap_points, columns, noisy
+from calib_core.simulation.topology import (
+    AxisOptions,
+    BallOptions,
+    Readings,
+    ScannerOptions,
+    TopologyWorld,
+    build_topology,
+)
+from calib_core.simulation.writing import cloud_xyz, profile_csv
+
+_TRIES = 4000
+_LOOKING_DOWN = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4])
+_NOMINAL = turn([0.35, 0.0, 0.0]).T
+_ALONG = np.array([0.64, 0.6, 0.48])
+
+
+@dataclass(frozen=True)
+class TopologyScenario:
+    """A session of a cell of any topology; noise, robot and sensor are those of `cell`.
+
+    Parameters
+    ----------
+    description : str
+    scanners, balls, axes : tuple
+    told : {"nothing", "names", "distances"}
+        What the session says of its balls.
+    distance_sigma_mm : float
+        Of the distances between balls that the session tells.
+    at_once : bool
+        Every scanner captures at each stop; otherwise one after the other.
+    machine : {"arm", "gantry", "scara", "linear"}
+        What moves the flange: six axes, three translations, those and a turn about base's z, or one translation.
+    on_axes : int
+        Captures of each mounting of balls on an axis.
+    scanner_scale : float
+        By which a scanner's files are too large.
+    """
+
+    description: str
+    scanners: tuple[ScannerOptions, ...] = (ScannerOptions(),)
+    balls: tuple[BallOptions, ...] = (BallOptions(),)
+    axes: tuple[AxisOptions, ...] = ()
+    cell: TcpScenario = field(default_factory=TcpScenario)
+    told: Literal["nothing", "names", "distances"] = "nothing"
+    distance_sigma_mm: float = 0.01
+    at_once: bool = False
+    machine: Literal["arm", "gantry", "scara", "linear"] = "arm"
+    on_axes: int = 16
+    scanner_scale: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Stop:
+    """Where robot and axes stood for one or more captures: as commanded or read, and as they truly were."""
+
+    commanded: FloatArray
+    actual: FloatArray
+    read: Readings
+    true: Readings
+    mount: str | None
+    aimed: str
+
+
+def simulate_topology(
+    options: TopologyScenario, name: str, seed: int
+) -> tuple[Session, dict[str, bytes], dict[str, Any]]:
+    """Return the session record, its files and the truth of a cell of any topology."""
+    rng = np.random.default_rng([seed, 20_268])
+    world = build_topology(
+        options.scanners, options.balls, options.axes, options.cell.sphere_diameter_sigma_mm, rng
+    )
+    captures: list[dict[str, Any]] = []
+    files: dict[str, bytes] = {}
+    seen: dict[str, list[str]] = {}
+    actual: dict[str, Any] = {}
+    for stop in _stops(world, options, rng):
+        here = world.scanners if options.at_once else [stop.aimed]
+        for scanner in here:
+            capture = f"p{len(captures) + 1:02d}"
+            points, balls = _points(world, options, stop, scanner, rng)
+            if not balls:
+                continue
+            record, content = _written(options, stop, scanner, capture, points)
+            captures.append(record)
+            files |= content
+            seen[capture] = balls
+            actual[capture] = stop.actual.tolist()
+    cell = options.cell
+    truth = {
+        **world.truth(),
+        "sphere_diameter_mm": 2 * next(iter(world.radii_mm.values())),
+        "base_from_tool0": actual,
+        "balls_seen": seen,
+        "sigmas": {
+            "point_sigma_mm": cell.point_sigma_mm,
+            "position_sigma_mm": cell.position_sigma_mm,
+            "orientation_sigma_rad": cell.orientation_sigma_rad,
+            "orientation_sigma_deg": float(np.rad2deg(cell.orientation_sigma_rad)),
+        },
+        "scanner_scale": options.scanner_scale,
+        "spoiled": [],
+        "seed": seed,
+        "scenario": name,
+    }
+    record = {
+        "format": "scancell-session/1",
+        "name": f"simulated {name}, seed {seed}",
+        "cell": _cell(world, options),
+        "captures": captures,
+    }
+    return Session.model_validate(record), files, truth
+
+
+def _stops(world: TopologyWorld, options: TopologyScenario, rng: np.random.Generator) -> Iterator[_Stop]:
+    """Give stops at which each scanner sees each mounting of balls that it can."""
+    aimed = [next(iter(world.scanners))] if options.at_once else [*world.scanners]
+    for scanner in aimed:
+        for mount in dict.fromkeys(ball.mount for ball in options.balls):
+            balls = [ball for ball in options.balls if ball.mount == mount and _can_see(world, scanner, ball.on)]
+            on_axis = any(ball.on in world.axes for ball in balls)
+            orientations = options.on_axes if on_axis else options.cell.orientations
+            first = 0 if on_axis else options.cell.translations
+            for number in range((first + orientations) if balls else 0):
+                ball = balls[number % len(balls)]
+                yield _stop(world, options, scanner, ball, number < first, rng)
+
+
+def _can_see(world: TopologyWorld, scanner: str, carrier: str) -> bool:
+    """Return whether anything moves between a scanner and what carries a ball."""
+    on = world.scanners[scanner][0].on
+    feet = any(axis.options.carries == "robot" for axis in world.axes.values())
+    return carrier != on and (on == "base" or carrier != "tool0" or feet)
+
+
+def _stop(
+    world: TopologyWorld,
+    options: TopologyScenario,
+    scanner: str,
+    ball: BallOptions,
+    equal: bool,
+    rng: np.random.Generator,
+) -> _Stop:
+    """Return a stop that shows a ball to a scanner; `equal` at the nominal orientation."""
+    for _ in range(_TRIES):
+        read = {name: _reading(world, name, ball.on, rng) for name in world.axes}
+        true = {name: _true_reading(world.axes[name].options, value, rng) for name, value in read.items()}
+        commanded = _aimed(world, options, scanner, ball, read, equal, rng)
+        actual = true_pose(commanded, options.cell, rng)
+        stop = _Stop(commanded, actual, read, true, ball.mount, scanner)
+        if len(_arc(world, options, stop, scanner, ball.name)) > 30:
+            return stop
+    raise AssertionError(f"the scanner '{scanner}' never sees the ball '{ball.name}'")
+
+
+def _reading(world: TopologyWorld, name: str, carrier: str, rng: np.random.Generator) -> float:
+    """Return where an axis is sent; one that carries the object stays at zero where it does not carry the ball."""
+    axis = world.axes[name].options
+    under = carrier
+    while under in world.axes and under != name:
+        under = world.under(under)
+    if axis.carries == "object" and under != name:
+        return 0.0
+    return round(float(rng.uniform(axis.low, axis.high)), 3 if axis.kind == "linear" else 2)
+
+
+def _true_reading(axis: AxisOptions, read: float, rng: np.random.Generator) -> float:
+    """Return where an axis truly stands, in degrees or mm of its own unit."""
+    unit = 1.0 if axis.kind == "linear" else float(np.rad2deg(1.0))
+    once_around = axis.eccentric * np.sin(2 * np.pi * read / (axis.high - axis.low))
+    return read + unit * float(axis.sigma * rng.standard_normal() + once_around)
+
+
+def _aimed(
+    world: TopologyWorld,
+    options: TopologyScenario,
+    scanner: str,
+    ball: BallOptions,
+    where: Readings,
+    equal: bool,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Return the base_from_tool0 that a robot reports when it shows a ball to a scanner."""
+    cell = options.cell
+    on, mounted = world.scanners[scanner]
+    foot = world.base_from_foot(where)
+    at = draw_centers(1, cell, rng)[0]
+    if options.machine == "linear":
+        at = np.array([0.0, 0.5 * world.radii_mm[ball.name], 190.0])
+    turned, about = _orientation(options, equal, rng)
+    if on.on == "tool0":
+        rotation = turned @ (about @ mounted[:3, :3].T if options.machine == "arm" else about @ _NOMINAL)
+        in_tool0 = mounted[:3, :3] @ at + mounted[:3, 3]
+        wanted = pose(rotation, world.ball_in_base(ball.name, np.eye(4), where) - rotation @ in_tool0)
+    else:
+        rotation = turned @ about
+        held = world.balls[ball.name][1] if ball.on == "tool0" else np.array([0.0, 0.0, 400.0])
+        wanted = pose(rotation, mounted[:3, :3] @ at + mounted[:3, 3] - rotation @ held)
+    if options.machine == "linear":
+        wanted[:3, 3] += rng.uniform(-25.0, 25.0) * _ALONG
+    inverse = pose(foot[:3, :3].T, -foot[:3, :3].T @ foot[:3, 3])
+    return rounded_pose(inverse @ wanted)
+
+
+def _orientation(
+    options: TopologyScenario, equal: bool, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return the nominal orientation as the machine turns it in base, and a turn on its right, both (3, 3)."""
+    cell = options.cell
+    tiny = turn(rng.standard_normal(3) * cell.equal_orientation_sigma_rad)
+    reach = cell.orientation_range_rad
+    if equal or options.machine in ("gantry", "linear"):
+        return _LOOKING_DOWN, tiny
+    if options.machine == "scara":
+        return turn([0.0, 0.0, rng.uniform(-2 * reach, 2 * reach)]) @ _LOOKING_DOWN, tiny
+    return _LOOKING_DOWN, turn(rng.uniform(-reach, reach, 3))
+
+
+def _arc(world: TopologyWorld, options: TopologyScenario, stop: _Stop, scanner: str, ball: str) -> FloatArray:
+    """Return the points (N, 3) of a ball that a scanner sees at a stop, without noise."""
+    center = _center(world, stop, scanner, ball)
+    points = cap_points if options.cell.kinds[0] == "cloud" else arc_points
+    return points(center, world.radii_mm[ball], options.cell)
+
+
+def _center(world: TopologyWorld, stop: _Stop, scanner: str, ball: str) -> FloatArray:
+    """Return where a ball's centre is in a scanner's frame, (3,)."""
+    base_from_tool0 = world.base_from_foot(stop.true) @ stop.actual
+    laser_from_base = world.laser_from_base(scanner, base_from_tool0)
+    return laser_from_base[:3, :3] @ world.ball_in_base(ball, base_from_tool0, stop.true) + laser_from_base[:3, 3]
+
+
+def _points(
+    world: TopologyWorld, options: TopologyScenario, stop: _Stop, scanner: str, rng: np.random.Generator
+) -> tuple[FloatArray, list[str]]:
+    """Return what a scanner measures of all balls that stand there, (N, 3), and which of them it sees."""
+    found: list[FloatArray] = []
+    seen: list[str] = []
+    for name, (ball, _) in world.balls.items():
+        if ball.mount != stop.mount or not _can_see(world, scanner, ball.on):
+            continue
+        points = _arc(world, options, stop, scanner, name)
+        if len(points) <= 30:
+            continue
+        errors = rng.standard_normal(len(points)) * options.cell.point_sigma_mm
+        found.append(noisy(points, _center(world, stop, scanner, name), world.radii_mm[name], errors))
+        seen.append(name)
+    return np.concatenate([*found, np.zeros((0, 3))]) * options.scanner_scale, seen
+
+
+def _nearest(points: FloatArray, options: TcpScenario) -> FloatArray:
+    """Return a whole profile (M, 3) with the point of each column nearest to the scanner; NaN where none."""
+    x = columns(options)
+    z = np.full(len(x), np.inf)
+    place = np.round((points[:, 0] - x[0]) / options.pitch_mm).astype(int)
+    inside = (place >= 0) & (place < len(x))
+    np.minimum.at(z, place[inside], points[inside, 2])
+    return np.column_stack([x, np.zeros_like(x), np.where(np.isfinite(z), z, np.nan)])
+
+
+def _written(
+    options: TopologyScenario, stop: _Stop, scanner: str, capture: str, points: FloatArray
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return a capture's record and its file."""
+    kind = options.cell.kinds[0]
+    on_axis = any(ball.on not in ("base", "tool0") for ball in options.balls if ball.mount == stop.mount)
+    record: dict[str, Any] = {"id": capture, "step": "turntable" if on_axis else "tcp", "kind": kind}
+    file = f"captures/{capture}.{'csv' if kind == 'profile' else 'xyz'}"
+    record["files"] = [file]
+    content = profile_csv(_nearest(points, options.cell), 1.0) if kind == "profile" else cloud_xyz(points, 1.0)
+    record["pose"] = pose_numbers(stop.commanded)
+    if scanner:
+        record["scanner"] = scanner
+    if on_axis and stop.mount is not None:
+        record["mount"] = stop.mount
+    units = {axis.name: (axis.kind, axis.unit) for axis in options.axes}
+    for name, value in stop.read.items():
+        kind_of, unit = units[name]
+        told = round(value * unit, 6)
+        if name == "table" and not _names_axes(options):
+            record |= {"table_deg": told} if on_axis else {}
+        else:
+            record.setdefault("axes_mm" if kind_of == "linear" else "axes_deg", {})[name] = told
+    return record, {file: content}
+
+
+def _names_axes(options: TopologyScenario) -> bool:
+    """Return whether the cell needs `axes`: it has others than the one turntable."""
+    return [axis.name for axis in options.axes] != ["table"]
+
+
+def _cell(world: TopologyWorld, options: TopologyScenario) -> dict[str, Any]:
+    """Return the cell's record: the plain fields where they say all."""
+    cell = options.cell
+    told: dict[str, Any] = {"pose_convention": "abb", "sphere_diameter_mm": cell.sphere_diameter_mm}
+    noise: dict[str, Any] = {"kind": cell.kinds[0]}
+    if cell.sphere_diameter_sigma_mm:
+        told["sphere_diameter_sigma_mm"] = cell.sphere_diameter_sigma_mm
+    if cell.sigmas == "given":
+        noise["point_sigma_mm"] = cell.point_sigma_mm
+        told["robot"] = {
+            "position_sigma_mm": cell.position_sigma_mm,
+            "orientation_sigma_deg": float(np.rad2deg(cell.orientation_sigma_rad)),
+        }
+    if len(options.scanners) == 1 and not options.scanners[0].name:
+        told["scanner"] = noise
+        if options.scanners[0].on == "base":
+            told["arrangement"] = "sphere-on-robot"
+    else:
+        told["scanners"] = {one.name: {**noise, "on": one.on} for one in options.scanners}
+    if options.told != "nothing":
+        told["spheres"] = [
+            {"name": ball.name, "diameter_mm": ball.diameter_mm, "on": ball.on} for ball in options.balls
+        ]
+    if options.told == "distances":
+        told["sphere_distances"] = [*_distances(world, options)]
+    if _names_axes(options) and options.axes:
+        told["axes"] = [_axis_record(axis, cell.sigmas == "given") for axis in options.axes]
+    elif options.axes and cell.sigmas == "given":
+        told["turntable"] = {"angle_sigma_deg": float(np.rad2deg(options.axes[0].sigma))}
+    return told
+
+
+def _axis_record(axis: AxisOptions, sigmas: bool) -> dict[str, Any]:
+    record: dict[str, Any] = {"name": axis.name, "kind": axis.kind, "carries": axis.carries}
+    if axis.on is not None:
+        record["on"] = axis.on
+    if sigmas and axis.kind == "linear":
+        record["sigma_mm"] = axis.sigma
+    elif sigmas:
+        record["sigma_deg"] = float(np.rad2deg(axis.sigma))
+    return record
+
+
+def _distances(world: TopologyWorld, options: TopologyScenario) -> Iterator[dict[str, Any]]:
+    """Give the calibrated distances of balls that stand together, exact but for rounding."""
+    together: Sequence[BallOptions] = options.balls
+    for place, one in enumerate(together):
+        for other in together[place + 1 :]:
+            if (one.on, one.mount) == (other.on, other.mount):
+                apart = world.balls[one.name][1] - world.balls[other.name][1]
+                yield {
+                    "between": [one.name, other.name],
+                    "mm": round(float(np.sqrt(apart @ apart)), 4),
+                    "sigma_mm": options.distance_sigma_mm,
+                }

@@ -1,0 +1,41 @@
+"""The axes that a solution found, told alike by every stage."""
+
+import numpy as np
+
+from calib_core.chain.model import ChainState
+from calib_core.chain.table_frame import LEVEL
+from calib_core.frames import FloatArray
+from calib_core.records.topology import FoundAxis
+
+
+def axes_found(state: ChainState, covariance: FloatArray, known: str = "") -> list[FoundAxis]:
+    """Return every axis as it stands in base where all read zero, but for those that carry what is `known`.
+
+    The covariance is of the edges' unknowns.
+    """
+    layout, found = state.walk.layout, list[FoundAxis]()
+    for a, (edge, axis) in enumerate(zip(layout.axes, state.position.axes, strict=True)):
+        if edge.carries == known:
+            continue
+        rotary, columns = edge.kind == "rotary", layout.axis(a)
+        sign = -1 if rotary and axis.rotation[2, 2] < -LEVEL else 1
+        moves = np.zeros((6, 5))
+        moves[[0, 1], [0, 1]] = 1.0
+        moves[3:, 2:4] = axis.rotation[:, :2] if rotary else 0.0
+        own = covariance[columns, columns]
+        found.append(
+            FoundAxis.model_validate(
+                {
+                    "name": edge.name,
+                    "in": "base",
+                    "kind": edge.kind,
+                    "axis_direction": (sign * axis.rotation[:, 2]).tolist(),
+                    "axis_point_mm": axis.origin.tolist() if rotary else None,
+                    "direction": sign,
+                    "scale": axis.scale,
+                    "scale_sigma": None if axis.scale == 1.0 else float(np.sqrt(max(own[4, 4], 0.0))),
+                    "covariance": (moves @ own @ moves.T).tolist(),
+                }
+            )
+        )
+    return found

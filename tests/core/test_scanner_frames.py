@@ -1,0 +1,31 @@
+"""Where scanners that are solved together are to each other, as `frames` tells it."""
+
+import numpy as np
+
+import calib_core as cc
+from calib_core.frames import RigidTransform
+from calib_core.review.cell_frames import session_frames
+
+
+def test_scanners_that_are_solved_together_are_told_to_each_other_both_ways() -> None:
+    pose = RigidTransform.of([0.2, -0.1, 0.4], [30.0, -80.0, 12.0], "base", "tool0")
+    frame = {
+        "into": "laser:left",
+        "outof": "laser:right",
+        "matrix": pose.to_rows(),
+        "covariance": np.eye(6).tolist(),
+    }
+    results = {"tcp": {"frames": [frame]}}
+    session = cc.simulate("two-scanners", 1)[0].record
+    there = session_frames(session, results, asked=("laser:left", "laser:right")).asked
+    back = session_frames(session, results, asked=("laser:right", "laser:left")).asked
+    assert there is not None
+    assert back is not None
+    assert np.allclose(np.array(there.matrix) @ back.matrix, np.eye(4), atol=1e-9)
+    step = 1e-6 * np.array([1.0, -2.0, 0.5, 3.0, 1.0, -2.0])
+    moved = pose.perturbed(step).inverse()
+    told = pose.inverse().difference(moved)
+    once = {**frame, "covariance": np.outer(step, step).tolist()}
+    asked = session_frames(session, {"tcp": {"frames": [once]}}, asked=("laser:right", "laser:left")).asked
+    assert asked is not None
+    assert np.allclose(asked.covariance, np.outer(told, told), atol=1e-15)

@@ -1,0 +1,40 @@
+"""Cells of other topologies are solved as well as they say, by the truth of a simulator of its own."""
+
+import pytest
+
+import calib_core as cc
+from tests.topology_errors import distances
+
+CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
+
+
+@pytest.mark.parametrize(
+    ("scenario", "names"),
+    [
+        ("two-scanners", ["tool0_from_laser", "tool0_from_laser", "laser:left_from_laser:right"]),
+        ("scanners-on-flange-and-base", ["tool0_from_laser", "base_from_laser"]),
+        ("fixed-scanner-turntable", ["base_from_laser", "table"]),
+        ("positioner", ["tool0_from_laser", "tilt", "turn"]),
+        ("rail", ["tool0_from_laser", "rail"]),
+        ("slide", ["tool0_from_laser", "slide"]),
+    ],
+)
+def test_every_edge_is_within_what_is_stated(scenario: str, names: list[str]) -> None:
+    simulated, truth = cc.simulate(scenario, 1)
+    results = simulated.run()
+    last = results["chain" if "chain" in results else "tcp"]
+    found = list(distances(last, truth))
+    assert [name for name, *_ in found] == names
+    for name, squared, freedom, _ in found:
+        assert squared < CHI2[freedom], name
+    assert all(row.used for row in last.residuals if "arc" not in str(row.reason))
+
+
+def test_two_scanners_at_one_stop_are_known_to_each_other_better_than_on_the_flange() -> None:
+    errors = {}
+    for seed in (1, 2, 3):
+        simulated, truth = cc.simulate("two-scanners", seed)
+        for name, squared, freedom, error_mm in distances(simulated.run()["tcp"], truth):
+            assert squared < CHI2[freedom]
+            errors.setdefault(name, []).append(error_mm)
+    assert sum(errors["laser:left_from_laser:right"]) < 0.4 * sum(errors["tool0_from_laser"]) / 2

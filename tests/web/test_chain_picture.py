@@ -1,0 +1,84 @@
+"""The cell as a picture of its chain: parts are added and moved by mouse and keyboard, and stored."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+from playwright.sync_api import Page, expect
+
+from calib_core.simulation import require_scenario
+
+Open = Callable[..., tuple[Page, object]]
+
+
+def new_cell(open_page: Open) -> Page:
+    page, _ = open_page("/")
+    page.get_by_role("button", name="Select files").or_(
+        page.locator(".way-cards button.primary").nth(1)
+    ).first.click()
+    page.get_by_label("Robot", exact=True).select_option("abb")
+    page.get_by_label("Sphere diameter in mm").fill("40")
+    return page
+
+
+def stored_cell(page: Page, address: str) -> dict[str, Any]:
+    page.get_by_role("button", name="Create session").click()
+    page.wait_for_url(re.compile(r"/sessions/"))
+    session = page.url.rsplit("/", 1)[1].partition("#")[0]
+    return httpx.get(f"{address}/api/v1/sessions/{session}", trust_env=False).json()["cell"]
+
+
+def test_a_plain_cell_needs_no_chain(open_page: Open, address: str) -> None:
+    page = new_cell(open_page)
+    assert not {"scanners", "spheres", "axes", "arrangement"} & set(stored_cell(page, address))
+
+
+def test_parts_are_added_dragged_and_moved_by_keyboard(open_page: Open, address: str, axe: str) -> None:
+    page = new_cell(open_page)
+    page.locator("summary", has_text="Chain of the cell").click()
+    for name in ("Add rotary axis", "Add linear axis", "Add scanner", "Add ball"):
+        page.get_by_role("button", name=name, exact=True).click()
+    ball, axis = (page.locator(f'[data-part="{one}"] .box').bounding_box() for one in ("ball:ball2", "axis1"))
+    assert ball is not None
+    assert axis is not None
+    page.mouse.move(ball["x"] + 40, ball["y"] + 10)
+    page.mouse.down()
+    page.mouse.move(axis["x"] + 30, axis["y"] + 8, steps=6)
+    page.mouse.up()
+    expect(page.get_by_role("button", name="Ball ball2, on Rotary axis axis1")).to_be_visible()
+    # By keyboard: from the ball to the flange, down to the second scanner, and into base.
+    page.get_by_role("button", name="Scanner scanner1, on Flange").focus()
+    page.keyboard.press("ArrowDown")
+    chosen = page.get_by_role("button", name="Scanner scanner2, on Flange")
+    expect(chosen).to_have_attribute("aria-pressed", "true")
+    expect(chosen).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.get_by_label("Name", exact=True).first).to_be_focused()
+    page.get_by_label("Stands on").select_option("base")
+    expect(page.get_by_role("button", name="Scanner scanner2, on Base")).to_be_visible()
+    page.locator('[data-part="rail1"]').click()
+    page.get_by_label("Carries").select_option("robot")
+    expect(page.get_by_role("button", name="Robot, on Linear axis rail1")).to_be_visible()
+    page.evaluate(axe)
+    found = page.evaluate("axe.run('sc-chain-picture', {resultTypes: ['violations']}).then((r) => r.violations)")
+    assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
+    cell = stored_cell(page, address)
+    assert cell["scanners"] == {"scanner1": {"on": "tool0"}, "scanner2": {"on": "base"}}
+    assert cell["spheres"] == [{"name": "ball1", "on": "base"}, {"name": "ball2", "on": "axis1"}]
+    assert [(axis["name"], axis["carries"], axis["on"]) for axis in cell["axes"]] == [
+        ("axis1", "object", "base"), ("rail1", "robot", "base"),
+    ]  # fmt: skip
+
+
+def test_the_page_lists_simulated_cells_that_there_are(open_page: Open) -> None:
+    source = (Path(__file__).resolve().parents[2] / "web" / "pages" / "start.js").read_text(encoding="utf-8")
+    names = re.findall(r'"([a-z-]+)"', source.split("OTHER_CELLS = ")[1].split("]")[0])
+    assert len(names) >= 20
+    for name in names:
+        require_scenario(name)
+    page, _ = open_page("/")
+    page.get_by_label("Another simulated cell").select_option("rail-positioner")
+    page.get_by_role("button", name="Start", exact=True).click()
+    page.wait_for_url(re.compile(r"/sessions/"))
