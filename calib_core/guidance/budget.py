@@ -2,7 +2,7 @@
 
 A point p of L, measured from pose k with the table at angle θ, comes out in T at
 
-    Rz(−θ) · base_from_turntable⁻¹ · base_from_tool0(k) · tool0_from_laser · p.
+    Rz(−θ) · base_from_turntable⁻¹ · base_from_tool0(k) · mount_from_laser · p.
 
 Tool, table and scanner are what was calibrated: their errors are alike in every scan, and partly cancel, because
 the same captures gave them.  What the arm does alike where poses are alike it did to these too, so that part of

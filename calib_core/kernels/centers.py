@@ -20,7 +20,7 @@ def center_normal_equations(
 ) -> float:
     """Write the normal equations of all captures' centres; return half the sum of weighted squares.
 
-    Residuals are R_sᵀ (R_0ᵀ (c − T_0) − T_s) − X in L; the unknowns are the rotation of tool0_from_laser (on the
+    Residuals are R_sᵀ (R_0ᵀ (c − T_0) − T_s) − X in L; the unknowns are the rotation of the mount (on the
     right), its translation, and the sphere's centre in base.
 
     Parameters

@@ -14,7 +14,7 @@ class PlacedPoint:
     Attributes
     ----------
     frame : str
-        The field of the results, `tool0_from_laser` or another.
+        The field of the results, That of the scanner or another.
     poses : tuple of RigidTransform
         The frame by the first result, and by the second.
     point_mm : (3,)

@@ -116,7 +116,7 @@ def read_back(
         In the convention's order and units.
     convention : str
     expected : RigidTransform
-        tool0_from_laser, or the frame of a table.
+        The tool, or the frame of a table.
 
     Raises
     ------

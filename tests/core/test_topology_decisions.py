@@ -35,7 +35,7 @@ LEFT: dict[str, int] = {
     "server/scenes/views.py": 1,
 }
 """Decisions that are left, by file; whoever takes one away lowers its number."""
-NAMED = 76
+NAMED = 72
 """Files that name tool0_from_laser; the aim is 12."""
 
 

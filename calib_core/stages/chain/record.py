@@ -10,7 +10,7 @@ from calib_core.stages.turntable.record import TableFields, TurntableResidual
 class ChainResult(ToolResult, TableFields):
     """Tool and turntable from all captures together; the stages' own answers stay beside it.
 
-    `covariance` is of tool0_from_laser, `turntable_covariance` of base_from_turntable, `cross_covariance` (6, 6)
+    `covariance` is of the scanner, `turntable_covariance` of base_from_turntable, `cross_covariance` (6, 6)
     of the two.
     """
 
