@@ -65,6 +65,8 @@ _MOST_MADE: Final = 20_000
 def _remember(made: Message) -> None:
     """Know a message by its English text: a record keeps the text alone."""
     _MADE[str(made)] = made
+    with suppress(KeyError):  # another thread forgot it
+        _MADE.move_to_end(str(made))
     while len(_MADE) > _MOST_MADE:
         with suppress(KeyError):  # another thread was faster
             _MADE.popitem(last=False)
@@ -200,8 +202,17 @@ SAID: Final = "said"
 """The field of a document for its messages' parts; what is stored, or comes from another process, has it."""
 
 
+_FINDING: Final = {"code", "severity", "text"}
+_JUDGED: Final = {"findings", "verdict", "warnings"}
+_OF_FINDINGS: Final = _JUDGED | {"notes", "causes"}
+
+
 def with_parts(document: dict[str, Any]) -> dict[str, Any]:
-    """Return a document with the parts of the messages in it, so that they can be said where it is read."""
+    """Return a document with the parts of the messages in it, so that they can be said where it is read.
+
+    Findings need none, nor what is made of them: their codes and values say them. Left in, they would be there only
+    in a process that has said them before, and the same result would be two documents.
+    """
     made = {text: found for text in _texts_in(document) if (found := made_lately(text)) is not None}
     return {**document, SAID: [data_of(one) for one in made.values()]} if made else document
 
@@ -234,8 +245,10 @@ def _texts_in(value: Any) -> Iterator[str]:
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict):
-        for one in cast("dict[str, Any]", value).values():
-            yield from _texts_in(one)
+        fields = cast("dict[str, Any]", value)
+        left_out = _OF_FINDINGS if fields.keys() >= _JUDGED else ()
+        for name, one in () if fields.keys() >= _FINDING else fields.items():
+            yield from () if name in left_out else _texts_in(one)
     elif isinstance(value, list) and not are_numbers(cast("list[Any]", value)):
         for one in cast("list[Any]", value):
             yield from _texts_in(one)

@@ -15,7 +15,7 @@ from calib_core.findings.codes.provenance import REPLAY_DIFFERS, REPLAYED_OTHER_
 from calib_core.frames import RigidTransform
 from calib_core.graph.keys import Graph
 from calib_core.graph.stage import SOFTWARE
-from calib_core.messages import message
+from calib_core.messages import SAID, message
 from calib_core.records import Record, Session
 from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.records.findings import Finding
@@ -38,7 +38,7 @@ SPREAD: Final = 1e-4
 
 MAX_LISTED: Final = 100
 
-_ABOUT: Final = ("software", "method", "method_revision", "inputs_sha256", "solved", "provenance", "seal")
+_ABOUT: Final = ("software", "method", "method_revision", "inputs_sha256", "solved", "provenance", "seal", SAID)
 _NOTHING: Final[tuple[Any, ...]] = (None, [], {})
 _TEXTS: Final = ("title", "sentence", "reason", "description")  # within records; what they tell is compared
 WORDS: Final = ("findings", "warnings", "notes", "causes", "evidence")

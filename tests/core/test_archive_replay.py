@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.archive.folder import load_session, to_json_bytes
+from calib_core.archive.folder import load_session, result_data, to_json_bytes
 from calib_core.archive.stored_results import stored_results
+from calib_core.findings.reading import as_read
 from calib_core.review.replay import MAX_LISTED, TOLERANCE, compare, replay
+from calib_core.stages.pipeline import solve_stage
 from server.cli import main
 
 
@@ -27,9 +29,18 @@ def test_an_untouched_session_comes_out_bit_for_bit(solved_folder, stored):
     (stage,) = found.stages
     assert found.equal
     assert (stage.stage, stage.equal, stage.largest_relative, stage.difference_count) == ("tcp", True, 0.0, 0)
-    about = ("evidence", "findings", "method_revision", "seal")
+    about = ("evidence", "findings", "method_revision", "said", "seal")
     assert stage.numbers == count_numbers({k: v for k, v in stored["tcp"].items() if k not in about})
     assert found.tolerance == TOLERANCE == 1e-6
+
+
+def test_how_a_result_can_be_said_is_the_same_whatever_was_said_before(solved_folder, stored):
+    session, read = load_session(solved_folder)
+    first = result_data(solve_stage(session, "tcp", read))
+    assert first["said"]
+    as_read(first, "de")
+    assert result_data(solve_stage(session, "tcp", read)) == first
+    assert compare({**stored["tcp"], "said": []}, first).equal  # and another version's is no difference
 
 
 def count_numbers(data: Any) -> int:
