@@ -210,8 +210,8 @@ _OF_FINDINGS: Final = _JUDGED | {"notes", "causes"}
 def with_parts(document: dict[str, Any]) -> dict[str, Any]:
     """Return a document with the parts of the messages in it, so that they can be said where it is read.
 
-    Findings need none, nor what is made of them: their codes and values say them. Left in, they would be there only
-    in a process that has said them before, and the same result would be two documents.
+    Findings need none, nor what is made of them: their codes and values say them. Left in, they would be there
+    only in a process that has said them before, and the same result would be two documents.
     """
     made = {text: found for text in _texts_in(document) if (found := made_lately(text)) is not None}
     return {**document, SAID: [data_of(one) for one in made.values()]} if made else document
