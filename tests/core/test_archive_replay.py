@@ -24,7 +24,7 @@ def stored(solved_folder: Path) -> dict[str, Any]:
     return stored_results(solved_folder)
 
 
-def test_an_untouched_session_comes_out_bit_for_bit(solved_folder, stored):
+def test_an_untouched_session_comes_out_bit_for_bit(solved_folder: Path, stored: dict[str, Any]) -> None:
     found = replay(*load_session(solved_folder), stored)
     (stage,) = found.stages
     assert found.equal
@@ -34,7 +34,9 @@ def test_an_untouched_session_comes_out_bit_for_bit(solved_folder, stored):
     assert found.tolerance == TOLERANCE == 1e-6
 
 
-def test_how_a_result_can_be_said_is_the_same_whatever_was_said_before(solved_folder, stored):
+def test_how_a_result_can_be_said_is_the_same_whatever_was_said_before(
+    solved_folder: Path, stored: dict[str, Any]
+) -> None:
     session, read = load_session(solved_folder)
     first = result_data(solve_stage(session, "tcp", read))
     assert first["said"]
@@ -57,7 +59,7 @@ def altered(stored: dict[str, Any], path: str, factor: float) -> dict[str, Any]:
     target, names = data, [place, *keys]
     for name in names[:-1]:
         target = target[int(name) if isinstance(target, list) else name]
-    last = int(names[-1]) if isinstance(target, list) else names[-1]
+    last: Any = int(names[-1]) if isinstance(target, list) else names[-1]
     target[last] *= factor
     return data
 
@@ -73,7 +75,9 @@ def altered(stored: dict[str, Any], path: str, factor: float) -> dict[str, Any]:
         ("residuals.4.zone", 5e-7, 2e-6),
     ],
 )
-def test_every_number_counts_from_the_stated_tolerance_on(stored, path, equal, other):
+def test_every_number_counts_from_the_stated_tolerance_on(
+    stored: dict[str, Any], path: str, equal: float, other: float
+) -> None:
     """Another processor's arithmetic moves a covariance by 1e-5, and that is no forgery."""
     assert compare(altered(stored, path, 1 + equal), stored["tcp"]).equal
     found = compare(altered(stored, path, 1 + other), stored["tcp"])
@@ -97,7 +101,7 @@ def moved(stored: dict[str, Any], axis: int, sigmas: float) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("axis", range(6))
-def test_a_frame_counts_by_its_stated_sigmas(stored, axis):
+def test_a_frame_counts_by_its_stated_sigmas(stored: dict[str, Any], axis: int) -> None:
     """Another processor's arithmetic moves it by some 1e-7 of them."""
     assert compare(moved(stored, axis, 9e-4), stored["tcp"]).equal
     found = compare(moved(stored, axis, 0.05), stored["tcp"])
@@ -105,11 +109,11 @@ def test_a_frame_counts_by_its_stated_sigmas(stored, axis):
     assert {d.path.partition("[")[0] for d in found.differences} == {"tool0_from_laser"}
 
 
-def test_what_is_no_frame_any_more_differs(stored):
+def test_what_is_no_frame_any_more_differs(stored: dict[str, Any]) -> None:
     assert not compare({**stored["tcp"], "tool0_from_laser": np.zeros((4, 4)).tolist()}, stored["tcp"]).equal
 
 
-def test_an_element_of_a_covariance_counts_by_the_sigmas_of_its_row_and_column():
+def test_an_element_of_a_covariance_counts_by_the_sigmas_of_its_row_and_column() -> None:
     """It was "not equal" for 4e-9 between two processors; variances in rad² are 1e-5 of those in mm²."""
 
     def result(turned: float, both: float) -> dict[str, Any]:
@@ -122,7 +126,7 @@ def test_an_element_of_a_covariance_counts_by_the_sigmas_of_its_row_and_column()
     assert not compare(result(1e-8, 0.0), {"stage": "x", "covariance": [[1e-8]]}).equal
 
 
-def test_a_zero_of_a_matrix_may_be_rounded_and_no_more():
+def test_a_zero_of_a_matrix_may_be_rounded_and_no_more() -> None:
     def matrix(zero: float) -> dict[str, Any]:
         return {"stage": "x", "m": [[1.0, zero], [0.0, 250.0]]}
 
@@ -143,19 +147,19 @@ def test_a_zero_of_a_matrix_may_be_rounded_and_no_more():
         ({"a": []}, {"a": [{"capture": "p01"}]}, "a[0]"),
     ],
 )
-def test_what_is_no_number_must_be_the_same(stored, fresh, path):
+def test_what_is_no_number_must_be_the_same(stored: dict[str, Any], fresh: dict[str, Any], path: str) -> None:
     found = compare(stored, fresh)
     assert [d.path for d in found.differences] == [path]
     assert found.differences[0].relative is None
 
 
-def test_a_field_that_only_one_version_writes_is_no_difference():
+def test_a_field_that_only_one_version_writes_is_no_difference() -> None:
     for value in (None, 1.0, [{"b": 2}]):
         assert compare({"a": value}, {}).equal
         assert compare({}, {"a": value}).equal
 
 
-def test_the_worst_of_many_differences_are_listed():
+def test_the_worst_of_many_differences_are_listed() -> None:
     found = compare({"a": [float(k + 1) for k in range(500)]}, {"a": [k + 1.5 for k in range(500)]})
     assert found.difference_count == 500
     assert len(found.differences) == MAX_LISTED
@@ -169,7 +173,7 @@ def why(folder: Path, stored: dict[str, Any]) -> str:
     return " ".join(found.stages[0].why)
 
 
-def test_reasons_from_the_records(solved_folder, stored, tmp_path):
+def test_reasons_from_the_records(solved_folder: Path, stored: dict[str, Any], tmp_path: Path) -> None:
     wrong = {"tcp": altered(stored, "surface_rms_mm", 1.5)}
     assert "altered" in why(solved_folder, wrong)
     wrong["tcp"]["software"] = "scancell 0.0.1"
@@ -185,17 +189,19 @@ def test_reasons_from_the_records(solved_folder, stored, tmp_path):
     assert "cannot be solved any more" in why(folder, stored)
 
 
-def test_the_same_numbers_by_other_software_are_equal(solved_folder, stored):
+def test_the_same_numbers_by_other_software_are_equal(solved_folder: Path, stored: dict[str, Any]) -> None:
     other = {"tcp": {**stored["tcp"], "software": "scancell 0.0.1"}}
     assert replay(*load_session(solved_folder), other).equal
 
 
-def test_a_stage_of_another_version_is_said_not_to_be_solvable(solved_folder):
+def test_a_stage_of_another_version_is_said_not_to_be_solvable(solved_folder: Path) -> None:
     stored = {"merge": {"stage": "merge", "software": "scancell 9", "method": "m", "inputs_sha256": "0"}}
     assert "cannot be solved any more" in why(solved_folder, stored)
 
 
-def test_the_command(solved_folder, stored, tmp_path, capsys):
+def test_the_command(
+    solved_folder: Path, stored: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "s"
     shutil.copytree(solved_folder, folder)
     wrong = altered(stored, "sphere_center_in_base_mm.0", 1 + 1e-4)
