@@ -33,11 +33,11 @@ def has_code(result: Mapping[str, Any], *codes: Code) -> bool:
 
 
 def judgement(findings: Iterable[Finding]) -> dict[str, Any]:
-    """Return the fields of a result that are made of its findings: errors first, then warnings, then notes.
+    """Return the fields of a result that are made of its findings: causes first, then errors, warnings, notes.
 
-    Within a severity they stay in their order: root causes first, and not what follows from them.
+    What has a remedy is a cause, and stands before what it may have brought about, however severe that is.
     """
-    found = sorted(_hidden(list(findings)), key=lambda finding: _ORDER.index(finding.severity))
+    found = sorted(_hidden(list(findings)), key=_rank)
     shown = [finding for finding in found if finding.behind is None]
     return {
         "findings": found,
@@ -46,6 +46,11 @@ def judgement(findings: Iterable[Finding]) -> dict[str, Any]:
         "notes": [sentence_of(finding) for finding in shown if finding.severity == "note"],
         "causes": causes_of(_told_with_causes(found)),
     }
+
+
+def _rank(finding: Finding) -> tuple[bool, int]:
+    cause = finding.remedy is not None and finding.severity != "note" and finding.behind is None
+    return not cause, _ORDER.index(finding.severity)
 
 
 def measured_judgement(findings: Iterable[Finding], language: Catalogue = ENGLISH) -> dict[str, Any]:

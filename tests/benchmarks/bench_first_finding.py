@@ -50,8 +50,8 @@ def _session(change: Callable[[Session, int], Session]) -> Callable[[int], Troub
     return made
 
 
-def _told(told: str, mm_per_unit: float = 1.0) -> Callable[[int], Troubled]:
-    return _session(lambda session, _: rewritten(session, told, writer("fanuc", mm_per_unit, False)))
+def _told(told: str, inverted: bool = False) -> Callable[[int], Troubled]:
+    return _session(lambda session, _: rewritten(session, told, writer("fanuc", 1.0, inverted)))
 
 
 def _rows(order: Callable[[list[int], np.random.Generator], list[int]]) -> Callable[[int], Troubled]:
@@ -85,7 +85,7 @@ def _scaled(x: float, z: float, seed: int) -> Troubled:
 
 FAULTS = (
     Fault("poses told in another convention", ("pose-reading",), _told("kuka")),
-    Fault("poses in metres", ("pose-reading",), _told("fanuc", 1000.0)),
+    Fault("poses of the base in the flange", ("pose-reading",), _told("fanuc", inverted=True)),
     Fault("two poses swapped", ("swapped-poses",), _rows(_swapped)),
     Fault("poses in the order of names", ("pose-list-order", "shifted-poses"), _rows(_by_name)),
     Fault("poses in reverse", ("pose-list-order",), _rows(lambda places, _: places[::-1])),

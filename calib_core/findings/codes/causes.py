@@ -83,7 +83,7 @@ SHIFTED_POSES = Code(
 
 POSE_LIST_ORDER = Code(
     "pose-list-order",
-    "warning",
+    "error",
     text={
         "names": "The list of poses seems to be in the order of names (1, 10, 11, 2): hand the poses out anew.",
         "captures": "The captures seem to be in the order of their names (1, 10, 11, 2), the poses in that of their "
@@ -98,6 +98,7 @@ POSE_LIST_ORDER = Code(
     decided="With the whole list in another order the captures fit far better.",
     usual_causes="Files sorted by name, a program that lists its points backwards, two lists put together.",
     since="0.2",
+    explains_all=True,
 )
 
 POSE_READING = Code(
