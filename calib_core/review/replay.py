@@ -47,6 +47,7 @@ _SPREADS: Final = re.compile(
     r"sigma|rms|covariance|variance|chance|mahalanobis|weight|scatter|uncertainty|expected|share|component|budget"
 )
 _IN_FRAME: Final = re.compile(r"^frames\[[^\]]*\]\.matrix\[\d\]\[(\d)\]$")
+_OPTICS: Final = re.compile(r"^optics\[\d+\]\.(?:(?:tool|turntable)\[(\d)\]|by_place)")
 _UNIT: Final = re.compile(r"_(mm|rad|deg)(?:\[[^.\]]*\])*$")
 _MOST_SIGMAS: Final = 1e9
 _MISSING: Final = object()
@@ -245,6 +246,8 @@ def _sigma_of(path: str, sigmas: Mapping[str, float]) -> float:
     """Return the standard deviation that counts for a number, by the unit that ends its name."""
     if element := _IN_FRAME.search(path):
         return sigmas["mm" if element[1] == "3" else "rad"]
+    if moved := _OPTICS.search(path):  # a move of six, or by how much a shift grows with the place: like an angle
+        return sigmas["mm" if moved[1] in tuple("345") else "rad"]
     unit = _UNIT.search(path)
     return sigmas[unit[1]] if unit else 0.0
 

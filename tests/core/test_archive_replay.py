@@ -109,6 +109,16 @@ def test_a_frame_counts_by_its_stated_sigmas(stored: dict[str, Any], axis: int) 
     assert {d.path.partition("[")[0] for d in found.differences} == {"tool0_from_laser"}
 
 
+def test_what_camera_and_plane_do_to_the_tool_counts_by_the_tools_sigmas(stored: dict[str, Any]) -> None:
+    sigma = np.sqrt(np.diag(stored["tcp"]["covariance"]))
+    shifts = [{"source": "camera", "tool": [1e-9, 0, 0, 0, 0, 1e-7], "by_place": [[1e-9]]}]
+    before = {**stored["tcp"], "optics": shifts}
+    for axis, sigmas, equal in ((0, 5e-4, True), (0, 1e-2, False), (5, 5e-4, True), (5, 1e-2, False)):
+        after = copy.deepcopy(before)
+        after["optics"][0]["tool"][axis] += sigmas * min(sigma[:3] if axis < 3 else sigma[3:])
+        assert compare(before, after).equal is equal
+
+
 def test_what_is_no_frame_any_more_differs(stored: dict[str, Any]) -> None:
     assert not compare({**stored["tcp"], "tool0_from_laser": np.zeros((4, 4)).tolist()}, stored["tcp"]).equal
 
