@@ -111,7 +111,7 @@ def test_a_frame_counts_by_its_stated_sigmas(stored: dict[str, Any], axis: int) 
 
 def test_what_camera_and_plane_do_to_the_tool_counts_by_the_tools_sigmas(stored: dict[str, Any]) -> None:
     sigma = np.sqrt(np.diag(stored["tcp"]["covariance"]))
-    shifts = [{"source": "camera", "tool": [1e-9, 0, 0, 0, 0, 1e-7], "by_place": [[1e-9]]}]
+    shifts: list[dict[str, Any]] = [{"source": "camera", "tool": [1e-9, 0, 0, 0, 0, 1e-7], "by_place": [[1e-9]]}]
     before = {**stored["tcp"], "optics": shifts}
     for axis, sigmas, equal in ((0, 5e-4, True), (0, 1e-2, False), (5, 5e-4, True), (5, 1e-2, False)):
         after = copy.deepcopy(before)
