@@ -124,12 +124,19 @@ class Code:
         self, choice: Choice, values: Mapping[str, Value], captures: Sequence[str], language: Catalogue
     ) -> str:
         """Return one of its texts in a language; raises KeyError where a value is missing."""
-        by = self.by_to_do if choice is self.to_do and self.by_to_do else self.by
-        text = choice[str(values[by])] if isinstance(choice, Mapping) else choice
-        places = {"captures": Names(captures), **values}
+        text, places = self._chosen(choice, values), {"captures": Names(captures), **values}
         if isinstance(text, Plural):
             return language.fill(text.one, places, text.many, text.by)
         return language.fill(text, places) if text else ""
+
+    def as_message(self, choice: Choice, values: Mapping[str, Value], captures: Sequence[str]) -> Message:
+        """Return one of its texts as a message, which can be said elsewhere; raises KeyError as `filled` does."""
+        text, places = self._chosen(choice, values), {"captures": Names(captures), **values}
+        return Message(text.one, places, text.many, text.by) if isinstance(text, Plural) else Message(text, places)
+
+    def _chosen(self, choice: Choice, values: Mapping[str, Value]) -> Text:
+        by = self.by_to_do if choice is self.to_do and self.by_to_do else self.by
+        return choice[str(values[by])] if isinstance(choice, Mapping) else choice
 
     def texts(self) -> list[Text]:
         """Return all texts that are translated."""

@@ -161,8 +161,11 @@ def places_in(finding: Finding, capture: str = "") -> dict[str, Value]:
 
 def _filled(code: Code, text: Choice, finding: Finding, language: Catalogue, capture: str = "") -> str | None:
     """Return one of a code's texts with a finding's values; None where another version stored other values."""
+    captures = [capture] if capture else finding.captures
     try:
-        return code.filled(text, places_in(finding, capture), [capture] if capture else finding.captures, language)
+        if capture and language is ENGLISH:  # evidence shows it too, which is said in the reader's language
+            return code.as_message(text, places_in(finding, capture), captures)
+        return code.filled(text, places_in(finding, capture), captures, language)
     except (KeyError, ValueError):
         return None
 

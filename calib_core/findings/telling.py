@@ -23,10 +23,19 @@ _RESULT: Final = {"stage", "findings", "verdict", "warnings", "method"}
 
 
 def told(document: Any, language: Catalogue) -> Any:
-    """Return JSON data as a language says it; English as it is."""
+    """Return JSON data as a language says it, without the parts that its messages are made of."""
     if language.language == "en":
-        return document
+        return _without_parts(document)
     return _Telling(language, {str(one): one for one in parts_in(document)}).told(document)
+
+
+def _without_parts(value: Any) -> Any:
+    if isinstance(value, dict):
+        fields = cast("dict[str, Any]", value)
+        return {k: _without_parts(v) for k, v in fields.items() if k != SAID or not isinstance(v, list)}
+    if isinstance(value, list) and not are_numbers(cast("list[Any]", value)):
+        return [_without_parts(one) for one in cast("list[Any]", value)]
+    return value
 
 
 class _Telling:

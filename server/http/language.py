@@ -15,11 +15,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calib_core.findings.catalogues import LANGUAGES, catalogue
 from calib_core.findings.telling import told
-from calib_core.messages import ENGLISH, Catalogue
+from calib_core.messages import ENGLISH, SAID, Catalogue
 
 _ASKED: ContextVar[Catalogue] = ContextVar("language", default=ENGLISH)
 _LARGE = 50_000
 _EVENT = b"data: "
+_PARTS = f'"{SAID}":['.encode()
 
 
 class AnswerLanguage:
@@ -73,9 +74,9 @@ class _Saying:
         headers = MutableHeaders(scope=start)
         headers.add_vary_header("Accept-Language")
         kind = headers.get("content-type", "")
-        if self._language.language == "en" or "content-disposition" in headers:
+        if "content-disposition" in headers:
             kind = ""
-        self._streams = kind.startswith("text/event-stream")
+        self._streams = kind.startswith("text/event-stream") and self._language.language != "en"
         if kind.partition(";")[0].endswith("json"):
             self._start = start
         else:
@@ -101,6 +102,8 @@ class _Saying:
         )
 
     def _said(self, text: bytes) -> bytes:
+        if self._language.language == "en" and _PARTS not in text:
+            return text
         try:
             data: Any = json.loads(text)
         except ValueError:

@@ -115,17 +115,17 @@ def solve(
         What the stage's solver says; also where there is no room for the files that it makes.
     """
     progress = started(job_id)
+    from calib_core.archive.folder import result_data
     from calib_core.graph.keys import Graph
     from calib_core.graph.stage_input import Kept
     from calib_core.records import parse_session
     from calib_core.stages.pipeline import solve_stage
-    from server.http.strict_json import plain_json
 
     record = parse_session(session)
     kept = Kept.of_stored(Graph(record, digests.__getitem__), solved, without=stage)
     outputs = _Outputs(_blobs(), stage)
     result = solve_stage(record, stage, _reader(digests), progress, outputs.store, kept, _crew)
-    return Solved(plain_json(result), outputs.stored)
+    return Solved(result_data(result), outputs.stored)
 
 
 def replay(

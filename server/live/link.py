@@ -21,6 +21,9 @@ Status = Literal["connecting", "live", "silent", "nonsense", "lost"]
 SILENT_S = 1.5
 """A device that is connected and tells nothing for longer is called silent."""
 
+_STREAM = 5
+"""So many readings in a row, each within that time, are a stream: a folder that is looked at says when it ends."""
+
 _RETRY_S = (0.25, 0.5, 1.0)
 _MOST_NONSENSE = 50
 _TELL_AGAIN_S = 10.0
@@ -75,11 +78,11 @@ class Link:
         self._device: Device | None = None
         self._description: Description | None = None
         self._status: Status = "connecting"
-        self._since_s = self._last_s = self._rate_from_s = host_now_s()
+        self._since_s = self._last_s = self._read_s = self._rate_from_s = host_now_s()
         self._problem = self._why = ""
         self._new_s, self._told_s = self._last_s, -_TELL_AGAIN_S
         self._freshness = Freshness(source.clock)
-        self._readings = self._refused = self._rate_from = self._in_a_row = 0
+        self._readings = self._refused = self._rate_from = self._in_a_row = self._in_stream = 0
         self._rate_hz = 0.0
         self._thread = threading.Thread(target=self._run, name=f"device {name}", daemon=True)
 
@@ -142,7 +145,8 @@ class Link:
         device = connect(self._settings)
         self._device, self._description = device, device.describe()
         self._freshness, self._why = Freshness(self.source.clock), ""
-        self._last_s = self._new_s = host_now_s()
+        self._last_s = self._new_s = self._read_s = host_now_s()
+        self._in_stream = 0
         self._set("live", "")
         return device
 
@@ -156,10 +160,13 @@ class Link:
                 self._refuse(str(error))
                 continue
             if reading is None:
-                if self.source.is_asked:  # it was looked at, and there was nothing new
+                # It was looked at, and there was nothing new: in the middle of a stream that is silence.
+                if self.source.is_asked and self._in_stream < _STREAM:
                     self._last_s = self._new_s = host_now_s()
                 continue
             self._last_s = host_now_s()
+            self._in_stream = self._in_stream + 1 if self._last_s - self._read_s < SILENT_S else 0
+            self._read_s = self._last_s
             wrong = nonsense(reading, before)
             if wrong is not None:
                 before = None

@@ -79,7 +79,7 @@ class Source:
     clock : "every-reading", "on-change" or "none"
         What the device time of its readings means; by it a stream that repeats one reading is told.
     is_asked : bool
-        `read` looks anew each time: that there is nothing new is a sign of life as well.
+        `read` looks anew each time: that there is nothing new is a sign of life as well, except in a stream.
     """
 
     name: str

@@ -15,10 +15,13 @@ _MEASURE = """() => {
   const inner = (element) => element.innerText.split(/\\s+/).filter(Boolean).length;
   const last = main[0]?.getBoundingClientRect();
   const height = (one) => one.getBoundingClientRect().height / parseFloat(getComputedStyle(one).lineHeight);
+  // The cause of a failed answer is its heading.
+  const isCause = (one) => one.matches(".answer-fail .messages > li:first-child");
   const cut = (one) => [...one.querySelectorAll("summary")].some((part) => part.scrollWidth > part.clientWidth);
   return {
     words: inner(card) + main.reduce((sum, one) => sum + inner(one), 0), messages: messages.length,
-    lines: Math.max(0, ...messages.map(height)),
+    lines: Math.max(0, ...messages.filter((one) => !isCause(one)).map(height)),
+    causeLines: Math.max(0, ...messages.filter(isCause).map(height)),
     cut: messages.filter(cut).length,
     main: main.map((one) => one.innerText.trim().split("\\n")[0]),
     answer_in_sight: box.top >= 0 && box.bottom <= innerHeight,
@@ -50,6 +53,7 @@ def first_look(page: Page, all_done: bool = False) -> FirstLook:
         f"{seen['words']} words: {seen['text']}": seen["words"] > MOST_WORDS,
         f"{seen['messages']} messages": seen["messages"] > MOST_MESSAGES,
         f"a message of {seen['lines']:.1f} lines": seen["lines"] > 1.3,
+        f"a cause of {seen['causeLines']:.1f} lines": seen["causeLines"] > 2.3,
         f"{seen['cut']} messages do not fit their line": seen["cut"] > 0,
         f"{len(seen['main'])} main actions: {seen['main']}": len(seen["main"]) != 1 and not all_done,
         "the rail ticks what the answer does not accept": seen["tick_too_many"],

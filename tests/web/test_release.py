@@ -2,21 +2,19 @@
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
 from tests.server.access import bearer, guarded, site_of
-from tests.server.live_server import simulated_session
+from tests.server.live_server import simulated_session, wait_for
 from tests.web.browsing import SharedProfile
 from tests.web.test_accessible import violations
 
 pytestmark = pytest.mark.browser
 
 NAME = "Cell of approvals"
-SOLVED = Path(__file__).resolve().parents[1] / "releases" / "0.1.0" / "archive.zip"
 
 
 @pytest.fixture(scope="module")
@@ -28,16 +26,16 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[httpx.Cli
 
 @pytest.fixture(scope="module")
 def sessions(served: tuple[httpx.Client, dict[str, str]]) -> list[str]:
-    """Two solved sessions of one cell: one archive, brought in twice."""
+    """Two sessions of one cell that were solved here."""
     client, _ = served
 
-    def brought_in() -> str:
-        made = client.post("/archives", content=SOLVED.read_bytes(), headers={"Content-Type": "application/zip"})
-        assert made.status_code == 201, made.text
-        client.patch(f"/sessions/{made.json()['id']}", json={"name": NAME})
-        return made.json()["id"]
+    def solved() -> str:
+        session = simulated_session(client, captures=14)
+        assert wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])["status"] == "done"
+        client.patch(f"/sessions/{session}", json={"name": NAME})
+        return session
 
-    return [brought_in(), brought_in()]
+    return [solved(), solved()]
 
 
 def log_in(page: Page, client: httpx.Client, token: str, path: str) -> None:
@@ -129,6 +127,7 @@ def test_limits_are_set_before_the_first_capture(
     page = profile.open(reduced_motion="reduce")
     log_in(page, client, tokens["capture"], f"/sessions/{session}%23verify")
     limits = page.get_by_role("region", name="Limits")
+    limits.get_by_text("More limits and what they are measured with").press("Enter")
     limits.get_by_label("Probing form, limit in mm").fill("0.2")
     assert violations(page, axe, "sc-limits") == []
     limits.get_by_role("button", name="Set limits").press("Enter")
@@ -142,6 +141,7 @@ def test_limits_are_set_before_the_first_capture(
 
     limits.get_by_text("Change limits …").press("Enter")
     expect(limits).to_contain_text("a change is kept with its date, name and both values")
+    limits.get_by_text("More limits and what they are measured with").press("Enter")
     limits.get_by_label("Probing form, limit in mm").fill("0.35")
     assert violations(page, axe, "sc-limits") == []
     limits.get_by_role("button", name="Change limits").press("Enter")

@@ -99,6 +99,7 @@ export async function attempt(action) {
     return true;
   } catch (error) {
     if (!(error instanceof Problem)) throw error;
+    if (error.status === 0) closeLost?.(); // one message for one cause
     failures.set(String(action), { problem: error, close: toasts.show(error.message, { bad: true }) });
     return false;
   }

@@ -18,7 +18,7 @@ import { attempt, notify, say } from "../components/toasts.js";
 /** @import {IntakeElement} from "./intake.js" */
 /** @import {Job, RootCause} from "../state/model.js" */
 
-/** A job ended because its server or its cluster did. */
+/** A job ended because its server, its cluster or its worker did. */
 const INTERRUPTED = 503;
 
 export class ActionsElement extends StateElement {
@@ -45,8 +45,9 @@ export class ActionsElement extends StateElement {
   #asking = false;
   #followed = "";
   #again = "";
+  /** Whether the server was away since the solve was begun. */ #wasAway = false;
 
-  parts = /** @type {const} */ (["session", "guide", "job", "captures", "results", "step", "view"]);
+  parts = /** @type {const} */ (["session", "guide", "job", "captures", "results", "step", "view", "live"]);
 
   build() {
     this.intake?.addEventListener("solve", () => void this.solve());
@@ -61,6 +62,7 @@ export class ActionsElement extends StateElement {
 
   update() {
     const { session, job, captures, now, view } = this.state;
+    this.#wasAway ||= this.state.live !== "live";
     const simulated = session?.simulated === true;
     const ready = now?.action === "solve";
     const solved = now?.action === "review";
@@ -164,7 +166,7 @@ export class ActionsElement extends StateElement {
 
   /** Say why nothing could be solved, and offer what would mend it. @param {Job} job */
   async #failed({ stage, error }) {
-    if (error?.status === INTERRUPTED && stage !== this.#again) {
+    if (error?.status === INTERRUPTED && this.#wasAway && stage !== this.#again) {
       this.#again = stage; // once: what ends the server each time is not asked for for ever
       notify(t("actions.again"));
       return this.#start(stage);
@@ -203,6 +205,7 @@ export class ActionsElement extends StateElement {
   /** One job a click, however long its start takes. @param {string} stage */
   async #start(stage) {
     this.#asking = true;
+    this.#wasAway = false;
     this.#solve.setAttribute("aria-disabled", "true");
     await attempt(async () => {
       const job = await api.solve(this.state.id, stage);

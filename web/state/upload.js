@@ -32,6 +32,12 @@ export function takeBrought(sessionId) {
   return found;
 }
 
+/** Where pose lines that were typed stand until they are sent. @param {string} sessionId */
+export const draftKey = (sessionId) => `scancell-draft-${sessionId}`;
+
+/** Whether anything waits for a session's page. @param {string} sessionId */
+export const isAwaited = (sessionId) => waiting.has(sessionId) || brought.has(sessionId);
+
 /**
  * @param {string} sessionId
  * @param {readonly Parcel[]} parcels
@@ -76,7 +82,7 @@ export async function send(sessionId, parcels, progress) {
 export async function createFromFolder(folder, progress) {
   const session = await api.createSession(/** @type {import("./model.js").SessionBody} */ (folder.record));
   const outcome = await send(session.id, folder.captures, progress);
-  waiting.set(session.id, outcome.left);
+  if (outcome.left.length) waiting.set(session.id, outcome.left);
   return { session, outcome };
 }
 
