@@ -11,7 +11,8 @@ import numpy as np
 
 from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arm_lengths import ArmLengths, arm_lengths_error
-from calib_core.chain.likelihood import ChainLinearisation, fit
+from calib_core.chain.held_poses import as_told
+from calib_core.chain.likelihood import ChainLinearisation, fit, linearised_at
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import COUNT, NAMES, incidence_shapes
@@ -63,6 +64,8 @@ class Held:
         its files. Its square is in the covariance.
     by_lengths : (P,) or None
         What lengths of the arm that are off do to the unknowns. Its square is in the covariance.
+    by_poses : (P,) or None
+        What errors of the arm that captures share did to the unknowns (`chain.held_poses`). The same.
     """
 
     state: ChainState
@@ -79,6 +82,7 @@ class Held:
     arm: ArmErrors | None = None
     left: FloatArray | None = None
     by_lengths: FloatArray | None = None
+    by_poses: FloatArray | None = None
 
     @property
     def lengths_sigma(self) -> float:
@@ -87,9 +91,9 @@ class Held:
 
     @property
     def by_motions(self) -> FloatArray:
-        """The covariance of the tool (6, 6) by the motions: lengths that are off are no missing motion."""
-        own = self.covariance[:6, :6]
-        return own if self.by_lengths is None else own - np.outer(self.by_lengths[:6], self.by_lengths[:6])
+        """The covariance of the tool (6, 6) by the motions: an arm that is off is no missing motion."""
+        off = [row[:6] for row in (self.by_lengths, self.by_poses) if row is not None]
+        return np.asarray(self.covariance[:6, :6] - sum((np.outer(row, row) for row in off), np.zeros((6, 6))))
 
     @property
     def tool_and_scanner(self) -> np.ndarray:
@@ -144,12 +148,28 @@ def point_rows(
 def hold_files(judged: Judged, apply: bool) -> Held:
     """Return the answer of captures that were judged, for corrected files or for files as they are."""
     lengths = arm_lengths_error(judged)
-    held = _held(judged, apply, lengths)
+    held = _with_poses_as_told(_held(judged, apply, lengths))
     if lengths is not None:
         by_lengths = _off(lengths.state, held.state, held.active, len(held.covariance))
         more = held.covariance + np.outer(by_lengths, by_lengths)
         held = replace(held, covariance=more, by_lengths=by_lengths)
     return replace(held, half_width_mm=judged.data.half_width_mm, arm=_arm(judged, held.applied))
+
+
+def _with_poses_as_told(held: Held) -> Held:
+    told = as_told(held.data, held.state, held.sigmas)
+    if told is None:
+        return held
+    state, step = told
+    by_poses = np.zeros(len(held.covariance))
+    by_poses[: len(step)] = step
+    return replace(
+        held,
+        state=state,
+        at=linearised_at(held.data, state, held.sigmas),
+        covariance=held.covariance + np.outer(by_poses, by_poses),
+        by_poses=by_poses,
+    )
 
 
 def _arm(judged: Judged, applied: bool) -> ArmErrors | None:
