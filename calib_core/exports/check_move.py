@@ -186,5 +186,5 @@ def _write(answer: Answer, settings: CheckSettings) -> str:
 
 EXPORT = Export(
     "check-move", "Check move: the light plane to the sphere from three sides", "application/json", ".json",
-    _write, CheckSettings,
+    _write, CheckSettings, proof=None,
 )  # fmt: skip

@@ -104,8 +104,10 @@ def check_moves(answer: Answer, chosen: CheckSettings, convention: str) -> Moves
         return to_pose(convention, RigidTransform(pose.matrix, "base", "tool0"))
 
     move = check_move(answer, chosen)
+    tool = tool_pose(answer, convention)
     comments = [
         *provenance(answer),
+        f"the tool that must be active: {', '.join(f'{number:.6g}' for number in tool)}",
         "CHECK MOVE: go through it in manual mode at reduced speed, one target at a time",
         "the operator starts every target; the sphere must stand where it stood",
         f"at each target the scanner should show {move.expected()}",
@@ -114,7 +116,7 @@ def check_moves(answer: Answer, chosen: CheckSettings, convention: str) -> Moves
         Stop(f"side {number}", numbers(target.approach), numbers(target.base_from_laser))
         for number, target in enumerate(move.targets, start=1)
     ]
-    return Moves("check", comments, stops, "the sphere", "read the scanner", tool_pose(answer, convention))
+    return Moves("check", comments, stops, "the sphere", "read the scanner", tool)
 
 
 def check_export(

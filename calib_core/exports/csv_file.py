@@ -26,4 +26,4 @@ def _write(answer: Answer, settings: FrameSettings) -> str:
     return text.getvalue()
 
 
-EXPORT = Export("csv", "CSV: one row a frame", "text/csv", ".csv", _write, FrameSettings)
+EXPORT = Export("csv", "CSV: one row a frame", "text/csv", ".csv", _write, FrameSettings, proof=None)

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 
 from calib_core.exports.answer import Answer
+from calib_core.proof import Proof, is_experimental
 
 
 class Settings(BaseModel):
@@ -41,6 +42,8 @@ class Export:
         (backup, answer, settings) to the backup with one entry changed and every other byte as it was.
     comment : str
         What begins a line that the other program does not read: an answer with faults is marked in one.
+    proof : Proof, optional
+        What proved that the other program takes it; None for the project's own forms.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Export:
     brand: str = ""
     patch: Patch | None = None
     comment: str = "#"
+    proof: Proof | None = "manual only"
 
     def describe(self) -> dict[str, Any]:
         """Return the entry as JSON data, with the JSON Schema of its settings."""
@@ -62,5 +66,7 @@ class Export:
             "suffix": self.suffix,
             "brand": self.brand or None,
             "patches_a_backup": self.patch is not None,
+            "proof": self.proof,
+            "experimental": is_experimental(self.proof),
             "settings": self.settings.model_json_schema(),
         }

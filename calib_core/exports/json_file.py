@@ -10,4 +10,6 @@ def _write(answer: Answer, settings: Settings) -> str:
     return frames_json(answer, settings)
 
 
-EXPORT = Export("json", "JSON: tool and table in every pose convention", "application/json", ".json", _write)
+EXPORT = Export(
+    "json", "JSON: tool and table in every pose convention", "application/json", ".json", _write, proof=None
+)

@@ -22,4 +22,12 @@ def _write(answer: Answer, settings: FrameSettings) -> str:
     return "\n".join(lines) + "\n"
 
 
-EXPORT = Export("opencv", "OpenCV: matrices as YAML (mm)", "application/yaml", ".yaml", _write, FrameSettings)
+EXPORT = Export(
+    "opencv",
+    "OpenCV: matrices as YAML (mm)",
+    "application/yaml",
+    ".yaml",
+    _write,
+    FrameSettings,
+    proof="real files",
+)

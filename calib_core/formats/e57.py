@@ -270,4 +270,5 @@ FORMAT = Format(
     settings=E57Settings,
     media_type="model/e57",
     write_cloud=lambda tables, count, names: e57_pieces((table[:, :3] for table in tables), count),
+    proof="real files",
 )

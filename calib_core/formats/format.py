@@ -16,6 +16,7 @@ from calib_core.errors import InputError
 from calib_core.formats.shared.mesh import MeshData
 from calib_core.frames import FloatArray
 from calib_core.messages import message
+from calib_core.proof import Proof, is_experimental
 from calib_core.records.base import Finite, Positive, Record
 
 Kind = Literal["profile", "cloud", "frame", "mesh"]
@@ -202,6 +203,8 @@ class Format:
         `count` rows in all; the first three columns are x, y, z in mm.
     write_mesh : callable, optional
         ``write_mesh(corners, blocks, count)``: corners (N, 3) in mm, blocks (M, 3) of indices, `count` in all.
+    proof : Proof
+        What proved its reader.
     """
 
     name: str
@@ -215,6 +218,7 @@ class Format:
     read_mesh: Callable[[bytes, str], MeshData] | None = None
     write_cloud: Callable[[Iterable[NDArray[Any]], int, tuple[str, ...]], Pieces] | None = None
     write_mesh: Callable[[NDArray[Any], Iterable[NDArray[Any]], int], Pieces] | None = None
+    proof: Proof = "manual only"
 
     def to_json(self) -> dict[str, Any]:
         """Return what page and clients need to know, with the JSON Schema of the settings."""
@@ -228,6 +232,8 @@ class Format:
                 *(["cloud"] if self.write_cloud else []),
                 *(["mesh"] if self.write_mesh else []),
             ],
+            "proof": self.proof,
+            "experimental": is_experimental(self.proof),
             "settings": self.settings.model_json_schema(),
         }
 

@@ -17,4 +17,5 @@ FORMAT = Format(
     endings=(".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg"),
     kinds=("frame",),
     recognise=recognise,
+    proof="real files",
 )

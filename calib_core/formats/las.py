@@ -112,4 +112,5 @@ FORMAT = Format(
     kinds=("cloud",),
     recognise=recognise,
     read=read,
+    proof="real files",
 )

@@ -45,4 +45,5 @@ FORMAT = Format(
     recognise=recognise,
     read=read,
     settings=NpySettings,
+    proof="real files",
 )

@@ -238,4 +238,5 @@ FORMAT = Format(
     recognise=recognise,
     read=read,
     settings=OpenCvSettings,
+    proof="real files",
 )

@@ -175,4 +175,5 @@ FORMAT = Format(
     recognise=recognise,
     read=read,
     write_cloud=pcd_pieces,
+    proof="real files",
 )

@@ -268,4 +268,5 @@ FORMAT = Format(
     write_cloud=ply_pieces_of,
     read_mesh=parse_ply_mesh,
     write_mesh=lambda corners, blocks, count: ply_pieces(corners, triangles=np.concatenate(list(blocks))),
+    proof="real files",
 )

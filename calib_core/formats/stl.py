@@ -90,4 +90,5 @@ FORMAT = Format(
     media_type="model/stl",
     read_mesh=parse_stl,
     write_mesh=stl_pieces,
+    proof="real files",
 )

@@ -35,4 +35,5 @@ FORMAT = Format(
     read=read,
     settings=TableSettings,
     media_type="text/csv",
+    proof="real files",
 )

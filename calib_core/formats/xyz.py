@@ -43,4 +43,5 @@ FORMAT = Format(
     settings=TableSettings,
     media_type="text/plain",
     write_cloud=xyz_pieces,
+    proof="real files",
 )

@@ -1,11 +1,13 @@
 """A robot brand: how it writes poses, how its files are known, read and written."""
 
 import re
+from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from calib_core.poses.conventions import Writer
+from calib_core.proof import Proof, is_experimental
 
 if TYPE_CHECKING:
     from calib_core.exports.entry import Export
@@ -42,6 +44,8 @@ class Brand(Writer):
         The files that define tools and frames, as a person looks for them.
     points : str
         The files that hold the positions which a program only names.
+    proof : Proof
+        What proved its reader, and its writer by the same syntax; of programs that move there is none yet.
     """
 
     title: str
@@ -52,6 +56,7 @@ class Brand(Writer):
     base: frozenset[str] = frozenset({"0"})
     definitions: str = "the controller's backup"
     points: str = "the file that holds it"
+    proof: Proof = "manual only"
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether a file is surely of this brand, by the text in it (unpacked, with plain line ends)."""
@@ -81,8 +86,8 @@ class Brand(Writer):
 
     def exports(self) -> "tuple[Export, ...]":
         """Return what this brand writes: the tool and frame data, and the program that checks them."""
-        named = (("writer", "EXPORT"), ("check", "CHECK"))
-        return tuple(getattr(self._own(file), constant) for file, constant in named if self._has(file))
+        written = [replace(self._own("writer").EXPORT, proof=self.proof)] if self._has("writer") else []
+        return (*written, *([self._own("check").CHECK] if self._has("check") else []))
 
     @property
     def reads(self) -> bool:
@@ -98,6 +103,8 @@ class Brand(Writer):
             "endings": list(self.endings),
             "reads": self.reads,
             "exports": [export.name for export in self.exports()],
+            "proof": self.proof,
+            "experimental": is_experimental(self.proof),
         }
 
     def _has(self, file: str) -> bool:

@@ -12,6 +12,7 @@ from calib_core.captures.certificate import Certificate
 from calib_core.errors import InputError, TooLargeError
 from calib_core.messages import message
 from calib_core.poses.numbers import convention_named
+from calib_core.proof import Proof
 from calib_core.recognition.taken import TakenFor
 from calib_core.records import ArmTable
 from calib_core.records.faults import MOST_TEXT, allowed_faults
@@ -94,6 +95,8 @@ class Brand(BaseModel):
     endings: list[str]
     reads: bool
     exports: list[str]
+    proof: Proof = Field(description="What proved its reader, and its writer by the same syntax.")
+    experimental: bool
 
 
 class Brands(BaseModel):

@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from calib_core.proof import Proof
 from server.http.api_router import api_router
 from server.routes.dependencies import SettingsDep
 
@@ -33,6 +34,8 @@ class FileFormat(_Entry):
     kinds: list[str] = Field(description="What its files can hold.")
     reads: bool
     writes: list[str] = Field(description="What can be written in it.")
+    proof: Proof = Field(description="What proved its reader.")
+    experimental: bool
 
 
 class PoseConventionEntry(_Entry):
@@ -50,6 +53,8 @@ class ExportFormat(_Entry):
     brand: str | None
     media_type: str
     suffix: str
+    proof: Proof | None = Field(description="What proved that the other program takes it; null: own forms.")
+    experimental: bool
 
 
 class CaptureSource(_Entry):

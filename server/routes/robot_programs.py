@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.messages import message
+from calib_core.proof import Proof, is_experimental
 from calib_core.records import Finite, Identifier, Record, StepName
 from calib_core.records.strict_fields import require_known_fields
 from calib_core.steps import tool_stages
@@ -29,6 +30,8 @@ class ProgramEntry(BaseModel):
     title: str
     convention: str
     needs: str
+    proof: Proof
+    experimental: bool
 
 
 class RobotPrograms(BaseModel):
@@ -70,7 +73,17 @@ def list_programs() -> RobotPrograms:
     from calib_core.robots.programs.registry import PROGRAMS
 
     return RobotPrograms(
-        items=[ProgramEntry(name=p.name, title=p.title, convention=p.convention, needs=p.needs) for p in PROGRAMS]
+        items=[
+            ProgramEntry(
+                name=p.name,
+                title=p.title,
+                convention=p.convention,
+                needs=p.needs,
+                proof=p.proof,
+                experimental=is_experimental(p.proof),
+            )
+            for p in PROGRAMS
+        ]
     )
 
 

@@ -298,7 +298,28 @@ def test_a_check_move_brings_the_light_plane_to_the_sphere(name: str, turntable_
     assert "reduced speed" in said
     assert "the scanner should show a circle" in said
     stops = r"\bHALT\b|\bStop;|\bPAUSE\b|\bpopup\(|\bHlt\b|\bHold \"|\bget\(\)"
-    assert len(re.findall(stops, content.decode(), re.IGNORECASE)) == 9
+    of_tool = {"ur": 2, "kuka": 2, "abb": 1}.get(brand, 0)  # where the controller's tool is not the answer
+    assert len(re.findall(stops, content.decode(), re.IGNORECASE)) == 9 + of_tool
+    assert "the tool that must be active" in said
+
+
+@pytest.mark.parametrize(
+    ("name", "asked"),
+    [
+        ("ur-check-move", "get_tcp_offset()"),
+        ("kuka-check-move", "ABS(TOOL_DATA[1].X-("),
+        ("abb-check-move", "Distance(tScanner.tframe.trans,["),
+    ],
+)
+def test_a_check_move_ends_where_the_controllers_tool_is_another(
+    name: str, asked: str, turntable_results: Any
+) -> None:
+    session, solved = turntable_results
+    program = export(session, solved, name)[0].decode()
+    first_move = re.search(r"movel\(|MoveL |^LIN ", program, re.MULTILINE)
+    assert first_move is not None
+    assert 0 < program.index(asked) < program.index("calibrated tool") < first_move.start()
+    assert re.search(r"\bhalt\b|\bRETURN\b", program[: first_move.start()])
 
 
 def test_a_check_move_is_refused_for_what_nobody_should_move_by(turntable_results: Any) -> None:

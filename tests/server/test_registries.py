@@ -62,3 +62,9 @@ def test_jobs_are_listed_by_page_session_and_status(client: httpx.Client) -> Non
     failed = client.get("/jobs", params={"session": session, "status": "failed"}).json()["items"]
     assert {job["id"] for job in failed} == set(jobs)
     assert client.get("/jobs", params={"session": session, "status": "running"}).json()["items"] == []
+
+
+@pytest.mark.parametrize("path", ["/exports", "/formats", "/brands", "/robot-programs"])
+def test_lists_tell_what_proved_each(client: httpx.Client, path: str) -> None:
+    for one in client.get(path).json()["items"]:
+        assert one["experimental"] is (one["proof"] == "manual only"), one["name"]

@@ -7,7 +7,7 @@ import { alarm, closeButton, openDialog, saveFile } from "../components/dialog.j
 import { schemaForm } from "../components/schema-form.js";
 import { notify } from "../components/toasts.js";
 
-/** @typedef {{ name: string, title: string, suffix: string, settings: import("../components/schema-form.js").Schema }} Entry of the registry */
+/** @typedef {{ name: string, title: string, suffix: string, experimental: boolean, settings: import("../components/schema-form.js").Schema }} Entry of the registry */
 
 /** It is fetched, not gone to: why there is nothing to save is told on this page. @param {string} sessionId @param {Entry} entry @param {Record<string, unknown>} chosen */
 export async function saveExport(sessionId, { name, suffix }, chosen) {
@@ -23,5 +23,5 @@ export function exportDialog(sessionId, entry) {
     if (await during(() => saveExport(sessionId, entry, chosen))) dialog.close();
   };
   const form = schemaForm(entry.settings, {}, { prefix: "export", go: t("export.save"), submit: save, needs: "" });
-  const dialog = openDialog("export", entry.title, [problem, form, h("div", { class: "row end" }, closeButton())]);
+  const dialog = openDialog("export", entry.title, [entry.experimental ? h("p", { class: "soft" }, t("export.by_manual")) : "", problem, form, h("div", { class: "row end" }, closeButton())]);
 }

@@ -68,7 +68,8 @@ function exportMenu(sessionId) {
   } }, h("option", { value: "" }, t("result.export")));
   void attempt(async () => {
     entries = await offered("exports");
-    list.append(...entries.map(({ name, title }) => h("option", { value: name }, title)));
+    const options = (/** @type {boolean} */ experimental) => entries.filter((entry) => entry.experimental === experimental).map(({ name, title }) => h("option", { value: name }, title));
+    list.append(...options(false), h("optgroup", { label: t("export.experimental") }, ...options(true)));
   });
   return list;
 }

@@ -21,6 +21,7 @@ class Abb(Brand):
 
     name = "abb"
     title = "ABB"
+    proof = "real files"
     conventions = (CONVENTION,)
     rank = 2
     endings = (".mod", ".modx", ".sys", ".sysx", ".prg", ".prgx", ".txt")

@@ -11,6 +11,21 @@ def _target(pose: list[float]) -> str:
     return f"[[{position}],[{rotation}],[0,0,0,0],{_NONE}]"
 
 
+def _tool_check(name: str, tool: list[float]) -> list[str]:
+    """Return the lines that end the routine where the controller's tool is not the answer."""
+    place = ",".join(fixed(value, 6) for value in tool[:3])
+    cosine = "+".join(
+        f"{name}.tframe.rot.q{number}*({fixed(value, 12)})" for number, value in enumerate(tool[3:], start=1)
+    )
+    return [
+        f"    IF Distance({name}.tframe.trans,[{place}])>0.05 OR Abs({cosine})<0.9999999 THEN",
+        f'      TPWrite "{name} is not the calibrated tool: enter it first";',
+        "      Stop;",
+        "      RETURN;",
+        "    ENDIF",
+    ]
+
+
 def _program(moves: Moves, settings: NamedCheck) -> list[str]:
     lines = [f"MODULE Scancell{moves.name.title()}", *(f"  ! {line}" for line in moves.comments)]
     speed = f"[{settings.speed_mm_s:g},20,{settings.speed_mm_s:g},20]"
@@ -23,6 +38,8 @@ def _program(moves: Moves, settings: NamedCheck) -> list[str]:
         "    ConfL\\Off;",
     ]
     tool = "tool0" if moves.tool is None else settings.tool
+    if moves.tool is not None:
+        lines += _tool_check(tool, moves.tool)
     for number, stop in enumerate(moves.stops, start=1):
         move = f"vCheck,fine,{tool}\\WObj:=wobj0;"
         lines += [

@@ -23,6 +23,7 @@ class Fanuc(Brand):
 
     name = "fanuc"
     title = "FANUC"
+    proof = "real files"
     conventions = (CONVENTION,)
     rank = 4
     endings = (".ls", ".va", ".lst", ".txt")

@@ -21,6 +21,7 @@ class Kuka(Brand):
 
     name = "kuka"
     title = "KUKA"
+    proof = "real files"
     conventions = (CONVENTION,)
     rank = 3
     endings = (".src", ".dat", ".sub")

@@ -8,6 +8,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.poses.numbers import to_pose
+from calib_core.proof import Proof
 
 LONGEST_SAID = 78
 """Characters of one answer; strings of some controllers hold 80."""
@@ -62,6 +63,8 @@ class Program:
         (plan) to the program's files by name.
     needs : str
         Which option the controller must have.
+    proof : Proof
+        What proved that a controller runs it.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Program:
     convention: str
     write: Callable[[Plan], Mapping[str, str]]
     needs: str = ""
+    proof: Proof = "manual only"
 
 
 def plan_of(

@@ -15,6 +15,7 @@ class Table(Brand):
 
     name = "table"
     title = "Table or OpenCV file"
+    proof = "real files"
     writes_like = "matrix"
     endings = (".csv", ".tsv", ".txt", ".yaml", ".yml", ".xml")
     rank = 2000

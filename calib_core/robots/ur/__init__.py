@@ -24,6 +24,7 @@ class Ur(Brand):
 
     name = "ur"
     title = "Universal Robots"
+    proof = "real files"
     conventions = (CONVENTION,)
     rank = 5
     endings = (".script", ".urscript", ".urp", ".installation", ".csv", ".txt")

@@ -27,6 +27,7 @@ class Yaskawa(Brand):
 
     name = "yaskawa"
     title = "Yaskawa Motoman"
+    proof = "real files"
     conventions = (CONVENTION,)
     rank = 8
     endings = (".jbi", ".jbr", ".cnd")

@@ -17,6 +17,7 @@ from calib_core.exports.registry import export_named
 from calib_core.graph.keys import Graph
 from calib_core.library.machines import files_of
 from calib_core.moment import now
+from calib_core.proof import WORDS, is_experimental
 from calib_core.records import Record, Session
 from calib_core.records.faults import NotUsableError, allowed_faults
 from calib_core.review.provenance import replayed
@@ -24,7 +25,7 @@ from calib_core.stages.pipeline import run as run_stages
 from calib_core.stages.pipeline import stages_to_solve
 from calib_core.steps import tool_stages
 from server.console.command import NOT_ACCEPTED, OK
-from server.console.output import write_out
+from server.console.output import remark, write_out
 from server.console.progress import progress_bar
 
 
@@ -34,7 +35,7 @@ def export(options: argparse.Namespace) -> int:
         from server.commands.export.clouds import export_cloud
 
         return export_cloud(options)
-    export_named(options.format, tuple(media_types()))
+    proof = export_named(options.format, tuple(media_types())).proof
     allow = allowed_faults(options.allow, "--allow")
     backup = None if options.into is None else files_of(options.into)
     with opened(options.session) as folder:
@@ -51,6 +52,8 @@ def export(options: argparse.Namespace) -> int:
             date = now()
         else:
             date = solved_when(folder, stored, unpacked=is_archive(options.session))
+    if is_experimental(proof):
+        remark(options, f"{options.format} is {WORDS['manual only']}")
     try:
         answer = answer_of(session, results, stale, date)
         if backup is None:
