@@ -15,7 +15,8 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.formats.format import Format, Match, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
-from calib_core.formats.shared.columns import Column, points_of
+from calib_core.formats.shared.columns import points_of
+from calib_core.formats.shared.unnamed import Column
 from calib_core.frames import FloatArray
 from calib_core.messages import message
 
@@ -244,7 +245,7 @@ def _scan(opened: Any, size: int, settings: E57Settings, where: str) -> tuple[Fl
         raise InputError("one scan", got, "Give the setting scan, from 0, or export one alone.", where)
     header = opened.get_header(chosen)
     require_count(int(header.point_count), 8 * size, where)
-    raw = opened.read_scan_raw(chosen)
+    raw = opened.read_scan_raw(chosen, ignore_unsupported_fields=True)  # normals, as an extension has them
     if all(f"cartesian{axis}" in raw for axis in "XYZ"):
         points = np.column_stack([raw[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
         invalid = raw.get("cartesianInvalidState")
@@ -268,6 +269,7 @@ FORMAT = Format(
     recognise=recognise,
     read=read,
     settings=E57Settings,
+    scan_poses=scan_poses,
     media_type="model/e57",
     write_cloud=lambda tables, count, names: e57_pieces((table[:, :3] for table in tables), count),
     proof="real files",

@@ -205,6 +205,9 @@ class Format:
         ``write_mesh(corners, blocks, count)``: corners (N, 3) in mm, blocks (M, 3) of indices, `count` in all.
     proof : Proof
         What proved its reader.
+    scan_poses : callable, optional
+        ``scan_poses(data, name)`` gives each scan's pose as rows of a 4×4 in mm, None where it has none; the
+        setting `scan` then chooses one.
     """
 
     name: str
@@ -219,6 +222,7 @@ class Format:
     write_cloud: Callable[[Iterable[NDArray[Any]], int, tuple[str, ...]], Pieces] | None = None
     write_mesh: Callable[[NDArray[Any], Iterable[NDArray[Any]], int], Pieces] | None = None
     proof: Proof = "manual only"
+    scan_poses: Callable[[bytes, str], list[list[float] | None]] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return what page and clients need to know, with the JSON Schema of the settings."""

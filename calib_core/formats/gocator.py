@@ -14,9 +14,10 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.formats.format import NO_MATCH, Format, Match, PointKind, Reading, Settings, ending_of
 from calib_core.formats.grid import GridSettings, axes_grid, grid_head
-from calib_core.formats.shared.columns import Column, points_of
+from calib_core.formats.shared.columns import points_of
 from calib_core.formats.shared.text_style import decode_text, number_of
 from calib_core.formats.shared.text_table import parse_table
+from calib_core.formats.shared.unnamed import Column
 from calib_core.frames import FloatArray
 from calib_core.messages import message, plural
 

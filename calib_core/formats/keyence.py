@@ -23,9 +23,10 @@ from calib_core.formats.format import (
     ending_of,
     require_kind,
 )
-from calib_core.formats.shared.columns import Column, points_of
+from calib_core.formats.shared.columns import points_of
 from calib_core.formats.shared.text_style import decode_text
 from calib_core.formats.shared.text_table import parse_table
+from calib_core.formats.shared.unnamed import Column
 from calib_core.messages import message
 from calib_core.records.base import Positive
 

@@ -1,14 +1,22 @@
-"""LAS and LAZ clouds, read by laspy; LAZ is unpacked by lazrs."""
+"""LAS and LAZ clouds, read by laspy; LAZ is unpacked by lazrs.
+
+Their unit is that of their coordinate reference system, as WKT or GeoTIFF keys say it (LAS 1.4, section 3).
+"""
 
 import io
+import re
 import struct
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 
 from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.format import Format, Match, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
-from calib_core.formats.shared.columns import Column, points_of
+from calib_core.formats.shared.columns import points_of
+from calib_core.formats.shared.unnamed import Column
 from calib_core.messages import message
 
 _HEADER = 227
@@ -18,6 +26,15 @@ _PIECE_BYTES = 32_000_000
 _PACKING = b"laszip encoded"
 _RECORD_HEAD = 54  # of a record before the points
 _TO_DO = message("Export the cloud again.")
+_CRS_OWNER: Final = "LASF_Projection"
+_WKT, _GEO_KEYS = 2112, 34735
+_MODEL_KEY, _LINEAR_KEY, _PROJECTED_KEY = 1024, 3076, 3072
+_GEOGRAPHIC: Final = 2
+_METRES_A_CODE: Final = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
+_METRES_A_ZONE: Final = range(32601, 32761)  # UTM on WGS 84
+_LINEAR: Final = re.compile(
+    r'(?:LENGTH)?UNIT\s*\[\s*"(?!degree|radian|grad)[^"]*"\s*,\s*([0-9.eE+-]+)', re.IGNORECASE
+)
 
 
 def recognise(data: bytes, name: str) -> Match:
@@ -36,6 +53,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
         # Not the parallel one: it reserves what the table of pieces claims, whatever that is.
         with laspy.open(io.BytesIO(data), laz_backend=laspy.LazBackend.Lazrs) as file:
             count = int(file.header.point_count)
+            metres = _metres(file.header.vlrs, name)
             require_count(count, len(data) * _MOST_PACKED if packed else len(data) // _LEAST_RECORD, name)
             # Piece by piece: a header that claims too much ends with the data, not with the memory.
             piece = max(1, _PIECE_BYTES // max(1, int(file.header.point_format.size)))
@@ -53,7 +71,49 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
         raise InputError("a whole LAS or LAZ file", got, "Copy or export it again.", name) from None
     require_count(count, len(xyz), name)
     columns = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
-    return points_of(xyz.astype(np.float64), columns, kind, name, settings)
+    return _in_its_unit(points_of(xyz.astype(np.float64), columns, kind, name, settings), metres, settings)
+
+
+def _in_its_unit(reading: Reading, metres: float | None, settings: Settings) -> Reading:
+    """Return a reading in mm by the length of its unit, None where the file does not say it."""
+    if settings.unit:
+        return reading
+    if metres is None:
+        doubt = message("It has no coordinate reference system, which tells its unit: give the unit, m as a rule.")
+        return reading.adding(doubts=[doubt])
+    in_feet = [] if metres == 1 else [message("Its unit is {metres:.6g} m.", metres=metres)]
+    scaled = replace(reading, points=reading.points * (1000 * metres), unit="m", unit_from="header")
+    return scaled.adding(in_feet)
+
+
+def _metres(records: Iterable[Any], where: str) -> float | None:
+    """Return how many metres a file's unit has, by its coordinate reference system; None where it has none."""
+    found = {int(r.record_id): bytes(r.record_data_bytes()) for r in records if r.user_id == _CRS_OWNER}
+    if _WKT in found:
+        return _metres_of_wkt(found[_WKT].decode(errors="replace"), where)
+    words = np.frombuffer(found.get(_GEO_KEYS, b"")[: len(found.get(_GEO_KEYS, b"")) // 8 * 8], "<u2").reshape(
+        -1, 4
+    )
+    keys = {int(key): int(value) for key, place, _, value in words[1:] if place == 0}
+    if keys.get(_MODEL_KEY) == _GEOGRAPHIC:
+        raise _in_degrees(where)
+    if _LINEAR_KEY in keys:
+        return _METRES_A_CODE.get(keys[_LINEAR_KEY])
+    return 1.0 if keys.get(_PROJECTED_KEY) in _METRES_A_ZONE else None
+
+
+def _metres_of_wkt(text: str, where: str) -> float | None:
+    """Return the metres of the horizontal unit: the last one before a vertical system begins."""
+    horizontal = re.split(r"VERT_?CS|VERTCRS", text, flags=re.IGNORECASE)[0]
+    if re.match(r"\s*(GEOGCS|GEOGCRS|GEODCRS)", horizontal, re.IGNORECASE):
+        raise _in_degrees(where)
+    units = _LINEAR.findall(horizontal)
+    return float(units[-1]) if units else None
+
+
+def _in_degrees(where: str) -> InputError:
+    to_do = message("Export the cloud in a system of lengths.")
+    return InputError("coordinates that are lengths", "a geographic system, in degrees", to_do, where)
 
 
 def _require_plausible(data: bytes, name: str) -> bool:

@@ -67,7 +67,8 @@ def _layout(data: bytes, where: str) -> tuple[Layout, tuple[int, int] | None]:
     lines, offset = header_lines(data, b"DATA", where, "PCD")
     header = {words[0].upper(): words[1:] for words in lines if words and not words[0].startswith("#")}
     try:
-        fields, sizes, kinds = header["FIELDS"], header["SIZE"], header["TYPE"]
+        fields = [name.lower() for name in header["FIELDS"]]
+        sizes, kinds = header["SIZE"], header["TYPE"]
         counts = [int(n) for n in header.get("COUNT", ["1"] * len(fields))]
         size = header["POINTS"][:1] if "POINTS" in header else [header["WIDTH"][0], header["HEIGHT"][0]]
         count = math.prod(int(n) for n in size)

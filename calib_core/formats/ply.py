@@ -73,7 +73,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     lists = [p.name for p in vertex.properties if p.count]
     if lists:
         raise wrong(name, "PLY", message("a vertex property 'list {lists}'", lists=lists[0]))
-    names = [p.name for p in vertex.properties]
+    names = [p.name.lower() for p in vertex.properties]
     require_axes(names, name, "PLY")
     types = [header.order + p.type for p in vertex.properties]
     layout = Layout(names, types, vertex.count, header.end, "binary" if header.order else "ascii")

@@ -31,7 +31,7 @@ MAX_FILE_BYTES = 128_000_000
 MAX_PROFILE_BYTES = 32_000_000
 """Largest file of one profile; the longest stripes have some thousand points."""
 
-_LEAST_MM, _MOST_MM = 1.0, 20_000.0
+_LEAST_MM, _MOST_MM = {"profile": 1.0, "cloud": 5.0}, 10_000.0
 _MANY = 50_000  # points that tell how large a cloud is
 
 
@@ -198,7 +198,7 @@ def _doubts_of_size(reading: Reading) -> list[str]:
         return []
     some = reading.points[:: max(1, len(reading.points) // _MANY)]
     extent_mm = float(np.linalg.norm(np.fmax.reduce(some) - np.fmin.reduce(some)))
-    if 0 < extent_mm < _LEAST_MM:
+    if 0 < extent_mm < _LEAST_MM[reading.kind]:
         return [
             message(
                 "All points lie within {extent_mm:.3g} mm: they look like metres. If they are, give the unit m.",

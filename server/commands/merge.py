@@ -2,18 +2,26 @@
 
 import argparse
 from collections.abc import Iterable
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from calib_core.messages import message, plural
 from server.console.command import NOT_ACCEPTED, OK, Command
-from server.console.output import print_result
+from server.console.output import print_result, remark
+
+if TYPE_CHECKING:
+    from calib_core.formats.format import Format
+    from calib_core.records import Session
+    from calib_core.records.callbacks import ReadFile
+
+_FIRST_BYTES = 64_000
 
 _NOWHERE = [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0]
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="scans: E57, PLY, PCD, XYZ …")
+    parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="scans: E57, PTX, PLY, PCD, XYZ …")
     parser.add_argument(
         "--poses",
         type=Path,
@@ -52,6 +60,7 @@ def _run(options: argparse.Namespace) -> int:
             write_pieces(options.out / name, pieces)
 
     session = parse_session(record, "the scans")
+    _tell_doubts(options, session, read)
     with progress_bar(options) as progress:
         result = run(session, read, "merge", progress, store)["merge"]
     if options.out is not None:
@@ -81,21 +90,42 @@ def _captures(files: dict[str, Path], poses: Path | None) -> Iterable[dict[str, 
         listed = None if told is None else parse_pose(told[number].convention, told[number].pose or ())
         pose = own if listed is None else listed.matrix.ravel().tolist()
         if pose is None and len(scans) > 1:
-            to_do = message("Give --poses FILE, or export the scans as E57 with their poses.")
+            to_do = message("Give --poses FILE, or export the scans as E57 or PTX with their poses.")
             raise InputError("scans with their poses", "a file without one", to_do, str(files[name]))
-        settings = {"format_settings": {"scan": k}} if name.endswith(".e57") else {}
+        settings = {"format_settings": {"scan": k}} if _holds_scans(files[name]) else {}
         capture = {"id": f"s{number + 1:03d}", "step": "scan", "kind": "cloud", "files": [name]}
         yield capture | settings | {"pose": pose or _NOWHERE}
+
+
+def _holds_scans(path: Path) -> bool:
+    """Return whether a file's format holds scans with their poses."""
+    return _format(path).scan_poses is not None
+
+
+def _format(path: Path) -> "Format":
+    from calib_core.formats.points import recognise
+
+    with path.open("rb") if path.is_file() else nullcontext() as file:
+        return recognise(file.read(_FIRST_BYTES) if file else b"", path.name, "cloud")[0]
 
 
 def _own_poses(path: Path) -> list[list[float] | None]:
     """Return the poses of a file's scans as rows of 4×4 in mm, None where it has none."""
     from calib_core.archive.folder import read_bytes
-    from calib_core.formats.e57 import scan_poses
 
-    if path.suffix.lower() != ".e57":
+    poses_of = _format(path).scan_poses
+    if poses_of is None:
         return [None]
-    return scan_poses(read_bytes(path, message("Name the scanner's file.")), str(path))
+    return poses_of(read_bytes(path, message("Name the scanner's file.")), str(path))
+
+
+def _tell_doubts(options: argparse.Namespace, session: "Session", read: "ReadFile") -> None:
+    """Say on standard error which files are doubtful, and why."""
+    from calib_core.captures.observe import doubts_of
+
+    for capture in session.captures:
+        for doubt in doubts_of(capture, read):
+            remark(options, f"warning: {capture.files[0].partition('-')[2]}: {doubt}")
 
 
 COMMAND = Command("merge", "merge scans whose poses are known", "files", _arguments, _run)

@@ -6,7 +6,9 @@ from collections import Counter
 import numpy as np
 from harness import Row
 
+from calib_core.errors import CalibrationError
 from calib_core.formats.points import read_file
+from tests.core.point_file_forms import forms
 from tests.core.scanner_files import known, scanner_files
 from tests.core.table_mutations import verdict_of
 
@@ -23,7 +25,25 @@ def run(full: bool) -> list[Row]:
     count = 10_000 if full else 1000
     found = Counter(verdict_of(random.Random(seed))[0] for seed in range(count))
     told = f"{found['right']} right, {found['refused']} refused, {found['wrong']} wrong"
+    public = forms()
+    silent, refused = 0, 0
+    for form in public:
+        try:
+            reading = read_file(form.data, form.name, form.kind, settings=form.settings)
+        except CalibrationError:
+            refused += 1
+            continue
+        points = reading.points[reading.known]
+        same = points.shape == form.truth_mm.shape and np.abs(points - form.truth_mm).max() <= 2e-4
+        silent += not same and not reading.doubts
+        refused += bool(reading.doubts) and not form.asked
     return [
         Row(f"{brands} brands, {len(files)} variants: points right", "all", f"{sum(right)}", all(right)),
+        Row(
+            f"{len(public)} files after public ones' forms: misread in silence; refused or doubted without need",
+            "0; 0",
+            f"{silent}; {refused}",
+            not silent and not refused,
+        ),
         Row(f"{count:,} damaged tables", "right or refused with the line or column", told, not found["wrong"]),
     ]

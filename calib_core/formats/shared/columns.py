@@ -1,7 +1,6 @@
 """Which column is which axis, in which unit: by the header's names, by what the user says, else by place."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from calib_core.formats.format import MM_PER_UNIT, PointKind, Reading, Settings,
 from calib_core.formats.shared.missing import without_missing
 from calib_core.formats.shared.names import axis_of, unit_in, unit_of
 from calib_core.formats.shared.text_table import TextTable
+from calib_core.formats.shared.unnamed import Column, by_place
 from calib_core.frames import FloatArray
 from calib_core.messages import message
 
@@ -21,16 +21,6 @@ class TableSettings(Settings):
     """As `Settings`; `columns` names the columns in order: x, y, z, and any word for one to be left aside."""
 
     columns: list[str] = Field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column that is used: its axis, its place from 0, its name for messages, its unit where it is stated."""
-
-    axis: str
-    place: int
-    name: str
-    unit: Unit | None
 
 
 def reading_of(
@@ -61,7 +51,9 @@ def reading_of(
     elif names:
         columns = _by_name(names, table.units, where, table.first_line)
     else:
-        columns = _by_place(values, kind, plain, where, table.first_line)
+        chosen = by_place(values, kind, plain, where, table.first_line)
+        read = points_of(values, chosen.columns, kind, where, settings, unit_in(table.preamble))
+        return read.adding(chosen.notes, chosen.doubts)
     return points_of(values, columns, kind, where, settings, unit_in(table.preamble))
 
 
@@ -182,40 +174,6 @@ def _refused(got: str, names: Sequence[str], where: str, header_above: int | Non
         "Name the columns in the file, or in the capture's format_settings by 'columns'.",
         where,
     )
-
-
-def _by_place(
-    values: FloatArray, kind: PointKind | None, plain: PointKind | None, where: str, first_line: int
-) -> list[Column]:
-    """Return x and z, or x, y and z, of columns that nobody named; one of a single number is no z."""
-    width = values.shape[1]
-    kind = kind or ("profile" if width == 2 else plain or "cloud")
-    if kind == "profile" and width == 3 and _stands(values[:, 1]) and not _stands(values[:, 2]):
-        return [
-            Column(axis, place, message("column {place}", place=place + 1), None)
-            for place, axis in enumerate("xyz")
-        ]
-    most = 3 if kind == "profile" else 12
-    least = 2 if kind == "profile" else 3
-    if not least <= width <= most:
-        raise InputError(
-            "2 or 3 columns a line (x_mm,z_mm)" if kind == "profile" else "3 to 12 columns a line (x,y,z)",
-            "{width} in line {first_line}",
-            "Write one point a line, or name the columns in a header line.",
-            where,
-            width=width,
-            first_line=first_line,
-        )
-    axes = "xz" if kind == "profile" else "xyz"
-    return [
-        Column(axis, place, message("column {place}", place=place + 1), None) for place, axis in enumerate(axes)
-    ]
-
-
-def _stands(column: FloatArray) -> bool:
-    """Return whether a column holds one number alone, again and again."""
-    finite = column[np.isfinite(column)]
-    return len(finite) > 2 and np.ptp(finite) == 0
 
 
 def _for_kind(

@@ -7,8 +7,9 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.format import PointKind, Reading, Settings, Unit
 from calib_core.formats.shared.binary_table import columns_from_records, require_count
-from calib_core.formats.shared.columns import Column, points_of
+from calib_core.formats.shared.columns import points_of
 from calib_core.formats.shared.text_table import parse_numbers
+from calib_core.formats.shared.unnamed import Column
 from calib_core.frames import FloatArray
 from calib_core.messages import message
 

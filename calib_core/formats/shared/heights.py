@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError
 from calib_core.formats.format import Reading, Settings
-from calib_core.formats.shared.columns import Column, points_of
+from calib_core.formats.shared.columns import points_of
+from calib_core.formats.shared.unnamed import Column
 from calib_core.frames import FloatArray
 from calib_core.records.base import Finite, Positive
 

@@ -23,7 +23,9 @@ _NOISE = {
     "data", "point", "cartesian", "profile", "profil", "world", "calibrated",
 }  # fmt: skip
 _AFFIXES = (("", "coord"), ("", "pos"), ("", "axis"), ("", "mm"), ("pos", ""), ("cartesian", ""))
-_ALIASES = {f"{before}{axis}{after}": axis for axis in "xyz" for before, after in _AFFIXES}
+_ALIASES = {f"{before}{axis}{after}": axis for axis in "xyz" for before, after in _AFFIXES} | {
+    "easting": "x", "east": "x", "northing": "y", "north": "y", "rechtswert": "x", "hochwert": "y"
+}  # fmt: skip
 _HEIGHTS = {"height", "höhe", "hoehe", "elevation"}
 
 

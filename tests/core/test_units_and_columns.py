@@ -1,0 +1,108 @@
+"""Units and columns: read as they truly are, or asked; never taken in silence."""
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.errors import InputError
+from calib_core.formats.points import FORMATS, read_file
+from server.cli import main
+from tests.core.point_file_forms import CLOUD, NORMALS, PROFILE, Form, forms, geo_keys, las, ptx, rows
+
+FORMS = forms()
+
+
+def is_right(form: Form) -> bool:
+    reading = read_file(form.data, form.name, form.kind, settings=form.settings)
+    points = reading.points[reading.known]
+    return points.shape == form.truth_mm.shape and bool(np.abs(points - form.truth_mm).max() <= 2e-4)
+
+
+def test_there_are_as_many_forms_as_are_promised() -> None:
+    assert len(FORMS) >= 150
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.what)
+def test_no_unit_and_no_column_is_misread_in_silence(form: Form) -> None:
+    reading = read_file(form.data, form.name, form.kind, settings=form.settings)
+    assert bool(reading.doubts) is form.asked, reading.doubts
+    assert form.asked or is_right(form), reading.sentence()
+
+
+def test_an_index_is_told_and_columns_that_are_told_are_not_doubted() -> None:
+    counted = rows([np.arange(len(PROFILE)), PROFILE], ",").encode()
+    assert "it is an index" in read_file(counted, "p.csv", "profile").notes[0]
+    timed = rows([17.003 + 0.0021 * np.arange(len(PROFILE)), PROFILE], ",").encode()
+    told = read_file(timed, "p.csv", "profile", settings={"columns": ["-", "x", "z"]})
+    assert told.doubts == ()
+    np.testing.assert_allclose(told.points, PROFILE, atol=1e-4)
+
+
+def test_a_cloud_in_degrees_is_refused() -> None:
+    with pytest.raises(InputError, match="in degrees"):
+        read_file(las(CLOUD, [(34735, geo_keys({1024: 2}))]), "a.las", "cloud")
+    geographic = [(2112, b'GEOGCS["WGS 84",UNIT["degree",0.0174532925199433]]')]
+    with pytest.raises(InputError, match="in degrees"):
+        read_file(las(CLOUD, geographic), "a.las", "cloud")
+
+
+def test_a_scan_has_its_pose_and_a_damaged_one_is_named() -> None:
+    grid = np.vstack([CLOUD, CLOUD])[:28]
+    scan_poses = FORMATS.get("ptx").scan_poses
+    assert scan_poses is not None
+    first, second = scan_poses(ptx([grid, grid]), "a.ptx")
+    assert (first, second) == (np.eye(4).ravel().tolist(), [1, 0, 0, 1000, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
+    with pytest.raises(InputError, match="28 points, as its grid says"):
+        read_file(ptx([grid])[:-80], "a.ptx", "cloud")
+    with pytest.raises(InputError, match="2 scans"):
+        read_file(ptx([grid, grid]), "a.ptx", "cloud")
+
+
+def e57_with_normals(path: Path) -> bytes:
+    """A file whose points have the extension for normals, by the library itself."""
+    libe57: Any = importlib.import_module("pye57.libe57")
+
+    file = libe57.ImageFile(str(path), "w")
+    file.extensionsAdd("nor", "http://www.libe57.org/E57_NOR_surface_normals.txt")
+    root = file.root()
+    for name, text in (
+        ("formatName", "ASTM E57 3D Imaging Data File"),
+        ("guid", "{a}"),
+        ("coordinateMetadata", ""),
+    ):
+        root.set(name, libe57.StringNode(file, text))
+    root.set("versionMajor", libe57.IntegerNode(file, 1))
+    root.set("versionMinor", libe57.IntegerNode(file, 0))
+    scans = libe57.VectorNode(file, True)
+    root.set("data3D", scans)
+    scan, fields = libe57.StructureNode(file), libe57.StructureNode(file)
+    scan.set("guid", libe57.StringNode(file, "{b}"))
+    values = {f"cartesian{axis}": CLOUD[:, k] / 1000 for k, axis in enumerate("XYZ")}
+    values |= {f"nor:normal{axis}": NORMALS[:, k].copy() for k, axis in enumerate("XYZ")}
+    buffers = libe57.VectorSourceDestBuffer()
+    for name, column in values.items():
+        fields.set(name, libe57.FloatNode(file, 0.0, libe57.E57_DOUBLE, -10.0, 10.0))
+        buffers.append(libe57.SourceDestBuffer(file, name, column, len(column), True, True))
+    points = libe57.CompressedVectorNode(file, fields, libe57.VectorNode(file, True))
+    scan.set("points", points)
+    scans.append(scan)
+    writer = points.writer(buffers)
+    writer.write(len(CLOUD))
+    writer.close()
+    file.close()
+    return path.read_bytes()
+
+
+def test_an_e57_with_normals_is_read(tmp_path: Path) -> None:
+    pytest.importorskip("pye57")
+    read = read_file(e57_with_normals(tmp_path / "a.e57"), "a.e57", "cloud")
+    np.testing.assert_allclose(read.points, CLOUD, atol=1e-9)
+
+
+def test_merge_says_which_scan_is_doubtful(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.xyz").write_text(rows([CLOUD / 1e6], " ", ".10f"))
+    main(["merge", str(tmp_path / "a.xyz"), "--mesh", "none"])
+    assert "a.xyz: All points lie within" in capsys.readouterr().err
