@@ -2,11 +2,13 @@
 
 import random
 from collections import Counter
+from typing import cast
 
 import numpy as np
 from harness import Row
 
 from calib_core.errors import CalibrationError
+from calib_core.formats.format import PointKind
 from calib_core.formats.points import read_file
 from tests.core.point_file_forms import forms
 from tests.core.scanner_files import known, scanner_files
@@ -18,7 +20,7 @@ def run(full: bool) -> list[Row]:
     files = scanner_files()
     right: list[bool] = []
     for file in files:
-        reading = read_file(file.data, file.name, file.kind, settings=file.settings)
+        reading = read_file(file.data, file.name, cast("PointKind", file.kind), settings=file.settings)
         points, truth = reading.points[reading.known], known(file.truth_mm)
         right.append(points.shape == truth.shape and bool(np.abs(points - truth).max() <= file.digits_mm))
     brands = len({file.brand for file in files})
