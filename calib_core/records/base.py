@@ -15,7 +15,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from calib_core import steps
 from calib_core.poses.conventions import CONVENTIONS
-from calib_core.records.field_errors import input_error
+from calib_core.records.field_errors import SMALLEST, input_error
 from calib_core.records.strict_fields import require_known_fields, unknown_within
 
 FORMAT = "scancell-session/1"
@@ -26,9 +26,11 @@ if TYPE_CHECKING:
 else:
     PoseConvention = Literal[tuple(CONVENTIONS)]  # whatever the robots' registry has
 Identifier = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+_LARGEST = 1e20  # more is no quantity of a cell; its square is still a number, and moments in nanoseconds fit
+
+Positive = Annotated[float, Field(ge=SMALLEST, le=_LARGEST, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, le=_LARGEST, allow_inf_nan=False)]
+Finite = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST, allow_inf_nan=False)]
 Vector3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Matrix4 = Annotated[
     list[Annotated[list[Finite], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)

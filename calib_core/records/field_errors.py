@@ -9,6 +9,9 @@ from calib_core.errors import InputError
 from calib_core.messages import filled, message, plural, templates
 from calib_core.poses.conventions import CONVENTIONS
 
+SMALLEST: Final = 1e-20
+"""What is positive is not less: its square is still a number."""
+
 _NEEDED: Final = templates(
     {
         "model_type": "an object in braces",
@@ -90,6 +93,8 @@ def _field_error(detail: Any) -> tuple[str, str]:
     kind, about = detail["type"], detail.get("ctx", {})
     if kind in ("too_short", "too_long"):
         got = f"{about['actual_length']}: {got}"
+    if about.get("ge") == SMALLEST and detail["input"] <= 0:
+        kind, about = "greater_than", {"gt": 0}
     said = detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     return filled(str(_NEEDED.get(kind, said[0].lower() + said[1:])), about), got
 

@@ -1,6 +1,7 @@
 """JSON data from outside that can be stored, compared and sent on anywhere."""
 
 import math
+import sys
 from typing import Any, cast
 
 from calib_core.errors import InputError
@@ -11,7 +12,7 @@ _LARGEST_INTEGER = 2**63
 
 
 def require_plain(data: Any, where: str) -> None:
-    """Refuse data nested deeper than `MAX_DEPTH`, NaN, infinities, huge integers, and text that is not Unicode.
+    """Refuse what is nested deeper than `MAX_DEPTH`, NaN, infinities, too small and huge numbers, no Unicode.
 
     Raises
     ------
@@ -56,6 +57,9 @@ def _require_plain_scalar(value: Any, where: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
         got = message("NaN or infinity, or a number beyond 1.8e308")
         raise InputError("finite numbers", got, "Correct the number.", where)
+    if isinstance(value, float) and 0 < abs(value) < sys.float_info.min:
+        got = message("one that is no zero and smaller than computers count, {value:g}", value=value)
+        raise InputError("ordinary numbers", got, "Correct the number.", where)
     if isinstance(value, int) and abs(value) >= _LARGEST_INTEGER:
         raise InputError(
             "integers of at most 63 bits", "one of {value} bits", "Correct it.", where, value=value.bit_length()

@@ -274,6 +274,11 @@ def test_the_schema_names_every_field_of_a_capture() -> None:
         ({"cell": 3}, "cell: need an object in braces, got 3."),
         ({"captures": {}}, "captures: need a list in brackets, got {}."),
         ({"cell": {"pose_convention": "abb", "sphere_diameter_mm": -3}}, "need more than 0, got -3."),
+        ({"cell": {"pose_convention": "abb", "sphere_diameter_mm": 5e-324}}, "need at least 1e-20, got 5e-324."),
+        (
+            {"cell": {"pose_convention": "abb", "sphere_diameter_sigma_mm": 1e300}},
+            "need at most 1e+20, got 1e+300.",
+        ),
         ({"cell": {"pose_convention": "abb", "sphere_diameter_mm": "40 mm"}}, "need a number, got '40 mm'."),
         (
             {"cell": {"pose_convention": "abb", "known": {"tool0_from_laser": [[1, 2]]}}},
