@@ -3,6 +3,7 @@
 import gc
 import math
 import sys
+from functools import partial
 from signal import SIGINT
 from socket import socket
 from types import FrameType
@@ -13,6 +14,7 @@ from server.app import create_app
 from server.auth.logins import require_admin
 from server.auth.slow_heads import SlowHeads
 from server.heap import give_back
+from server.http.address_limit import AddressLimit
 from server.http.events import Hub
 from server.http.protocol import LimitedHttp
 from server.settings import Settings, is_loopback
@@ -40,11 +42,12 @@ class WorkbenchServer(uvicorn.Server):
         self._settings = settings
         self._slow_heads = SlowHeads(settings.head_timeout_s)
         self._looked = 0
+        of_address = AddressLimit(settings.max_connections_per_address, settings.trusted_proxies)
         config = uvicorn.Config(
             app,
             host=settings.host,
             port=settings.port,
-            http=LimitedHttp,
+            http=partial(LimitedHttp, of_address=of_address),  # type: ignore[arg-type]
             log_level="warning",
             server_header=False,
             ws_max_size=_MAX_MESSAGE_BYTES,

@@ -1,26 +1,54 @@
 """HTTP/1.1 as uvicorn reads it with httptools: heads have an end, and refusals are problem details."""
 
+import asyncio
 import json
 import sys
+import time
 from typing import Any
 
 import httptools
 from uvicorn.protocols.http.flow_control import service_unavailable
 from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
 
+from server.http.address_limit import AddressLimit
 from server.http.errors import PROBLEM_JSON, problem_of_status, problem_response
 
 MOST_HEAD_BYTES = 64 * 1024
+HEALTH = "/health", "/api/v1/health"
 _OFFER = (b"upgrade", b"http2-settings", b"connection")
 
 
 class LimitedHttp(HttpToolsProtocol):
     """One connection: heads, chunks' own lines and trailers are cut off where they grow too long."""
 
-    def __init__(self, *args: Any, **named: Any) -> None:
+    def __init__(self, *args: Any, of_address: AddressLimit, **named: Any) -> None:
         super().__init__(*args, **named)
+        self._of_address = of_address
+        self._has_room = True
+        self.opened_s = 0.0
         self._since_body = 0  # bytes that came since the last piece of a body
         self._data = b""  # what came last
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin; its address may have had to give up another one."""
+        super().connection_made(transport)
+        self.opened_s = time.monotonic()
+        self._has_room = self._of_address.makes_room(self, self.connections)
+
+    @property
+    def waits(self) -> bool:
+        """Whether it is open, and no request is being answered."""
+        cycle: Any = self.cycle
+        return self.is_open and (cycle is None or cycle.response_complete)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nobody has hung up yet."""
+        return not self.transport.is_closing()
+
+    def hang_up(self) -> None:
+        """Close the connection."""
+        self.transport.close()
 
     def data_received(self, data: bytes) -> None:
         """Take what came; too much that is no body ends the connection."""
@@ -46,7 +74,11 @@ class LimitedHttp(HttpToolsProtocol):
         self.transport.close()
 
     def _start_asgi_task(self, cycle: Any, app: Any) -> None:
-        if app is service_unavailable:
+        if self.scope["path"].startswith(HEALTH):
+            app = self.app  # whoever watches is answered, however many there are
+        elif not self._has_room:
+            app = problem_response(problem_of_status(503, "more connections than an address may hold"))
+        elif app is service_unavailable:
             app = problem_response(problem_of_status(503, "more connections at once than this server holds"))
         super()._start_asgi_task(cycle, app)
 

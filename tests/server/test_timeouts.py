@@ -8,6 +8,7 @@ import socket
 import ssl
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -137,12 +138,43 @@ def test_connections_have_an_end(start: Any) -> None:
     with start(max_connections=4) as client:
         held = [connected(client) for _ in range(6)]
         with httpx.Client(base_url=client.base_url, trust_env=False) as late:
-            assert late.get("/health").status_code == 503
+            assert late.get("/sessions").status_code == 503
+            assert late.get("/health").status_code == 200  # whoever watches is answered
         for connection in held:
             connection.close()
         end_s = time.monotonic() + 300
         while client.get("/health").status_code != 200:
             assert time.monotonic() < end_s
+
+
+def test_one_address_shuts_nobody_out(start: Any) -> None:
+    with start(max_connections_per_address=20, max_connections=40) as client:
+        slow = [connected(client) for _ in range(100)]
+        for connection in slow:
+            with suppress(OSError):  # the oldest are closed already
+                connection.sendall(HEAD)
+        there = httpx.HTTPTransport(local_address="127.0.0.2")
+        with httpx.Client(base_url=client.base_url, transport=there, trust_env=False) as other:
+            assert other.get("/sessions").status_code == 200
+        with httpx.Client(base_url=client.base_url, trust_env=False) as same:
+            assert same.get("/sessions").status_code == 200  # the oldest one that waited has made room
+        with suppress(ConnectionResetError):
+            assert not slow[0].recv(1)
+        for connection in slow:
+            connection.close()
+
+
+def test_where_all_connections_of_an_address_are_busy_the_next_is_told(start: Any) -> None:
+    with start(max_connections_per_address=2) as client:
+        session = make_session(client)
+        with (
+            client.stream("GET", f"/sessions/{session}/events", timeout=10),
+            client.stream("GET", f"/sessions/{session}/events", timeout=10),
+            httpx.Client(base_url=client.base_url, trust_env=False) as late,
+        ):
+            refused = late.get("/sessions")
+            assert (refused.status_code, "an address may hold" in refused.text) == (503, True)
+            assert late.get("/health").status_code == 200
 
 
 def test_a_body_that_stops_is_told_so(start: Any) -> None:
