@@ -8,6 +8,7 @@ from typing import Any
 
 import httpx
 import pytest
+from playwright.sync_api import expect
 
 from calib_core.archive.archive import pack_files
 from calib_core.records import Session
@@ -71,4 +72,9 @@ def test_a_simulated_set_with_a_capture_left_out(open_page: Callable[..., Any], 
     look = first_look(page)
     assert look.problems == []
     assert look.main == ["Capture the sphere"]  # what mends an amber result, without the key that does it
+    page.locator(".messages summary").first.click()
+    page.get_by_role("button", name="What this means").first.click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog.get_by_role("heading", level=2)).to_have_text("captures-contradict")
+    expect(dialog).to_contain_text("How it is decided")
     assert watched.complaints == []

@@ -5,12 +5,13 @@ import { quantityWords } from "../blocks/quantity.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
-import { brief, found } from "./brief.js";
+import { brief } from "./brief.js";
+import { explains } from "./finding.js";
 import { glossed } from "../components/glossary.js";
 import { stepName } from "../measure/rail.js";
 import { causesOf, evidenceOfCause, mendable } from "./remedy.js";
 
-/** @import {Block, FigureBlock, StageResult} from "../state/model.js" */
+/** @import {Block, FigureBlock, Finding, StageResult} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 
 const IN_SIGHT = 3;
@@ -65,28 +66,34 @@ export function otherFigures(result) {
 
 /** At most three in sight: the causes where they are known, and what follows from them on demand. @param {StageResult} result */
 function messages(result) {
-  const { stale, warnings, notes } = result;
+  const findings = result.findings ?? [];
   const causes = causesOf(result);
-  const told = (warnings ?? []).filter((text) => causes.every(({ sentence }) => sentence !== text)).map((text) => ({ text: said(text), short: brief(said(found(text))) }));
-  if (stale) told.unshift({ text: t("result.stale_words"), short: brief(t("result.stale_words")) });
-  const each = [...new Map(told.map((one) => [one.short, one])).values()];
-  const first = causes.length ? causes.map((cause) => message(said(cause.sentence ?? ""), brief(said(cause.title ?? "")))) : each.slice(0, IN_SIGHT).map(({ text, short }) => message(text, short));
-  const rest = (causes.length ? each : each.slice(IN_SIGHT)).map(({ text }) => text);
+  const ofCauses = causes.flatMap(({ id }) => findings.find(({ remedy }) => remedy?.id === id) ?? []);
+  const shown = findings.filter((one) => !one.behind && !ofCauses.includes(one));
+  const told = [...new Map(shown.filter(({ severity }) => severity !== "note").map((one) => [brief(one.text), one])).values()];
+  const notes = shown.filter(({ severity }) => severity === "note");
+  const stale = result.stale ? [h("li", {}, h("details", {}, h("summary", {}, brief(t("result.stale_words"))), h("p", {}, t("result.stale_words"))))] : [];
+  const room = IN_SIGHT - stale.length;
+  const first = ofCauses.length ? ofCauses : told.slice(0, room);
+  const rest = ofCauses.length ? told : told.slice(room);
   return [
-    first.length > 0 && h("ul", { class: "messages" }, ...first.slice(0, IN_SIGHT)),
+    stale.length + first.length > 0 && h("ul", { class: "messages" }, ...stale, ...first.slice(0, room).map(message)),
     ...causes.slice(0, 1).flatMap(evidenceOfCause),
-    (rest.length > 0 || (notes ?? []).length > 0) && h("div", { class: "row" },
+    (rest.length > 0 || notes.length > 0) && h("div", { class: "row" },
       rest.length > 0 && more(t("answer.more", { count: rest.length }), rest),
-      (notes ?? []).length > 0 && more(t("answer.notes", { count: (notes ?? []).length }), (notes ?? []).map(said))),
+      notes.length > 0 && more(t("answer.notes", { count: notes.length }), notes)),
   ];
 }
 
-/** @param {string} text @param {string} short */
-const message = (text, short) => h("li", {}, short === text.replace(/[.。]$/u, "") ? short : h("details", {}, h("summary", {}, short), h("p", {}, text)));
+/** In one line, the whole on demand; what has a remedy by its title. @param {Finding} finding */
+const message = (finding) => h("li", {}, h("details", {}, h("summary", {}, brief(said(finding.remedy?.title || finding.text))), ...whole(finding)));
 
-/** @param {string} title @param {readonly string[]} texts */
-function more(title, texts) {
-  return h("details", { class: "more" }, h("summary", { class: "small" }, title), h("ul", {}, ...texts.map((text) => h("li", {}, text))));
+/** @param {Finding} finding */
+const whole = ({ text, to_do, code }) => [h("p", {}, text, " ", to_do ?? "", " ", explains(code))];
+
+/** @param {string} title @param {readonly Finding[]} findings */
+function more(title, findings) {
+  return h("details", { class: "more" }, h("summary", { class: "small" }, title), h("ul", {}, ...findings.map((one) => h("li", {}, ...whole(one)))));
 }
 
 /** What the guide says comes next, in one line; a reviewed past has none. @param {SessionState} state @param {string} stage */

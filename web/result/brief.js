@@ -9,12 +9,6 @@ const BRACKETS = /[ \u00a0]*[(（]([^()（）]*)[)）]/gu, DIRECTION = /^[\u2212
 /** What is left of a list whose last part stood in brackets. */
 const LIST_END = /[,、]?\s*(?:and|und|和)(?=[:：])/gu;
 const SENTENCE_END = /(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u, CLAUSE_END = /[:;,](?=\s)(?![^(]*\))|[：；，]/gu;
-/** Of what is not used, what was found instead of what it takes: `p03 is not used: no board`. */
-const REFUSED = /^(.+? not used)[^:]*: need .+?, got (.+?)\. .*$/s;
-
-/** What the server says of a capture that is not used, as short as it is clear: in its own language. @param {string} text */
-export const found = (text) => text.replace(REFUSED, "$1: $2.");
-
 /** @param {string} text */
 const fits = (text) => text.split(" ").length <= MOST_WORDS && letters(text) <= MOST_LETTERS;
 

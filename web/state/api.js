@@ -2,7 +2,7 @@
 
 import { all, get, json, LOGIN, madeAgainst, Problem, request, ROOT, sendFile } from "./http.js";
 
-/** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, RecognisedFiles, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
+/** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, CodeOfFinding, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, RecognisedFiles, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
 /** @param {string} id */
 export const session = (id) => `/sessions/${encodeURIComponent(id)}`;
@@ -43,6 +43,9 @@ export const api = {
 
   /** What the server says that there is of one sort. @param {"stages" | "formats" | "conventions" | "exports" | "sources" | "brands"} sort @returns {Promise<any[]>} */
   registry: async (sort) => (await get(`/${sort}`)).items,
+
+  /** What is said of a finding's code. @param {string} code @returns {Promise<CodeOfFinding>} */
+  codeOfFinding: (code) => get(`/findings/${encodeURIComponent(code)}`),
 
   /** @returns {Promise<SessionSummary[]>} */
   sessions: () => all("/sessions"),

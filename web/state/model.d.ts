@@ -7,7 +7,7 @@ import type {
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   ControllerFileContent, FileReading, PoseOfFile, RecognisedFiles, RecognisedPose, ToolComparison,
-  AppliedChanges, Changes, RootCause, RootCauses,
+  AppliedChanges, Changes, CodeOfFinding, Finding, RootCause, RootCauses,
   Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "../api-types.js";
 
@@ -18,7 +18,7 @@ export type { CellDrift, CellSummary, DriftSeries, Release, SessionAnswer };
 export type { FileReading, RecognisedFiles, RecognisedPose, ToolComparison };
 export type ControllerFile = ControllerFileContent;
 export type FilePose = PoseOfFile;
-export type { AppliedChanges, Changes, RootCause, RootCauses };
+export type { AppliedChanges, Changes, CodeOfFinding, Finding, RootCause, RootCauses };
 export type Moment = MomentOfSession;
 /** A folder that is watched, and what came of it. */
 export type FolderWatch = NonNullable<FolderState["watch"]>;
@@ -40,7 +40,7 @@ export interface Page<T> {
 /** A stored result, and whether captures or cell have changed since. */
 type Stored<T> = T & { stale?: boolean };
 /** What all results have; the rest is told by their evidence. */
-export type StageResult = Pick<Stored<TcpRecord>, "stage" | "method" | "software" | "inputs_sha256" | "verdict" | "warnings" | "notes" | "causes" | "evidence" | "stale"> & { residuals: Residual[] };
+export type StageResult = Pick<Stored<TcpRecord>, "stage" | "method" | "software" | "inputs_sha256" | "verdict" | "findings" | "causes" | "evidence" | "stale"> & { residuals: Residual[] };
 export type MergeResult = Stored<MergeRecord>;
 export type CameraResult = Stored<CameraRecord>;
 /** A row of any stage's residuals. */
