@@ -86,14 +86,17 @@ function messages(result) {
 }
 
 /** In one line, the whole on demand; what has a remedy by its title. @param {Finding} finding */
-const message = (finding) => h("li", {}, h("details", {}, h("summary", {}, brief(said(finding.remedy?.title || finding.text))), ...whole(finding)));
+function message(finding) {
+  const short = brief(said(finding.remedy?.title || finding.text));
+  return h("li", {}, h("details", {}, h("summary", {}, short), whole(finding, short)));
+}
 
-/** @param {Finding} finding */
-const whole = ({ text, to_do, code }) => [h("p", {}, text, " ", to_do ?? "", " ", explains(code))];
+/** All that is said beyond what stands there already. @param {Finding} finding @param {string} [short] */
+const whole = ({ text, to_do, code }, short) => h("p", {}, text.replace(/[.。]$/u, "") === short ? "" : `${text} `, to_do ?? "", " ", explains(code));
 
 /** @param {string} title @param {readonly Finding[]} findings */
 function more(title, findings) {
-  return h("details", { class: "more" }, h("summary", { class: "small" }, title), h("ul", {}, ...findings.map((one) => h("li", {}, ...whole(one)))));
+  return h("details", { class: "more" }, h("summary", { class: "small" }, title), h("ul", {}, ...findings.map((one) => h("li", {}, whole(one)))));
 }
 
 /** What the guide says comes next, in one line; a reviewed past has none. @param {SessionState} state @param {string} stage */
