@@ -32,6 +32,7 @@ _LINES = {
     "一" * 50: "一" * 36 + " …",
 }
 
+
 @pytest.fixture(scope="module")
 def said() -> dict[str, str]:
     script = (
