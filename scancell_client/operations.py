@@ -60,10 +60,10 @@ class Operations(Connection):
         nothing."""
         return self.request("POST", "/api/v1/archives/verify", content=content, headers={"Content-Type": "application/zip"})
 
-    def archives_get_report(self, session_id: str, *, format_: str | None = None) -> Any:
+    def archives_get_report(self, session_id: str, *, format_: str | None = None, paper: str | None = None) -> Any:
         """Return the session's report: one page that needs nothing else and can be printed, or as PDF. The
         server's own Chromium, Chrome or Edge prints the PDF; without one the answer is 422 and says so."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/report", params=_given({"format": format_}))
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/report", params=_given({"format": format_, "paper": paper}))
 
     def captures_add_batch(self, session_id: str, content: Any) -> Any:
         """Store many captures, each a line of JSON with its record and `sizes`, followed by the bytes of

@@ -103,7 +103,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         scenes = SceneManager(past_scenes.load, partial(follow_scene, hub))
         app.state.past_scenes = past_scenes
         app.state.store, app.state.jobs, app.state.scenes = store, jobs, scenes
-        housekeeping = Housekeeping(store)
+        housekeeping = Housekeeping(store, settings.data)
         group_commit = GroupCommit(store)
         app.state.measuring, app.state.measuring_queue = measuring, measuring_queue
         intake = app.state.intake = Intake(store, measuring, group_commit)

@@ -47,6 +47,7 @@ export interface ArchiveFacts {
   payload_bytes: number;
   scene: boolean;
   report: boolean;
+  inputs_sha256?: Record<string, string>;
   sealed?: boolean | null;
   signed_by?: string | null;
   findings?: Finding[];

@@ -55,6 +55,7 @@ class ArchiveFacts(Record):
 
     `sealed` is true where it is as a key that is trusted here signed it, false where it was changed since, and
     null where another key or nobody signed it; `findings` say what is not as it was signed, or does not agree.
+    `inputs_sha256` is what each stage was computed from, as its report prints it.
     """
 
     session: str
@@ -65,6 +66,7 @@ class ArchiveFacts(Record):
     payload_bytes: int
     scene: bool
     report: bool
+    inputs_sha256: dict[str, str] = Field(default_factory=dict[str, str])
     sealed: bool | None = None
     signed_by: str | None = None
     findings: list[Finding] = Field(default_factory=list[Finding])
@@ -172,6 +174,7 @@ def verify(source: Path | IO[bytes], where: str = "", limits: ArchiveLimits = LI
             payload_bytes=bag.payload_bytes,
             scene=SCENE_FILE in bag.payload,
             report=REPORT_FILE in bag.payload,
+            inputs_sha256={stage: str(r.get("inputs_sha256", "")) for stage, r in archived.results.items()},
             sealed=seal.holds,
             signed_by=seal.signed_by,
             findings=seal.findings,

@@ -3,6 +3,7 @@
 `STYLE` (in `style`) goes with it, once a page; all that it styles is within an element of class ``scancell``.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any, Final
@@ -19,65 +20,92 @@ from calib_core.evidence.text import (
     sections,
     split_headline,
 )
+from calib_core.messages import ENGLISH, Catalogue, message, templates
 from calib_core.records.evidence import AnyBlock, Figure, Frame, Note, Picture, Plot, Row, Series, Table
 
 STALE: Final = "Out of date: cell, captures or files have changed since. Solve again."
 
-_NUMBERS: Final = '<details class="numbers"><summary>The plot\'s numbers</summary>'
+_WORDS: Final = templates({
+    "stale": STALE,
+    "further": "Further warnings",
+    "notes": "Notes",
+    "details": "Details",
+    "expanded": "± at k = 2",
+    "matrix": "As a matrix",
+    "used": "Used",
+    "yes": "yes",
+    "no": "no",
+    "numbers": "The plot's numbers",
+    "series": "Series",
+})  # fmt: skip
 _MARKS: Final = ("●", "■", "▲")
 _MATRIX_DECIMALS: Final = (6, 6, 6, 4)
 
 
-def result_html(result: Mapping[str, Any], blocks: Sequence[AnyBlock]) -> str:
-    """Return a result, given as JSON data, as HTML: verdict, headline, warnings, then the rest of its evidence."""
+def result_html(result: Mapping[str, Any], blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH) -> str:
+    """Return a result, given as JSON data, as HTML: verdict, headline, warnings, then the rest of its evidence.
+
+    Its texts and those of its blocks are in the language already; `said` has the few words between them.
+    """
     headline, rest = split_headline(blocks)
     warnings: list[str] = list(result.get("warnings") or [])
-    word, _, meaning = VERDICTS[result["verdict"]].partition(". ")
+    word, meaning = verdict_words(result["verdict"], said)
     more = _list(warnings[MOST_IN_SIGHT:])
     parts = [
         f'<p><strong class="verdict {result["verdict"]}">{word}</strong> {meaning}</p>',
-        f'<p class="warn">{STALE}</p>' if result.get("stale") else "",
-        blocks_html(headline),
+        f'<p class="warn">{_word("stale", said)}</p>' if result.get("stale") else "",
+        blocks_html(headline, said),
         _list(warnings[:MOST_IN_SIGHT]),
-        f"<details><summary>Further warnings</summary>{more}</details>" if more else "",
-        blocks_html(rest),
-        "<h3>Notes</h3>" + _list(result["notes"]) if result.get("notes") else "",
+        f"<details><summary>{_word('further', said)}</summary>{more}</details>" if more else "",
+        blocks_html(rest, said),
+        f"<h3>{_word('notes', said)}</h3>{_list(result['notes'])}" if result.get("notes") else "",
     ]
     return "".join(parts)
+
+
+def verdict_words(verdict: str, said: Catalogue = ENGLISH) -> tuple[str, str]:
+    """Return a verdict as one word, and the sentence that says what it means."""
+    word, meaning = re.split(r"\. |。", said.say(VERDICTS[verdict]), maxsplit=1)
+    return word, meaning
+
+
+def _word(name: str, said: Catalogue) -> str:
+    return escape(said.say(_WORDS[name]))
 
 
 def _list(sentences: Sequence[str]) -> str:
     return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in sentences)}</ul>" if sentences else ""
 
 
-def blocks_html(blocks: Sequence[AnyBlock]) -> str:
+def blocks_html(blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH) -> str:
     """Return blocks as HTML; what is shown on demand stands in elements that open."""
     parts: list[str] = []
     for section in sections(blocks):
         first = section[0]
-        body = "".join(_section(section))
+        body = "".join(_section(section, said))
         if first.detail:
-            parts.append(f"<details><summary>{escape(first.title or 'Details')}</summary>{body}</details>")
+            title = escape(first.title) if first.title else _word("details", said)
+            parts.append(f"<details><summary>{title}</summary>{body}</details>")
         else:
             parts.append((f"<h3>{escape(first.title)}</h3>" if first.title else "") + body)
     return "".join(parts)
 
 
-def _section(blocks: Sequence[AnyBlock]) -> Iterator[str]:
+def _section(blocks: Sequence[AnyBlock], said: Catalogue) -> Iterator[str]:
     for run in runs(blocks):
-        yield _figures(run) if isinstance(run, list) else _block(run)
+        yield _figures(run) if isinstance(run, list) else _block(run, said)
 
 
-def _block(block: AnyBlock) -> str:
+def _block(block: AnyBlock, said: Catalogue) -> str:
     match block:
         case Figure():
             return _figures([block])
         case Frame():
-            return _frame(block)
+            return _frame(block, said)
         case Table():
-            return _table(block)
+            return _table(block, said)
         case Plot():
-            return _plot(block)
+            return _plot(block, said)
         case Picture():
             return f'<p class="soft">{escape(block.alt)}</p>'
         case Note():
@@ -95,12 +123,11 @@ def _figure(figure: Figure) -> str:
     return f'<tr{css}><th scope="row">{escape(figure.label)}</th>{value}</tr>'
 
 
-def _frame(frame: Frame) -> str:
-    head = f"{frame.name} as {frame.units}; {frame.formula}"
+def _frame(frame: Frame, said: Catalogue) -> str:
+    as_units = said.say(message("{frame} as {units}", frame=frame.name, units=frame.units))
+    rows_in_mm = said.say(message("{frame}, rows, mm", frame=frame.name))
     matrix = "".join(f"<tr>{''.join(map(_number, row, _MATRIX_DECIMALS))}</tr>" for row in frame.matrix)
-    matrix_of = (
-        f'<p class="soft">{escape(frame.name)}, rows, mm</p><div class="wide"><table>{matrix}</table></div>'
-    )
+    matrix_of = f'<p class="soft">{escape(rows_in_mm)}</p><div class="wide"><table>{matrix}</table></div>'
     if not frame.numbers:
         return matrix_of
     opened = " open" if frame.convention == "matrix" else ""
@@ -109,8 +136,9 @@ def _frame(frame: Frame) -> str:
         for number in frame.numbers
     )
     return (
-        f'<p class="soft">{escape(head)}; ± at k = 2</p><table class="frame">{rows}</table>'
-        f"<details{opened}><summary>As a matrix</summary>{matrix_of}</details>"
+        f'<p class="soft">{escape(as_units)}; {escape(frame.formula)}; {_word("expanded", said)}</p>'
+        f'<table class="frame">{rows}</table>'
+        f"<details{opened}><summary>{_word('matrix', said)}</summary>{matrix_of}</details>"
     )
 
 
@@ -118,49 +146,56 @@ def _number(value: float, decimals: int) -> str:
     return f'<td class="n">{number_text(value, decimals)}</td>'
 
 
-def _table(table: Table) -> str:
+def _table(table: Table, said: Catalogue) -> str:
     judged = any(not row.used for row in table.rows)
     css = ["" if k == 0 or column.align == "left" else ' class="n"' for k, column in enumerate(table.columns)]
     heads = "".join(
         f'<th scope="col"{c}>{escape(head_text(column))}</th>'
         for c, column in zip(css, table.columns, strict=True)
     )
-    heads += '<th scope="col">Used</th>' if judged else ""
+    heads += f'<th scope="col">{_word("used", said)}</th>' if judged else ""
     caption = f'<p class="soft">{escape(table.caption)}</p>' if table.caption else ""
-    rows = "".join(_row(row, table, css, judged) for row in table.rows)
+    rows = "".join(_row(row, table, css, judged, said) for row in table.rows)
     return f'{caption}<div class="wide"><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>'
 
 
-def _row(row: Row, table: Table, css: Sequence[str], judged: bool) -> str:
+def _row(row: Row, table: Table, css: Sequence[str], judged: bool, said: Catalogue) -> str:
     texts = [escape(cell_text(cell, column)) for cell, column in zip(row.cells, table.columns, strict=True)]
     cells = "".join(
         f'<th scope="row">{text}</th>' if not k else f"<td{c}>{text}</td>"
         for k, (c, text) in enumerate(zip(css, texts, strict=True))
     )
     if judged:
-        used = "yes" if row.used else f"no: {row.reason}" if row.reason else "no"
-        cells += f'<td class="words">{escape(used)}</td>'
+        used = _word("yes" if row.used else "no", said) + (
+            f": {escape(row.reason)}" if row.reason and not row.used else ""
+        )
+        cells += f'<td class="words">{used}</td>'
     return f"<tr>{cells}</tr>" if row.used else f'<tr class="out">{cells}</tr>'
 
 
-def _plot(plot: Plot) -> str:
+def _plot(plot: Plot, said: Catalogue) -> str:
     legend = "".join(
         f'<span class="s{number % 3}">{_MARKS[number % 3]}</span> {escape(series.label)} '
         for number, series in enumerate(plot.series)
         if series.label and plot.shape != "grid"
     )
     legend = f'<p class="soft">{legend}</p>' if legend else ""
-    return f'<p class="soft">{escape(plot.caption)}</p>{legend}{plot_svg(plot)}{_numbers_of(plot)}'
+    return f'<p class="soft">{escape(plot.caption)}</p>{legend}{plot_svg(plot)}{_numbers_of(plot, said)}'
 
 
-def _numbers_of(plot: Plot) -> str:
+def _numbers_of(plot: Plot, said: Catalogue) -> str:
     """Return a plot's points as a table, for who cannot see it."""
     rows = "".join(_point_rows(plot))
     heads = "".join(
         f'<th scope="col">{escape(head)}</th>'
-        for head in ("Series", plot.x.label, with_unit(plot.y.label, f"({plot.y.unit})" if plot.y.unit else ""))
+        for head in (
+            said.say(_WORDS["series"]),
+            plot.x.label,
+            with_unit(plot.y.label, f"({plot.y.unit})" if plot.y.unit else ""),
+        )
     )
-    return f"{_NUMBERS}<table><tr>{heads}</tr>{rows}</table></details>"
+    summary = f"<summary>{_word('numbers', said)}</summary>"
+    return f'<details class="numbers">{summary}<table><tr>{heads}</tr>{rows}</table></details>'
 
 
 def _point_rows(plot: Plot) -> Iterator[str]:

@@ -10,17 +10,6 @@ STYLE: Final = """
   .scancell { --ink: #e8ebee; --soft: #9da7b1; --line: #3a424b; --accent: #6cb0ff; --second: #f0a95a;
     --third: #c3a2f5; --band: #22303f; --pass: #5fd08f; --warn: #f0b45a; --fail: #ff8a80; --paper: #12171c; }
 }
-@media print {
-  .scancell { --ink: #000; --soft: #444; --line: #bbb; --accent: #0b62c4; --second: #9a4d00; --third: #6f3fb0;
-    --band: #eef3fa; --pass: #13703d; --warn: #8a5200; --fail: #b3261e; --paper: #fff; }
-  .scancell details::details-content { content-visibility: visible; height: auto; }
-  .scancell details.numbers { display: none; }
-  .scancell summary { list-style: none; }
-  .scancell .wide { overflow: visible; }
-  .scancell .wide table { width: 100%; font-size: 10px; }
-  .scancell .wide th, .scancell .wide td { padding: 2px 5px 2px 0; }
-  .scancell thead { display: table-header-group; }
-}
 .scancell.notebook { background: var(--paper); padding: 1px 12px; }
 .scancell h3 { margin: 22px 0 6px; font-size: 16px; }
 .scancell table { border-collapse: collapse; max-width: 100%; margin: 6px 0; font-variant-numeric: tabular-nums; }
@@ -46,4 +35,17 @@ STYLE: Final = """
 .scancell .s2 { fill: var(--third); color: var(--third); }
 .scancell svg .line { fill: none; stroke: currentColor; stroke-width: 2; }
 .scancell svg .rejected { stroke: var(--fail); stroke-width: 2.5; fill: none; }
+@media print {
+  .scancell { --ink: #000; --soft: #444; --line: #bbb; --accent: #0b62c4; --second: #9a4d00; --third: #6f3fb0;
+    --band: #eef3fa; --pass: #13703d; --warn: #8a5200; --fail: #b3261e; --paper: #fff; }
+  .scancell details::details-content { content-visibility: visible; height: auto; }
+  .scancell details.numbers { display: none; }
+  .scancell summary { list-style: none; }
+  .scancell .wide { overflow: visible; }
+  .scancell .wide table { width: 100%; font-size: 10px; }
+  .scancell .wide th, .scancell .wide td { padding: 2px 5px 2px 0; }
+  .scancell .wide th { white-space: normal; }
+  .scancell .wide th.n { vertical-align: bottom; }
+  .scancell thead { display: table-header-group; }
+}
 """

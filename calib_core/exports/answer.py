@@ -8,12 +8,14 @@ import numpy as np
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_results import require_result
+from calib_core.captures.certificate_dates import overdue_certificates
 from calib_core.cell.found import scanner_frame
 from calib_core.errors import ConflictError, InputError
 from calib_core.findings import Finding, findings_in, judgement, worst_of
 from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import message
+from calib_core.moment import now
 from calib_core.records import Record, Session, Verdict
 from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.faults import NOT_CONFIRMED, in_order, refuse_faults
@@ -143,10 +145,11 @@ class Answer:
 
     @property
     def findings(self) -> list[Finding]:
-        """What speaks against using it, and all that its results notice."""
+        """What speaks against using it, certificates that were overdue, and all that its results notice."""
         table = () if self.base_from_turntable is None or self.stage == "chain" else ("turntable",)
         noticed = [one for part in (self.stage, *table) for one in findings_in(self.results[part])]
-        return judgement([*(FAULT_CODES[name]() for name in self.all_faults), *noticed])["findings"]
+        overdue = overdue_certificates(self.session, self.date or now())
+        return judgement([*(FAULT_CODES[name]() for name in self.all_faults), *overdue, *noticed])["findings"]
 
     def require_usable(self, allow: Collection[str] = ()) -> None:
         """Raise NotUsableError where the answer has faults of its own that are not allowed."""

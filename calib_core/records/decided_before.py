@@ -1,9 +1,21 @@
 """A decision of a verification after which its evidence was changed."""
 
+from typing import Final
+
 from pydantic import Field
 
+from calib_core.messages import Message, Names, message, sentences, templates
 from calib_core.records.base import Record
 from calib_core.records.policy import Excluded
+
+DECISIONS: Final = templates({
+    "pass": "passed",
+    "conditional-pass": "conditional pass",
+    "conditional-fail": "conditional fail",
+    "fail": "failed",
+    "undecided": "undecided",
+})  # fmt: skip
+"""Decisions of a verification, in words."""
 
 
 class LeftOut(Record):
@@ -22,16 +34,33 @@ class DecidedBefore(Record):
     added: list[str] = Field(default_factory=list[str])
     limits: list[str] = Field(default_factory=list[str])
 
+    def said(self) -> Message:
+        """Return it as sentences."""
+        word = DECISIONS.get(self.decision, self.decision)
+        if self.solved:
+            when = self.solved[:16].replace("T", " ")
+            begin = message("The decision of {when} UTC was: {decision}.", when=when, decision=word)
+        else:
+            begin = message("A decision before was: {decision}.", decision=word)
+        parts = [begin, *(_left_out(one) for one in self.left_out)]
+        if self.added:
+            parts.append(message("Then {captures} came.", captures=Names(self.added)))
+        if self.limits:
+            parts.append(message("Then limits were changed: {limits}.", limits=list(self.limits)))
+        return sentences(parts)
+
     def __str__(self) -> str:
-        parts = [f"{one.capture} was left out{_because(one.because)}" for one in self.left_out]
-        parts += [f"{name} was added" for name in self.added]
-        parts += [f"the limit of {name} was changed" for name in self.limits]
-        when = f" of {self.solved[:16].replace('T', ' ')} UTC" if self.solved else ""
-        return f"After the decision {self.decision.replace('-', ' ')}{when}: {'; '.join(parts)}."
+        return str(self.said())
 
 
-def _because(because: Excluded | None) -> str:
+def _left_out(one: LeftOut) -> Message:
+    because = one.because
     if because is None:
-        return ""
-    when = f" on {because.when[:16].replace('T', ' ')}" if because.when else ""
-    return f" by {because.who}{when}, {'because: ' + because.why if because.why else 'no reason given'}"
+        return message("Then {capture} was left out.", capture=one.capture)
+    return message(
+        "Then {capture} was left out by {who} ({when}), reason: {why}.",
+        capture=one.capture,
+        who=because.who or message("nobody known"),
+        when=because.when[:16].replace("T", " "),
+        why=because.why or message("none given"),
+    )

@@ -12,6 +12,7 @@ from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import at_workpiece
 from calib_core.findings import findings_as_read, judgement
+from calib_core.findings.codes.circumstances import CERTIFICATE_OVERDUE
 from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.keys import Graph
@@ -135,8 +136,8 @@ def answer_as_read(
     if language == "en" and not severities:
         return answer
     found = findings_as_read(answer.findings, language, severities)
-    faults = {code.name for code in FAULT_CODES.values()}
-    told = judgement(finding for finding in found if finding.code not in faults)
+    beside = {code.name for code in FAULT_CODES.values()} | {CERTIFICATE_OVERDUE.name}  # not the result's own
+    told = judgement(finding for finding in found if finding.code not in beside)
     made = {"findings": found, "verdict": told["verdict"], "warnings": told["warnings"]}
     return answer.model_copy(update=made)
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
+from calib_core.captures.certificate_dates import overdue_certificates
 from calib_core.captures.content import pose_of, read_as, sphere_of
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.measure import measure_capture
@@ -26,6 +27,7 @@ from calib_core.frames import RigidTransform
 from calib_core.graph.registry import STAGES, stages
 from calib_core.graph.stage import Stage
 from calib_core.messages import ENGLISH, Catalogue, Value
+from calib_core.moment import now
 from calib_core.records import Capture, Cell, CheckLine, Measured, Record, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.sphere_class import diameter_sigma_mm
@@ -55,6 +57,7 @@ def check_session(
         *_unfit(session),
         *_unsuited(session, used),
         *_doubtful(used, read),
+        *overdue_certificates(session, now()),
     ]
     findings += [*_missing(session, used), *_brought(session), *_cell(session, used)]
     for stage in stages():

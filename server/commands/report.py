@@ -16,6 +16,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="the file to write, .html or .pdf (printed by an installed browser); - is standard output",
     )
+    parser.add_argument("--paper", choices=("A4", "letter"), default="A4", help="its paper (A4)")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -26,7 +27,9 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.stored_results import stored_results, truth_of
     from calib_core.graph.keys import Graph
     from calib_core.moment import now
+    from server.console.language import spoken
     from server.console.solving import solved_if_possible
+    from server.render.report.first_page import Circumstances
     from server.render.report.report import report_html
 
     with opened(options.session) as folder:
@@ -35,7 +38,8 @@ def _run(options: argparse.Namespace) -> int:
         solved = solved_when(folder, results, unpacked=is_archive(options.session)) if results else now()
         results = results or solved_if_possible(options, session, read)
         stale = Graph.stale_of(session, read, results)
-        page = report_html(session, results, stale, truth_of(folder), solved)
+        about = Circumstances(solved=solved, language=spoken(options), paper=options.paper)
+        page = report_html(session, results, stale, truth_of(folder), about)
     if options.out.suffix.lower() == ".pdf":
         from server.render.pdf import pdf_of
 

@@ -3,7 +3,7 @@
 import threading
 from collections.abc import AsyncGenerator, Mapping
 from contextlib import suppress
-from typing import IO, Annotated, Any, Literal
+from typing import IO, TYPE_CHECKING, Annotated, Any, Literal
 
 from fastapi import Depends, Header, HTTPException, Query, Request, Response
 from fastapi.responses import HTMLResponse
@@ -21,16 +21,22 @@ from calib_core.review.answer import answer_record
 from server.http.api_router import api_router
 from server.http.created import created
 from server.http.downloads import Download
+from server.http.language import spoken
 from server.http.openapi import BYTES
 from server.http.schemas import StoredSession
 from server.routes.dependencies import IdempotencyDep, JobsDep, MeasuringDep, SessionId, StoreDep
 from server.store.archived_files import archived_files
 from server.store.blobs import digest_of
 from server.store.models import Data
+from server.store.releases import release_of
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import StoredSession as SessionOfStore
 from server.store.sessions import load_session, session_data
 from server.store.solves import REPLAY, create_job
+from server.store.standing import with_moment
+
+if TYPE_CHECKING:
+    from server.render.report.first_page import Circumstances
 
 router = api_router("archives")
 
@@ -163,6 +169,7 @@ def get_report(
     form: Annotated[
         Literal["html", "pdf"] | None, Query(alias="format", description="Left out: as `Accept` asks for it.")
     ] = None,
+    paper: Annotated[Literal["A4", "letter"], Query(description="What it is laid out for.")] = "A4",
 ) -> Response:
     """Return the session's report: one page that needs nothing else and can be printed, or as PDF.
 
@@ -171,7 +178,15 @@ def get_report(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         answer = _answer(db, stored)
-    page, headers = _report(stored, answer, with_truth=True), {**_marks(answer), "Vary": "Accept"}
+        released = None if answer is None else release_of(db, session_id, answer_record(answer))
+        about = _circumstances(
+            None if answer is None else with_moment(db, answer, session_id),
+            release=released,
+            language=spoken(),
+            paper=paper,
+        )
+    page = _report(stored, about, with_truth=True)
+    headers = {**_marks(answer), "Vary": "Accept"}
     if form == "pdf" or (form is None and _asks_for_pdf(accept)):
         headers["Content-Disposition"] = f'inline; filename="{session_id}-report.pdf"'
         return Response(_printed(page), media_type=_PDF, headers=headers)
@@ -214,7 +229,16 @@ def _marks(answer: Answer | None) -> Mapping[str, str]:
     return {} if answer is None else answer_headers(answer)
 
 
-def _report(stored: SessionOfStore, answer: Answer | None, *, with_truth: bool) -> str:
+def _circumstances(answer: Answer | None, **more: Any) -> "Circumstances":
+    from server.render.report.first_page import Circumstances
+
+    if answer is None:
+        return Circumstances(**more)
+    before, moment = answer.decided_before, answer.of_moment
+    return Circumstances(solved=answer.date, decided_before=before, of_moment=moment, **more)
+
+
+def _report(stored: SessionOfStore, about: "Circumstances", *, with_truth: bool) -> str:
     from server.render.report.report import report_html
 
     truth = None
@@ -222,15 +246,16 @@ def _report(stored: SessionOfStore, answer: Answer | None, *, with_truth: bool) 
         from server.sources.simulated import truth_of
 
         truth = truth_of(stored.simulated)
-    solved = "" if answer is None else answer.date
-    return report_html(stored.session, stored.results, stored.stale, truth, solved)
+    return report_html(stored.session, stored.results, stored.stale, truth, about)
 
 
 def _pages(stored: SessionOfStore, answer: Answer | None, with_scene: bool) -> dict[str, bytes]:
     # Measurements and results go out even where they cannot be shown.
     pages: dict[str, bytes] = {}
     with suppress(CalibrationError):
-        pages[REPORT_FILE] = _report(stored, answer, with_truth=False).encode()  # as whoever imports it makes it
+        pages[REPORT_FILE] = _report(
+            stored, _circumstances(answer), with_truth=False
+        ).encode()  # as whoever imports it makes it
     if with_scene:
         from server.scenes.offline import scene_html
         from server.scenes.stored import scene_of

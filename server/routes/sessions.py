@@ -100,7 +100,9 @@ def list_all(
     store: StoreDep,
     limit: Limit = 50,
     cursor: Cursor = None,
-    search: Annotated[str, Query(max_length=200, description="Part of the name.")] = "",
+    search: Annotated[
+        str, Query(max_length=200, description="Part of the name, or the beginning of the SHA-256 on a report.")
+    ] = "",
 ) -> Response:
     """List sessions, the newest first."""
     with store.read() as db:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import cast
 
 from sqlalchemy import insert, select
 from sqlalchemy.orm import Session as Transaction
@@ -51,6 +52,23 @@ def note_change(change: Data) -> None:
     act = acting.get()
     if act is not None:
         act.change = change
+
+
+def note_difference(before: Data, after: Data) -> None:
+    """Keep in the log the fields of a record that are being changed, those of its parts by their path."""
+    old, new = dict(_fields(before)), dict(_fields(after))
+    changed = [name for name in {**old, **new} if old.get(name) != new.get(name)]
+    if changed:
+        told = ({name: part[name] for name in changed if name in part} for part in (old, new))
+        note_change(dict(zip(("before", "after"), told, strict=True)))
+
+
+def _fields(record: Data, path: str = "") -> Iterator[tuple[str, object]]:
+    for name, value in record.items():
+        if isinstance(value, dict):
+            yield from _fields(cast("Data", value), f"{path}{name}.")
+        else:
+            yield f"{path}{name}", value
 
 
 def note_refusal(db: Transaction, act: Act) -> None:

@@ -10,6 +10,7 @@ from calib_core.errors import NotFoundError
 from calib_core.findings import measured_as_read
 from calib_core.messages import message
 from calib_core.records import Measured
+from server.store.audit import note_change, note_difference
 from server.store.database import record_event
 from server.store.models import CaptureRow, Data, FileRow, SessionRow, required
 from server.store.paging import after_cursor, page_of
@@ -63,6 +64,7 @@ def change_capture(
     db: Transaction, session: SessionRow, row: CaptureRow, record: Data, measured: Measured
 ) -> None:
     """Replace a capture's record and what was measured; its files stay as they came."""
+    note_difference(row.record, record)
     row.record, row.measured = record, measured.to_json()
     row.revision += 1
     touch(session)
@@ -72,6 +74,7 @@ def change_capture(
 def remove_capture(db: Transaction, session: SessionRow, row: CaptureRow) -> set[str]:
     """Remove a capture; returns the digests of its files (see `remove_unreferenced`)."""
     digests = set(_digests(db, session.id, row.id).values())
+    note_change({"before": row.record, "after": None})
     db.execute(delete(CaptureRow).where(CaptureRow.session_id == session.id, CaptureRow.id == row.id))
     touch(session)
     record_event(db, session, "capture", {"action": "removed", "capture": row.id})

@@ -9,8 +9,9 @@ from calib_core.archive.seals import sealed
 from calib_core.errors import ConflictError, NotFoundError
 from calib_core.messages import message
 from calib_core.moment import now
-from calib_core.review.answer import cell_id_of
+from calib_core.review.answer import SessionAnswer, cell_id_of
 from calib_core.review.drift import SolvedSession
+from server.store.audit import note_change
 from server.store.database import record_event
 from server.store.models import Data, ReleaseRow, SessionRow
 from server.store.sessions import latest_results, locked_session
@@ -80,6 +81,16 @@ def add_release(db: Transaction, session_id: str, answer: Data, who: str, why: s
     return _add(db, answer["cell"], session_id, "release", answer, who, why)
 
 
+def release_of(db: Transaction, session_id: str, answer: SessionAnswer) -> Data | None:
+    """Return the newest release of this very answer of a session; None where nobody released it."""
+    for row in _releases(db, answer.cell):
+        told = release_data(row)
+        same = told["solved"] == answer.solved and told["inputs_sha256"] == answer.inputs_sha256
+        if row.session_id == session_id and same:
+            return told
+    return None
+
+
 def earlier_release(db: Transaction, cell: str, number: int | None = None) -> ReleaseRow:
     """Return a release of a cell by its number, left out the one before the present one's answer.
 
@@ -124,12 +135,14 @@ def _plain(row: ReleaseRow) -> Data:
 
 
 def _add(db: Transaction, cell: str, session_id: str, action: str, answer: Data, who: str, why: str) -> ReleaseRow:
+    before = [row.fields("number", "session_id") for row in _releases(db, cell, 1)]
     row = ReleaseRow(
         cell=cell, session_id=session_id, action=action, answer=answer, who=who, why=why, created=now()
     )
     row.answer = sealed(answer, row.about())
     db.add(row)
     db.flush()
+    note_change({"before": before[0] if before else None, "after": row.fields("number", "session_id")})
     told = release_data(row)
     tell(db, "release", session_id, told, cell)  # by the cell: the answer's session may be gone
     for one in sorted(session["id"] for name, session in _sessions(db, cell) if name == cell):

@@ -1,10 +1,11 @@
 """Sessions: made, listed, read as a whole, changed, removed."""
 
+import re
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from sqlalchemy import Text, cast, delete, func, select, tuple_
+from sqlalchemy import Select, Text, cast, delete, func, or_, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import defer
 
@@ -13,6 +14,7 @@ from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.moment import now
 from calib_core.records import Measured, Session, parse_session
 from calib_core.review.answer import cell_id_of
+from server.store.audit import note_change, note_difference
 from server.store.blobs import Blobs
 from server.store.database import record_event
 from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow, SessionRow, folded
@@ -184,6 +186,7 @@ def empty_session(record: Data, session_id: str) -> Session:
 
 
 # The session that is worked on is asked for again with every event; a record takes six times its text's room.
+_HASH = re.compile(r"[0-9a-fA-F]{8,64}$")
 _MEASURED = KeptRecords(Measured.model_validate_json, most_characters=6_000_000, rest_s=30.0)
 
 
@@ -234,11 +237,20 @@ def latest_results(db: Transaction, session_id: str) -> dict[str, Data]:
     return {row.stage: row.proved() for row in rows}
 
 
+def _with_result_from(begin: str) -> Select[str]:
+    """Select the sessions that have a result computed from what has this SHA-256, or one that begins so."""
+    hashed = ResultRow.record["inputs_sha256"].as_string()
+    return select(ResultRow.session_id).where(hashed.startswith(begin.lower(), autoescape=True))
+
+
 def list_sessions(db: Transaction, limit: int, cursor: str | None, search: str) -> Page:
     """Return a page of sessions, the newest first."""
     query = select(SessionRow).options(defer(SessionRow.simulated))
     if search:
-        query = query.where(SessionRow.name_folded.contains(folded(search), autoescape=True))
+        named = SessionRow.name_folded.contains(folded(search), autoescape=True)
+        query = query.where(
+            or_(named, SessionRow.id.in_(_with_result_from(search))) if _HASH.match(search) else named
+        )
     if cursor is not None:
         created, last_id = after_cursor(cursor, str, str)
         # As a row: either database then begins in the index where the page before ended.
@@ -278,6 +290,7 @@ def _verdicts(db: Transaction, ids: list[str]) -> dict[str, dict[str, str]]:
 
 def change_session(db: Transaction, row: SessionRow, record: Data, measured: Mapping[str, Data]) -> None:
     """Replace a session's record (without captures) and, by capture id, what was measured anew."""
+    note_difference(row.record, record)
     row.record = record
     row.name = record.get("name", "")
     for capture_id, data in measured.items():
@@ -292,6 +305,7 @@ def delete_session(db: Transaction, session_id: str) -> set[str]:
     row = locked_session(db, session_id)
     digests = set(db.scalars(select(FileRow.sha256).where(FileRow.session_id == session_id)))
     digests |= set(db.scalars(select(OutputRow.sha256).where(OutputRow.session_id == session_id)))
+    note_change({"before": {"name": row.name, "cell": row.cell_id}, "after": None})
     record_event(db, row, "session", {"action": "removed"})
     db.flush()
     db.execute(delete(SessionRow).where(SessionRow.id == session_id).execution_options(synchronize_session=False))

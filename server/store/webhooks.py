@@ -14,10 +14,14 @@ from calib_core.moment import from_now, now
 from server.store.models import Base, Data, EventRow, SessionRow, required
 from server.store.paging import Page, after_cursor, page_of
 
-Kind = Literal["capture", "result", "verdict", "job", "session", "release", "verify-fail", "drift"]
+Kind = Literal[
+    "capture", "result", "verdict", "job", "session", "release", "verify-fail", "drift", "overdue", "device-lost",
+    "job-failed", "disk",
+]  # fmt: skip
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 """What a webhook may be told: captures that came or changed, results, verdicts that differ from the one before,
-jobs that ended, sessions, answers that were released, verifications that failed, and steps of a cell."""
+jobs that ended, sessions, answers that were released, verifications that failed, steps of a cell,
+answers in force that became overdue, devices that were lost, jobs that failed, and a disk that fills."""
 
 PING: Final = "ping"
 _WAITS_S: Final = (5, 30, 120, 600, 3600, 3 * 3600, 6 * 3600, 12 * 3600, 24 * 3600)
@@ -127,12 +131,12 @@ def delivery_data(row: DeliveryRow) -> Data:
 _WANTED = select(WebhookRow.id, WebhookRow.events, WebhookRow.cell).where(WebhookRow.disabled.is_(None))
 
 
-def tell(db: Session, kind: str, session_id: str, data: Data, cell: str | None = None) -> None:
+def tell(db: Session, kind: str, session_id: str | None, data: Data, cell: str | None = None) -> None:
     """Leave a delivery to each webhook that wants to know, in the transaction that makes it happen."""
     if _CACHE not in db.info:
         db.info[_CACHE] = db.connection().execute(_WANTED).all()
     for webhook_id, events, only_cell in db.info[_CACHE]:
-        if kind in events.split(",") and (only_cell is None or only_cell == (cell or _cell_of(db, session_id))):
+        if kind in events.split(",") and (only_cell is None or only_cell == (cell or _cell_of(db, session_id or ""))):
             send(db, webhook_id, kind, session_id, data)
 
 
@@ -147,6 +151,10 @@ def tell_event(db: Session, event: EventRow) -> None:
         return
     if event.kind != "job" or event.data["status"] not in ("queued", "running"):
         tell(db, event.kind, event.session_id, event.data)
+    if event.kind == "job" and event.data["status"] == "failed":
+        tell(db, "job-failed", event.session_id, event.data)
+    if event.kind == "device" and event.data["action"] == "lost":
+        tell(db, "device-lost", event.session_id, event.data)
 
 
 def send(db: Session, webhook_id: str, kind: str, session_id: str | None, data: Data) -> str:

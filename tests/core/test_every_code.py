@@ -49,6 +49,10 @@ def check(captures: list[dict[str, Any]] | None = None, **cell: Any) -> Case:
     return lambda: check_session(session_of(given, **cell), CELL.files.__getitem__)
 
 
+def due(day: str) -> dict[str, Any]:
+    return {"kind": "sphere", "serial": "S-1", "certificate": {"number": "K-1", "due": day}}
+
+
 def changed(at: int, **fields: Any) -> list[dict[str, Any]]:
     return [{**c, **fields} if k == at else c for k, c in enumerate(TCP)]
 
@@ -197,6 +201,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "tilts-too-few": (check(turned_alike()), check()),
     "shifts-few": (check(turned_each()), check()),
     "captures-counted": (check(), check(TABLE)),
+    "certificate-overdue": (check(TCP, equipment=[due("2026-01-01")]), check(TCP, equipment=[due("2999-01-01")])),
     "capture-while-moving": (check(changed(0, moving=True)), check(changed(0, moving=False))),
     "capture-of-other-setting": (
         check([{**c, "active_tool": 1 + (k == 0)} for k, c in enumerate(TCP)]),

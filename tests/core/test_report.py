@@ -22,8 +22,10 @@ from calib_core.records import Session
 from calib_core.robots import CONVENTIONS
 from server.cli import main
 from server.render.pdf import pdf_of
+from server.render.report.first_page import Circumstances
 from server.render.report.report import report_html
 
+Solved = tuple[Session, dict[str, dict[str, Any]]]
 VOID = {"meta", "link", "br", "hr", "img", "input"}
 
 
@@ -73,7 +75,7 @@ class Page(HTMLParser):
 
 
 @pytest.fixture
-def solved(solved_folder) -> tuple[Session, dict[str, dict[str, Any]]]:
+def solved(solved_folder: Path) -> Solved:
     return load_session(solved_folder)[0], stored_results(solved_folder)
 
 
@@ -82,20 +84,20 @@ def as_of_0_1_0(result: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in result.items() if name not in ("evidence", "notes")}
 
 
-def test_it_says_what_the_records_say(solved):
+def test_it_says_what_the_records_say(solved: Solved) -> None:
     session, results = solved
     page = Page(report_html(session, results))
     tcp = results["tcp"]
     assert session.name in page.text
     assert tcp["inputs_sha256"] in page.text
     assert tcp["software"] in page.text
-    dated = report_html(session, results, solved="2026-11-03T07:16:34.521Z")
-    assert "solved 2026-11-03 07:16 UTC" in Page(dated).text
+    dated = report_html(session, results, circumstances=Circumstances(solved="2026-11-03T07:16:34.521Z"))
+    assert Page(dated).row("Computed") == ["Computed", "2026-11-03 07:16 UTC"]
     assert tcp["method"] in page.text
     for warning in tcp["warnings"]:
         assert warning in page.text
     assert page.row("Sphere's diameter")[1].startswith("40.0")
-    assert page.row("Captures, tcp") == ["Captures, tcp", "14"]
+    assert page.row("Captures") == ["Captures", "tcp 14"]
     two = tcp["two_step"]
     label = "Scatter of the sphere's centres, RMS"
     shown = [quantity_text(quantity(r["center_scatter_rms_mm"], "mm")) for r in (tcp, two)]
@@ -108,7 +110,7 @@ def test_it_says_what_the_records_say(solved):
         assert row["used"] or shown[-1] == f"no: {row['reason']}"
 
 
-def test_the_first_page_is_to_be_signed(solved):
+def test_the_first_page_is_to_be_signed(solved: Solved) -> None:
     session, results = solved
     html = report_html(session, results)
     first = Page(html[html.index("<section") : html.index("<main>")])
@@ -118,11 +120,11 @@ def test_the_first_page_is_to_be_signed(solved):
         == (first.text[first.text.index("At the workpiece") :].split()[: 3 + 2 + 1])
     )
     assert results["tcp"]["inputs_sha256"] in first.text
-    for role in ("Calibrated by", "Checked by", "Released by"):
+    for role in ("Calibrated by", "Checked by", "Approved by"):
         assert first.row(role) == [role, "", "", ""]
 
 
-def test_the_first_page_shows_the_cell_from_two_sides(solved, turntable_results):
+def test_before_the_evidence_the_cell_is_shown_from_two_sides(solved: Solved, turntable_results: Solved) -> None:
     session, results = solved
     html = report_html(session, results)
     seen = [capture for capture in session.captures if capture.step == "tcp"]
@@ -131,27 +133,29 @@ def test_the_first_page_shows_the_cell_from_two_sides(solved, turntable_results)
     picture = picture[: picture.index("</svg>")]
     assert picture.count("<circle") == 2 * (len(seen) + 1)  # each capture and the sphere
     assert " mm</text>" in picture
-    assert html.index('<svg class="scene"') < html.index("</section>")
+    assert html.index('<svg class="scene"') < html.index("<main>")
     assert '<svg class="scene"' in report_html(*turntable_results)
     assert '<svg class="scene"' not in report_html(session, {})
 
 
 @pytest.mark.parametrize("convention", sorted(set(CONVENTIONS) - {"matrix"}))
-def test_the_tool_frame_is_in_the_controllers_convention_with_twice_its_sigma(solved, convention):
+def test_the_tool_frame_is_in_the_controllers_convention_with_twice_its_sigma(
+    solved: Solved, convention: str
+) -> None:
     session, results = solved
     other = session.model_copy(update={"cell": session.cell.model_copy(update={"pose_convention": convention})})
     page = Page(report_html(other, {"tcp": as_of_0_1_0(results["tcp"])}))
     tool = RigidTransform.from_rounded(results["tcp"]["tool0_from_laser"], "tool0", "laser")
     sigmas = tool_number_sigmas(convention, tool, np.array(results["tcp"]["covariance"])[:6, :6])
     names = CONVENTIONS[convention].numbers.split()
-    start = next(k for k, row in enumerate(page.rows) if [r[0] for r in page.rows[k : k + len(names)]] == names)
+    start = next(k for k in range(len(page.rows)) if [r[0] for r in page.rows[k : k + len(names)]] == names)
     for row, value, sigma in zip(page.rows[start:], tool_numbers(convention, tool), sigmas, strict=False):
         stated, uncertainty = map(float, re.findall(r"[-\d.]+", row[1].replace("−", "-").replace("\u202f", "")))
         assert uncertainty == pytest.approx(2 * sigma, rel=0.06)  # two digits
         assert stated == pytest.approx(value, abs=0.06 * uncertainty)
 
 
-def test_a_matrix_is_the_matrix(solved):
+def test_a_matrix_is_the_matrix(solved: Solved) -> None:
     session, results = solved
     other = session.model_copy(update={"cell": session.cell.model_copy(update={"pose_convention": "matrix"})})
     page = Page(report_html(other, {"tcp": as_of_0_1_0(results["tcp"])}))
@@ -159,7 +163,7 @@ def test_a_matrix_is_the_matrix(solved):
     assert page.row(number_text(turn[0], 6)) == [*(number_text(v, 6) for v in turn), number_text(shift, 4)]
 
 
-def test_it_needs_nothing_from_outside_and_runs_nothing(solved):
+def test_it_needs_nothing_from_outside_and_runs_nothing(solved: Solved) -> None:
     html = report_html(*solved)
     page = Page(html)
     assert page.tags.isdisjoint({"script", "link", "img", "iframe", "object", "embed", "base", "form"})
@@ -169,8 +173,8 @@ def test_it_needs_nothing_from_outside_and_runs_nothing(solved):
         assert needed in html
 
 
-@pytest.mark.parametrize("form", [lambda result: result, as_of_0_1_0])
-def test_words_from_outside_are_words(solved, form):
+@pytest.mark.parametrize("form", [dict, as_of_0_1_0])
+def test_words_from_outside_are_words(solved: Solved, form: Any) -> None:
     session, results = solved
     evil = "<script>alert(1)</script>\"'><img src=x onerror=y>"
     result = json.loads(json.dumps(form(results["tcp"])))
@@ -188,29 +192,29 @@ def test_words_from_outside_are_words(solved, form):
 
 
 @pytest.mark.parametrize("verdict", ["pass", "warn", "fail"])
-def test_the_verdict_and_what_it_means(solved, verdict):
+def test_the_verdict_and_what_it_means(solved: Solved, verdict: str) -> None:
     session, results = solved
     text = Page(report_html(session, {"tcp": {**results["tcp"], "verdict": verdict}})).text
-    assert f"verdict {verdict}" in text
+    assert f"Verdict of the calibration: {verdict.upper()} ." in text
     meaning = {"pass": "agree with each other", "warn": "Usable with care", "fail": "Do not use"}[verdict]
     assert meaning in text
 
 
-def test_stale_and_unsolved(solved):
+def test_stale_and_unsolved(solved: Solved) -> None:
     session, results = solved
     assert "Out of date" not in report_html(session, results)
     assert "Out of date" in report_html(session, results, ["tcp"])
     assert "Nothing is solved yet" in report_html(session, {})
 
 
-def test_no_two_step_answer_is_told_with_its_reason(solved):
+def test_no_two_step_answer_is_told_with_its_reason(solved: Solved) -> None:
     session, results = solved
     two = {"reason": "no pure translations among the captures"}
     page = Page(report_html(session, {"tcp": {**as_of_0_1_0(results["tcp"]), "two_step": two}}))
     assert "No two-step answer: no pure translations among the captures." in page.text
 
 
-def test_at_most_three_warnings_are_in_sight(solved):
+def test_at_most_three_warnings_are_in_sight(solved: Solved) -> None:
     session, results = solved
     html = report_html(session, {"tcp": {**results["tcp"], "warnings": [f"doubt {k}." for k in range(5)]}})
     folded = html[html.index("Further warnings") :]
@@ -218,7 +222,7 @@ def test_at_most_three_warnings_are_in_sight(solved):
     assert [f"doubt {k}." in folded for k in range(5)] == [False] * 3 + [True] * 2
 
 
-def test_a_result_of_another_version_shows_its_figures(solved):
+def test_a_result_of_another_version_shows_its_figures(solved: Solved) -> None:
     result = {"stage": "camera", "method": "m", "software": "s", "inputs_sha256": "0" * 64, "verdict": "pass"}
     result |= {
         "reprojection_rms_px": 0.1642,
@@ -229,7 +233,7 @@ def test_a_result_of_another_version_shows_its_figures(solved):
     assert page.row("b01") == ["b01", "blurred"]
 
 
-def test_turntable_and_chain_are_reported_with_axis_and_mountings(turntable_results):
+def test_turntable_and_chain_are_reported_with_axis_and_mountings(turntable_results: Solved) -> None:
     session, results = turntable_results
     page = Page(report_html(session, results))
     for stage in ("turntable", "chain"):
@@ -246,24 +250,28 @@ def test_turntable_and_chain_are_reported_with_axis_and_mountings(turntable_resu
 
 
 @pytest.mark.parametrize("covariance", [[], [[1.0]], [[-1.0] * 6] * 6, [[1e300] * 6] * 6, [[1.0] * 6] * 5 + [[]]])
-def test_a_covariance_that_is_none_is_told(solved, covariance):
+def test_a_covariance_that_is_none_is_told(solved: Solved, covariance: Any) -> None:
     session, results = solved
     with pytest.raises(InputError, match=r"results/tcp.json: covariance: need a covariance"):
         report_html(session, {"tcp": {**results["tcp"], "covariance": covariance}})
 
 
-def test_the_command_writes_the_page(solved_folder, tmp_path, capsys):
+def test_the_command_writes_the_page(
+    solved_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "r.html"
     assert main(["report", str(solved_folder), "--out", str(file)]) == 0
     assert capsys.readouterr().out == f"{file}\n"
     session, results = load_session(solved_folder)[0], stored_results(solved_folder)
     truth = json.loads((solved_folder / "truth.json").read_text(encoding="utf-8"))
-    solved_at = solved_when(solved_folder, results, unpacked=False)
-    assert file.read_text(encoding="utf-8") == report_html(session, results, (), truth, solved_at)
+    about = Circumstances(solved=solved_when(solved_folder, results, unpacked=False))
+    assert file.read_text(encoding="utf-8") == report_html(session, results, (), truth, about)
     assert main(["report", str(tmp_path / "none"), "--out", str(file)]) == 2
 
 
-def test_the_report_is_printed_as_pdf_by_a_browser_that_is_there(solved_folder, tmp_path, monkeypatch, capsys):
+def test_the_report_is_printed_as_pdf_by_a_browser_that_is_there(
+    solved_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     target = tmp_path / "r.PDF"
     assert main(["report", str(solved_folder), "--out", str(target)]) == 0
     printed = target.read_bytes()
@@ -276,7 +284,9 @@ def test_the_report_is_printed_as_pdf_by_a_browser_that_is_there(solved_folder, 
     assert not (tmp_path / "none.pdf").exists()
 
 
-def test_a_browser_that_does_not_end_is_ended_with_all_that_it_started(tmp_path, monkeypatch):
+def test_a_browser_that_does_not_end_is_ended_with_all_that_it_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "chromium").write_text(f"#!/bin/sh\nsleep 60 &\necho $! > {tmp_path / 'pid'}\nwait\n")
     (tmp_path / "chromium").chmod(0o700)
     monkeypatch.setattr("server.render.pdf.browser", lambda: str(tmp_path / "chromium"))

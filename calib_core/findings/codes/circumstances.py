@@ -31,3 +31,15 @@ EXPANSION_UNKNOWN = Code(
     usual_causes="A sphere without a data sheet.",
     since="0.2",
 )
+
+CERTIFICATE_OVERDUE = Code(
+    "certificate-overdue",
+    "warning",
+    text="The certificate of {piece} was due on {due}, before the captures ({on}).",
+    to_do="Have it calibrated, or enter its new certificate in the cell's equipment.",
+    meaning="A reference whose certificate is overdue is not traceable on that day: its length may have changed.",
+    decided="The certificate's `due` of a piece in `cell.equipment` lies before the day of the newest capture "
+    "(`taken`); where no capture tells it, before the day of solving.",
+    usual_causes="A recalibration that was forgotten, or a new certificate that was not entered.",
+    since="0.2",
+)

@@ -210,7 +210,7 @@ SCANNER_SHEAR = Code(
 SPHERE_DIAMETER = Code(
     "sphere-diameter-told",
     "note",
-    text="Sphere diameter {diameter_mm:g} ± {uncertainty_mm:g} mm (95 %), as told or, where only the diameter was "
+    text="Sphere diameter {diameter_mm:g} ± {uncertainty_mm:.2g} mm (95 %), as told or, where only the diameter was "
     "told, as for its class (cell.sphere_class).",
     meaning="The diameter and its uncertainty, by which arcs tell the sphere's centre.",
     decided="Always told where points are used.",

@@ -112,7 +112,7 @@ def _scan_plot(result: MergeResult) -> list[AnyBlock]:
             x=Axis(label="Scan"),
             y=Axis(label="Apart", unit="mm", low=0.0),
             series=[
-                capture_series(rows, [row.overlap_rms_mm for row in rows], "measured"),
+                capture_series(rows, [row.overlap_rms_mm for row in rows], message("measured")),
                 capture_series(rows, [row.expected_overlap_rms_mm for row in rows], "expected"),
             ],
         )

@@ -127,6 +127,7 @@ def _report(
     date: str,
 ) -> dict[str, Content]:
     from calib_core.graph.keys import Graph
+    from server.render.report.first_page import Circumstances
     from server.render.report.report import report_html
 
     stale = Graph.stale_of(session, read, results)
@@ -136,7 +137,7 @@ def _report(
             f"warning: the result of {stage} is older than its captures: `scancell run` solves it again.",
         )
     try:
-        return {REPORT_FILE: report_html(session, results, stale, truth, date).encode()}
+        return {REPORT_FILE: report_html(session, results, stale, truth, Circumstances(solved=date)).encode()}
     except CalibrationError as error:
         remark(options, f"warning: packed without the report: {error}")
         return {}
@@ -168,7 +169,8 @@ def _print_facts(
 def _facts(facts: ArchiveFacts) -> str:
     verdicts = ", ".join(f"{stage} {verdict}" for stage, verdict in facts.results.items()) or "no results"
     size = f"{facts.files} files, {facts.payload_bytes / 1e6:.1f} MB"
-    return f"{facts.session or 'session'}, {facts.captures} captures, {verdicts}; {size}"
+    hashes = "".join(f"\n  {stage} from {hashed}" for stage, hashed in facts.inputs_sha256.items())
+    return f"{facts.session or 'session'}, {facts.captures} captures, {verdicts}; {size}{hashes}"
 
 
 def _stage_lines(stage: StageReplay, found: Replay) -> list[str]:

@@ -1,0 +1,223 @@
+"""The report's first page: what was calibrated, on what, when, by whom, what came out, and what was decided."""
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import Any, Final, Literal
+
+from calib_core.captures.certificate_dates import overdue_certificates
+from calib_core.errors import ConflictError
+from calib_core.evidence.html import STALE, verdict_words
+from calib_core.evidence.numbers import plus_minus, quantity, quantity_text
+from calib_core.evidence.text import MOST_IN_SIGHT, figure_text
+from calib_core.exports.answer import answer_of
+from calib_core.findings import in_language
+from calib_core.findings.codes.faults import FAULT_CODES
+from calib_core.messages import ENGLISH, Catalogue, message, plural
+from calib_core.moment import now
+from calib_core.records import Session
+from calib_core.records.decided_before import DECISIONS, DecidedBefore
+from calib_core.records.evidence import AnyBlock, Figure
+from calib_core.records.policy import Equipment
+from calib_core.review.answer import cell_id
+from calib_core.stages.evidence import title_of
+from server.render.report.words import WORDS
+
+ON_FIRST_PAGE: Final = ("customer", "operator", "place", "procedure")
+"""What of `documentation` stands there; the report's number heads every page, and the rest follows."""
+
+_HASH_SHOWN = 8
+Data = Mapping[str, Any]
+Rows = list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What a report tells beside session and results.
+
+    Attributes
+    ----------
+    solved : str
+        When the answer was solved (ISO 8601), "" where that is not known.
+    release : mapping or None
+        The release that put this answer in force: `number`, `who`, `why`, `created`.
+    of_moment : sequence of str
+        Faults of the moment when it was printed, by name.
+    decided_before : sequence of DecidedBefore
+    language : Catalogue
+    paper : str
+    """
+
+    solved: str = ""
+    release: Data | None = None
+    of_moment: Sequence[str] = ()
+    decided_before: Sequence[DecidedBefore] = ()
+    language: Catalogue = field(default=ENGLISH)
+    paper: Literal["A4", "letter"] = "A4"
+
+    def say(self, name: str, **values: object) -> str:
+        """Return one of the report's own texts."""
+        return self.language.say(message(WORDS[name], **values)) if values else self.language.say(WORDS[name])
+
+
+def said_moment(moment: str) -> str:
+    """Return a moment (ISO 8601) as people write it, with its offset from UTC; as it is where it is none."""
+    try:
+        when = datetime.fromisoformat(moment)
+    except ValueError:
+        return moment
+    offset = (when if when.tzinfo else when.replace(tzinfo=UTC)).strftime("%z")
+    return f"{when:%Y-%m-%d %H:%M} UTC{'' if offset == '+0000' else f'{offset[:3]}:{offset[3:]}'}"
+
+
+def report_number(session: Session, results: Mapping[str, Data], solved: str) -> str:
+    """Return the number that was told, else one of cell, date and what it was computed from."""
+    told = (session.documentation or {}).get("report_number")
+    if told:
+        return told
+    hashed = next((str(one["inputs_sha256"]) for one in results.values() if one.get("inputs_sha256")), "")
+    parts = (cell_id(session), solved[:10].replace("-", ""), hashed[:_HASH_SHOWN])
+    return "-".join(part for part in parts if part)
+
+
+def identification(session: Session, stage: str | None, told: Circumstances) -> Rows:
+    """Return what was calibrated, on what, when and by whom, as far as it was told."""
+    documentation = session.documentation or {}
+    equipment = session.cell.equipment or []
+    rows = [
+        ("subject", told.language.say(title_of(stage)) if stage else ""),
+        ("scanner", _pieces(equipment, "scanner") or _scanners(session)),
+        ("robot", _pieces(equipment, "robot") or session.cell.robot.brand or ""),
+        ("cell", cell_id(session)),
+        *((name, documentation.get(name, "")) for name in ON_FIRST_PAGE),
+        ("captured", _span(capture.taken for capture in session.captures)),
+        ("solved", said_moment(told.solved) if told.solved else ""),
+        ("captures", _captures(session, told.language.say)),
+    ]
+    return [(told.say(name), text) for name, text in rows if text]
+
+
+def _scanners(session: Session) -> str:
+    return ", ".join(session.cell.scanners or ()) or session.cell.scanner.kind or ""
+
+
+def _pieces(equipment: Iterable[Equipment], kind: str) -> str:
+    of_kind = [(one.name, one.model, one.serial) for one in equipment if one.kind == kind]
+    return ", ".join(" ".join(part for part in parts if part) for parts in of_kind if any(parts))
+
+
+def _span(moments: Iterable[str | None]) -> str:
+    """Return the first and the last of some moments."""
+    told = sorted((one for one in moments if one), key=_instant)
+    ends = list(dict.fromkeys(said_moment(one) for one in (*told[:1], *told[-1:])))
+    return " – ".join(ends)
+
+
+def _instant(moment: str) -> float:
+    try:
+        when = datetime.fromisoformat(moment)
+    except ValueError:
+        return 0.0
+    return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+
+
+def _captures(session: Session, say: Callable[[str], str]) -> str:
+    """Return how many captures each step has, and how many were left out by hand."""
+    steps = dict.fromkeys(capture.step for capture in session.captures)
+    parts: list[str] = []
+    for step in steps:
+        of_step = [capture for capture in session.captures if capture.step == step]
+        excluded = sum(capture.excluded for capture in of_step)
+        told = plural("{count} left out by hand", "{count} left out by hand", by="count", count=excluded)
+        parts.append(f"{step} {len(of_step)}" + (f" ({say(told)})" if excluded else ""))
+    return ", ".join(parts)
+
+
+def outcome(
+    session: Session, results: Mapping[str, Data], blocks: Mapping[str, list[AnyBlock]], told: Circumstances
+) -> Data | None:
+    """Return the answer with its uncertainty, what was decided by which rule, and what is to be remarked.
+
+    Without an answer it is the first result that there is; None where nothing is solved.
+    """
+    stale = [name for name, result in results.items() if result["stale"]]
+    try:
+        answer = replace(answer_of(session, results, stale), of_moment=tuple(told.of_moment))
+        stage, verdict, faults = answer.stage, answer.verdict, answer.all_faults
+        expanded = told.say("expanded")
+    except ConflictError:
+        stage = next(iter(results), "")
+        if not stage:
+            return None
+        verdict, faults, expanded = results[stage]["verdict"], (), ""
+    word, meaning = verdict_words(verdict, told.language)
+    wanted = session.cell.wanted_mm
+    verify = results.get("verify", {})
+    decision = verify.get("decision")
+    return {
+        "stage": stage,
+        "verdict": verdict,
+        "word": word,
+        "meaning": meaning,
+        "figures": [f"{b.label} {figure_text(b)}" for b in blocks[stage] if isinstance(b, Figure) and b.headline],
+        "expanded": expanded,
+        "wanted": quantity_text(plus_minus(wanted / 2, "mm")) if wanted else "",
+        "decision": decision or "",
+        "decided": told.language.say(DECISIONS.get(str(decision), str(decision))) if decision else "",
+        "undecided": "" if decision else told.say("no limits" if verify else "no verification"),
+        "checks": [_check(check, told) for check in verify.get("checks") or []],
+        "remarks": [
+            *_overdue(session, told),
+            *_remarks(results, faults, bool(stale), told),
+            *(results[stage].get("warnings") or ())[:MOST_IN_SIGHT],
+        ],
+        "inputs_sha256": results[stage].get("inputs_sha256", ""),
+    }
+
+
+def _check(check: Data, told: Circumstances) -> Data:
+    limit = check.get("limit_mm")
+    decision = check.get("decision")
+    return {
+        "title": told.language.say(str(check["title"])),
+        "measured": quantity_text(quantity(check["value_mm"], "mm", (check["uncertainty_mm"] or 0.0) / 2 or None)),
+        "limit": told.say("not limited") if limit is None else f"{limit:g} mm",
+        "decision": decision or "",
+        "decided": told.language.say(DECISIONS.get(str(decision), str(decision))) if decision else "–",
+    }
+
+
+def _overdue(session: Session, told: Circumstances) -> list[str]:
+    found = overdue_certificates(session, told.solved or now())
+    return [in_language(one, told.language.language).text for one in found]
+
+
+def _remarks(results: Mapping[str, Data], faults: Sequence[str], stale: bool, told: Circumstances) -> list[str]:
+    """Return what whoever signs must know: changed limits, decisions before, and what speaks against its use."""
+    return [
+        *(results.get("verify", {}).get("limits_changed") or ()),
+        *(told.language.say(one.said()) for one in told.decided_before),
+        *(FAULT_CODES[name].said({}, (), told.language) for name in faults),
+        *([told.language.say(STALE)] if stale and "stale" not in faults else ()),
+    ]
+
+
+def approval(told: Circumstances) -> str:
+    """Return who released the answer, with number, date and reason; that nobody did."""
+    release = told.release
+    if release is None:
+        return told.say("not released")
+    words = message(
+        "Release {number} by {who}, {when}. Reason: {why}",
+        number=int(release["number"]),
+        who=str(release["who"]),
+        when=said_moment(str(release["created"])),
+        why=str(release["why"]) or message("none given"),
+    )
+    return told.language.say(words)
+
+
+def plain_text(text: str) -> str:
+    """Return text as it may stand in a string of a style sheet."""
+    return re.sub(r"[^\w .,:()#+/-]", " ", text)
