@@ -220,6 +220,8 @@ export interface Brand {
   endings: string[];
   reads: boolean;
   exports: string[];
+  proof: "controller" | "real files" | "manual only";
+  experimental: boolean;
 }
 
 export interface Brands {
@@ -789,6 +791,8 @@ export interface ExportFormat {
   brand: string | null;
   media_type: string;
   suffix: string;
+  proof: "controller" | "real files" | "manual only" | null;
+  experimental: boolean;
 }
 
 export interface ExportFormats {
@@ -844,6 +848,8 @@ export interface FileFormat {
   kinds: string[];
   reads: boolean;
   writes: string[];
+  proof: "controller" | "real files" | "manual only";
+  experimental: boolean;
 }
 
 export interface FileFormats {
@@ -1248,7 +1254,7 @@ export interface MadeWebhook {
   id: string;
   url: string;
   name: string;
-  events: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift")[];
+  events: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift" | "overdue" | "device-lost" | "job-failed" | "disk")[];
   cell: string | null;
   created: string;
   disabled: string | null;
@@ -1481,7 +1487,7 @@ export interface NewToken {
 export interface NewWebhook {
   url: string;
   name?: string;
-  events?: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift")[];
+  events?: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift" | "overdue" | "device-lost" | "job-failed" | "disk")[];
   cell?: string | null;
 }
 
@@ -1696,6 +1702,8 @@ export interface ProgramEntry {
   title: string;
   convention: string;
   needs: string;
+  proof: "controller" | "real files" | "manual only";
+  experimental: boolean;
 }
 
 export interface Quantity {
@@ -3024,7 +3032,7 @@ export interface Webhook {
   id: string;
   url: string;
   name: string;
-  events: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift")[];
+  events: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift" | "overdue" | "device-lost" | "job-failed" | "disk")[];
   cell: string | null;
   created: string;
   disabled: string | null;

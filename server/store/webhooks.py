@@ -136,7 +136,9 @@ def tell(db: Session, kind: str, session_id: str | None, data: Data, cell: str |
     if _CACHE not in db.info:
         db.info[_CACHE] = db.connection().execute(_WANTED).all()
     for webhook_id, events, only_cell in db.info[_CACHE]:
-        if kind in events.split(",") and (only_cell is None or only_cell == (cell or _cell_of(db, session_id or ""))):
+        if kind in events.split(",") and (
+            only_cell is None or only_cell == (cell or _cell_of(db, session_id or ""))
+        ):
             send(db, webhook_id, kind, session_id, data)
 
 

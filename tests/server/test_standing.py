@@ -53,6 +53,9 @@ def test_policy_and_equipment(client: httpx.Client) -> None:
     log = client.get("/audit").json()["items"]
     entry = next(one for one in log if one["method"] == "PUT" and cell in one["path"])
     assert entry["change"] == {"before": None, "after": policy}
+    changed = next(one for one in log if one["method"] == "PATCH" and one["path"].endswith(first))["change"]
+    assert changed["after"]["cell.id"] == cell
+    assert changed["after"]["cell.equipment"] == [scanner]
     assert client.get(f"/sessions/{first}/answer").json()["faults"] == ["overdue", "verify-undecided"]
     assert_problem(client.post(f"/sessions/{first}/release", json={}), 409, "policy")
     allowed = {"allow": "overdue,verify-undecided"}
