@@ -24,6 +24,17 @@ class Agreement(Record):
     chance: float
 
 
+class Alignment(Record):
+    """Where the nominal part lies: `base_from_reference` with its covariance (6, 6) of rx ry rz tx ty tz, the rotation on the right, rad and mm, of the fit and of what calibration and scans leave uncertain."""
+    method: Literal['none', 'best-fit', '3-2-1', 'matrix']
+    rms_mm: float | None = None
+    base_from_reference: list[list[float]]
+    cloud_from_reference: list[list[float]]
+    covariance: list[list[float]] | None = None
+    alike: int | None = None
+    reference_sha256: str
+
+
 class AnsweredFrame(Record):
     """A frame: 4×4 rows in mm, its covariance, and the same as the cell's controller writes it."""
     matrix: list[list[float]]
@@ -156,6 +167,21 @@ class DecidedBefore(Record):
     limits: list[str] | None = None
 
 
+class Deviation(Record):
+    """How far the merged points lie off the nominal, positive outside."""
+    rms_mm: float
+    within_95_mm: float
+    signed_mean_mm: float
+    uncertainty_mm: float | None = None
+    points: int
+    counted: float
+    limit_mm: float
+    histogram: list[int]
+    extremes: list[ExtremePoint] | None = None
+    tolerance_mm: float | None = None
+    within_tolerance: float | None = None
+
+
 class EncoderScaleError(Record):
     """The table turns by 1 + error for each unit read; `applied` where the answer accounts for it."""
     error: float
@@ -188,6 +214,12 @@ class Excluded(Record):
     who: str | None = None
     when: str | None = None
     why: str | None = None
+
+
+class ExtremePoint(Record):
+    """A place in the cloud's frame, and how far it lies off the nominal."""
+    point_mm: list[float]
+    deviation_mm: float
 
 
 class Facing(Record):
@@ -787,6 +819,8 @@ class MergeResult(Record):
     triangles: int | None = None
     low_mm: list[float]
     high_mm: list[float]
+    alignment: Alignment | None = None
+    deviation: Deviation | None = None
     residuals: list[MergeResidual]
 
 

@@ -25,6 +25,16 @@ export interface Agreement {
   chance: number;
 }
 
+export interface Alignment {
+  method: "none" | "best-fit" | "3-2-1" | "matrix";
+  rms_mm?: number | null;
+  base_from_reference: number[][];
+  cloud_from_reference: number[][];
+  covariance?: number[][] | null;
+  alike?: number;
+  reference_sha256: string;
+}
+
 export interface AnsweredFrame {
   matrix: number[][];
   covariance: number[][];
@@ -684,6 +694,20 @@ export interface DecidedBefore {
   limits?: string[];
 }
 
+export interface Deviation {
+  rms_mm: number;
+  within_95_mm: number;
+  signed_mean_mm: number;
+  uncertainty_mm?: number | null;
+  points: number;
+  counted: number;
+  limit_mm: number;
+  histogram: number[];
+  extremes?: ExtremePoint[];
+  tolerance_mm?: number | null;
+  within_tolerance?: number | null;
+}
+
 export interface DeviceEntry {
   name: string;
   source: string;
@@ -797,6 +821,11 @@ export interface ExportFormat {
 
 export interface ExportFormats {
   items: ExportFormat[];
+}
+
+export interface ExtremePoint {
+  point_mm: number[];
+  deviation_mm: number;
 }
 
 export interface Facing {
@@ -1363,6 +1392,8 @@ export interface MergeResult {
   triangles?: number;
   low_mm: number[];
   high_mm: number[];
+  alignment?: Alignment | null;
+  deviation?: Deviation | null;
   residuals: MergeResidual[];
 }
 
@@ -1372,6 +1403,9 @@ export interface MergeSettings {
   registration?: boolean;
   self_calibration?: boolean;
   memory_mb?: number;
+  reference?: string | null;
+  alignment?: PartAlignment | null;
+  tolerance_mm?: number | null;
 }
 
 export interface MessageParts {
@@ -1535,6 +1569,13 @@ export interface OpticsShift {
   at_mm: number[];
   point_mm: number[];
   by_place: number[][];
+}
+
+export interface PartAlignment {
+  method?: "none" | "best-fit" | "3-2-1" | "matrix";
+  base_from_reference?: number[][] | null;
+  datum_points_mm?: number[][] | null;
+  datum_radius_mm?: number;
 }
 
 export interface PastResult {
@@ -2441,6 +2482,8 @@ export interface StoredMergeResult {
   triangles?: number;
   low_mm: number[];
   high_mm: number[];
+  alignment?: Alignment | null;
+  deviation?: Deviation | null;
   residuals: MergeResidual[];
 }
 

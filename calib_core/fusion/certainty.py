@@ -1,9 +1,14 @@
 """How well the merged surface stands where it is: what calibration and scans' own errors leave uncertain of it."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, skew
 from calib_core.fusion.overlap import Patches, PoseErrors
+
+_MOST_NUMBERS = 20_000_000
+_FEWEST = 10
 
 
 def surface_sigma_mm(seen: Patches, errors: PoseErrors) -> float:
@@ -54,6 +59,78 @@ def sphere_covariance(seen: Patches, errors: PoseErrors, center_mm: FloatArray) 
     common = np.einsum("sim,smd->id", by_scan, errors.common)
     covariance = common @ common.T + np.einsum("sim,smn,sjn->ij", by_scan, errors.own, by_scan)
     return covariance + (gain * seen.variances_mm2) @ gain.T
+
+
+@dataclass(frozen=True, eq=False)
+class AgainstNominal:
+    """What calibration and scans leave uncertain where the merged points are compared with a nominal.
+
+    Parameters
+    ----------
+    covariance : (6, 6)
+        Of the nominal's place: rx ry rz tx ty tz, the rotation on the right, the translation added.
+    deviation_sigma_mm : float
+        Of a point's deviation after the alignment, RMS over all.
+    """
+
+    covariance: FloatArray
+    deviation_sigma_mm: float
+
+
+def against_nominal(
+    seen: Patches,
+    errors: PoseErrors,
+    cloud_from_reference: FloatArray,
+    aligned: bool,
+    datum_mm: FloatArray | None = None,
+    radius_mm: float = 0.0,
+    noise_mm2: float = 0.0,
+) -> AgainstNominal:
+    """Return how uncertain the nominal's place and the deviations from it are.
+
+    Parameters
+    ----------
+    seen : Patches
+    errors : PoseErrors
+    cloud_from_reference : (4, 4)
+    aligned : bool
+        The nominal follows the points; one that lies where it was told takes up nothing of their errors.
+    datum_mm : (6, 3), optional
+        Where it touches them, in the cloud's frame; all over if left out.
+    radius_mm : float
+        Of a touch.
+    noise_mm2 : float
+        Mean variance of the merged points by noise alone.
+    """
+    rows = np.flatnonzero(seen.normals.any(axis=1))
+    scans, shared = len(seen.names), errors.common.shape[2]
+    rows = rows[:: max(1, len(rows) * (shared + 6 * scans) // _MOST_NUMBERS)]
+    if len(rows) < _FEWEST:
+        return AgainstNominal(np.zeros((6, 6)), float("nan"))
+    points, normals, scan = seen.points_mm[rows], seen.normals[rows], seen.scans[rows]
+    levers = _levers(points, normals)
+    off = np.zeros((len(rows), shared + 6 * scans))
+    off[:, :shared] = np.einsum("ni,nid->nd", levers, errors.common[scan])
+    values, vectors = np.linalg.eigh(errors.own)
+    roots = vectors * np.sqrt(np.maximum(values, 0))[:, None]
+    places = shared + 6 * scan[:, None] + np.arange(6)
+    off[np.arange(len(rows))[:, None], places] = np.einsum("ni,nij->nj", levers, roots[scan])
+    covariance, centre = np.zeros((6, 6)), points.mean(axis=0)
+    if aligned:
+        about = _levers(points - centre, normals)
+        gain = np.linalg.pinv(about)
+        if datum_mm is not None:
+            far = np.linalg.norm(points[None] - datum_mm[:, None], axis=2)
+            touching = far <= np.maximum(radius_mm, far.min(axis=1, keepdims=True))
+            mean = touching / touching.sum(axis=1, keepdims=True)
+            gain = np.linalg.pinv(mean @ about) @ mean
+        moves = gain @ off
+        off = off - about @ moves
+        back = np.zeros((6, 6))
+        rotation, place = cloud_from_reference[:3, :3], cloud_from_reference[:3, 3]
+        back[:3, :3], back[3:, 3:], back[3:, :3] = rotation.T, np.eye(3), -skew(place - centre)
+        covariance = (back @ moves) @ (back @ moves).T
+    return AgainstNominal(covariance, float(np.sqrt(np.mean((off**2).sum(axis=1)) + noise_mm2)))
 
 
 def _levers(points_mm: FloatArray, normals: FloatArray) -> FloatArray:

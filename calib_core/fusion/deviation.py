@@ -51,11 +51,73 @@ class Deviations:
         return float(np.nanquantile(np.abs(self.values_mm), share))
 
 
+class Nominal:
+    """A triangle mesh that says what the object should be, asked for its places nearest to points.
+
+    Parameters
+    ----------
+    corners_mm : (C, 3)
+    triangles : (M, 3) int
+        Corners of each triangle, counter-clockwise from outside; the mesh may be open.
+
+    Raises
+    ------
+    InputError
+        If there is no triangle.
+    """
+
+    def __init__(self, corners_mm: ArrayLike, triangles: ArrayLike) -> None:
+        o3d = open3d()
+        faces = np.ascontiguousarray(triangles, dtype=np.uint32)
+        if not len(faces):
+            raise InputError(
+                "a mesh with triangles", "none", "Export the reference as a mesh, not as a cloud.", "mesh"
+            )
+        corners = np.asarray(corners_mm, dtype=np.float64)
+        self.middle_mm: FloatArray = corners.mean(axis=0)  # single precision holds well about the middle
+        self.corners_mm: FloatArray = corners
+        self.triangles = faces
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        near = np.ascontiguousarray(corners - self.middle_mm, dtype=np.float32)
+        self._scene.add_triangles(o3d.core.Tensor.from_numpy(near), o3d.core.Tensor.from_numpy(faces))
+
+    @property
+    def extent_mm(self) -> float:
+        """Its diagonal."""
+        return float(np.linalg.norm(np.ptp(self.corners_mm, axis=0)))
+
+    def away(self, points_mm: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return for points (N, 3) the way from their nearest places (N, 3), and the normals there (N, 3)."""
+        o3d = open3d()
+        points = np.asarray(points_mm, dtype=np.float64)
+        away, normals = np.empty((len(points), 3)), np.empty((len(points), 3))
+        for start in range(0, len(points), _BLOCK):
+            block = np.ascontiguousarray(points[start : start + _BLOCK] - self.middle_mm, dtype=np.float32)
+            found = self._scene.compute_closest_points(o3d.core.Tensor.from_numpy(block), nthreads=1)
+            away[start : start + _BLOCK] = block - found["points"].numpy()
+            normals[start : start + _BLOCK] = found["primitive_normals"].numpy()
+        return away, normals
+
+    def distances_mm(self, points_mm: ArrayLike) -> FloatArray:
+        """Return the distances (N,) of points, positive on the side of the nearest triangle's normal."""
+        away, normals = self.away(points_mm)
+        outside = np.einsum("ij,ij->i", away, normals) >= 0
+        return np.where(outside, 1.0, -1.0) * np.linalg.norm(away, axis=1)
+
+    def spread(self, count: int, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+        """Return points (N, 3) spread evenly over its area, and the normals there (N, 3)."""
+        rng = np.random.default_rng(seed)
+        a, b, c = (self.corners_mm[self.triangles[:, k]] for k in range(3))
+        across = np.cross(b - a, c - a)
+        area = np.linalg.norm(across, axis=1)
+        chosen = rng.choice(len(area), count, p=area / area.sum())
+        u, v = np.sqrt(rng.random(count))[:, None], rng.random(count)[:, None]
+        points = (1 - u) * a[chosen] + u * (1 - v) * b[chosen] + u * v * c[chosen]
+        return points, across[chosen] / area[chosen, None]
+
+
 def mesh_deviations(points_mm: ArrayLike, corners_mm: ArrayLike, triangles: ArrayLike) -> Deviations:
     """Return the distances of points to a triangle mesh.
-
-    The sign is that of the nearest triangle's normal, so that the mesh may be open; its triangles are
-    counter-clockwise from outside.
 
     Parameters
     ----------
@@ -63,32 +125,14 @@ def mesh_deviations(points_mm: ArrayLike, corners_mm: ArrayLike, triangles: Arra
     corners_mm : (C, 3)
         In the points' own frame.
     triangles : (M, 3) int
-        Corners of each triangle.
+        As of `Nominal`.
 
     Raises
     ------
     InputError
         If there is no triangle.
     """
-    o3d = open3d()
-    faces = np.ascontiguousarray(triangles, dtype=np.uint32)
-    if not len(faces):
-        raise InputError(
-            "a mesh with triangles", "none", "Export the reference as a mesh, not as a cloud.", "mesh"
-        )
-    points = np.asarray(points_mm, dtype=np.float64)
-    middle = np.asarray(corners_mm, dtype=np.float64).mean(axis=0)  # single precision holds well about the middle
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    corners = np.ascontiguousarray(np.asarray(corners_mm) - middle, dtype=np.float32)
-    scene.add_triangles(o3d.core.Tensor.from_numpy(corners), o3d.core.Tensor.from_numpy(faces))
-    values = np.empty(len(points))
-    for start in range(0, len(points), _BLOCK):
-        block = np.ascontiguousarray(points[start : start + _BLOCK] - middle, dtype=np.float32)
-        found = scene.compute_closest_points(o3d.core.Tensor.from_numpy(block), nthreads=1)
-        away = block - found["points"].numpy()
-        outside = np.einsum("ij,ij->i", away, found["primitive_normals"].numpy()) >= 0
-        values[start : start + _BLOCK] = np.where(outside, 1.0, -1.0) * np.linalg.norm(away, axis=1)
-    return Deviations(values)
+    return Deviations(Nominal(corners_mm, triangles).distances_mm(points_mm))
 
 
 def sphere_deviations(points_mm: ArrayLike, diameter_mm: float | None = None) -> Deviations:

@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from calib_core.errors import CalibrationError
+from calib_core.errors import CalibrationError, InputError
 from calib_core.graph.first_keys import inputs_sha256_of_0_1_0
 from calib_core.graph.registry import STAGES, stages
 from calib_core.graph.stage import Stage
@@ -143,6 +143,12 @@ class Graph:
             )
         return self._first_keys[stage]
 
+    def _digest_of(self, name: str) -> str:
+        try:
+            return self._digest(name)
+        except KeyError:
+            raise InputError("the file {name}", "none", "Add it to the session.", name, name=name) from None
+
     def _inputs(self, stage: Stage) -> dict[str, Any]:
         """Return all that a stage reads, as JSON data."""
         session = self.session
@@ -151,6 +157,7 @@ class Graph:
             return {"brought": {path.removeprefix("known."): value for path, value in brought.items()}}
         read = [pair for pair in stage.reads_of_captures(session) if not pair[0].excluded]
         names = {name for capture, fields in read if "files" in fields for name in capture.files}
+        names.update(stage.files_of_cell(session))
         return {
             "stage": stage.name,
             "cell": _told(at_temperature(session, stage.takes).cell, sorted(stage.reads_of_cell(session))),
@@ -159,7 +166,7 @@ class Graph:
                 | {name: value for name in fields if _is_told(name, value := _plain(getattr(capture, name)))}
                 for capture, fields in read
             ],
-            "files": {name: self._digest(name) for name in sorted(names)},
+            "files": {name: self._digest_of(name) for name in sorted(names)},
             "after": {name: self.key(name) for name in stage.rests_on(session)},
         }
 

@@ -81,6 +81,11 @@ class Stage(StageDeclaration):
         del session
         return self.reads
 
+    def files_of_cell(self, session: "Session") -> tuple[str, ...]:
+        """Return the files beside those of captures that it reads in a session, named by the cell."""
+        del session
+        return ()
+
     def reads_of_captures(self, session: "Session") -> "Iterator[tuple[Capture, tuple[str, ...]]]":
         """Give the captures that it reads in a session, each with the fields that it reads of it."""
         for capture in session.captures:

@@ -44,6 +44,7 @@ from calib_core.records.guidance import (
     MeterPoint,
     Still,
 )
+from calib_core.records.merging import MergeSettings, PartAlignment
 from calib_core.records.parsing import parse_capture, parse_cell, parse_session
 from calib_core.records.results import CaptureResidual, Result, Undetermined, VarianceComponents
 from calib_core.records.session import (
@@ -57,7 +58,6 @@ from calib_core.records.session import (
     KnownCamera,
     KnownPlane,
     LimitChange,
-    MergeSettings,
     Robot,
     Session,
     TimedPose,
@@ -115,6 +115,7 @@ __all__ = [
     "MeterPoint",
     "MountedScanner",
     "NotNegative",
+    "PartAlignment",
     "PoseConvention",
     "PoseReading",
     "Positive",

@@ -43,6 +43,13 @@ def mismatch(need: str, got: str, to_do: str) -> ValueError:
     return ValueError(f"need {need}, got {got}. {to_do}", need, got, to_do)
 
 
+def require_inside(name: str) -> None:
+    """Refuse a file's name that leads out of the session's folder."""
+    outside = not name or name.startswith("/") or ".." in name.split("/")
+    if outside or "\\" in name or "\0" in name or ":" in name:
+        raise mismatch("a file inside the session folder", repr(name)[:80], "Copy it into captures/.")
+
+
 class _Registered:
     """Marks a name that the registry of stages must know; the JSON Schema lists the names there are."""
 

@@ -19,8 +19,10 @@ from calib_core.records.base import (
     Vector3,
     WrittenRecord,
     mismatch,
+    require_inside,
 )
 from calib_core.records.findings import Severity
+from calib_core.records.merging import MergeSettings
 from calib_core.records.planning import Limits, Nominal
 from calib_core.records.policy import Environment, Equipment, Excluded, Policy
 from calib_core.records.topology import CellAxis, KnownFrame, MountedScanner, Scanner, Sphere, SphereDistance
@@ -146,19 +148,6 @@ class Known(WrittenRecord):
     base_from_laser: Matrix4 | None = None
     base_from_turntable: Matrix4 | None = None
     frames: list[KnownFrame] | None = None
-
-
-class MergeSettings(WrittenRecord):
-    """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile.
-
-    `registration` may move each scan, `self_calibration` tool and table alone, by what the scans' overlap says.
-    """
-
-    voxel_mm: Positive = 0.5
-    mesh: Literal["poisson", "grid", "none"] = "poisson"
-    registration: bool = False
-    self_calibration: bool = False
-    memory_mb: Positive = 1000.0
 
 
 class LimitChange(WrittenRecord):
@@ -299,9 +288,7 @@ class Capture(WrittenRecord):
     @classmethod
     def _files_stay_inside(cls, files: list[str]) -> list[str]:
         for name in files:
-            outside = not name or name.startswith("/") or ".." in name.split("/")
-            if outside or "\\" in name or "\0" in name or ":" in name:
-                raise mismatch("a file inside the session folder", repr(name)[:80], "Copy it into captures/.")
+            require_inside(name)
         return files
 
     @model_validator(mode="after")

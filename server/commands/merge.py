@@ -32,6 +32,10 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--voxel-mm", type=float, default=0.5, metavar="V", help="edge of a voxel (default 0.5)")
     meshes = ("poisson", "grid", "none")
     parser.add_argument("--mesh", choices=meshes, default="poisson", help="the mesh (default poisson)")
+    parser.add_argument("--reference", type=Path, metavar="FILE", help="the part as it should be: STL, PLY, OBJ")
+    methods = ("best-fit", "none")
+    parser.add_argument("--align", choices=methods, help="how it is laid into the cloud (default best-fit)")
+    parser.add_argument("--tolerance-mm", type=float, metavar="T", help="how far the part may lie off it")
     parser.add_argument("--register", action="store_true", help="move scans by what their overlap says")
 
 
@@ -45,10 +49,15 @@ def _run(options: argparse.Namespace) -> int:
 
     files = {f"captures/{k:03d}-{path.name}": path for k, path in enumerate(options.files)}
     captures = list(_captures(files, options.poses))
+    merge: dict[str, Any] = {"voxel_mm": options.voxel_mm, "mesh": options.mesh, "registration": options.register}
+    if options.reference is not None:
+        name = f"reference{options.reference.suffix.lower()}"
+        files[name] = options.reference
+        merge |= {"reference": name, "alignment": options.align, "tolerance_mm": options.tolerance_mm}
     cell = {
         "pose_convention": "matrix",
         "known": {"tool0_from_laser": [_NOWHERE[4 * k : 4 * k + 4] for k in range(4)]},
-        "merge": {"voxel_mm": options.voxel_mm, "mesh": options.mesh, "registration": options.register},
+        "merge": merge,
     }
     record = {"format": "scancell-session/1", "name": "merge", "cell": cell, "captures": captures}
 

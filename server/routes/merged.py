@@ -151,7 +151,7 @@ def _merged(stored: StoredSession) -> MergedScans:
 def _deviation(stored: StoredSession, merged: MergedScans, against: Against) -> CloudDeviation:
     reference: Reference | None = None
     if against.kind == "mesh":
-        reference = reference_mesh(stored.read_output)
+        reference = reference_mesh(stored.session, stored.read_output, stored.results.get("merge"))
         if reference is None:
             to_do = message("PUT …/merged/reference with an STL or PLY file, or compare with the sphere.")
             raise NotFoundError("a reference mesh", "none in this session", to_do, "against")

@@ -67,20 +67,25 @@ def scene_input(
         solved,
         partial(merged_scans, session, solved, read),
         partial(merged_cloud, solved, read_output),
-        partial(reference_mesh, read_output),
+        partial(reference_mesh, session, read_output, results.get("merge")),
     )
 
 
-def reference_mesh(read_output: ReadOutput) -> ReferenceMesh | None:
-    """Return the mesh that the user gave as a reference, None where there is none."""
-    from calib_core.archive.stored_clouds import REFERENCE_FILE, read_stored_ply
+def reference_mesh(
+    session: Session, read_output: ReadOutput, merge: Mapping[str, Any] | None
+) -> ReferenceMesh | None:
+    """Return the nominal part that the user gave, where the merge aligned it; None where there is none."""
+    from calib_core.archive.stored_clouds import REFERENCE_FILE
+    from calib_core.formats.meshes import parse_mesh
+    from calib_core.stages.merge.nominal import cloud_from_reference
 
-    data = read_output(REFERENCE_FILE)
+    name = session.cell.merge.reference or REFERENCE_FILE
+    data = read_output(name)
     if data is None:
         return None
-    stored = read_stored_ply(data, REFERENCE_FILE)
-    assert stored.triangles is not None
-    return ReferenceMesh(stored.points_mm, stored.triangles)
+    mesh = parse_mesh(data, name)
+    pose = cloud_from_reference(merge, data)
+    return ReferenceMesh(mesh.corners_mm @ pose[:3, :3].T + pose[:3, 3], mesh.triangles)
 
 
 def stored_scene(store: "Store", session_id: str) -> SceneInput | None:

@@ -33,7 +33,7 @@ from server.store.calibrations import without_captures
 from server.store.capture_writes import Arrival, add_captures
 from server.store.models import Data, SessionRow
 from server.store.process_data import Output
-from server.store.references import set_reference
+from server.store.references import add_reference
 from server.store.sessions import STORE_FIELDS, StoredSession, create_session
 from server.store.solves import store_result
 
@@ -53,7 +53,7 @@ class Import:
     digests: dict[str, str] = field(default_factory=dict[str, str])
     sizes: dict[str, int] = field(default_factory=dict[str, int])
     outputs: dict[str, dict[str, Output]] = field(default_factory=dict[str, dict[str, Output]])
-    reference: Output | None = None
+    reference: tuple[str, Output] | None = None
     kept: dict[str, Output] = field(default_factory=dict[str, Output])
 
 
@@ -80,7 +80,8 @@ def pack_stored(
         If a name cannot be stored everywhere, or a stored file is damaged.
     """
     taken = {*_MADE_ANEW, *(plain_name(name) for name in stored.digests)}
-    files = {name: file for name, file in kept.items() if name not in taken} | dict(stored.outputs)
+    files = {name: file for name, file in kept.items() if name not in taken}
+    files |= {name: file for name, file in stored.outputs.items() if name not in stored.digests}
     payload: dict[str, Content] = {
         **{name: partial(stored.blobs.open, file.sha256) for name, file in files.items()},
         SESSION_FILE: to_json_bytes({"format": FORMAT, **stored.session.to_json()}),
@@ -132,7 +133,8 @@ def _store_others(found: Import, bag: Bag, blobs: Blobs) -> None:
 
     for stage, result in found.results.items():
         found.outputs[stage] = {name: stored(name) for name in output_names(result) if name in rest}
-    found.reference = stored(REFERENCE_FILE) if REFERENCE_FILE in rest else None
+    named = found.session.cell.merge.reference or REFERENCE_FILE
+    found.reference = (named, stored(named)) if named in rest else None
     found.kept = {name: stored(name) for name in sorted(rest)}
 
 
@@ -160,7 +162,7 @@ def add_import(db: Transaction, found: Import) -> SessionRow:
         solved_from, created = (past.origin(), past.created) if past else (None, None)
         store_result(db, row, stage, result, solved_from, found.outputs.get(stage), created)
     if found.reference is not None:
-        set_reference(db, row, found.reference)
+        add_reference(db, row.id, *found.reference)
     add_archived_files(db, row.id, found.kept)
     return row
 

@@ -5,8 +5,9 @@ import json
 from sqlalchemy import Text, cast, func, select
 from sqlalchemy.orm import Session as Transaction
 
-from server.store.models import CaptureRow, FileRow, ResultRow, SessionRow
+from server.store.models import CaptureRow, ResultRow, SessionRow
 from server.store.process_data import SessionTexts
+from server.store.session_files import files_read
 from server.store.sessions import StoredSession, no_such_session
 
 
@@ -20,7 +21,7 @@ def load_texts(db: Transaction, session_id: str) -> SessionTexts:
         .where(CaptureRow.session_id == session_id)
         .order_by(CaptureRow.position)
     ).all()
-    files = db.execute(select(FileRow.name, FileRow.sha256).where(FileRow.session_id == session_id))
+    files = db.execute(files_read([session_id]))
     latest = select(func.max(ResultRow.number)).where(ResultRow.session_id == session_id).group_by(ResultRow.stage)
     results = db.execute(
         select(ResultRow.stage, cast(ResultRow.record, Text))
@@ -33,7 +34,7 @@ def load_texts(db: Transaction, session_id: str) -> SessionTexts:
         captures=tuple(row[0] for row in captures),
         measured=tuple(row[1] for row in captures),
         results=dict(results.all()),
-        digests=dict(files.all()),
+        digests={name: sha256 for _, name, sha256 in files},
     )
 
 

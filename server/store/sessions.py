@@ -21,6 +21,7 @@ from server.store.models import CaptureRow, Data, FileRow, OutputRow, ResultRow,
 from server.store.paging import Page, after_cursor, page_of
 from server.store.process_data import Output, with_stale
 from server.store.record_cache import KeptRecords
+from server.store.session_files import files_read
 from server.store.staleness import stale_stages
 
 OF_ARCHIVE = "archive"
@@ -214,7 +215,7 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
         .where(CaptureRow.session_id == session_id)
         .order_by(CaptureRow.position)
     ).all()
-    files = db.execute(select(FileRow.name, FileRow.sha256).where(FileRow.session_id == session_id))
+    files = db.execute(files_read([session_id]))
     outputs = db.scalars(
         select(OutputRow).where(OutputRow.session_id == session_id, OutputRow.stage != OF_ARCHIVE)
     )
@@ -223,7 +224,7 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
         session=parse_session({**row.record, "captures": [c.record for c in captures]}, session_id),
         measured=_MeasuredWhenAsked({c.id: c.measured for c in captures}),
         results=latest_results(db, session_id),
-        digests=dict(files.all()),
+        digests={name: sha256 for _, name, sha256 in files},
         outputs={row.name: Output(row.sha256, row.size) for row in outputs},
         blobs=blobs,
         simulated=row.simulated,

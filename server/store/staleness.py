@@ -6,7 +6,8 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.records import parse_session
-from server.store.models import CaptureRow, FileRow, ResultRow, SessionRow
+from server.store.models import CaptureRow, ResultRow, SessionRow
+from server.store.session_files import files_read
 
 _MOST = 20_000  # sessions; then all are forgotten
 _State = tuple[str, int, str, frozenset[tuple[str, str]]]
@@ -54,8 +55,7 @@ def _read(db: Transaction, hashes: Mapping[str, Mapping[str, str]]) -> dict[str,
     for session_id, record in db.execute(rows.order_by(CaptureRow.position)):
         captures.setdefault(session_id, []).append(record)
     digests: dict[str, dict[str, str]] = {}
-    files = select(FileRow.session_id, FileRow.name, FileRow.sha256).where(FileRow.session_id.in_(hashes))
-    for session_id, name, sha256 in db.execute(files):
+    for session_id, name, sha256 in db.execute(files_read(hashes)):
         digests.setdefault(session_id, {})[name] = sha256
     found: dict[str, frozenset[str]] = {}
     for session_id, record in db.execute(

@@ -213,3 +213,31 @@ NO_SELF_CALIBRATION = Code(
     meaning="What is known exactly cannot be moved by the overlap.",
     decided="`self_calibration` is asked for, and tool and table are brought with the cell.",
 )  # fmt: skip
+
+NOMINAL_NOT_FOUND = Code(
+    "merge-nominal-not-found", "warning",
+    text="The part is not compared with its nominal: {why}",
+    meaning="Where the nominal lies in the merged cloud was not found, or its file is of no use.",
+    decided="By a search over turns all over, a robust fit to the merged points, or the six datum points.",
+    usual_causes="The nominal of another part, one in metres or inches, or a part of which little was scanned.",
+)  # fmt: skip
+
+NOMINAL_ALIKE = Code(
+    "merge-nominal-alike", "note",
+    text=Plural(
+        "The nominal fits as well in {alike:d} other pose; the one nearest to the part as it lies counts.",
+        "The nominal fits as well in {alike:d} other poses; the one nearest to the part as it lies counts.",
+        by="alike",
+    ),
+    to_do="Where it matters which, tell base_from_reference (method matrix), or pick datum points.",
+    meaning="The part is symmetric, or what was scanned of it is.",
+    decided="Poses far apart bring the points equally near to the nominal.",
+)  # fmt: skip
+
+NOMINAL_FAR = Code(
+    "merge-nominal-far", "warning",
+    text="Only {percent:.0f} % of the merged points are near the nominal.",
+    to_do="Check that the nominal is of this part, and where it lies.",
+    meaning="Most of what was scanned is not the part, or the nominal lies elsewhere.",
+    decided="Points farther off than a twentieth of the nominal's size are of other things.",
+)  # fmt: skip

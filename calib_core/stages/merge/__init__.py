@@ -27,6 +27,7 @@ class Merge(Stage):
         "pose_convention", "scanner.point_sigma_mm", "scanner.z_axis", "scanners", "robot.arm", "arrangement",
         "axes", "known.frames",
         "merge.voxel_mm", "merge.mesh", "merge.registration", "merge.self_calibration", "merge.memory_mb",
+        "merge.reference", "merge.alignment", "merge.tolerance_mm",
     )  # fmt: skip
     after = ("camera", "laser-plane", "tcp", "turntable", "chain")
     guided = ("scan", "merge")
@@ -49,6 +50,11 @@ class Merge(Stage):
         if known.tool0_from_laser is not None and (known.base_from_turntable or not self._turns(session)):
             reads = (*reads, "robot.position_sigma_mm", "robot.orientation_sigma_deg")
         return reads
+
+    def files_of_cell(self, session: "Session") -> tuple[str, ...]:
+        """Return the nominal part's file, where one is told."""
+        reference = session.cell.merge.reference
+        return () if reference is None else (reference,)
 
     @staticmethod
     def _turns(session: "Session") -> bool:

@@ -7,7 +7,7 @@ from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
 from calib_core.evidence.words import counted
 from calib_core.messages import message
 from calib_core.records import Session
-from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Table
+from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Series, Table
 from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance
 from calib_core.stages.merge.record import MergeResidual, MergeResult
 
@@ -21,6 +21,7 @@ def evidence(_session: Session, result: MergeResult) -> list[AnyBlock]:
         captures_used(result),
         *_apart(result),
         *_cloud(result),
+        *_nominal(result),
         *_scan_plot(result),
         *left_out(result.residuals),
         _scans(result),
@@ -96,6 +97,62 @@ def _cloud(result: MergeResult) -> list[AnyBlock]:
     if result.calibrated_by is not None:
         figures.append(Figure(label="Tool and table from", text=result.calibrated_by))
     return figures
+
+
+_METHODS: Final = {
+    "none": message("taken as it lies"),
+    "best-fit": message("best fit to all points"),
+    "3-2-1": message("six datum points (3-2-1)"),
+    "matrix": message("as told"),
+}
+
+
+def _nominal(result: MergeResult) -> list[AnyBlock]:
+    """Return how far the part lies off its nominal, where one is told."""
+    alignment, off = result.alignment, result.deviation
+    if alignment is None or off is None:
+        return []
+    sigma = None if off.uncertainty_mm is None else quantity(off.uncertainty_mm, "mm")
+    blocks: list[AnyBlock] = [
+        Figure(
+            title="Against the nominal",
+            label="Deviation, RMS",
+            quantity=quantity(off.rms_mm, "mm"),
+            limit=sigma,
+            limit_label="standard uncertainty of a deviation",
+        ),
+        Figure(label="95 % of the points lie within", quantity=quantity(off.within_95_mm, "mm")),
+        Figure(label="Mean deviation, positive outside", quantity=quantity(off.signed_mean_mm, "mm")),
+        Figure(label="Alignment of the nominal", text=_METHODS[alignment.method]),
+    ]
+    if off.within_tolerance is not None and off.tolerance_mm is not None:
+        label = message("Points within ± {tolerance_mm:g} mm", tolerance_mm=off.tolerance_mm)
+        blocks.append(Figure(label=label, quantity=fixed(100 * off.within_tolerance, 2, "%")))
+    width = 2 * off.limit_mm / len(off.histogram)
+    lower = [-off.limit_mm + width * k for k in range(len(off.histogram))]
+    return [
+        *blocks,
+        Plot(
+            id="deviations",
+            title="Deviations from the nominal",
+            shape="histogram",
+            caption="How many merged points lie how far off the nominal; those beyond are in the outermost bins.",
+            x=Axis(label="Deviation", unit="mm"),
+            y=Axis(label="Points", low=0.0),
+            series=[Series(x=lower, y=[float(count) for count in off.histogram])],
+        ),
+        Table(
+            id="extremes",
+            title="Farthest points",
+            detail=True,
+            caption="The places that lie farthest outside, then farthest inside, apart from each other.",
+            columns=[
+                *(Column(label=axis, unit="mm", decimals=2) for axis in "xyz"),
+                Column(label="Deviation", unit="mm", decimals=3),
+            ],
+            rows=[Row(cells=[*point.point_mm, point.deviation_mm]) for point in off.extremes],
+        ),
+    ]
 
 
 def _scan_plot(result: MergeResult) -> list[AnyBlock]:

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from calib_core.records.base import Matrix4, Record, Vector3
 from calib_core.records.results import CaptureResidual, Result
 
@@ -62,6 +64,54 @@ class PoseScatter(Record):
     surface_sigma_mm: float
 
 
+class Alignment(Record):
+    """Where the nominal part lies: `base_from_reference` with its covariance (6, 6) of rx ry rz tx ty tz, the
+    rotation on the right, rad and mm, of the fit and of what calibration and scans leave uncertain.
+
+    `rms_mm` is that of the distances that the method goes by, `alike` counts other poses that fit as well, as
+    those of a symmetric part do.  `cloud_from_reference` is into the cloud's own frame;
+    `reference_sha256` is the nominal's file.
+    """
+
+    method: Literal["none", "best-fit", "3-2-1", "matrix"]
+    rms_mm: float | None = None
+    base_from_reference: Matrix4
+    cloud_from_reference: Matrix4
+    covariance: list[list[float]] | None = None
+    alike: int = 0
+    reference_sha256: str
+
+
+class ExtremePoint(Record):
+    """A place in the cloud's frame, and how far it lies off the nominal."""
+
+    point_mm: Vector3
+    deviation_mm: float
+
+
+class Deviation(Record):
+    """How far the merged points lie off the nominal, positive outside.
+
+    `counted` is the share of the points that are of the part: others, such as a fixture's, lie farther off than a
+    twentieth of its size.  `within_95_mm` holds 95 % of them in either direction.  `uncertainty_mm` is the
+    standard deviation of a point's deviation by calibration, scans and noise, RMS over all, after the alignment.
+    `histogram` counts them in even bins from −`limit_mm` to `limit_mm`; `extremes` are the farthest, outside
+    first, apart from each other.  `within_tolerance` is the share within `tolerance_mm`.
+    """
+
+    rms_mm: float
+    within_95_mm: float
+    signed_mean_mm: float
+    uncertainty_mm: float | None = None
+    points: int
+    counted: float
+    limit_mm: float
+    histogram: list[int]
+    extremes: list[ExtremePoint] = Field(default_factory=list[ExtremePoint])
+    tolerance_mm: float | None = None
+    within_tolerance: float | None = None
+
+
 class MergeResult(Result):
     """All scans in one frame, and how far they lie apart where they overlap, before any registration.
 
@@ -74,7 +124,7 @@ class MergeResult(Result):
     it was decided which way is out: "told" by `scanner.z_axis`, by captures of the "ball", by "visibility" (who
     sees whom), by a scanner's "rays" that run apart, by the surface's "volume", by the "distance" to the scanner's
     own zero, or "assumed"; `facing` has the figures.  `pose_scatter` is what the overlap says of poses where no
-    calibration tells it.
+    calibration tells it.  `alignment` and `deviation` compare the part with its nominal, where one is told.
     """
 
     stage: Literal["merge"] = "merge"
@@ -102,6 +152,8 @@ class MergeResult(Result):
     triangles: int = 0
     low_mm: Vector3
     high_mm: Vector3
+    alignment: Alignment | None = None
+    deviation: Deviation | None = None
     residuals: list[MergeResidual]
 
     @property

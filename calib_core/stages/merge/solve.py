@@ -32,6 +32,7 @@ from calib_core.records import Cell, Finding, VarianceComponents
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.merge.doubts import merge_doubts
 from calib_core.stages.merge.mistakes import Mistakes
+from calib_core.stages.merge.nominal import Compared, compared
 from calib_core.stages.merge.record import Facing, MergeResidual, MergeResult, PoseScatter, SharedShift
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
@@ -82,7 +83,10 @@ def solve(given: StageInput) -> MergeResult:
             return not has_error(mistakes)
 
         solution = solve_merge(plan.scans, plan.errors, plan.options, tell, crew, plan.ball, fits)
-        result = _result(given, plan, solution, mistakes)
+        table = plan.calibration.placement.base_from_turntable
+        base_from_cloud = np.eye(4) if table is None else table.matrix
+        against = Compared() if has_error(mistakes) else compared(given, solution, base_from_cloud)
+        result = _result(given, plan, solution, mistakes, against)
         if given.store is not None:
             given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names))
             if solution.mesh is not None:
@@ -297,7 +301,11 @@ def has_error(findings: Sequence[Finding]) -> bool:
 
 
 def _result(
-    given: StageInput, plan: MergePlan, solution: MergeSolution, mistakes: Sequence[Finding]
+    given: StageInput,
+    plan: MergePlan,
+    solution: MergeSolution,
+    mistakes: Sequence[Finding],
+    against: Compared,
 ) -> MergeResult:
     apart, calibration = solution.overlap, plan.calibration
     findings = [
@@ -308,6 +316,7 @@ def _result(
         *plan.unfit,
         *merge_doubts(solution, mistakes),
         *_about_scatter(solution.looked.scatter),
+        *against.findings,
     ]
     registered, table = solution.registration, calibration.placement.base_from_turntable
     return MergeResult(
@@ -341,6 +350,8 @@ def _result(
         triangles=len(solution.mesh.triangles) if solution.mesh else 0,
         low_mm=solution.extent.low_mm.tolist(),
         high_mm=solution.extent.high_mm.tolist(),
+        alignment=against.alignment,
+        deviation=against.deviation,
         residuals=_rows(given, plan, solution),
     )
 

@@ -1,0 +1,59 @@
+"""How scans are merged, and what the merged part is compared with."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from calib_core.records.base import Matrix4, Positive, Vector3, WrittenRecord, mismatch, require_inside
+
+
+class PartAlignment(WrittenRecord):
+    """How the nominal part is laid into the merged cloud, to compare them.
+
+    `best-fit` finds it from all points, `3-2-1` lets it touch them at six `datum_points_mm` of its own frame
+    (three on the first surface, two on the second, one on the third; points within `datum_radius_mm` count as one
+    touch), `matrix` takes `base_from_reference` as told, `none` takes the nominal as it lies in the cloud's frame.
+    """
+
+    method: Literal["none", "best-fit", "3-2-1", "matrix"] = "best-fit"
+    base_from_reference: Matrix4 | None = None
+    datum_points_mm: Annotated[list[Vector3], Field(min_length=6, max_length=6)] | None = None
+    datum_radius_mm: Positive = 2.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_alone(cls, value: Any) -> Any:
+        return {"method": value} if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _told_what_it_needs(self) -> Self:
+        if self.method == "matrix" and self.base_from_reference is None:
+            raise mismatch("'base_from_reference' with the method 'matrix'", "none", "Tell where the part lies.")
+        if self.method == "3-2-1" and self.datum_points_mm is None:
+            raise mismatch("six 'datum_points_mm' with the method '3-2-1'", "none", "Pick them on the nominal.")
+        return self
+
+
+class MergeSettings(WrittenRecord):
+    """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile.
+
+    `registration` may move each scan, `self_calibration` tool and table alone, by what the scans' overlap says.
+    `reference` names a mesh file of the session, the part as it should be; `alignment` says how it is laid into
+    the cloud (best fit where it is left out), and `tolerance_mm` how far the part may lie off it.
+    """
+
+    voxel_mm: Positive = 0.5
+    mesh: Literal["poisson", "grid", "none"] = "poisson"
+    registration: bool = False
+    self_calibration: bool = False
+    memory_mb: Positive = 1000.0
+    reference: str | None = None
+    alignment: PartAlignment | None = None
+    tolerance_mm: Positive | None = None
+
+    @field_validator("reference")
+    @classmethod
+    def _reference_stays_inside(cls, name: str | None) -> str | None:
+        if name is not None:
+            require_inside(name)
+        return name

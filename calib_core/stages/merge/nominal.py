@@ -1,0 +1,191 @@
+"""The merged part beside its nominal: where that lies, and how far the points lie off it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.errors import CalibrationError, MeasurementError
+from calib_core.findings.codes import merge as codes
+from calib_core.formats.meshes import parse_mesh
+from calib_core.frames import FloatArray
+from calib_core.fusion.alignment import Alignment, best_fit, by_datum_points
+from calib_core.fusion.certainty import against_nominal
+from calib_core.fusion.deviation import Deviations, Nominal, histogram
+from calib_core.fusion.solve import MergeSolution
+from calib_core.graph.stage_input import StageInput
+from calib_core.messages import message
+from calib_core.records import Finding, MergeSettings, PartAlignment
+from calib_core.stages.merge import record
+
+_MOST_POINTS = 2_000_000
+_OF_THE_PART = 0.05  # of the nominal's size: what is farther off is another thing
+_FEW = 0.5
+_OTHER_UNIT = 0.02
+_HEAD_ON = 0.1  # such a share of the points, at least, is seen nearly head-on
+_EXTREMES, _APART = 5, 0.05  # of each sign; of the nominal's size
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """What the comparison found."""
+
+    alignment: record.Alignment | None = None
+    deviation: record.Deviation | None = None
+    findings: tuple[Finding, ...] = ()
+
+
+def compared(given: StageInput, solution: MergeSolution, base_from_cloud: FloatArray) -> Compared:
+    """Return the merged part beside the nominal that the cell names; nothing where it names none.
+
+    Raises
+    ------
+    InputError
+        If the nominal's file is missing or no mesh.
+    """
+    settings = given.session.cell.merge
+    if settings.reference is None:
+        return Compared()
+    data = given.read(settings.reference)
+    mesh = parse_mesh(data, settings.reference)
+    nominal = Nominal(mesh.corners_mm, mesh.triangles)
+    wanted = settings.alignment or PartAlignment()
+    points, normals, noise_mm2 = _points(solution)
+    try:
+        _require_alike_size(nominal, points)
+        found = _aligned(points, normals, nominal, wanted, base_from_cloud)
+    except CalibrationError as error:
+        return Compared(findings=(codes.NOMINAL_NOT_FOUND(why=str(error)),))
+    told = wanted.method in ("none", "matrix")
+    datum = None if found.gain_at is None else _moved(found.gain_at, found.cloud_from_reference)
+    known = against_nominal(
+        solution.patches,
+        solution.errors,
+        found.cloud_from_reference,
+        not told,
+        datum,
+        wanted.datum_radius_mm,
+        noise_mm2,
+    )
+    deviation = _deviation(points, nominal, found, settings, known.deviation_sigma_mm)
+    findings = [codes.NOMINAL_ALIKE(alike=found.alike)] if found.alike else []
+    if deviation.counted < _FEW:
+        findings.append(codes.NOMINAL_FAR(percent=100 * deviation.counted))
+    base_from_reference = base_from_cloud @ found.cloud_from_reference
+    alignment = record.Alignment(
+        method=wanted.method,
+        rms_mm=deviation.rms_mm if told else found.rms_mm,
+        base_from_reference=base_from_reference.tolist(),
+        cloud_from_reference=found.cloud_from_reference.tolist(),
+        covariance=None if told else _in_base(found.covariance + known.covariance, base_from_cloud).tolist(),
+        alike=found.alike,
+        reference_sha256=sha256(data).hexdigest(),
+    )
+    return Compared(alignment, deviation, tuple(findings))
+
+
+def cloud_from_reference(merge: Mapping[str, Any] | None, data: bytes) -> FloatArray:
+    """Return where a merge's result, as JSON data, has the nominal in this file, as it lies if not at all."""
+    found = (merge or {}).get("alignment")
+    if not found or found["reference_sha256"] != sha256(data).hexdigest():
+        return np.eye(4)
+    return np.array(found["cloud_from_reference"], dtype=float)
+
+
+def _aligned(
+    points: FloatArray, normals: FloatArray, nominal: Nominal, wanted: PartAlignment, base_from_cloud: FloatArray
+) -> Alignment:
+    nothing = np.zeros((6, 6))
+    if wanted.method == "none":
+        return Alignment(np.eye(4), 0.0, nothing)
+    if wanted.method == "matrix":
+        pose = np.linalg.inv(base_from_cloud) @ np.array(wanted.base_from_reference, dtype=float)
+        return Alignment(pose.astype(float), 0.0, nothing)
+    fit = best_fit(points, normals, nominal)
+    if wanted.method == "best-fit":
+        return fit
+    return by_datum_points(points, normals, nominal, wanted.datum_points_mm or [], wanted.datum_radius_mm, fit)
+
+
+def _points(solution: MergeSolution) -> tuple[FloatArray, FloatArray, float]:
+    """Return the merged points, their normals and their mean variance; every so many where there are very many.
+
+    A point's variance along the normal is that of one seen head-on, over how many it stands for.
+    """
+    every = max(1, -(-solution.extent.points // _MOST_POINTS))
+    parts = [
+        (cloud.points_mm[::every], cloud.normals[::every], cloud.sigma_mm[::every], cloud.counts[::every])
+        for cloud in solution.grid.clouds()
+    ]
+    points, normals, sigmas, counts = (np.concatenate(c).astype(float) for c in zip(*parts, strict=True))
+    head_on = float(np.quantile(sigmas**2 * counts, _HEAD_ON))
+    return points, normals, head_on * float(np.mean(1 / counts))
+
+
+def _require_alike_size(nominal: Nominal, points: FloatArray) -> None:
+    scanned_mm = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if nominal.extent_mm < _OTHER_UNIT * scanned_mm or nominal.extent_mm > scanned_mm / _OTHER_UNIT:
+        raise MeasurementError(
+            message(
+                "a reference of about the size of what was scanned ({scanned_mm:.0f} mm across)",
+                scanned_mm=scanned_mm,
+            ),
+            message("one of {extent_mm:.3g} mm", extent_mm=nominal.extent_mm),
+            "Export it in millimetres.",
+            "reference",
+        )
+
+
+def _moved(points_mm: FloatArray, pose: FloatArray) -> FloatArray:
+    return points_mm @ pose[:3, :3].T + pose[:3, 3]
+
+
+def _in_base(covariance: FloatArray, base_from_cloud: FloatArray) -> FloatArray:
+    """Return the covariance of a pose into the cloud's frame as that of one into base: its translation turned."""
+    turn = np.eye(6)
+    turn[3:, 3:] = base_from_cloud[:3, :3]
+    return turn @ covariance @ turn.T
+
+
+def _deviation(
+    points: FloatArray, nominal: Nominal, found: Alignment, settings: MergeSettings, sigma_mm: float
+) -> record.Deviation:
+    pose = found.cloud_from_reference
+    values = nominal.distances_mm((points - pose[:3, 3]) @ pose[:3, :3])
+    of_it = np.abs(values) <= _OF_THE_PART * nominal.extent_mm
+    if not of_it.any():
+        of_it = np.ones(len(values), dtype=bool)
+    seen = Deviations(values[of_it])
+    limit_mm = max(seen.largest_mm(0.99), 1e-3)
+    tolerance_mm = settings.tolerance_mm
+    return record.Deviation(
+        rms_mm=seen.rms_mm,
+        within_95_mm=seen.largest_mm(0.95),
+        signed_mean_mm=seen.mean_mm,
+        uncertainty_mm=sigma_mm if np.isfinite(sigma_mm) else None,
+        points=len(seen.values_mm),
+        counted=float(np.mean(of_it)),
+        limit_mm=limit_mm,
+        histogram=histogram(seen.values_mm, limit_mm).tolist(),
+        extremes=_extremes(points[of_it], seen.values_mm, _APART * nominal.extent_mm),
+        tolerance_mm=tolerance_mm,
+        within_tolerance=None if tolerance_mm is None else float(np.mean(np.abs(seen.values_mm) <= tolerance_mm)),
+    )
+
+
+def _extremes(points: FloatArray, values: FloatArray, apart_mm: float) -> list[record.ExtremePoint]:
+    """Return the farthest points, those outside first, each apart from the others of its side."""
+    found: list[record.ExtremePoint] = []
+    for order in (np.argsort(-values), np.argsort(values)):
+        chosen: list[NDArray[np.float64]] = []
+        for number in order[: 200 * _EXTREMES]:
+            place = points[number]
+            if all(np.linalg.norm(place - other) > apart_mm for other in chosen):
+                chosen.append(place)
+                found.append(record.ExtremePoint(point_mm=place.tolist(), deviation_mm=float(values[number])))
+            if len(chosen) == _EXTREMES:
+                break
+    return found

@@ -1,0 +1,87 @@
+"""The nominal part found among merged points: pose, covariance, strays, symmetry, datum points."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from calib_core.errors import MeasurementError
+from calib_core.fusion.alignment import Alignment, best_fit, by_datum_points
+from calib_core.fusion.deviation import Nominal
+from calib_core.simulation import shapes
+from calib_core.simulation.part import build_part
+
+NOISE_MM = 0.02
+
+
+def _pose(rng: np.random.Generator) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = Rotation.random(rng=rng).as_matrix(), 100 * rng.standard_normal(3)
+    return pose
+
+
+def _points(nominal: Nominal, pose: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of four fifths of the part, with noise, and one in twenty from anywhere."""
+    rng = np.random.default_rng(seed)
+    points, normals = nominal.spread(12_000, seed)
+    along = points @ Rotation.random(rng=rng).as_matrix()[0]
+    there = along < np.quantile(along, 0.8)
+    points, normals = points[there], normals[there]
+    points = points + NOISE_MM * rng.standard_normal((len(points), 1)) * normals
+    stray = rng.choice(len(points), len(points) // 20, replace=False)
+    points[stray] = rng.uniform(points.min(axis=0) - 5, points.max(axis=0) + 5, (len(stray), 3))
+    return points @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T
+
+
+def _error(found: Alignment, pose: np.ndarray) -> np.ndarray:
+    turned = Rotation.from_matrix(pose[:3, :3].T @ found.cloud_from_reference[:3, :3]).as_rotvec()
+    return np.concatenate([turned, found.cloud_from_reference[:3, 3] - pose[:3, 3]])
+
+
+def test_a_part_anywhere_is_found_within_what_is_stated() -> None:
+    nominal = Nominal(build_part().points_mm, build_part().triangles)
+    squares = []
+    for seed in range(4):
+        pose = _pose(np.random.default_rng(seed))
+        found = best_fit(*_points(nominal, pose, seed), nominal)
+        error = _error(found, pose)
+        squares.append(error @ np.linalg.solve(found.covariance, error))
+        assert found.alike == 0
+        assert found.rms_mm == pytest.approx(NOISE_MM, rel=0.2)
+        assert found.share > 0.9
+    assert sum(squares) < chi2.ppf(0.999, 6 * len(squares))
+
+
+def test_of_a_symmetric_part_the_pose_nearest_to_it_counts_and_the_others_are_told() -> None:
+    box = shapes.box()
+    nominal = Nominal(box.points_mm, box.triangles)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix(), [80.0, 0.0, 10.0]
+    points, normals = nominal.spread(8000)
+    found = best_fit(points @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T, nominal)
+    assert found.alike >= 1
+    assert np.abs(_error(found, pose)).max() < 1e-3
+
+
+def test_six_datum_points_hold_the_part_where_it_touches_and_five_do_not() -> None:
+    part = build_part()
+    nominal = Nominal(part.points_mm, part.triangles)
+    points, normals = nominal.spread(60_000)
+    start = Alignment(np.eye(4), 0.0, np.eye(6))
+    datum = [[-40, -32, 5], [40, -32, 5], [0, -32, 15], [-48, 0, 3], [-48, 0, 15], [10, -20, 30]]
+    lifted = points + 0.1 * normals  # the part is 0.1 mm too large all over
+    found = by_datum_points(lifted, normals, nominal, datum, 3.0, start)
+    there = np.linalg.inv(found.cloud_from_reference)
+    for place in ([0.0, -32.1, 5.0], [-48.1, 0.0, 9.0]):
+        assert nominal.distances_mm([there[:3, :3] @ place + there[:3, 3]])[0] == pytest.approx(0, abs=2e-3)
+    with pytest.raises(MeasurementError, match="hold the part"):
+        by_datum_points(points, normals, nominal, [*datum[:5], [10, -32, 5]], 3.0, start)
+    with pytest.raises(MeasurementError, match="none at"):
+        by_datum_points(points + 500.0, normals, nominal, datum, 3.0, start)
+
+
+def test_another_part_is_not_taken_for_this_one() -> None:
+    nominal = Nominal(shapes.ball().points_mm, shapes.ball().triangles)
+    flat = np.random.default_rng(0).uniform(-100, 100, (2000, 3)) * [1, 1, 0]
+    with pytest.raises(MeasurementError, match="reference"):
+        best_fit(flat, np.tile([0.0, 0.0, 1.0], (2000, 1)), nominal)

@@ -1,0 +1,108 @@
+"""The merge stage beside a nominal: where that lies, deviations, their uncertainty, and what refuses."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.errors import InputError
+from calib_core.formats.ply import ply_pieces
+from calib_core.graph.keys import inputs_sha256
+from calib_core.records import parse_session
+from calib_core.simulation import simulate
+from calib_core.simulation.part import build_part
+from calib_core.stages.merge.record import MergeResult
+from calib_core.stages.pipeline import run
+
+PART = build_part()
+CLOUD_FROM_REFERENCE = np.eye(4)
+CLOUD_FROM_REFERENCE[:3, :3] = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix()
+CLOUD_FROM_REFERENCE[:3, 3] = [40.0, 200.0, -30.0]
+
+
+@lru_cache(maxsize=1)
+def _scanned() -> tuple[dict[str, Any], dict[str, bytes], np.ndarray]:
+    simulated = simulate("part", 3)
+    corners = (PART.points_mm - CLOUD_FROM_REFERENCE[:3, 3]) @ CLOUD_FROM_REFERENCE[:3, :3]
+    nominal = b"".join(bytes(piece) for piece in ply_pieces(corners, triangles=PART.triangles))
+    record = simulated.session.to_json()
+    record["captures"] = record["captures"][::2]
+    files = {**simulated.files, "nominal.ply": nominal}
+    return record, files, np.array(record["cell"]["known"]["base_from_turntable"])
+
+
+def merged(**merge: Any) -> MergeResult:
+    record, files, _ = _scanned()
+    cell = {**record["cell"], "merge": {"mesh": "none", "voxel_mm": 0.8, **merge}}
+    result = run(parse_session({**record, "cell": cell}, "session"), files.__getitem__, "merge")["merge"]
+    assert isinstance(result, MergeResult)
+    return result
+
+
+def test_the_nominal_is_laid_into_the_part_and_deviations_are_what_is_stated() -> None:
+    result = merged(reference="nominal.ply", tolerance_mm=0.2)
+    assert result.alignment is not None
+    assert result.deviation is not None
+    assert result.alignment.method == "best-fit"
+    truth = _scanned()[2] @ CLOUD_FROM_REFERENCE
+    found = np.array(result.alignment.base_from_reference)
+    turned = Rotation.from_matrix(truth[:3, :3].T @ found[:3, :3]).as_rotvec()
+    error = np.concatenate([turned, found[:3, 3] - truth[:3, 3]])
+    assert error @ np.linalg.solve(np.array(result.alignment.covariance), error) < 22.5  # 99.9 % of six
+    off = result.deviation
+    assert off.uncertainty_mm is not None
+    assert 0.7 < off.rms_mm / off.uncertainty_mm < 1.3
+    assert abs(off.signed_mean_mm) < off.rms_mm < off.within_95_mm
+    assert off.counted > 0.99
+    assert sum(off.histogram) == off.points
+    assert off.within_tolerance is not None
+    assert off.within_tolerance > 0.99
+    assert {block.title for block in result.evidence} >= {"Against the nominal", "Farthest points"}
+
+
+def test_told_poses_take_up_nothing_and_a_part_too_large_is_told_by_its_sign() -> None:
+    truth = _scanned()[2] @ CLOUD_FROM_REFERENCE
+    told = {"method": "matrix", "base_from_reference": truth.tolist()}
+    result = merged(reference="nominal.ply", alignment=told)
+    assert result.alignment is not None
+    assert result.deviation is not None
+    assert np.array(result.alignment.base_from_reference) == pytest.approx(truth, abs=1e-9)
+    assert result.alignment.covariance is None
+    assert result.deviation.rms_mm < 0.1
+    as_it_lies = merged(reference="nominal.ply", alignment="none")
+    assert as_it_lies.deviation is not None
+    assert as_it_lies.deviation.rms_mm > 1.0
+
+
+def test_what_is_not_told_changes_no_key_and_a_nominal_changes_it() -> None:
+    record, files, _ = _scanned()
+
+    def key(**merge: Any) -> str:
+        cell = {**record["cell"], "merge": merge}
+        return inputs_sha256(parse_session({**record, "cell": cell}, "session"), "merge", files.__getitem__)
+
+    plain = key()
+    assert key(reference=None, alignment=None) == plain
+    assert len({plain, key(reference="nominal.ply"), key(reference="nominal.ply", alignment="none")}) == 3
+
+
+def test_a_nominal_in_metres_or_missing_is_named() -> None:
+    record, files, _ = _scanned()
+    small = b"".join(bytes(piece) for piece in ply_pieces(PART.points_mm / 1000, triangles=PART.triangles))
+    cell = {**record["cell"], "merge": {"mesh": "none", "voxel_mm": 1.0, "reference": "nominal.ply"}}
+    session = parse_session({**record, "cell": cell}, "session")
+    result = run(session, {**files, "nominal.ply": small}.__getitem__, "merge")["merge"]
+    assert [finding.code for finding in result.findings if finding.severity == "warning"] == [
+        "merge-nominal-not-found"
+    ]
+    assert "millimetres" in result.warnings[0]
+    for wrong, words in (
+        ({"method": "matrix"}, "base_from_reference"),
+        ({"method": "3-2-1"}, "datum_points_mm"),
+    ):
+        with pytest.raises(InputError, match=words):
+            parse_session({**record, "cell": {**cell, "merge": {"alignment": wrong}}}, "session")
+    with pytest.raises(InputError, match="inside the session folder"):
+        parse_session({**record, "cell": {**cell, "merge": {"reference": "../part.stl"}}}, "session")
