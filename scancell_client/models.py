@@ -198,6 +198,7 @@ class Equipment(Record):
     certificate: EquipmentCertificate | None = None
     expansion_per_k: float | None = None
     reference_c: float | None = None
+    register_id: str | None = None
 
 
 class EquipmentCertificate(Record):

@@ -204,6 +204,35 @@ class Operations(Connection):
         """Return the newest image of the session's camera as it came."""
         return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/live/picture")
 
+    def equipment_list_all(self) -> Any:
+        """List the register of equipment."""
+        return self.request("GET", "/api/v1/equipment")
+
+    def equipment_add(self, body: Mapping[str, Any]) -> Any:
+        """Enter a piece of equipment; a session refers to it by `register_id` in `cell.equipment`."""
+        return self.request("POST", "/api/v1/equipment", json=body)
+
+    def equipment_get(self, piece: str) -> Any:
+        """Return a piece of equipment."""
+        return self.request("GET", f"/api/v1/equipment/{quote(piece, safe='')}")
+
+    def equipment_change(self, piece: str, body: Mapping[str, Any]) -> Any:
+        """Replace what the register says of a piece; sessions keep what it said when they were stored."""
+        return self.request("PUT", f"/api/v1/equipment/{quote(piece, safe='')}", json=body)
+
+    def equipment_remove(self, piece: str) -> Any:
+        """Remove a piece from the register; sessions keep what it said."""
+        return self.request("DELETE", f"/api/v1/equipment/{quote(piece, safe='')}")
+
+    def equipment_set_certificate(self, piece: str, file: Mapping[str, bytes]) -> Any:
+        """Keep the file of a piece's certificate; number, laboratory and date are taken from a digital one
+        (DCC)."""
+        return self.request("PUT", f"/api/v1/equipment/{quote(piece, safe='')}/certificate", files=[*_files("file", file)])
+
+    def equipment_get_certificate(self, piece: str) -> Any:
+        """Return the file of a piece's certificate as it came."""
+        return self.request("GET", f"/api/v1/equipment/{quote(piece, safe='')}/certificate")
+
     def registries_findings(self) -> Any:
         """List the codes that findings may have."""
         return self.request("GET", "/api/v1/findings")

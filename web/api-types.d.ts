@@ -497,6 +497,7 @@ export interface Cells {
 export interface Certificate {
   identifier: string;
   diameters: CertifiedDiameter[];
+  equipment: Equipment;
 }
 
 export interface CertificateText {
@@ -792,6 +793,7 @@ export interface Equipment {
   certificate?: EquipmentCertificate | null;
   expansion_per_k?: number | null;
   reference_c?: number | null;
+  register_id?: string | null;
 }
 
 export interface EquipmentCertificate {
@@ -800,6 +802,10 @@ export interface EquipmentCertificate {
   issued?: string | null;
   due?: string | null;
   file?: string | null;
+}
+
+export interface EquipmentList {
+  items: RegisteredEquipment[];
 }
 
 export interface Excluded {
@@ -1477,6 +1483,17 @@ export interface NewDevice {
   connected?: boolean;
 }
 
+export interface NewEquipment {
+  kind: string;
+  name?: string | null;
+  model?: string | null;
+  serial?: string | null;
+  certificate?: EquipmentCertificate | null;
+  expansion_per_k?: number | null;
+  reference_c?: number | null;
+  register_id?: string | null;
+}
+
 export interface NewProgram {
   host: string;
   port: number;
@@ -1874,6 +1891,21 @@ export interface RefinedCamera {
 export interface RefusedFile {
   file: string;
   reason: string;
+}
+
+export interface RegisteredEquipment {
+  kind: string;
+  name?: string | null;
+  model?: string | null;
+  serial?: string | null;
+  certificate?: EquipmentCertificate | null;
+  expansion_per_k?: number | null;
+  reference_c?: number | null;
+  register_id?: string | null;
+  id: string;
+  created: string;
+  updated: string;
+  overdue: boolean;
 }
 
 export interface Release {

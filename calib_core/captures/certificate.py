@@ -1,4 +1,4 @@
-"""A sphere's digital calibration certificate (DCC): its diameter with its standard uncertainty.
+"""A digital calibration certificate (DCC): whose it is, and of a sphere its diameter with its uncertainty.
 
 The XML of PTB's Digital Calibration Certificate with quantities in D-SI: `si:value`, `si:unit`, the expanded
 uncertainty with its coverage factor, in the words of D-SI 1 (`expandedUnc`) and of D-SI 2
@@ -13,6 +13,7 @@ from calib_core.errors import InputError
 from calib_core.formats.shared.xml_file import Element, elements
 from calib_core.messages import message, plural
 from calib_core.records import Record
+from calib_core.records.policy import Equipment, EquipmentCertificate
 
 _MM = {"metre": 1000.0, "m": 1000.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3}
 _PREFIXES = {"milli": 1e-3, "micro": 1e-6, "centi": 1e-2, "deci": 1e-1, "nano": 1e-9, "kilo": 1e3}
@@ -34,19 +35,20 @@ class CertifiedDiameter(Record):
 
 
 class Certificate(Record):
-    """What a certificate tells of a sphere: its number, and its diameters, as they stand there."""
+    """What a certificate tells: its number, its diameters, and whose it is, as `cell.equipment` takes it."""
 
     identifier: str
     diameters: list[CertifiedDiameter]
+    equipment: Equipment
 
 
-def read_certificate(data: bytes, where: str = "certificate") -> Certificate:
-    """Return the diameters of a digital calibration certificate.
+def read_certificate(data: bytes, where: str = "certificate", *, of_sphere: bool = True) -> Certificate:
+    """Return what a digital calibration certificate tells.
 
     Raises
     ------
     InputError
-        If it is no whole XML, declares entities, is no DCC, or has no diameter in a unit of length.
+        If it is no whole XML, declares entities, is no DCC, or, `of_sphere`, has no diameter in a unit of length.
     """
     if len(data) > _LARGEST_BYTES:
         raise InputError(
@@ -63,12 +65,42 @@ def read_certificate(data: bytes, where: str = "certificate") -> Certificate:
     numbers = [e.text.strip() for e in found if e.name == "uniqueIdentifier"]
     reals = [e for e in found if e.name == "real"]
     diameters = [one for real in reals if (one := _diameter(real, found, where)) is not None]
-    if not diameters:
+    if not diameters and of_sphere:
         to_do = message("Type the diameter and its standard uncertainty instead.")
         raise InputError(
             "a diameter in a unit of length", "{count} other quantities", to_do, where, count=len(reals)
         )
-    return Certificate(identifier=next(iter(numbers), ""), diameters=diameters)
+    equipment = _equipment(found, next(iter(numbers), ""), "sphere" if diameters else "")
+    return Certificate(identifier=next(iter(numbers), ""), diameters=diameters, equipment=equipment)
+
+
+def _equipment(every: Sequence[Element], number: str, kind: str) -> Equipment:
+    """Return a certificate's item, its laboratory, and the day of issue, else the last one of measuring."""
+    laboratory = _within(every, "calibrationLaboratory", "name", "content")
+    issued = _within(every, "coreData", "issueDate") or _within(every, "coreData", "endPerformanceDate")
+    certificate = EquipmentCertificate(number=number or None, laboratory=laboratory, issued=issued)
+    return Equipment(
+        kind=kind,
+        name=_within(every, "item", "name", "content"),
+        model=_within(every, "item", "model"),
+        serial=_serial(every),
+        certificate=certificate,
+    )
+
+
+def _within(every: Sequence[Element], *path: str) -> str | None:
+    """Return the text of the first element that stands within others by their names, the outermost first."""
+    *around, name = path
+    found = (one for one in every if one.name == name and [p.name for p in one.path if p.name in around] == around)
+    return next((text[:200] for one in found if (text := " ".join(one.text.split()))), None)
+
+
+def _serial(every: Sequence[Element]) -> str | None:
+    """Return the item's serial number: the identification that the manufacturer gave, else the first one."""
+    given = [e for e in every if e.name == "identification" and any(p.name == "item" for p in e.path)]
+    told = [{e.name: " ".join(e.text.split()) for e in every if e.path and e.path[-1] is one} for one in given]
+    best = sorted(told, key=lambda one: one.get("issuer") != "manufacturer")
+    return next((one["value"][:200] for one in best if one.get("value")), None)
 
 
 def _diameter(real: Element, every: Sequence[Element], where: str) -> CertifiedDiameter | None:

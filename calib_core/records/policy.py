@@ -33,6 +33,7 @@ class Equipment(WrittenRecord):
     """A piece of equipment by its identification; another serial number is another piece.
 
     `expansion_per_k` is its linear expansion, `reference_c` the temperature that its certificate is for (20 °C).
+    `register_id` is its id in a server's register, which fills in what it has when the session is stored.
     """
 
     kind: str
@@ -42,6 +43,7 @@ class Equipment(WrittenRecord):
     certificate: EquipmentCertificate | None = None
     expansion_per_k: Positive | None = None
     reference_c: float | None = None
+    register_id: str | None = None
 
 
 class Environment(WrittenRecord):

@@ -73,9 +73,12 @@ RULES: dict[Role, tuple[str, ...]] = {
                 "arms",
                 "jobs",
                 "findings",
+                "equipment",
             )
         ),
         f"GET {_API}/findings/{{code}}",
+        f"GET {_API}/equipment/{{piece}}",
+        f"GET {_API}/equipment/{{piece}}/certificate",
         f"GET {_API}/robot-programs",
         f"GET {_API}/movers",
         f"GET {_SESSION}/table-mover",
@@ -198,6 +201,10 @@ RULES: dict[Role, tuple[str, ...]] = {
     Role.ADMIN: (
         f"DELETE {_SESSION}",
         f"PUT {_API}/cells/{{cell_id}}/policy",
+        f"POST {_API}/equipment",
+        f"PUT {_API}/equipment/{{piece}}",
+        f"DELETE {_API}/equipment/{{piece}}",
+        f"PUT {_API}/equipment/{{piece}}/certificate",
         # Devices are addresses in the cell's network that this server is made to speak to.
         f"PUT {_SESSION}/devices/{{device}}",
         f"DELETE {_SESSION}/devices/{{device}}",

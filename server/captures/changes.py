@@ -20,6 +20,7 @@ from server.store.backlog import measure_anew
 from server.store.calibrations import calibrated
 from server.store.captures import capture_data, capture_row, change_capture
 from server.store.database import Store
+from server.store.equipment import with_registered
 from server.store.models import Data
 from server.store.sessions import (
     change_session,
@@ -97,7 +98,8 @@ def corrected_session(
     captures = before.session.captures
     record: Data = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
     session = parse_session({**record, "captures": [capture.to_json() for capture in captures]}, "request")
-    session = _with_limit_changes(before.session, session, who)
+    with store.read() as db:
+        session = with_registered(db, _with_limit_changes(before.session, session, who))
     anew = require_usable(before.session, session)
     at_once = anew and len(captures) <= _MEASURED_AT_ONCE
     measurer = Measurer(measure, session, lambda: calibrated(replace(before, session=session)))

@@ -51,6 +51,7 @@ from server.routes.dependencies import (
 )
 from server.routes.tokens import IdentityDep
 from server.sources.simulated import simulated_session
+from server.store.equipment import with_registered
 from server.store.models import Data
 from server.store.releases import require_not_in_force
 from server.store.sessions import (
@@ -85,10 +86,10 @@ def create(body: NewSession, idempotency: IdempotencyDep, store: StoreDep) -> Re
     parsed = parse_session({**record, "captures": []}, "request")
     require_rigid(parsed.cell)
     require_consistent(parsed.cell)
-    session = parsed.to_json()
-    del session["captures"]
 
     def act(db: Any) -> Data:
+        session = with_registered(db, parsed).to_json()
+        del session["captures"]
         return session_data(db, create_session(db, session, simulated))
 
     answer, _ = idempotency.run(store, body.to_json(), 201, act)

@@ -3,7 +3,7 @@
 import unicodedata
 from typing import Any, TypeVar
 
-from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, String, Text
+from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, LargeBinary, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
 
 from calib_core.archive.seals import seal_state, with_provenance
@@ -246,6 +246,17 @@ class AcknowledgedRow(Base):
     created: Mapped[str] = mapped_column(String(32))
 
     __table_args__ = (Index("acknowledged_by_cell", "cell", "number"),)
+
+
+class EquipmentRow(Base):
+    """A piece of equipment in the server's register, with the file of its certificate."""
+
+    __tablename__ = "equipment"
+    id: Mapped[str] = mapped_column(String(16), primary_key=True)
+    record: Mapped[Data]
+    created: Mapped[str] = mapped_column(String(32))
+    updated: Mapped[str] = mapped_column(String(32))
+    certificate_file: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
 
 
 class DeviceRow(Base):

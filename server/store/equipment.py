@@ -1,0 +1,69 @@
+"""The register of equipment: sessions refer to its pieces, and keep what it said when they were stored."""
+
+from secrets import token_hex
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session as Transaction
+
+from calib_core.captures.certificate_dates import is_overdue
+from calib_core.messages import message
+from calib_core.moment import now
+from calib_core.records import Session
+from calib_core.records.policy import Equipment
+from server.store.audit import note_change, note_difference
+from server.store.models import Data, EquipmentRow, required
+
+
+def list_equipment(db: Transaction) -> list[Data]:
+    """Return all pieces, by kind and then the oldest first."""
+    rows = db.scalars(select(EquipmentRow).order_by(EquipmentRow.created, EquipmentRow.id)).all()
+    return sorted(map(equipment_data, rows), key=lambda one: one["kind"])
+
+
+def equipment_row(db: Transaction, piece: str) -> EquipmentRow:
+    """Return a piece's row; raises NotFoundError."""
+    row, to_do = db.get(EquipmentRow, piece), message("Take one of those that are listed.")
+    return required(row, message("the id of a piece of equipment"), repr(piece[:80]), to_do, "equipment")
+
+
+def add_equipment(db: Transaction, record: Data) -> EquipmentRow:
+    """Store a new piece."""
+    moment = now()
+    row = EquipmentRow(id=token_hex(8), record=record, created=moment, updated=moment)
+    db.add(row)
+    db.flush()
+    return row
+
+
+def change_equipment(db: Transaction, row: EquipmentRow, record: Data) -> None:
+    """Replace a piece's record; sessions that refer to it stay as they were stored."""
+    note_difference(row.record, record)
+    row.record, row.updated = record, now()
+
+
+def remove_equipment(db: Transaction, row: EquipmentRow) -> None:
+    """Remove a piece; sessions keep what it said."""
+    note_change({"before": row.record, "after": None})
+    db.delete(row)
+
+
+def equipment_data(row: EquipmentRow) -> Data:
+    """Return a piece as REST shows it; `overdue` is whether its certificate was due before today."""
+    told = row.fields("id", "created", "updated")
+    return {**row.record, **told, "overdue": is_overdue(Equipment.model_validate(row.record), now())}
+
+
+def with_registered(db: Transaction, session: Session) -> Session:
+    """Return a session whose equipment says what the register says of the pieces that it refers to."""
+    pieces = session.cell.equipment or []
+    if not any(one.register_id for one in pieces):
+        return session
+    told = [_registered(db, one) for one in pieces]
+    return session.model_copy(update={"cell": session.cell.model_copy(update={"equipment": told})})
+
+
+def _registered(db: Transaction, one: Equipment) -> Equipment:
+    if one.register_id is None:
+        return one
+    row = equipment_row(db, one.register_id)
+    return Equipment.model_validate({**one.to_json(), **row.record, "register_id": row.id})
