@@ -68,6 +68,7 @@ _LOCATED = (
     "live_take_sweep",
     "access_make",
     "webhooks_make",
+    "equipment_add",
 )
 _EXAMPLES = Path(__file__).with_name("api_examples.json")
 _UPLOADS = {

@@ -108,7 +108,10 @@ def remove(piece: PieceId, store: StoreDep) -> None:
 def set_certificate(
     piece: PieceId,
     store: StoreDep,
-    file: Annotated[UploadFile, File(description="The certificate: a DCC's XML is read, anything else kept.")],
+    file: Annotated[
+        UploadFile,
+        File(description="The certificate: a DCC's XML is read, anything else kept.", examples=["%PDF-1.7 …"]),
+    ],
 ) -> Response:
     """Keep the file of a piece's certificate; number, laboratory and date are taken from a digital one (DCC)."""
     content = file.file.read(_LARGEST_BYTES + 1)
