@@ -23,6 +23,13 @@ def chance_of(chi_squared: float, degrees_of_freedom: float) -> float:
     return float(chdtrc(degrees_of_freedom, max(chi_squared, 0.0)))
 
 
+def f_chance_of(chi_squared: float, degrees_of_freedom: float, left: float) -> float:
+    """Return how often noise alone gives as large a χ², its unit known from what is left, of so many degrees."""
+    from scipy.special import fdtrc  # scipy.stats has it too, but takes a second to import
+
+    return float(fdtrc(degrees_of_freedom, left, max(chi_squared, 0.0) / degrees_of_freedom))
+
+
 class Linearisation(Protocol):
     """A problem about one state: half its squared residuals, their gradient and Gauss–Newton Hessian."""
 

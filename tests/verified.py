@@ -14,6 +14,7 @@ from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import SimulatedSession, simulate_verify
 from calib_core.simulation.verify_cell import VERIFY_SCENARIOS
 from calib_core.stages.pipeline import run
+from tests.trouble import Troubled, all_troubles, troubled
 
 LIMIT_MM = 0.4
 
@@ -57,3 +58,23 @@ def written(made: SimulatedSession, folder: Path, *, with_results: bool = True) 
         for name, result in run(made.session, made.files.__getitem__, "all").items():
             write_result(folder, name, result, made.session)
     return folder
+
+
+def brought_tool(seed: int, off_mm: float, shuffled: bool = False) -> Troubled:
+    """Return a verification of a tool that was brought and is off, with a limit of 1 mm and nothing else told.
+
+    `shuffled`: half of the captures have each other's poses.
+    """
+    cell = troubled(all_troubles()["arms: clean"], seed)
+    direction = np.random.default_rng([seed, 42]).standard_normal(3)
+    tool = np.array(cell.tool0_from_laser)
+    tool[:3, 3] += off_mm * direction / np.linalg.norm(direction)
+    record = cell.session.to_json()
+    record["cell"] |= {"known": {"tool0_from_laser": tool.tolist()}, "verification": {"tool_mm": 1.0}}
+    for capture in record["captures"]:
+        capture["step"] = "verify"
+    if shuffled:
+        poses = [capture["pose"] for capture in record["captures"][4:12]]
+        for capture, pose in zip(record["captures"][4:12], [*poses[1:], poses[0]], strict=True):
+            capture["pose"] = pose
+    return replace(cell, session=Session.model_validate(record))

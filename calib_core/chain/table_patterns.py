@@ -9,12 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.likelihood import without_pose_errors
 from calib_core.chain.rejection import Judged
-from calib_core.estimation import covariance_of
+from calib_core.chain.score import Scores
 from calib_core.findings import Finding
 from calib_core.findings.codes.turntable import AXIS_WOBBLES, ENCODER_ECCENTRIC
-from calib_core.frames import FloatArray
 
 _FAR_RAD = 5e-3
 _RARE = 0.003  # of three patterns: one sound table in a hundred is doubted
@@ -69,6 +67,7 @@ def _patterns(judged: Judged) -> list[Pattern]:
     angle, first = walk.readings[:, table], walk.layout.axis(table).start
     tilts, by_angle = at.jacobian[:, :, first : first + 2], at.levers[:, :, table]
     found: list[Pattern] = []
+    scores = Scores.of(judged)
     for kind, times in (("wobble", 2), ("wobble", 3), ("encoder", 1)):
         moves = tilts if kind == "wobble" else by_angle[:, :, None]
         waves = [np.cos(times * angle), np.sin(times * angle)]
@@ -76,24 +75,8 @@ def _patterns(judged: Judged) -> list[Pattern]:
         width = rows.shape[2]
         if np.count_nonzero(on_table) < width + _LEAST_SPARE:
             continue
-        gain, size = _score(judged, rows)
+        gain, size = scores.gained(rows, _FAR_RAD)
         # The amplitude of a wave of two components (leans across, cos and sin), at its largest.
         largest = float(np.linalg.svd(size.reshape(2, -1), compute_uv=False)[0])
-        found.append(Pattern(kind, times, largest, float(chdtrc(width, gain))))
+        found.append(Pattern(kind, times, largest, float(chdtrc(width, gain / judged.excess))))
     return found
-
-
-def _score(judged: Judged, rows: FloatArray) -> tuple[float, FloatArray]:
-    """Return twice the log-likelihood that unknowns with these rows (K, 3, W) gain, and their values (W,)."""
-    at = judged.fit.minimum.at
-    reduced, rest = without_pose_errors(at.information, at.vector, at.gain, at.share)
-    rest = rest - np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
-    product = reduced[:, :3, :3] @ at.jacobian
-    product[:, :, at.nuisances] += reduced[:, :3, 3:]
-    turned = np.swapaxes(rows, 1, 2)
-    score = np.einsum("kpi,ki->p", turned, rest[:, :3])
-    square = (turned @ reduced[:, :3, :3] @ rows).sum(axis=0) + np.eye(rows.shape[2]) / _FAR_RAD**2
-    cross = (turned @ product).sum(axis=0)
-    information = square - cross @ covariance_of(at.hessian) @ cross.T
-    size = np.linalg.solve(information, score)
-    return float(score @ size) / judged.excess, size

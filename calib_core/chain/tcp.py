@@ -37,6 +37,7 @@ from calib_core.chain.two_step import (
 )
 from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.chain.undetermined import OpenDirection, open_directions
+from calib_core.chain.unmodelled import Unmodelled, unmodelled_of
 from calib_core.chain.warm_up import WarmUp, warm_up_of
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray, with_third
@@ -115,6 +116,8 @@ class TcpSolution:
         What happened to the captures, where one cause explains several.
     warm_up : WarmUp or None
         How far scanner or sphere drifted meanwhile.
+    unmodelled : Unmodelled or None
+        What the answer has no room for, beyond chance.
     sphere : SphereSize
         As told or assumed.
     seen_in_laser_mm, at_point : (3,), (3, 3)
@@ -151,6 +154,7 @@ class TcpSolution:
     points_per_independent: float
     causes: list[Happened]
     warm_up: WarmUp | None
+    unmodelled: Unmodelled | None
     sphere: SphereSize
     seen_in_laser_mm: FloatArray
     at_point: FloatArray
@@ -250,6 +254,7 @@ def solve_tcp(
         points_per_independent=float(np.median([o.points_per_independent for o in observations])),
         causes=causes,
         warm_up=warm_up,
+        unmodelled=unmodelled_of(judged),
         sphere=sphere,
         seen_in_laser_mm=point,
         at_point=held.at_point(point, data.half_width_mm),

@@ -30,6 +30,7 @@ from calib_core.chain.rejection import Judged, core_of
 from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
 from calib_core.chain.table_judging import EncoderScale, judge_table
+from calib_core.chain.table_moves import TableMove, table_move_of
 from calib_core.chain.table_patterns import Pattern, pattern_of
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
 from calib_core.chain.table_start import Mounts, TableStart, both_centers_in_base, find_table_start, readings_of
@@ -117,6 +118,8 @@ class TurntableSolution:
         Of the edges' unknowns.
     pattern : Pattern or None
         What repeats with the table's angle, beyond chance.
+    move : TableMove or None
+        How table or sphere moved in the course of the captures, beyond chance.
     tool_move : ToolMove or None
         How far the captures of the table see the tool elsewhere than those of the stage before.
     by_arm_mm : float
@@ -139,6 +142,7 @@ class TurntableSolution:
     options: TurntableOptions
     unknowns_covariance: FloatArray
     pattern: Pattern | None = None
+    move: TableMove | None = None
     tool_move: ToolMove | None = None
     by_arm_mm: float = 0.0
 
@@ -219,6 +223,7 @@ def solve_turntable(
         options=options,
         unknowns_covariance=covariance,
         pattern=pattern_of(judged),
+        move=table_move_of(judged, len(observations)),
         tool_move=move,
         by_arm_mm=tool.held.sigmas.largest_position_mm if tool.held else 0.0,
     )

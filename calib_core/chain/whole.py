@@ -25,6 +25,7 @@ from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
 from calib_core.chain.table_judging import EncoderScale, judge_table
+from calib_core.chain.table_moves import table_move_of
 from calib_core.chain.table_patterns import pattern_of
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_start import readings_of
@@ -267,6 +268,7 @@ def _table_part(
         options=options,
         unknowns_covariance=held.covariance,
         pattern=pattern_of(judged),
+        move=table_move_of(judged, count),
     )
 
 

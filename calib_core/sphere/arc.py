@@ -26,8 +26,10 @@ from calib_core.sphere.diagnosis import (
     require_diameter,
 )
 
-LEAST_EXTENT_RAD = float(np.deg2rad(30.0))
-"""Shorter arcs say too little about their circle to be used."""
+_LONG_RAD = float(np.deg2rad(30.0))
+_LEAST_EXTENT_RAD = float(np.deg2rad(15.0))
+_LEAST_TOLD = 0.005
+"""A share of the radius: a narrower arc is used where it tells its radius so well, correlation counted."""
 
 LEAST_POINTS = 12
 
@@ -87,8 +89,12 @@ class ArcFit:
     @property
     def points_per_independent(self) -> float:
         """How many of its points say as much as one that errs by itself, as far as neighbours tell."""
-        correlation = min(max(self.lag1_correlation, 0.0), _MOST_ALIKE)
-        return (1 + correlation) / (1 - correlation)
+        return _per_independent(self.lag1_correlation)
+
+
+def _per_independent(lag1_correlation: float) -> float:
+    correlation = min(max(lag1_correlation, 0.0), _MOST_ALIKE)
+    return (1 + correlation) / (1 - correlation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +111,7 @@ class _Arc:
     form_mm: float  # root mean square of the residuals' means over stretches of the arc
     filled: float  # share of the extent that is not gaps
     background: float  # inliers to be expected from the density of points beside the arc
+    lag1: float  # correlation of neighbours' residuals
 
     @property
     def count(self) -> int:
@@ -126,7 +133,17 @@ class _Arc:
 
     @property
     def is_long(self) -> bool:
-        return self.extent_rad >= LEAST_EXTENT_RAD
+        return self.extent_rad >= _LONG_RAD
+
+    @property
+    def told(self) -> float:
+        """The standard deviation of its radius as a share of it."""
+        return self.sigma_radius_mm * float(np.sqrt(_per_independent(self.lag1))) / float(self.circle[2])
+
+    @property
+    def tells_enough(self) -> bool:
+        """Whether its circle is known: by a wide angle, or by many good points of a narrower one."""
+        return self.is_long or (self.extent_rad >= _LEAST_EXTENT_RAD and self.told <= _LEAST_TOLD)
 
     @property
     def is_beyond_doubt(self) -> bool:
@@ -186,7 +203,7 @@ def fit_arc(
         inliers=inliers,
         extent_rad=arc.extent_rad,
         visible_side=arc.side,
-        lag1_correlation=_lag1_correlation(points[arc.inliers], arc.circle),
+        lag1_correlation=arc.lag1,
     )
 
 
@@ -288,6 +305,7 @@ def _finished(points: FloatArray, circle: FloatArray, kept: BoolArray, cut: floa
         form_mm=_form(angle[kept], fit.residuals),
         filled=1 - _gaps(np.sort(angle[kept]))[1] / max(high - low, 1e-300),
         background=float(beside.sum()) / 2,
+        lag1=_lag1_correlation(points[kept], fit.parameters),
     )
 
 
@@ -346,7 +364,7 @@ def _gaps(sorted_angle_rad: FloatArray) -> tuple[NDArray[np.intp], float]:
 
 
 def _is_possible(arc: _Arc, diameter_mm: float | None, z_axis: str | None) -> bool:
-    return arc.is_clear and arc.is_long and _radius_fits(arc, diameter_mm) and _side_fits(arc, z_axis)
+    return arc.is_clear and arc.tells_enough and _radius_fits(arc, diameter_mm) and _side_fits(arc, z_axis)
 
 
 def _radius_fits(arc: _Arc, diameter_mm: float | None) -> bool:
@@ -365,7 +383,7 @@ def _the_one(arcs: list[_Arc], diameter_mm: float | None, z_axis: str | None) ->
     """Return the possible arc that is determined best, or raise the error that says why there is none."""
     possible = [arc for arc in arcs if _is_possible(arc, diameter_mm, z_axis)]
     if possible:
-        return max(possible, key=lambda arc: arc.sharpness)
+        return max(possible, key=lambda arc: (arc.is_long, arc.sharpness))
     clear = [arc for arc in arcs if arc.is_clear]
     if not clear:
         raise MeasurementError(
@@ -374,13 +392,16 @@ def _the_one(arcs: list[_Arc], diameter_mm: float | None, z_axis: str | None) ->
             "Aim the stripe at the sphere, off its edge, and see that nothing hides it.",
         )
     best = max(clear, key=lambda arc: (arc.is_long, arc.sharpness))
-    if not best.is_long:
+    if not best.tells_enough:
         raise MeasurementError(
-            "an arc of at least {least_extent_rad:.0f}°",
-            "one of {extent_rad:.0f}°",
+            "an arc of {long_deg:.0f}°, or one of {least_deg:.0f}° that tells its radius to {least_percent:g} %",
+            "one of {extent_deg:.1f}° that tells it to {percent:.1f} %",
             "Move so that the stripe crosses more of the sphere and all of the visible side lies in range.",
-            least_extent_rad=np.rad2deg(LEAST_EXTENT_RAD),
-            extent_rad=np.rad2deg(best.extent_rad),
+            long_deg=np.rad2deg(_LONG_RAD),
+            least_deg=np.rad2deg(_LEAST_EXTENT_RAD),
+            least_percent=100 * _LEAST_TOLD,
+            extent_deg=np.rad2deg(best.extent_rad),
+            percent=100 * best.told,
         )
     if not _side_fits(best, z_axis):
         other = "toward" if z_axis == "away" else "away"

@@ -12,7 +12,8 @@ from calib_core.chain.observations import SphereObservation
 from calib_core.frames import RigidTransform
 from calib_core.stages.verify.agreement import disagreeing
 from calib_core.stages.verify.decision import decided, tool_error
-from calib_core.stages.verify.held_out import Tool, held_out
+from calib_core.stages.verify.held_out import Asked, held_out
+from calib_core.stages.verify.tool import Tool
 
 _SHARES = (0.0, 0.5, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0)
 _LIMITS_MM = (0.2, 0.4, 0.8, 0.05)
@@ -35,8 +36,8 @@ def decisions(count: int) -> list[Row]:
     for seed in range(count):
         share = _SHARES[seed % len(_SHARES)]
         limit_mm = _LIMITS_MM[seed // len(_SHARES) % len(_LIMITS_MM)]
-        observations, tool, center = verification(seed, share * limit_mm)
-        estimate = tool_error(observations, SPHERE.radius_mm, center, tool)
+        _, tool, asked = verification(seed, share * limit_mm)
+        estimate = tool_error(asked, tool)
         decision = decided(estimate.value_mm, estimate.uncertainty_mm, limit_mm)
         beyond, within = beyond + (share > 1), within + (share <= 1)
         found["false pass"] += decision == "pass" and share > 1
@@ -57,33 +58,34 @@ def wrong_poses(off: Sequence[float], count: int, right: int) -> list[Row]:
     for off_mm in off:
         target, named = _NAMED[off_mm], 0
         for seed in range(count):
-            observations, tool, center = verification(1000 + seed, 0.0)
+            observations, tool, _ = verification(1000 + seed, 0.0)
             rng = np.random.default_rng([seed, 45])
             wrong = int(rng.integers(len(observations)))
             way = rng.normal(size=3)
             observations[wrong] = moved(observations[wrong], off_mm * way / np.linalg.norm(way))
-            named += observations[wrong].capture in disagreeing(observations, SPHERE.radius_mm, center, tool)
+            now = held_out(observations, SPHERE, tool).asked
+            named += observations[wrong].capture in disagreeing(observations, SPHERE.radius_mm, now, tool)
         share = named / count
         what = f"{count} verifications, one pose of {_CAPTURES} wrong by {off_mm:g} mm: named"
         rows.append(Row(what, f"≥ {target:.0%}", f"{share:.0%}", share >= target))
     falsely = 0
     for seed in range(right):
-        observations, tool, center = verification(5000 + seed, 0.3)
-        falsely += bool(disagreeing(observations, SPHERE.radius_mm, center, tool))
+        observations, tool, asked = verification(5000 + seed, 0.3)
+        falsely += bool(disagreeing(observations, SPHERE.radius_mm, asked, tool))
     share = falsely / right
     what = f"{right} right ones, the tool off by 0.3 mm: a capture named"
     return [*rows, Row(what, "≤ 0.5 %", f"{share:.2%}", share <= 0.005)]
 
 
-def verification(seed: int, off_mm: float) -> tuple[list[SphereObservation], Tool, np.ndarray]:
-    """Return a verification of a tool that is off by so much: its captures, the tool, and the sphere found."""
+def verification(seed: int, off_mm: float) -> tuple[list[SphereObservation], Tool, Asked]:
+    """Return a verification of a tool that is off by so much: captures, tool, and the one that they ask for."""
     rng = np.random.default_rng([seed, 2611])
     truth, observations = observations_of(rng, _CAPTURES, turned_rad=1.0)
     direction = rng.normal(size=3)
     shift = off_mm * direction / np.linalg.norm(direction)
     given = RigidTransform.of(truth.rotation, truth.translation_mm + shift, "tool0", "laser")
     tool = Tool(given, np.zeros((6, 6)), POSITION_MM, TURNING_RAD)
-    return observations, tool, held_out(observations, SPHERE, tool).center_in_base_mm
+    return observations, tool, held_out(observations, SPHERE, tool).asked
 
 
 def moved(observation: SphereObservation, by_mm: np.ndarray) -> SphereObservation:

@@ -32,6 +32,8 @@ from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.verify.decision import Estimate, checked, decision_findings
 from calib_core.stages.verify.flatness import Plate
 from calib_core.stages.verify.limits import limit_findings
+from tests.trouble import all_table_troubles, all_troubles, troubled, troubled_table
+from tests.verified import brought_tool
 
 CELL = simulate("turntable", 2)
 TCP = [c for c in CELL.session.to_json()["captures"] if c["step"] == "tcp"]
@@ -185,6 +187,34 @@ def with_axis(*readings: dict[str, float]) -> Case:
     return check([*first, *more], axes=[{"name": "tilt", "kind": "rotary"}])
 
 
+@cache
+def chain_of(trouble: str) -> list[Finding]:
+    cell = troubled_table(all_table_troubles()[trouble], 0)
+    return solve_stage(cell.session, "chain", cell.files.__getitem__).findings
+
+
+def moved(trouble: str) -> tuple[Case, Case]:
+    return lambda: chain_of(trouble), lambda: chain_of("clean")
+
+
+def verification(off_mm: float, *, shuffled: bool = False, seed: int = 5, some: Iterable[int] = range(15)) -> Case:
+    def case() -> Iterable[Finding]:
+        cell = brought_tool(seed, off_mm, shuffled)
+        captures = [cell.session.captures[k] for k in some]
+        session = cell.session.model_copy(update={"captures": captures})
+        return solve_stage(session, "verify", cell.files.__getitem__).findings
+
+    return case
+
+
+def tool_of(trouble: str) -> Case:
+    def case() -> Iterable[Finding]:
+        cell = troubled(all_troubles()[trouble], 0)
+        return solve_stage(cell.session, "tcp", cell.files.__getitem__).findings
+
+    return case
+
+
 MOMENT = ("drift", "overdue", "equipment-changed", "verify-undecided")
 CASES: dict[str, tuple[Case, Case]] = {
     "unknown-field": (check(spere_class="G100"), check()),
@@ -223,9 +253,20 @@ CASES: dict[str, tuple[Case, Case]] = {
     "verify-undecided": (decision(0.5, count=3), decision(0.5)),
     "verify-limit-eased": (limit(2.0), limit(0.5)),
     "verify-limit-changed": (limit(0.5), limit(2.0)),
+    "verify-points-off-ball": (verification(0.3, shuffled=True), verification(1.6)),
+    "verify-sides-open": (verification(0.3, seed=6, some=(3, 7)), verification(0.3, seed=6)),
     "plate-not-turned": (plate(turned_deg=8.0), plate(turned_deg=12.0)),
     "points-beside-plate": (plate(left_out=3), plate()),
     "capture-without-axis-reading": (with_axis({}), with_axis({"tilt": 5.0})),
+    "table-pushed": moved("pushed by 0.3 mm between the mountings"),
+    "table-creeps": moved("creeps by 0.3 mm"),
+    "sphere-reseated": moved("sphere slips by 0.5 mm"),
+    "clamp-gives": moved("a clamp gives by 0.5 mm"),
+    "sheet-bent": (
+        tool_of("scanner: sheet of light bent by 0.4 mm, 60 captures"),
+        tool_of("scanner: bow of 0.05 mm"),
+    ),
+    "poses-lag": (tool_of("arms: lags by 0.3 mm along its path"), tool_of("arms: lag of 0.2 mm, any direction")),
     "not-signed": (archived(sealed=False), archived()),
     "seal-broken": (archived([]), archived([], sealed=False)),
     "archive-disagrees": (archived([{"stage": "tcp"}], sealed=False), archived([], sealed=False)),

@@ -78,6 +78,23 @@ def _lag_in_tool(mm: float) -> Callable[[Plan, Rng], None]:
     return change
 
 
+def _lag_along_path(mm: float, tilts: int = 11) -> Callable[[Plan, Rng], None]:
+    """Short of every pose, on the way from the one before."""
+
+    def change(plan: Plan, rng: Rng) -> None:
+        plan.tilts = tilts
+        before: list[FloatArray] = []
+
+        def error(p: FloatArray, k: int, rng: Rng) -> FloatArray:
+            way = p[:3, 3] - (before[-1] if before else p[:3, 3])
+            before.append(p[:3, 3])
+            return pose(p[:3, :3], p[:3, 3] - mm * way / max(float(np.linalg.norm(way)), 1e-9))
+
+        plan.pose_error = error
+
+    return change
+
+
 def _wrist(degrees: float) -> Callable[[Plan, Rng], None]:
     """The flange is turned by a constant angle about its axis: the arm's zero of joint 6."""
 
@@ -110,5 +127,7 @@ TROUBLES = (
     Trouble("lag of 0.2 mm, any direction", _lag(0.2, None)),
     Trouble("lag of 0.3 mm in one direction of base", _lag(0.3, np.array([1.0, 0.0, 0.0]))),
     Trouble("lag of 0.3 mm in one direction of the flange", _lag_in_tool(0.3), hidden=True),
+    Trouble("lags by 0.3 mm along its path", _lag_along_path(0.3)),
+    Trouble("lags by 0.3 mm along its path, 60 captures", _lag_along_path(0.3, tilts=56)),
     Trouble("flange turned by 0.1° throughout", _wrist(0.1), hidden=True),
 )

@@ -40,6 +40,8 @@ class Plan:
         Number of points, rng → errors along the ray in units of `point_mm`.
     surface : callable
         Angles of the surface normal to the light (N,), rng → distance off the sphere (N,), mm.
+    sheet : callable
+        x in the scanner's frame (N,) → how far the light lies off its plane there (N,), mm.
     mounting : callable
         Capture's number → what moves the scanner on the flange (4, 4).
     book : callable
@@ -71,6 +73,7 @@ class Plan:
     laser_from_files: FloatArray = field(default_factory=lambda: np.eye(4))
     noise: Callable[[int, np.random.Generator], FloatArray] = lambda n, rng: rng.standard_normal(n)
     surface: Callable[[FloatArray, np.random.Generator], FloatArray] = lambda angle, rng: np.zeros_like(angle)
+    sheet: Callable[[FloatArray], FloatArray] = np.zeros_like
     background: Callable[[FloatArray, FloatArray, float, np.random.Generator], FloatArray] | None = None
     mounting: Callable[[int], FloatArray] = lambda k: np.eye(4)
     book: Callable[[list[list[float]], list[FloatArray], np.random.Generator], None] = lambda p, f, rng: None
@@ -94,7 +97,7 @@ class Trouble:
 class Troubled:
     """A session with its files and truth: the tool (4, 4), where the sphere was seen, the scanner's errors.
 
-    `laser_from_files` (4, 4) is the frame in which the files count.
+    `laser_from_files` (4, 4) is the frame in which the files count; `sphere_in_base_mm` (3,) is the sphere.
     """
 
     session: Session
@@ -103,6 +106,7 @@ class Troubled:
     seen_in_laser_mm: FloatArray
     scanner: Callable[[FloatArray], FloatArray]
     laser_from_files: FloatArray
+    sphere_in_base_mm: FloatArray
 
 
 TOLD: dict[str, Any] = {
@@ -128,7 +132,7 @@ def troubled(trouble: Trouble, seed: int, told: bool = False) -> Troubled:
     ]
     cell = cell_record(plan) | (TOLD if told else {})
     session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
-    return Troubled(session, files, tool, seen, seen_by(plan), plan.laser_from_files)
+    return Troubled(session, files, tool, seen, seen_by(plan), plan.laser_from_files, center)
 
 
 def cell_record(plan: Plan) -> dict[str, Any]:
@@ -244,11 +248,12 @@ def _profile(plan: Plan, center: FloatArray, rng: np.random.Generator) -> FloatA
     edge = circle * np.sin(np.deg2rad(plan.arc_deg))
     x = plan.pitch_mm * np.arange(np.ceil((center[0] - edge) / plan.pitch_mm), (center[0] + edge) / plan.pitch_mm)
     dx = x - center[0]
-    height = np.sqrt(np.maximum(circle**2 - dx**2, 1e-9))
+    off = center[1] - plan.sheet(x)
+    height = np.sqrt(np.maximum(plan.radius_mm**2 - off**2 - dx**2, 1e-9))
     cosine = height / plan.radius_mm
     radius = plan.radius_mm + plan.surface(np.arccos(np.clip(cosine, -1, 1)), rng)
     radius = radius + plan.point_mm * plan.noise(len(x), rng)
-    z = center[2] - np.sqrt(np.maximum(radius**2 - center[1] ** 2 - dx**2, 0.0))
+    z = center[2] - np.sqrt(np.maximum(radius**2 - off**2 - dx**2, 0.0))
     points = plan.scanner(np.column_stack([x, z]), rng)
     if plan.background is not None:
         points = plan.background(points, center, circle, rng)

@@ -105,6 +105,16 @@ def _set(**values: float) -> Change:
     return change
 
 
+def _bent_sheet(mm: float) -> Change:
+    """At 40 mm from its middle, the sphere seen all over the stripe."""
+
+    def change(plan: Plan, rng: Rng) -> None:
+        plan.tilts, plan.lateral_mm = 56, 40.0
+        plan.sheet = lambda x: mm * (x / 40.0) ** 2
+
+    return change
+
+
 TROUBLES = (
     Trouble("x 0.5 % too long", _linear(x=0.005)),
     Trouble("x 1 % too long", _linear(x=0.01)),
@@ -128,6 +138,7 @@ TROUBLES = (
     Trouble("z in steps of 0.05 mm", _quantised(0.05)),
     Trouble("noise of 0.1 mm", _set(point_mm=0.1)),
     Trouble("z counts towards the scanner", _toward, clean=True),
+    Trouble("sheet of light bent by 0.4 mm, 60 captures", _bent_sheet(0.4)),
     Trouble("arcs of ±35°", _set(arc_deg=35.0)),
     Trouble("coarse columns of 0.5 mm", _set(pitch_mm=0.5), clean=True),
     Trouble("fine columns of 0.02 mm", _set(pitch_mm=0.02), clean=True),

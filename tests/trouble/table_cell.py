@@ -51,6 +51,8 @@ class TablePlan(Plan):
         Angle → how the axis leans there (3,), a small rotation vector in the table's frame.
     slip : callable
         Capture's number among the table's, its mounting → the sphere's shift on the table (3,).
+    table_at : callable
+        Capture's number among the table's, its mounting, number of captures → the table's shift in base (3,).
     table_radius_mm : float or None
         Of the sphere on the table, where it is another one.
     read : callable
@@ -66,6 +68,7 @@ class TablePlan(Plan):
     play_mm: float = 0.0
     wobble: Callable[[float], FloatArray] = lambda angle: np.zeros(3)
     slip: Callable[[int, int], FloatArray] = lambda k, mount: np.zeros(3)
+    table_at: Callable[[int, int, int], FloatArray] = lambda k, mount, count: np.zeros(3)
     table_radius_mm: float | None = None
     read: Callable[[list[float], list[str], Rng], None] = lambda angles, mounts, rng: None
     told_table: dict[str, Any] = field(default_factory=dict)
@@ -165,6 +168,7 @@ def _on_table(
         thought = table[:3, :3] @ (turn([0.0, 0.0, sent]) @ stands) + table[:3, 3]
         inside = turn(plan.wobble(turned)) @ turn([0.0, 0.0, turned]) @ (stands + plan.slip(k, mount))
         there = table[:3, :3] @ (inside + plan.play_mm * rng.standard_normal(3)) + table[:3, 3]
+        there = there + plan.table_at(k, mount, len(mounts))
         rotation = NOMINAL @ turn(rng.uniform(-plan.reach_rad, plan.reach_rad, 3))
         taken = take(arm, tool, rotation, drawn_place(plan, rng), (thought, there), first + k, rng)
         name = f"captures/t{k:03d}.csv"

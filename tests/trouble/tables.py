@@ -85,6 +85,52 @@ def _slips(mm: float) -> Change:
     return change
 
 
+def _pushed(mm: float) -> Change:
+    """Along the floor, while the sphere is mounted the second time."""
+
+    def change(plan: TablePlan, rng: Rng) -> None:
+        way = _along_floor(mm, rng)
+        plan.table_at = lambda k, mount, count: way if mount else np.zeros(3)
+
+    return change
+
+
+def _pushed_within(mm: float) -> Change:
+    """Along the floor, in the course of a mounting."""
+
+    def change(plan: TablePlan, rng: Rng) -> None:
+        way, when = _along_floor(mm, rng), int(rng.choice([3, 4, 5, 11, 12, 13]))
+        plan.table_at = lambda k, mount, count: way if k >= when else np.zeros(3)
+
+    return change
+
+
+def _creeps(mm: float) -> Change:
+    """From the first capture to the last."""
+
+    def change(plan: TablePlan, rng: Rng) -> None:
+        way = _along_floor(mm, rng)
+        plan.table_at = lambda k, mount, count: way * (k / (count - 1))
+
+    return change
+
+
+def _gives(mm: float) -> Change:
+    """What holds the sphere gives, from the first to the last capture of the second mounting."""
+
+    def change(plan: TablePlan, rng: Rng) -> None:
+        way = rng.standard_normal(3)
+        way *= mm / np.linalg.norm(way)
+        plan.slip = lambda k, mount: way * ((k - 8) / 7) if mount else np.zeros(3)
+
+    return change
+
+
+def _along_floor(mm: float, rng: Rng) -> np.ndarray:
+    angle = rng.uniform(0, 2 * np.pi)
+    return mm * np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
 def _tool_moves(mm: float, degrees: float) -> Change:
     """Between the captures beside the table and those on it."""
 
@@ -141,6 +187,11 @@ TABLE_TROUBLES = (
     TableTrouble("wobbles by 1 mrad three times a turn", _wobble(1.0, 3)),
     TableTrouble("sphere slips by 0.5 mm", _slips(0.5)),
     TableTrouble("sphere slips by 3 mm", _slips(3.0)),
+    TableTrouble("pushed by 1 mm between the mountings", _pushed(1.0)),
+    TableTrouble("pushed by 0.3 mm between the mountings", _pushed(0.3)),
+    TableTrouble("pushed by 1 mm within a mounting", _pushed_within(1.0)),
+    TableTrouble("creeps by 0.3 mm", _creeps(0.3)),
+    TableTrouble("a clamp gives by 0.5 mm", _gives(0.5)),
     TableTrouble("another sphere, 0.2 mm larger, on the table", _set(table_radius_mm=20.1)),
     TableTrouble("tool moves by 0.3 mm before the table", _tool_moves(0.3, 0.0)),
     TableTrouble("tool moves by 1 mm, 0.3° before the table", _tool_moves(1.0, 0.3)),

@@ -284,6 +284,28 @@ _AFTER_DRIFT = {
     "firmly, and take the captures again.",
 }
 
+SHEET_BENT = Code(
+    "sheet-bent",
+    "warning",
+    text="The scanner's sheet of light seems bent: by {bend_mm:.2f} mm at {half_width_mm:.0f} mm from its middle.",
+    to_do="Calibrate the scanner's plane of light again, or scan with the stripe's middle alone.",
+    meaning="Points at the stripe's ends lie beside the plane that all points are taken to lie in. Scans are off by as much.",
+    decided="One unknown more, the points' distance from the plane by the square of x, makes all captures likelier by a "
+    "factor that chance gives in one of 1,000 sessions.",
+    usual_causes="A home-built scanner whose line laser is not a plane, a window in the way of the light.",
+)
+
+POSES_LAG = Code(
+    "poses-lag",
+    "warning",
+    text="The robot seems to be {lag_mm:.2f} mm behind its reported poses, along its way from one capture to the next.",
+    to_do="Let it stand still before each capture, and read the pose afterwards.",
+    meaning="Captures lie off where their poses put them, each along the way on which the robot came.",
+    decided="One unknown more, a length or a share of the way, makes all captures likelier by a factor that chance gives in "
+    "one of 1,000 sessions.",
+    usual_causes="Poses that are read while the robot moves, commanded poses instead of reached ones, play in the gears.",
+)
+
 DRIFTED = Code(
     "drift-in-session",
     "warning",
@@ -300,10 +322,8 @@ DRIFTED = Code(
 DRIFT_COVERED = Code(
     "drift-covered",
     "note",
-    text=_DRIFTED,
-    to_do=_AFTER_DRIFT,
+    text={moved: f"{said} The stated uncertainty holds it." for moved, said in _DRIFTED.items()},
     by="moved",
-    by_to_do="course",
     meaning="As `drift-in-session`, but the answer's uncertainty holds it.",
     decided="The drift is no larger than twice the stated uncertainty at the workpiece, and below 0.5 mm.",
     usual_causes="A scanner that was just switched on.",

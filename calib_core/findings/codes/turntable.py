@@ -90,6 +90,48 @@ REMOUNTED = Code(
     usual_causes="A sphere that was mounted anew, without a new name.",
 )
 
+_MOVED_BY_CHANCE = "It makes all captures likelier by a factor that chance gives in about one of 300 tables that stand still, over all moves that are tried."
+
+TABLE_PUSHED = Code(
+    "table-pushed",
+    "warning",
+    text="The table stands {shift_mm:.2f} mm elsewhere from {since} on.",
+    to_do="Fix it to the floor, then take all captures of the table again.",
+    meaning="The captures before and after see the axis at two places. The stated axis is a mean of both.",
+    decided=_MOVED_BY_CHANCE,
+    usual_causes="A table that was pushed while the sphere was mounted anew, a robot that was moved.",
+)
+
+TABLE_CREEPS = Code(
+    "table-creeps",
+    "warning",
+    text="The table moved by {shift_mm:.2f} mm, little by little, while its captures were taken.",
+    to_do="Fix it to the floor and let it warm up, then take all captures of the table again.",
+    meaning="The axis is elsewhere at the last capture than at the first. The stated axis is a mean.",
+    decided=_MOVED_BY_CHANCE,
+    usual_causes="A table on rollers or on soft ground, a frame or robot that warms up.",
+)
+
+SPHERE_RESEATED = Code(
+    "sphere-reseated",
+    "warning",
+    text="The sphere stands {shift_mm:.2f} mm elsewhere on the table from {since} on.",
+    to_do="If it was touched, give the captures from there on a `mount` of their own; otherwise take them again.",
+    meaning="Within one mounting the captures see the sphere at two places on the table.",
+    decided=_MOVED_BY_CHANCE,
+    usual_causes="A sphere that was taken off its stem and put back, or touched.",
+)
+
+CLAMP_GIVES = Code(
+    "clamp-gives",
+    "warning",
+    text="The sphere moved by {shift_mm:.2f} mm on the table, little by little, between {since} and {until}.",
+    to_do="Clamp it firmly, and take these captures again.",
+    meaning="Within one mounting the sphere is elsewhere on the table at the last capture than at the first.",
+    decided=_MOVED_BY_CHANCE,
+    usual_causes="A magnetic foot that slides, a clamp that gives.",
+)
+
 TABLE_SCATTER_BEYOND_TOLD = Code(
     "table-scatter-beyond-told",
     "warning",
@@ -273,5 +315,5 @@ CHAIN_TABLE_DIFFERS = Code(
     meaning="With the captures of the still sphere, the table is elsewhere than by the tool held.",
     decided="Chance gives such a difference in one cell of a thousand.",
     usual_causes="A table that wobbles, a scanner that was moved.",
-    behind=("tool-seen-elsewhere-on-table",),
+    behind=("tool-seen-elsewhere-on-table", "table-pushed", "table-creeps"),
 )

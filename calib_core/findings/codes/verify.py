@@ -100,6 +100,29 @@ CAPTURES_DISAGREE = Code(
     usual_causes="A pose that belongs to another capture, an arm still moving, or a sphere that was touched.",
 )
 
+POINTS_OFF_BALL = Code(
+    "verify-points-off-ball",
+    "warning",
+    text="Points lie up to {off_mm:.1f} mm off the ball, whatever tool is tried ({captures}): nothing is decided.",
+    to_do="Check the ball's diameter and that each capture has its own pose, then verify again.",
+    meaning="No tool and no place of the ball bring these points onto it, so that no figure can be judged by them.",
+    decided="More than a quarter of the captures' points lie more than 1 mm and 4 % of the radius off the ball (RMS).",
+    usual_causes="Poses that belong to other captures, another ball, a ball that was moved.",
+    fixed=True,
+)
+
+VERIFY_SIDES_OPEN = Code(
+    "verify-sides-open",
+    "warning",
+    text="On which side of the plane of light the ball was stays open, and the tool's error depends on it: nothing is "
+    "decided.",
+    to_do="Turn the flange further between the captures, or tell the side (`side`) of each.",
+    meaning="A profile is alike on both sides of the ball. Here two choices of sides are nearly as likely.",
+    decided="Other sides are less than 150 times less likely and move the tool by more than 0.1 mm.",
+    usual_causes="Captures that are turned little against each other.",
+    fixed=True,
+)
+
 VERIFIED_ANSWER_FAILS = Code(
     "verify-of-failed-answer",
     "warning",

@@ -19,7 +19,7 @@ from calib_core.stages.recheck.compare import Alike, Change, compared
 from calib_core.stages.recheck.record import Changed, RecheckResidual, RecheckResult, RecheckRound
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.solve import observe_stage
-from calib_core.stages.verify.held_out import Tool
+from calib_core.stages.verify.tool import Tool
 
 ENOUGH = 3
 _ANSWER_SHARE = 0.6

@@ -66,8 +66,9 @@ def tcp_result(
 
 
 def solution_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> list[Finding]:
-    """Return what a solution shows, its drift too."""
-    return [*tcp_findings(solution, captures), *drift_findings(solution)]
+    """Return what a solution shows, its drift and what it has no room for too."""
+    more = [solution.unmodelled.finding] if solution.unmodelled else []
+    return [*tcp_findings(solution, captures), *drift_findings(solution), *more]
 
 
 def placed(answer: Answer) -> dict[str, Any]:

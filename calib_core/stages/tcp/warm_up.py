@@ -23,6 +23,7 @@ def session_drift(solution: TcpSolution) -> SessionDrift | None:
     found = solution.warm_up
     if found is None:
         return None
+    code = DRIFT_COVERED if _is_covered(found, solution) else DRIFTED
     return SessionDrift(
         moved=found.moved,
         drift_mm=found.drift_mm,
@@ -31,8 +32,8 @@ def session_drift(solution: TcpSolution) -> SessionDrift | None:
         settled=found.settled,
         over_s=float(np.ptp(found.at)) if found.timed else None,
         settling_s=found.constant if found.timed else None,
-        again=list(found.captures) if found.found and found.settled else [],
-        sentence=sentence_of(_finding(DRIFTED, found)) if found.found else "",
+        again=list(found.captures) if found.found and found.settled and code is DRIFTED else [],
+        sentence=sentence_of(_finding(code, found)) if found.found else "",
         points=[
             SessionDriftPoint(
                 capture=name,

@@ -14,6 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
+    method_revision = 2  # a table, or a sphere on it, that moved while it was captured is told
     step = CaptureStep(
         "turntable",
         "Turntable",

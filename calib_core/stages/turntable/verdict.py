@@ -7,6 +7,8 @@ import numpy as np
 from calib_core.causes.table import direction_findings
 from calib_core.chain.observations import TableObservation, named
 from calib_core.chain.table_frame import TableCovariance
+from calib_core.chain.table_moves import TableMove
+from calib_core.chain.table_patterns import Pattern
 from calib_core.chain.table_reasons import remounted, table_reasons
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding
@@ -93,8 +95,11 @@ def _failures(table: TurntableSolution, observations: Sequence[TableObservation]
 
 
 def _doubts_about_captures(table: TurntableSolution, observations: Sequence[TableObservation]) -> list[Finding]:
-    moved = table.tool_move.finding if table.tool_move else None
-    found = [finding for finding in (moved, remounted(observations, table)) if finding]
+    tool = table.tool_move.finding if table.tool_move else None
+    moved = (
+        table.move.finding(table.captures) if table.move and not _is_behind(table.move, table.pattern) else None
+    )
+    found = [finding for finding in (moved, tool, remounted(observations, table)) if finding]
     if 0 < np.count_nonzero(~table.used) <= _MOST_REJECTED * len(table.captures):
         each, names = table_reasons(observations, table), named(table.captures, table.used)
         found.append(codes.CAPTURES_CONTRADICT(list(each), each=each, names=names))
@@ -136,7 +141,8 @@ def _doubts_about_axis(table: TurntableSolution) -> list[Finding]:
 
 
 def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
-    found = [table.pattern.finding] if table.pattern is not None else []
+    pattern = None if _is_behind(table.pattern, table.move) else table.pattern
+    found = [pattern.finding] if pattern is not None else []
     scale = table.encoder
     if scale.significant and not table.options.encoder_scale:
         handled = "applied" if scale.applied else "left"
@@ -150,6 +156,11 @@ def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
     ):
         found.append(codes.ANGLES_SCATTER(scatter_deg=float(np.rad2deg(table.sigmas.angle_rad))))
     return found
+
+
+def _is_behind(one: TableMove | Pattern | None, other: TableMove | Pattern | None) -> bool:
+    """Return whether another one of both explains the captures better: they look like each other."""
+    return one is not None and other is not None and other.chance < one.chance
 
 
 def _two_sigma_deg(variance: float) -> float:

@@ -14,7 +14,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 2
+    method_revision = 3  # sides of a tool that may be off; a tool far off is judged where it is
     step = CaptureStep(
         "verify",
         "Verification",

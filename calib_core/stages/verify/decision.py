@@ -11,15 +11,14 @@ from typing import Any, Final, get_args
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
-from calib_core.estimation import covariance_of
 from calib_core.findings import Code
 from calib_core.findings.codes import verify as codes
 from calib_core.frames import FloatArray, skew
 from calib_core.messages import message
 from calib_core.records.findings import Finding
-from calib_core.stages.verify.held_out import Tool, linearised
+from calib_core.stages.verify.held_out import Asked
 from calib_core.stages.verify.record import Decision, VerifyCheck
+from calib_core.stages.verify.tool import Tool
 
 _ORDER: tuple[Decision, ...] = get_args(Decision)
 _BEYOND = _ORDER[-1]
@@ -30,7 +29,6 @@ _SAID: dict[Decision, Code] = {
 LEAST_DECIDING = 4
 """Fewer captures leave nothing over from which to tell how far they scatter about the tool's stated error."""
 _QUARTER = 0.25
-_PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
 _BAND = 0.95  # the share of the points that the band of a form holds
 
 
@@ -126,41 +124,23 @@ def decision_findings(checks: Sequence[VerifyCheck], count: int) -> list[Finding
     return findings
 
 
-def tool_error(
-    observations: Sequence[SphereObservation], radius_mm: float, center: FloatArray, tool: Tool
-) -> Estimate:
-    """Return by how much the tool is off where the scanner saw the sphere, as these captures alone tell it.
+def tool_error(asked: Asked, tool: Tool) -> Estimate:
+    """Return by how much the tool is off where the scanner saw the sphere, as its captures alone tell it.
 
     Parameters
     ----------
-    observations : K captures of a sphere that stands still, none of which helped to find the tool
-    radius_mm : float
-    center : (3,)
-        The sphere in base, about which is linearised.
+    asked : Asked
+        The tool that the captures ask for, each weighed by its own noise and the robot's; where they scatter more
+        than that, the uncertainty grows with them.
     tool : Tool
-        Its covariance is not used: what is verified is no evidence for itself.
-
-    Notes
-    -----
-    The tool's error and the sphere's place are fitted to the captures' figures, each weighed by its own noise and
-    the robot's; where these scatter more than that, the uncertainty grows with them.
+        That is verified.
     """
-    residuals, covariances, by_center, by_tool, points = linearised(observations, radius_mm, center, tool)
-    count = len(residuals)
-    design = np.concatenate([by_center, by_tool], axis=2)
-    weighed = np.linalg.inv(covariances)
-    turned = np.swapaxes(design, 1, 2) @ weighed
-    prior = np.diag([0.0] * 3 + [1 / _PRIOR_RAD**2] * 3 + [1 / _PRIOR_MM**2] * 3)
-    information = (turned @ design).sum(axis=0) + prior
-    covariance = covariance_of(information)
-    step = covariance @ (turned @ residuals[..., None]).sum(axis=0)[:, 0]
-    left = residuals - (design @ step)
-    freedom = max(3 * count - 9, 1)
-    growth = max(1.0, float(np.einsum("ki,kij,kj->", left, weighed, left)) / freedom)
-    point = points.mean(axis=0)
-    moved = np.hstack([skew(point), -tool.tool0_from_laser.rotation.T])
-    off = moved @ step[3:]
-    spread = moved @ covariance[3:, 3:] @ moved.T * growth
+    freedom = max(3 * len(asked.points) - 9, 1)
+    growth = max(1.0, asked.squared / freedom)
+    point = asked.points.mean(axis=0)
+    off = asked.tool0_from_laser.apply(point) - tool.tool0_from_laser.apply(point)
+    moved = np.hstack([skew(point), -asked.tool0_from_laser.rotation.T])
+    spread = moved @ asked.covariance[3:, 3:] @ moved.T * growth
     return Estimate(float(np.linalg.norm(off)), 2 * float(np.sqrt(np.linalg.eigvalsh(spread)[-1])))
 
 

@@ -1,48 +1,19 @@
 """Held-out captures of a still sphere, seen with a tool that they did not help to find."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.estimation import chance_of
+from calib_core.estimation import chance_of, covariance_of
 from calib_core.frames import FloatArray, RigidTransform, skew
-from calib_core.stages.tcp.record import ToolResult
+from calib_core.stages.verify.sides import likeliest_sides
+from calib_core.stages.verify.tool import Tool
 
 _STEPS = 20
 _CONVERGED_MM = 1e-6
-_CUTOFF = 25.0  # squared distance from which a capture counts no more against a first guess of the centre
-
-
-@dataclass(frozen=True, eq=False)
-class Tool:
-    """The tool that is verified.
-
-    Parameters
-    ----------
-    tool0_from_laser : RigidTransform
-    covariance : (6, 6)
-        Rotation perturbing on the right, rad and mm; zeros where it is taken as exact.
-    position_sigma_mm, orientation_sigma_rad : float
-        Of the robot's poses.
-    """
-
-    tool0_from_laser: RigidTransform
-    covariance: FloatArray
-    position_sigma_mm: float = 0.0
-    orientation_sigma_rad: float = 0.0
-
-    @classmethod
-    def of(cls, answer: ToolResult) -> "Tool":
-        """Return the tool of a stage's answer."""
-        parts = answer.variance_components
-        return cls(
-            answer.mount_from_laser,
-            np.array(answer.covariance, dtype=float),
-            parts.position_sigma_mm,
-            parts.orientation_sigma_rad,
-        )
+_PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +36,10 @@ class HeldOut:
         Of its points' distances to the sphere at the common centre; NaN of a capture without points.
     chi_squared : float
         Over all captures together, of `degrees_of_freedom`.
+    asked : Asked
+        The tool that the captures ask for.
+    sides_open : bool
+        Whether other sides of the plane of light are nearly as likely and ask for another tool.
     """
 
     center_in_base_mm: FloatArray
@@ -76,6 +51,8 @@ class HeldOut:
     surface_rms_mm: FloatArray
     chi_squared: float
     degrees_of_freedom: int
+    asked: "Asked"
+    sides_open: bool = False
 
     @property
     def scatter_rms_mm(self) -> float:
@@ -100,11 +77,10 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
     great circle; of a cloud or a centre its x, y, z.  The tool's error is common to all of them and moves each in
     its own way; it counts with its covariance, so that it is not taken for the captures' noise.
     """
-    seen = [_Seen(observation, sphere, tool) for observation in observations]
-    center = min(
-        (guess for one in seen for guess in one.guesses()),
-        key=lambda guess: sum(min(one.squared_distance(guess), _CUTOFF) for one in seen),
-    )
+    chosen = likeliest_sides(observations, sphere, tool)
+    each = zip(observations, chosen.sides.tolist(), strict=True)
+    seen = [_Seen(observation, sphere, tool, side) for observation, side in each]
+    center = center_as_asked = chosen.center_in_base_mm
     for _ in range(_STEPS):
         joint = _Joint(seen, center, tool)
         center = center + joint.step
@@ -122,6 +98,8 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
         surface_rms_mm=np.array([one.surface_rms_mm(center) for one in seen]),
         chi_squared=float(joint.residuals @ np.linalg.solve(joint.covariance, joint.residuals)),
         degrees_of_freedom=3 * len(seen) - 3,
+        asked=asked_by(observations, sphere.radius_mm, chosen.tool0_from_laser, center_as_asked, tool),
+        sides_open=chosen.open,
     )
 
 
@@ -137,6 +115,8 @@ def together(parts: Sequence[HeldOut]) -> HeldOut:
         surface_rms_mm=np.concatenate([part.surface_rms_mm for part in parts]),
         chi_squared=sum(part.chi_squared for part in parts),
         degrees_of_freedom=sum(part.degrees_of_freedom for part in parts),
+        asked=parts[0].asked,
+        sides_open=any(part.sides_open for part in parts),
     )
 
 
@@ -163,22 +143,99 @@ def linearised(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """The tool that captures ask for, by themselves: what is verified is no evidence for itself.
+
+    Attributes
+    ----------
+    tool0_from_laser : RigidTransform
+    center_in_base_mm : (3,)
+    residuals, weights : (K, 3), (K, 3, 3)
+        What is left of the captures' figures there, and the inverse of their own covariances.
+    design : (K, 3, 9)
+        How the figures follow the sphere's centre in base and the tool.
+    covariance : (9, 9)
+    points : (K, 3)
+        The sphere's centre in L.
+    """
+
+    tool0_from_laser: RigidTransform
+    center_in_base_mm: FloatArray
+    residuals: FloatArray
+    weights: FloatArray
+    design: FloatArray
+    covariance: FloatArray
+    points: FloatArray
+
+    @property
+    def squared(self) -> float:
+        """The squared length of what is left, in standard deviations."""
+        return float(np.einsum("ki,kij,kj->", self.residuals, self.weights, self.residuals))
+
+    def surface_rms_mm(self, observations: Sequence[SphereObservation], radius_mm: float) -> FloatArray:
+        """Return how far each capture's points (K,) lie off the ball that all ask for; NaN without points."""
+        tool, sphere = Tool(self.tool0_from_laser, np.zeros((6, 6))), SphereSize(2 * radius_mm)
+        return np.array([_Seen(o, sphere, tool).surface_rms_mm(self.center_in_base_mm) for o in observations])
+
+
+def asked_by(
+    observations: Sequence[SphereObservation],
+    radius_mm: float,
+    start: RigidTransform,
+    center_in_base_mm: FloatArray,
+    tool: Tool,
+) -> Asked:
+    """Return the tool that captures of one still sphere ask for.
+
+    Parameters
+    ----------
+    observations : K captures, none of which helped to find the tool
+    radius_mm : float
+    start, center_in_base_mm
+        Near it.
+    tool : Tool
+        That is verified.  Its covariance is not used, but that it is off by more than 0.5 rad or 300 mm is not
+        believed: motions that leave it open have a large uncertainty.
+    """
+    believed = np.diag([0.0] * 3 + [1 / _PRIOR_RAD**2] * 3 + [1 / _PRIOR_MM**2] * 3)
+    at, center, best = start, center_in_base_mm, np.inf
+    step = np.zeros(9)
+    found: Asked | None = None
+    for _ in range(_STEPS):
+        trial, place = at.perturbed(step[3:]), center + step[:3]
+        residuals, covariances, by_center, by_tool, points = linearised(
+            observations, radius_mm, place, replace(tool, tool0_from_laser=trial)
+        )
+        design = np.concatenate([by_center, by_tool], axis=2)
+        weights: FloatArray = np.asarray(np.linalg.inv(covariances), dtype=float)
+        turned = np.swapaxes(design, 1, 2) @ weights
+        covariance = covariance_of((turned @ design).sum(axis=0) + believed)
+        deviation = np.concatenate([np.zeros(3), tool.tool0_from_laser.difference(trial)])
+        here = Asked(trial, place, residuals, weights, design, covariance, points)
+        cost = here.squared + float(deviation @ believed @ deviation)
+        if found is not None and cost > best + 1e-9:
+            step = step / 2
+        else:
+            at, center, best, found = trial, place, cost, here
+            step = covariance @ ((turned @ residuals[..., None]).sum(axis=0)[:, 0] - believed @ deviation)
+        if float(np.abs(step * np.array([1.0] * 3 + [1e3] * 3 + [1.0] * 3)).max()) < _CONVERGED_MM:
+            break
+    assert found is not None
+    return found
+
+
 class _Seen:
     """One capture: what it measured (3,), and how that depends on the sphere's centre, the tool and the pose."""
 
-    def __init__(self, observation: SphereObservation, sphere: SphereSize, tool: Tool) -> None:
-        self._observation, self._sphere, self._tool = observation, sphere, tool
+    def __init__(self, observation: SphereObservation, sphere: SphereSize, tool: Tool, side: int = 0) -> None:
+        self._observation, self._sphere, self._tool, self._side = observation, sphere, tool, side
         self._base_from_laser = observation.base_from_tool0 @ tool.tool0_from_laser
         self._laser_from_base = self._base_from_laser.inverse()
         center = observation.center_in_laser_mm
         radius = observation.circle_radius_mm
         self.measured = center if radius is None else np.array([center[0], center[2], radius])
         self.noise = observation.center_covariance
-
-    def guesses(self) -> list[FloatArray]:
-        """Return where the sphere's centre may be in base: of a profile on either side."""
-        sides = (1, -1) if self._observation.circle_radius_mm is not None else (1,)
-        return [self._in_base(side) for side in sides]
 
     def residual(self, center_in_base: FloatArray) -> FloatArray:
         """Return measured minus predicted."""
@@ -217,11 +274,6 @@ class _Seen:
         slope = self.slope(center_in_base)
         return self.noise + slope @ self.pose_covariance(center_in_base) @ slope.T
 
-    def squared_distance(self, center_in_base: FloatArray) -> float:
-        """Return the squared distance of measured from predicted in standard deviations."""
-        residual = self.residual(center_in_base)
-        return float(residual @ np.linalg.solve(self.covariance(center_in_base), residual))
-
     def center_in_laser_mm(self, center_in_base: FloatArray) -> FloatArray:
         """Return where the capture should see the centre in L."""
         return self._laser_from_base.apply(center_in_base)
@@ -237,8 +289,8 @@ class _Seen:
         return self._in_base(int(self.side(center_in_base)) or 1)
 
     def side(self, center_in_base: FloatArray) -> float:
-        """Return the sign of the centre's y in L."""
-        return float(np.sign(self._laser_from_base.apply(center_in_base)[1]))
+        """Return the sign of the centre's y in L, as it was chosen or as the centre says."""
+        return self._side or float(np.sign(self._laser_from_base.apply(center_in_base)[1]))
 
     def surface_rms_mm(self, center_in_base: FloatArray) -> float:
         """Return the root mean square distance of the points to the sphere; NaN without points."""

@@ -22,12 +22,14 @@ from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.agreement import disagreeing
 from calib_core.stages.verify.calibrated import that_calibrated
+from calib_core.stages.verify.contradictions import contradictions
 from calib_core.stages.verify.decision import TITLES, checked, decision_findings, overall, probing, tool_error
 from calib_core.stages.verify.flatness import Plate, plate
-from calib_core.stages.verify.held_out import HeldOut, Tool, held_out, together
+from calib_core.stages.verify.held_out import HeldOut, held_out, together
 from calib_core.stages.verify.limits import LIMITS, limit_findings
 from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
+from calib_core.stages.verify.tool import Tool
 from calib_core.steps import steps_that_show
 
 _ANSWER_SHARE = 0.6
@@ -86,17 +88,28 @@ def solve(given: StageInput) -> VerifyResult:
     )
     late = limit_findings(limits)
     checks = _flatness(limits, flat)
-    findings, found = [*same], None
+    findings, found, doubtful = [*same], None, list[Finding]()
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     if count >= LEAST_CAPTURES:
         observed = replace(observed, observations=[o for seen in spheres.values() for o in seen])
         found = together([held_out(seen, sphere, tool) for seen in spheres.values()])
         first = next(iter(spheres.values()))
-        checks = [*_checks(given, first, sphere, tool, found), *_spacing(given, spheres, sphere, tool), *checks]
-        findings += _disagreeing(first, sphere, tool, found)
+        doubtful = contradictions(first, sphere.radius_mm, found)
+        checks = [
+            *_checks(given, first, sphere, tool, found, not doubtful),
+            *_spacing(given, spheres, sphere, tool),
+            *checks,
+        ]
+        findings += [*doubtful, *_disagreeing(first, sphere, tool, found)]
     unchecked = _unchecked(limits, checks, flat)
     decision = overall(checks, len(unchecked))
-    findings += [*decision_findings(checks, count), *doubts, *(flat.findings if flat else []), *late, *unchecked]
+    findings += [
+        *([] if doubtful else decision_findings(checks, count)),
+        *doubts,
+        *(flat.findings if flat else []),
+        *late,
+        *unchecked,
+    ]
     findings += _of_scatter(found, knows_uncertainty, decision) if found is not None else []
     surfaces = np.empty(0) if found is None else found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
     return VerifyResult(
@@ -156,7 +169,7 @@ def _disagreeing(
     observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool, found: HeldOut
 ) -> list[Finding]:
     """Return which captures the others contradict."""
-    named = disagreeing(observations, sphere.radius_mm, found.center_in_base_mm, tool)
+    named = disagreeing(observations, sphere.radius_mm, found.asked, tool)
     each = {name: {"sigmas": round(sigmas, 1)} for name, sigmas in named.items()}
     return [codes.CAPTURES_DISAGREE(list(named), each=each)] if named else []
 
@@ -202,12 +215,17 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[F
 
 
 def _checks(
-    given: StageInput, observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool, found: HeldOut
+    given: StageInput,
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    tool: Tool,
+    found: HeldOut,
+    sound: bool,
 ) -> list[VerifyCheck]:
-    """Return the figures that limits may be set for, each with its limit."""
+    """Return the figures that limits may be set for, each with its limit; unsound captures decide none."""
     limits = given.session.cell.verification
-    error = tool_error(observations, sphere.radius_mm, found.center_in_base_mm, tool)
-    count = len({o.capture for o in observations})
+    error = tool_error(found.asked, tool)
+    count = len({o.capture for o in observations}) if sound else 0
     checks = [checked("tool", error, limits.tool_mm, count)]
     points = [
         (o.base_from_tool0 @ tool.tool0_from_laser).apply(o.points_in_laser_mm)
@@ -217,9 +235,9 @@ def _checks(
     if len(points) >= _LEAST_PROBED:
         figures = probing(points, sphere.diameter_mm, sphere.sigma_mm)
         checks += [
-            checked("form", figures["form"], limits.form_mm),
-            checked("form_95", figures["form_95"], limits.form_95_mm),
-            checked("size", figures["size"], limits.size_mm),
+            checked("form", figures["form"], limits.form_mm, count),
+            checked("form_95", figures["form_95"], limits.form_95_mm, count),
+            checked("size", figures["size"], limits.size_mm, count),
         ]
     return checks
 

@@ -9,7 +9,8 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.frames import FloatArray
 from calib_core.records import Capture
 from calib_core.stages.verify.decision import Estimate
-from calib_core.stages.verify.held_out import HeldOut, Tool, held_out
+from calib_core.stages.verify.held_out import HeldOut, held_out
+from calib_core.stages.verify.tool import Tool
 
 LEAST_CAPTURES = 2  # of each sphere: one alone shows nothing of its own scatter
 _FREEDOM = 3

@@ -1,0 +1,143 @@
+"""Whether the table, or the sphere on it, moved while it was captured.
+
+A table that was pushed is elsewhere from some capture on: most likely from a mounting on, when hands were at it.
+One that creeps goes on from the first capture to the last.  A sphere that was touched stands elsewhere on the
+table for the rest of its mounting, and one whose clamp gives goes on through it.  Each is a score test.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final, Literal
+
+import numpy as np
+
+from calib_core.chain.incidents import by_place
+from calib_core.chain.rejection import Judged
+from calib_core.chain.score import Scores
+from calib_core.estimation import chance_of
+from calib_core.findings import Code, Finding
+from calib_core.findings.codes import turntable as codes
+from calib_core.frames import FloatArray
+
+Moved = Literal["table-pushed", "table-creeps", "sphere-reseated", "clamp-gives"]
+
+_CODES: Final[dict[Moved, Code]] = {
+    "table-pushed": codes.TABLE_PUSHED,
+    "table-creeps": codes.TABLE_CREEPS,
+    "sphere-reseated": codes.SPHERE_RESEATED,
+    "clamp-gives": codes.CLAMP_GIVES,
+}
+_FAR_MM: Final = 5.0
+_LEAST_MM: Final = 0.05
+_LEAST_BESIDE: Final = 2  # captures on either side of a change: one alone is told by rejection
+_RARE: Final[dict[Moved, float]] = {
+    "table-pushed": 0.0015,
+    "table-creeps": 0.001,
+    "sphere-reseated": 0.0005,
+    "clamp-gives": 0.0005,
+}
+"""How often a table that stands still may be taken to have moved so, over all places of a change."""
+_AT_BORDERS: Final = 0.7  # of that chance is for pushes between two mountings
+
+
+@dataclass(frozen=True)
+class TableMove:
+    """One move: what moved, between or before which captures of the table, how far, and how rare by chance.
+
+    The chance is as a `Pattern`'s, with the sigmas as they were found.
+    """
+
+    kind: Moved
+    first: int
+    last: int
+    shift_mm: float
+    chance: float
+
+    def finding(self, names: Sequence[str]) -> Finding:
+        """Return what is noticed of it, of captures of the table by their names."""
+        own = list(names[self.first : self.last])
+        return _CODES[self.kind](own, shift_mm=self.shift_mm, since=own[0], until=own[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    kind: Moved
+    first: int
+    last: int
+    rows: FloatArray
+    rare: float
+
+
+def table_move_of(judged: Judged, count: int) -> TableMove | None:
+    """Return the likeliest move that chance does not explain, None where there is none.
+
+    Parameters
+    ----------
+    judged : Judged
+        Of captures of the table, with others before them or alone.
+    count : int
+        How many of the last captures are the table's, in the order in which they were taken.
+    """
+    walk = judged.data.walk
+    if walk.layout.axes[walk.layout.table].kind == "linear" or len(walk.layout.axes) > 1:
+        return None
+    scores = Scores.of(judged)
+    found: list[tuple[float, TableMove]] = []
+    for trial in _trials(judged, count):
+        gain, size = scores.gained(trial.rows, _FAR_MM)
+        chance, shift_mm = scores.chance(gain, trial.rows.shape[2]), float(np.linalg.norm(size))
+        if chance < trial.rare and shift_mm > _LEAST_MM:
+            by_sigmas = chance_of(gain / judged.excess, trial.rows.shape[2])
+            move = TableMove(trial.kind, trial.first, trial.last, shift_mm, by_sigmas)
+            found.append((chance / trial.rare, move))
+    return min(found, key=lambda one: one[0], default=(0.0, None))[1]
+
+
+def _trials(judged: Judged, count: int) -> Iterator[_Trial]:
+    """Yield every move that is tried, with its share of the chance of a false one."""
+    every, places = judged.data.count, judged.data.walk.place
+    before = every - count
+    number = np.arange(every) - before
+    heard = judged.used & (number >= 0)
+    runs = _runs(places[before:])
+    by_axis, by_ball = _by_table(judged), by_place(judged)
+
+    def beside(first: int, start: int, end: int) -> bool:
+        sides = heard[before + start : before + first], heard[before + first : before + end]
+        return all(int(np.count_nonzero(side)) >= _LEAST_BESIDE for side in sides)
+
+    borders = [start for start, _ in runs[1:] if beside(start, 0, count)]
+    inside = [k for start, end in runs for k in range(start + 1, end) if beside(k, 0, count)]
+    for some, share in ((borders, _AT_BORDERS), (inside, 1 - _AT_BORDERS)):
+        for k in some:
+            rows = by_axis * (number >= k)[:, None, None]
+            rows = rows[:, :, :2] if some is borders else rows
+            yield _Trial("table-pushed", k, count, rows, share * _RARE["table-pushed"] / len(some))
+    course = np.clip(number / max(count - 1, 1), 0.0, None)
+    if beside(count // 2, 0, count):
+        yield _Trial("table-creeps", 0, count, by_axis * course[:, None, None], _RARE["table-creeps"])
+    reseated = [(k, end) for start, end in runs for k in range(start + 1, end) if beside(k, start, end)]
+    for k, end in reseated:
+        rows = by_ball * ((number >= k) & (number < end))[:, None, None]
+        yield _Trial("sphere-reseated", k, end, rows, _RARE["sphere-reseated"] / len(reseated))
+    gives = [(start, end) for start, end in runs if beside((start + end) // 2, start, end)]
+    for start, end in gives:
+        weights = np.where((number >= start) & (number < end), (number - start) / max(end - 1 - start, 1), 0.0)
+        yield _Trial(
+            "clamp-gives", start, end, by_ball * weights[:, None, None], _RARE["clamp-gives"] / len(gives)
+        )
+
+
+def _runs(places: np.ndarray) -> list[tuple[int, int]]:
+    """Return where each mounting begins and ends among captures in their order."""
+    starts = [0, *(np.flatnonzero(np.diff(places)) + 1).tolist(), len(places)]
+    return list(pairwise(starts))
+
+
+def _by_table(judged: Judged) -> FloatArray:
+    """Return how a shift of the table along its own axes moves each capture's expected sphere, (K, 3, 3)."""
+    at, walk = judged.fit.minimum.at, judged.data.walk
+    first = walk.layout.axis(walk.layout.table).start
+    along = by_place(judged)[:, :, 2:]  # a rotary axis carries its spheres along itself as it stands
+    return np.concatenate([at.jacobian[:, :, first + 2 : first + 4], along], axis=2)

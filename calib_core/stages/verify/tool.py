@@ -1,0 +1,38 @@
+"""The tool that is verified."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.stages.tcp.record import ToolResult
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """The tool that is verified.
+
+    Parameters
+    ----------
+    tool0_from_laser : RigidTransform
+    covariance : (6, 6)
+        Rotation perturbing on the right, rad and mm; zeros where it is taken as exact.
+    position_sigma_mm, orientation_sigma_rad : float
+        Of the robot's poses.
+    """
+
+    tool0_from_laser: RigidTransform
+    covariance: FloatArray
+    position_sigma_mm: float = 0.0
+    orientation_sigma_rad: float = 0.0
+
+    @classmethod
+    def of(cls, answer: ToolResult) -> "Tool":
+        """Return the tool of a stage's answer."""
+        parts = answer.variance_components
+        return cls(
+            answer.mount_from_laser,
+            np.array(answer.covariance, dtype=float),
+            parts.position_sigma_mm,
+            parts.orientation_sigma_rad,
+        )

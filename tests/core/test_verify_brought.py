@@ -1,0 +1,28 @@
+"""Verifying a tool that the user brings without an uncertainty: its own error is no reason for wrong sides."""
+
+import pytest
+
+from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.verify.record import VerifyResult
+from tests.verified import brought_tool
+
+
+def verified(off_mm: float, shuffled: bool = False) -> VerifyResult:
+    cell = brought_tool(5, off_mm, shuffled)
+    result = solve_stage(cell.session, "verify", cell.files.__getitem__)
+    assert isinstance(result, VerifyResult)
+    return result
+
+
+def test_a_tool_off_by_less_than_the_limit_passes_and_by_more_fails() -> None:
+    good, bad = verified(0.3), verified(1.6)
+    assert (good.decision, good.verdict) == ("pass", "pass"), good.warnings  # undecided: error 23.7 mm, before
+    assert good.checks[0].value_mm == pytest.approx(0.3, abs=good.checks[0].uncertainty_mm)
+    assert bad.decision == "fail"
+    assert bad.checks[0].value_mm == pytest.approx(1.6, abs=bad.checks[0].uncertainty_mm)
+
+
+def test_points_that_no_tool_brings_onto_the_ball_are_told_before_any_figure() -> None:
+    result = verified(0.3, shuffled=True)
+    assert result.findings[0].code == "verify-points-off-ball"
+    assert (result.decision, result.verdict) == ("undecided", "warn")
