@@ -25,6 +25,7 @@ _SEARCH_CAPTURES = 40  # more do not make the search safer, only slower
 # some are by good ones alone.
 _STARTS_BY_FEW = 480
 _FEW = 5
+_ALIKE_RAD, _ALIKE_MM = 0.02, 10.0  # captures of poses so near to each other say one thing, not many
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,14 @@ class Centers:
             self.height_weight[which],
         )
 
+    @property
+    def shares(self) -> FloatArray:
+        """By how much each capture counts (K,): those of poses that are nearly one count as one together."""
+        turned = np.einsum("aij,bij->ab", self.rotations, self.rotations)
+        near = turned > 1 + 2 * np.cos(_ALIKE_RAD)
+        apart = np.linalg.norm(self.translations[:, None] - self.translations[None], axis=2)
+        return 1 / np.count_nonzero(near & (apart < _ALIKE_MM), axis=1)
+
     def sought(self, weight: FloatArray) -> Sought:
         """Return the same for a search, with a weight (K, 3) of each centre's components."""
         return Sought(self.rotations[None], self.translations[None], self.measured[None], weight[None])
@@ -75,8 +84,10 @@ class Start:
         ±1; 0 where a capture has no side to choose.
     misfit_mm : (K,)
         Distance of each capture's own centre from the guessed one, y weighted.
+    shares : (K,)
+        As of `Centers`.
     scatter_mm : float
-        Robust scale of the misfits (median).
+        Robust scale of the misfits (median, by shares).
     rival_scatter_mm : float or None
         The same for the best guess with other sides.
     """
@@ -86,6 +97,7 @@ class Start:
     center: FloatArray
     sides: np.ndarray
     misfit_mm: FloatArray
+    shares: FloatArray
     scatter_mm: float
     rival_scatter_mm: float | None
 
@@ -136,7 +148,8 @@ def find_starts(centers: Centers) -> list[Start]:
 def badness(start: Start) -> float:
     """Return a robust cost: captures beyond a few scatters count as lost, however far they are."""
     scale = max(start.scatter_mm, 0.05)
-    return float(np.sum(np.log1p((start.misfit_mm / (3 * scale)) ** 2)) + len(start.misfit_mm) * np.log(scale))
+    cost = np.log1p((start.misfit_mm / (3 * scale)) ** 2) + np.log(scale)
+    return float(start.shares @ cost)
 
 
 def _is_rival(start: Start, best: Start) -> bool:
@@ -150,8 +163,9 @@ def _candidates(centers: Centers) -> list[tuple[FloatArray, FloatArray, FloatArr
     weight = np.ones_like(centers.measured)
     weight[:, 1] = np.where(centers.open_side, 0.0, centers.height_weight)
     sought = centers.sought(weight)
-    rotations, linear, misfit = _searched(sought)
-    scatter = np.median(sought.distances(misfit), axis=1)
+    shares = centers.shares
+    rotations, linear, misfit = _searched(sought, shares)
+    scatter = middle_of(sought.distances(misfit), shares)
     guesses: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     seen: list[FloatArray] = []
     for index in np.argsort(scatter):
@@ -169,23 +183,25 @@ def _candidates(centers: Centers) -> list[tuple[FloatArray, FloatArray, FloatArr
     return guesses
 
 
-def _searched(sought: Sought) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _searched(sought: Sought, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return rotations, linear unknowns and residuals of guesses from everywhere, by all captures and by few."""
     count = sought.measured.shape[1]
     rotations = random_rotations(_STARTS if count > _FEW else _STARTS + _STARTS_BY_FEW)
-    found = [_promising(sought, *sought.refined(rotations, sought.linear_unknowns(rotations), 8)[:2])]
+    found = [_promising(sought, shares, *sought.refined(rotations, sought.linear_unknowns(rotations), 8)[:2])]
     if count > _FEW:
-        some = sought.chosen(random_few(_STARTS_BY_FEW, count, _FEW))
+        some = sought.chosen(random_few(_STARTS_BY_FEW, shares, _FEW))
         rotations = random_rotations(_STARTS_BY_FEW)
         rotations, linear, _ = some.refined(rotations, some.linear_unknowns(rotations), 12)
-        found.append(_promising(sought, rotations, linear))
+        found.append(_promising(sought, shares, rotations, linear))
     rotations, linear = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return rotations, linear, sought.misfit(rotations, linear)
 
 
-def _promising(sought: Sought, rotations: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _promising(
+    sought: Sought, shares: FloatArray, rotations: FloatArray, linear: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return those guesses refined to the end that fit best so far: a third of them."""
-    scatter = np.median(sought.distances(sought.misfit(rotations, linear)), axis=1)
+    scatter = middle_of(sought.distances(sought.misfit(rotations, linear)), shares)
     best = np.argsort(scatter)[: max(len(scatter) // 3, 1)]
     return sought.refined(rotations[best], linear[best], 17)[:2]
 
@@ -229,7 +245,18 @@ def settled(centers: Centers, guesses: list[tuple[FloatArray, FloatArray, FloatA
             break
     distance = sought.distances(misfit)
     sides = np.where(centers.open_side, np.where(signed[..., 1] < 0, -1, 1), 0)
+    shares = centers.shares
     return [
-        Start(r, r @ u[3:], u[:3], s, d, float(np.median(d)), None)
-        for r, u, s, d in zip(rotations, linear, sides, distance, strict=True)
+        Start(r, r @ u[3:], u[:3], s, d, shares, float(m), None)
+        for r, u, s, d, m in zip(rotations, linear, sides, distance, middle_of(distance, shares), strict=True)
     ]
+
+
+def middle_of(distances: FloatArray, shares: FloatArray) -> FloatArray:
+    """Return the median of distances (N, K), each counting by its share (K,)."""
+    if np.all(shares == 1):
+        return np.median(distances, axis=1)
+    order = np.argsort(distances, axis=1)
+    below = np.cumsum(shares[order], axis=1)
+    place = np.argmax(below >= below[:, -1:] / 2, axis=1)
+    return np.take_along_axis(distances, np.take_along_axis(order, place[:, None], axis=1), axis=1)[:, 0]

@@ -84,7 +84,13 @@ def random_rotations(count: int) -> FloatArray:
     return Rotation.random(count, rng=np.random.default_rng(2010)).as_matrix()
 
 
-def random_few(guesses: int, captures: int, few: int) -> np.ndarray:
-    """Return for every guess the indices (guesses, few) of different captures, drawn the same every time."""
+def random_few(guesses: int, shares: FloatArray, few: int) -> np.ndarray:
+    """Return for every guess the indices (guesses, few) of different captures, drawn the same every time.
+
+    A capture comes as often as its share (K,) says, so that few of one pose are drawn together.
+    """
+    captures = len(shares)
     draws = np.random.default_rng(captures).random((guesses, captures))
+    if np.any(shares < 1):
+        draws = -np.log1p(-draws) / shares  # the first of exponential waiting times
     return np.argpartition(draws, few - 1, axis=1)[:, :few]

@@ -74,7 +74,12 @@ def _set(**values: object) -> Callable[[Plan, Rng], None]:
     return change
 
 
+def _half_alike(plan: Plan, rng: Rng) -> None:
+    plan.shifts, plan.tilts, plan.alike = 9, 5, 7
+
+
 TROUBLES = (
+    Trouble("half of 14 poses alike", _half_alike),
     Trouble("two poses swapped", _writes(_swaps)),
     Trouble("a pose is another capture's", _writes(_copies)),
     Trouble("poses shifted by one", _writes(_shifted_by_one)),

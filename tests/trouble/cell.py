@@ -21,6 +21,8 @@ class Plan:
 
     Attributes
     ----------
+    alike
+        How many of the first captures are taken from nearly one pose.
     radius_mm, told_diameter_mm, told_diameter_sigma_mm
         The sphere as it is, and as it is told.
     shifts, tilts, tilt_rad, spread_mm
@@ -50,6 +52,7 @@ class Plan:
         Merged into the cell's record.
     """
 
+    alike: int = 0
     radius_mm: float = 20.0
     told_diameter_mm: float | None = None
     told_diameter_sigma_mm: float | None = None
@@ -169,8 +172,11 @@ def _captures(
     profiles: list[FloatArray] = []
     seen: list[FloatArray] = []
     arm = Arm(plan)
+    first = drawn_place(plan, rng) if plan.alike else np.zeros(3)
     for k, tilt in enumerate(tilts):
         place, rotation = drawn_place(plan, rng), NOMINAL @ turn(tilt)
+        if k < plan.alike:
+            place, rotation = first + rng.standard_normal(3), NOMINAL @ turn(0.002 * rng.standard_normal(3))
         taken = take(arm, tool, rotation, place, (center, center + plan.sphere_at(k, count)), k, rng)
         poses.append(taken.pose)
         profiles.append(taken.profile)
