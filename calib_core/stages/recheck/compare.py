@@ -117,7 +117,7 @@ def compared(
     after, noise_after, by_center, by_tool, _ = linearised(now, radius_mm, center_in_base_mm, tool)
     differences = after - before
     covariances = noise_before + noise_after + _not_cancelled(then, now, radius_mm, center_in_base_mm, tool, alike)
-    turns = np.array([(o.base_from_tool0 @ tool.tool0_from_laser).rotation for o in now])
+    turns = np.array([(o.base_from_tool0 @ tool.mount_from_laser).rotation for o in now])
     by_laser = by_center @ turns  # how the figures follow the sphere's place in L
     weights: FloatArray = np.asarray(np.linalg.inv(covariances), dtype=np.float64)
     whole = float(np.einsum("ki,kij,kj->", differences, weights, differences))
@@ -168,8 +168,8 @@ def _not_cancelled(
     """Return the covariance (K, 3, 3) that the arm's alike errors add where poses were not quite repeated."""
     if alike is None or not (alike.position_sigma_mm or alike.orientation_sigma_rad):
         return np.zeros((len(now), 3, 3))
-    still = Tool(tool.tool0_from_laser, tool.covariance, 0.0, 0.0)
-    moving = Tool(tool.tool0_from_laser, tool.covariance, alike.position_sigma_mm, alike.orientation_sigma_rad)
+    still = Tool(tool.mount_from_laser, tool.covariance, 0.0, 0.0)
+    moving = Tool(tool.mount_from_laser, tool.covariance, alike.position_sigma_mm, alike.orientation_sigma_rad)
     own = linearised(now, radius_mm, center_in_base_mm, still)[1]
     more = linearised(now, radius_mm, center_in_base_mm, moving)[1] - own
     shares = np.array([alike.apart(one, other) for one, other in zip(then, now, strict=True)])

@@ -138,8 +138,8 @@ def tool_error(asked: Asked, tool: Tool) -> Estimate:
     freedom = max(3 * len(asked.points) - 9, 1)
     growth = max(1.0, asked.squared / freedom)
     point = asked.points.mean(axis=0)
-    off = asked.tool0_from_laser.apply(point) - tool.tool0_from_laser.apply(point)
-    moved = np.hstack([skew(point), -asked.tool0_from_laser.rotation.T])
+    off = asked.mount_from_laser.apply(point) - tool.mount_from_laser.apply(point)
+    moved = np.hstack([skew(point), -asked.mount_from_laser.rotation.T])
     spread = moved @ asked.covariance[3:, 3:] @ moved.T * growth
     return Estimate(float(np.linalg.norm(off)), 2 * float(np.sqrt(np.linalg.eigvalsh(spread)[-1])))
 

@@ -98,7 +98,7 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
         surface_rms_mm=np.array([one.surface_rms_mm(center) for one in seen]),
         chi_squared=float(joint.residuals @ np.linalg.solve(joint.covariance, joint.residuals)),
         degrees_of_freedom=3 * len(seen) - 3,
-        asked=asked_by(observations, sphere.radius_mm, chosen.tool0_from_laser, center_as_asked, tool),
+        asked=asked_by(observations, sphere.radius_mm, chosen.mount_from_laser, center_as_asked, tool),
         sides_open=chosen.open,
     )
 
@@ -149,7 +149,7 @@ class Asked:
 
     Attributes
     ----------
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
     center_in_base_mm : (3,)
     residuals, weights : (K, 3), (K, 3, 3)
         What is left of the captures' figures there, and the inverse of their own covariances.
@@ -160,7 +160,7 @@ class Asked:
         The sphere's centre in L.
     """
 
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     center_in_base_mm: FloatArray
     residuals: FloatArray
     weights: FloatArray
@@ -175,7 +175,7 @@ class Asked:
 
     def surface_rms_mm(self, observations: Sequence[SphereObservation], radius_mm: float) -> FloatArray:
         """Return how far each capture's points (K,) lie off the ball that all ask for; NaN without points."""
-        tool, sphere = Tool(self.tool0_from_laser, np.zeros((6, 6))), SphereSize(2 * radius_mm)
+        tool, sphere = Tool(self.mount_from_laser, np.zeros((6, 6))), SphereSize(2 * radius_mm)
         return np.array([_Seen(o, sphere, tool).surface_rms_mm(self.center_in_base_mm) for o in observations])
 
 
@@ -205,13 +205,13 @@ def asked_by(
     for _ in range(_STEPS):
         trial, place = at.perturbed(step[3:]), center + step[:3]
         residuals, covariances, by_center, by_tool, points = linearised(
-            observations, radius_mm, place, replace(tool, tool0_from_laser=trial)
+            observations, radius_mm, place, replace(tool, mount_from_laser=trial)
         )
         design = np.concatenate([by_center, by_tool], axis=2)
         weights: FloatArray = np.asarray(np.linalg.inv(covariances), dtype=float)
         turned = np.swapaxes(design, 1, 2) @ weights
         covariance = covariance_of((turned @ design).sum(axis=0) + believed)
-        deviation = np.concatenate([np.zeros(3), tool.tool0_from_laser.difference(trial)])
+        deviation = np.concatenate([np.zeros(3), tool.mount_from_laser.difference(trial)])
         here = Asked(trial, place, residuals, weights, design, covariance, points)
         cost = here.squared + float(deviation @ believed @ deviation)
         if found is not None and cost > best + 1e-9:
@@ -230,7 +230,7 @@ class _Seen:
 
     def __init__(self, observation: SphereObservation, sphere: SphereSize, tool: Tool, side: int = 0) -> None:
         self._observation, self._sphere, self._tool, self._side = observation, sphere, tool, side
-        self._base_from_laser = observation.base_from_tool0 @ tool.tool0_from_laser
+        self._base_from_laser = observation.base_from_tool0 @ tool.mount_from_laser
         self._laser_from_base = self._base_from_laser.inverse()
         center = observation.center_in_laser_mm
         radius = observation.circle_radius_mm
@@ -260,13 +260,13 @@ class _Seen:
     def moved_by_tool(self, center_in_base: FloatArray) -> FloatArray:
         """Return how the centre in L follows the tool (3, 6): q turns by −r × q, and shifts by −Rᵀδ."""
         center = self._laser_from_base.apply(center_in_base)
-        return np.hstack([skew(center), -self._tool.tool0_from_laser.rotation.T])
+        return np.hstack([skew(center), -self._tool.mount_from_laser.rotation.T])
 
     def pose_covariance(self, center_in_base: FloatArray) -> FloatArray:
         """Return the covariance (3, 3) of the centre in L by the error of the robot's pose."""
         arm = skew(self._observation.base_from_tool0.inverse().apply(center_in_base))
         turning, shifting = self._tool.orientation_sigma_rad**2, self._tool.position_sigma_mm**2
-        rotation = self._tool.tool0_from_laser.rotation
+        rotation = self._tool.mount_from_laser.rotation
         return rotation.T @ (turning * arm @ arm.T + shifting * np.eye(3)) @ rotation
 
     def covariance(self, center_in_base: FloatArray) -> FloatArray:

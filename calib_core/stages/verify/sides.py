@@ -34,7 +34,7 @@ class Sides:
     ----------
     sides : (K,)
         ±1; 0 where a capture has no side to choose.
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
         As these captures see it.
     center_in_base_mm : (3,)
     open : bool
@@ -42,7 +42,7 @@ class Sides:
     """
 
     sides: np.ndarray
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     center_in_base_mm: FloatArray
     open: bool
 
@@ -52,7 +52,7 @@ def likeliest_sides(observations: Sequence[SphereObservation], sphere: SphereSiz
     search = _Search(observations, sphere, tool)
     ends: dict[bytes, _End] = {}
     for center in search.guesses():
-        end = search.settled(search.at(tool.tool0_from_laser, center))
+        end = search.settled(search.at(tool.mount_from_laser, center))
         known = ends.get(end.sides.tobytes())
         if known is None or end.cost < known.cost:
             ends[end.sides.tobytes()] = end
@@ -84,7 +84,7 @@ class _Search:
     """Captures as arrays, and fits of tool and sphere to them."""
 
     def __init__(self, observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool) -> None:
-        self._given = tool.tool0_from_laser
+        self._given = tool.mount_from_laser
         self._rotations = np.array([o.base_from_tool0.rotation for o in observations])
         self._places = np.array([o.base_from_tool0.translation_mm for o in observations])
         self.seen_mm = np.array([o.sphere_center_in_laser_mm(sphere, 1) for o in observations])
@@ -166,6 +166,6 @@ def _precision(o: SphereObservation, sphere: SphereSize, tool: Tool) -> FloatArr
         height = np.sqrt(max(sphere.radius_mm**2 - o.circle_radius_mm**2, (0.05 * sphere.radius_mm) ** 2))
         rows = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, o.circle_radius_mm / height], [0.0, 1.0, 0.0]])
         noise = rows @ noise @ rows.T
-    lever = float(np.linalg.norm(tool.tool0_from_laser.apply(o.center_in_laser_mm)))
+    lever = float(np.linalg.norm(tool.mount_from_laser.apply(o.center_in_laser_mm)))
     own = max(_SCATTER_MM, float(np.hypot(tool.position_sigma_mm, tool.orientation_sigma_rad * lever)))
     return np.asarray(np.linalg.inv(noise + own**2 * np.eye(3)), dtype=float)

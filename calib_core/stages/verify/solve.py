@@ -84,7 +84,7 @@ def solve(given: StageInput) -> VerifyResult:
             alone=alone[0],
         )
     flat = plate(
-        given.session, [c for c in given.captures if c.step == "plate"], given.read, tool.tool0_from_laser
+        given.session, [c for c in given.captures if c.step == "plate"], given.read, tool.mount_from_laser
     )
     late = limit_findings(limits)
     checks = _flatness(limits, flat)
@@ -118,7 +118,7 @@ def solve(given: StageInput) -> VerifyResult:
         inputs_sha256=given.inputs_sha256,
         **judgement(findings),
         verified=verified,
-        tool0_from_laser=tool.tool0_from_laser.to_rows(),
+        tool0_from_laser=tool.mount_from_laser.to_rows(),
         surface_rms_mm=float(np.sqrt(np.mean(surfaces**2))) if len(surfaces) else None,
         **_figures(found, knows_uncertainty),
         checks=checks,
@@ -182,7 +182,7 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[F
     """Return what a flat plate says of the tool, where no sphere was captured."""
     limits = given.session.cell.verification
     captures = [capture for capture in given.captures if capture.step == "plate"]
-    flat = plate(given.session, captures, given.read, tool.tool0_from_laser)
+    flat = plate(given.session, captures, given.read, tool.mount_from_laser)
     checks = _flatness(limits, flat)
     if flat is None or not checks:
         to_do = "" if flat is None else flat.why_not
@@ -198,7 +198,7 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[F
         inputs_sha256=given.inputs_sha256,
         **judgement(findings),
         verified=verified,
-        tool0_from_laser=tool.tool0_from_laser.to_rows(),
+        tool0_from_laser=tool.mount_from_laser.to_rows(),
         sphere_center_in_base_mm=None,
         sphere_center_covariance=None,
         surface_rms_mm=None,
@@ -228,7 +228,7 @@ def _checks(
     count = len({o.capture for o in observations}) if sound else 0
     checks = [checked("tool", error, limits.tool_mm, count)]
     points = [
-        (o.base_from_tool0 @ tool.tool0_from_laser).apply(o.points_in_laser_mm)
+        (o.base_from_tool0 @ tool.mount_from_laser).apply(o.points_in_laser_mm)
         for o in observations
         if len(o.points_in_laser_mm)
     ]

@@ -14,14 +14,14 @@ class Tool:
 
     Parameters
     ----------
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
     covariance : (6, 6)
         Rotation perturbing on the right, rad and mm; zeros where it is taken as exact.
     position_sigma_mm, orientation_sigma_rad : float
         Of the robot's poses.
     """
 
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     covariance: FloatArray
     position_sigma_mm: float = 0.0
     orientation_sigma_rad: float = 0.0
