@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from html import escape
 
 from calib_core.evidence.numbers import number_text
-from calib_core.messages import message
+from calib_core.messages import message, plural
 from server.scenes.answers import magnified as answers_magnified
 from server.scenes.cloud_layers import height_range_mm, shown_cloud
 from server.scenes.cloud_view import Section
@@ -45,7 +45,7 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
 
     parts = _of_captures(facts, look) if told("frames", "points") else []
     if facts.captures and facts.tool0_from_laser is not None and told("light"):
-        parts.append(_key(LIGHT, "◣", "plane of light"))
+        parts.append(_key(LIGHT, "◣", message("plane of light")))
     if facts.table is not None and told("table"):
         parts += _of_table(facts.table)
     if facts.optics is not None and told("camera"):
@@ -56,19 +56,20 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
         how = "larger than drawn" if is_cut(facts) else f"×{magnified(facts)}"
         parts.append(_key(UNCERTAIN, "●", message("uncertainty, k = 2, {how}", how=how)))
     if facts.so_far is not None and told("so-far"):
-        parts.append(_key(SPHERE, "●", "scanner and sphere, as far as known"))
-        parts.append(_key(GHOST, "●", "uncertainty by now, k = 2, at most 25 mm drawn"))
+        parts.append(_key(SPHERE, "●", message("scanner and sphere, as far as known")))
+        parts.append(_key(GHOST, "●", message("uncertainty by now, k = 2, at most 25 mm drawn")))
     if facts.table_so_far is not None and told("table-so-far"):
         parts.append(_key(GHOST, "◍", message("axis by now, k = 2, ×{axis_times}", axis_times=AXIS_TIMES)))
     if facts.field is not None and layers is not None and "field" in layers:
         low, high = facts.field.range_mm
-        parts.append(f"<div><h2>One scan over the table, k = 2</h2>{_bar(VIRIDIS)}")
+        parts.append(f"<div>{_head(message('One scan over the table, k = 2'))}{_bar(VIRIDIS)}")
         parts.append(f'<div class="ticks"><span>±{low:.3f} mm</span><span>±{high:.3f} mm</span></div></div>')
     if facts.compared and layers is not None and "answers" in layers:
-        parts += [_key(FIRST, "●", "first answer"), _key(SECOND, "●", "second answer")]
-        parts.append(f"<p>Ellipsoids, k = 2, and the way between them ×{answers_magnified(facts)}</p>")
+        parts += [_key(FIRST, "●", message("first answer")), _key(SECOND, "●", message("second answer"))]
+        times = answers_magnified(facts)
+        parts.append(_line(message("Ellipsoids, k = 2, and the way between them ×{times}", times=times)))
     if look.alone:
-        parts.append(f"<p>The cell as it stood at capture {escape(look.picked or '')}.</p>")
+        parts.append(_line(message("The cell as it stood at capture {capture}.", capture=look.picked or "")))
     return "".join(parts)
 
 
@@ -85,14 +86,16 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
         if count["waiting"]:
             parts.append(_key(WAITING, "●", message("{count} not in the result", count=count["waiting"])))
     elif facts.captures and facts.tool0_from_laser is None and facts.so_far is not None:
-        parts.append(_key(WAITING, "●", _plural(count["waiting"], "capture")))
+        parts.append(_key(WAITING, "●", _captures(count["waiting"])))
     elif facts.captures and facts.tool0_from_laser is None:
-        parts.append("<p>Only the flange is known so far. Scanner and sphere appear with the first result.</p>")
-        parts.append(_key(WAITING, "●", _plural(count["waiting"], "capture")))
+        parts.append(
+            _line(message("Only the flange is known so far. Scanner and sphere appear with the first result."))
+        )
+        parts.append(_key(WAITING, "●", _captures(count["waiting"])))
     elif facts.captures:
         parts.append(_key(USED, "●", message("{count} used", count=count["used"])))
     elif facts.optics is None and facts.table is None:
-        parts.append("<p>No captures yet. They appear here as they come in.</p>")
+        parts.append(_line(message("No captures yet. They appear here as they come in.")))
     excluded = sum(c.state == "rejected" and c.reason == BY_HAND for c in facts.captures)
     if count["rejected"] > excluded:
         parts.append(_key(REJECTED, "✕", message("{count} rejected", count=count["rejected"] - excluded)))
@@ -102,37 +105,47 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
 
 
 def _of_table(table: TableFacts) -> list[str]:
-    parts = ["<h2>Turntable</h2>", _key(AXIS, "↑", "axis, T at 0°")]
+    parts = [_head(message("Turntable")), _key(AXIS, "↑", message("axis, T at 0°"))]
     mounts = table.mounts or {}
     parts += [
         _key(mount_color(table, mount), "●", message("sphere {mount}", mount=mount or "on the table"))
         for mount in mounts
     ]
     if table.circles:
-        parts.append(_key(WAITING, "○", "circles of the paper's method"))
+        parts.append(_key(WAITING, "○", message("circles of the paper's method")))
     return parts
 
 
 def _of_optics(optics: OpticsFacts) -> list[str]:
-    parts = ["<h2>Camera</h2>"]
+    parts = [_head(message("Camera"))]
     plain = sum(board.used and not board.with_stripe for board in optics.boards)
     striped = sum(board.used and board.with_stripe for board in optics.boards)
     rejected = len(optics.boards) - plain - striped
     for color, sign, number, what in (
-        (BOARD, "▰", plain, f"{plain} board{'' if plain == 1 else 's'}"),
-        (LIGHT, "▰", striped, f"{striped} board{'' if striped == 1 else 's'} with the stripe"),
-        (REJECTED, "✕", rejected, f"{rejected} board{'' if rejected == 1 else 's'} rejected"),
+        (BOARD, "▰", plain, plural("{count} board", "{count} boards", by="count", count=plain)),
+        (
+            LIGHT,
+            "▰",
+            striped,
+            plural("{count} board with the stripe", "{count} boards with the stripe", by="count", count=striped),
+        ),
+        (
+            REJECTED,
+            "✕",
+            rejected,
+            plural("{count} board rejected", "{count} boards rejected", by="count", count=rejected),
+        ),
     ):
         if number:
             parts.append(_key(color, sign, what))
     if optics.camera_from_laser is not None:
-        parts.append(_key(LIGHT, "◣", "plane of light"))
-    parts.append("<p>Drawn beside the base: where the camera stood in the cell is not known.</p>")
-    return [*parts, *(f"<p>{escape(sentence)}</p>" for sentence in optics.missing)]
+        parts.append(_key(LIGHT, "◣", message("plane of light")))
+    parts.append(_line(message("Drawn beside the base: where the camera stood in the cell is not known.")))
+    return [*parts, *map(_line, optics.missing)]
 
 
 def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
-    parts = ["<h2>Merged cloud</h2>" if merged.fused else "<h2>Scans</h2>"]
+    parts = [_head(message("Merged cloud") if merged.fused else message("Scans"))]
     frame = "T" if merged.frame == "turntable" else "base"
     if look.cloud.colors == "by deviation":
         parts += _of_deviation(look.deviation)
@@ -145,11 +158,13 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
             _key(SCANS[number % len(SCANS)], "●", name) for number, name in enumerate(merged.names[: len(SCANS)])
         ]
         if len(merged.names) > len(SCANS):
-            parts.append(f"<p>and {len(merged.names) - len(SCANS)} more, the same colours again</p>")
+            parts.append(
+                _line(message("and {count} more, the same colours again", count=len(merged.names) - len(SCANS)))
+            )
         if merged.fused:
-            parts.append("<p>Each patch in the colour of the scan that weighs most in it</p>")
+            parts.append(_line(message("Each patch in the colour of the scan that weighs most in it")))
     if look.cloud.section is not None:
-        parts.append(f"<p>{_cut_words(look.cloud.section, frame)}</p>")
+        parts.append(_line(_cut_words(look.cloud.section, frame)))
     shown = len(merged.points_mm)
     part = (
         message("{shown} of {measured}", shown=number_text(shown, 0), measured=number_text(merged.measured, 0))
@@ -157,20 +172,27 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
         else number_text(shown, 0)
     )
     if merged.fused:
-        return [*parts, f"<p>{part} points, cleaned and merged.</p>"]
-    return [*parts, f"<p>{part} points as they were measured: not cleaned, not registered.</p>"]
+        return [*parts, _line(message("{part} points, cleaned and merged.", part=part))]
+    as_measured = message("{part} points as they were measured: not cleaned, not registered.", part=part)
+    return [*parts, _line(as_measured)]
 
 
 def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
     if not isinstance(deviation, CloudDeviation):
-        return [f"<p>{escape(deviation or 'No deviations yet.')}</p>"]
+        return [_line(deviation or message("No deviations yet."))]
     limit = length_text(deviation.limit_mm)
     ends = f"<span>≤ −{limit}</span><span>0</span><span>≥ +{limit}</span>"
     return [
-        f"<p>Distance to {escape(deviation.words)}</p>",
+        _line(message("Distance to {what}", what=deviation.words)),
         _bar(DIVERGING),
-        f'<div class="ticks">{ends}</div><div class="ticks"><span>inside</span><span>outside</span></div>',
-        f"<p>RMS {deviation.found.rms_mm:.3f} mm over {number_text(deviation.found.counted, 0)} points</p>",
+        f'<div class="ticks">{ends}</div>{_sides()}',
+        _line(
+            message(
+                "RMS {rms_mm:.3f} mm over {points} points",
+                rms_mm=deviation.found.rms_mm,
+                points=number_text(deviation.found.counted, 0),
+            )
+        ),
     ]
 
 
@@ -196,10 +218,14 @@ def rejected_html(facts: SceneFacts) -> str:
 def _scale(limit_mm: float) -> str:
     limit = length_text(limit_mm)
     return (
-        f"<div><h2>Distance to the sphere</h2>{_bar(DIVERGING)}"
+        f"<div>{_head(message('Distance to the sphere'))}{_bar(DIVERGING)}"
         f'<div class="ticks"><span>≤ −{limit}</span><span>0</span><span>≥ +{limit}</span></div>'
-        '<div class="ticks"><span>inside</span><span>outside</span></div></div>'
+        f"{_sides()}</div>"
     )
+
+
+def _sides() -> str:
+    return f'<div class="ticks"><span>{message("inside")}</span><span>{message("outside")}</span></div>'
 
 
 def _bar(colors: Sequence[Rgb]) -> str:
@@ -211,5 +237,13 @@ def _key(color: Rgb, sign: str, text: str) -> str:
     return f'<span class="key"><i style="color:{css(color)}">{sign}</i> {escape(text)}</span>'
 
 
-def _plural(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+def _head(text: str) -> str:
+    return f"<h2>{escape(text)}</h2>"
+
+
+def _line(text: str) -> str:
+    return f"<p>{escape(text)}</p>"
+
+
+def _captures(count: int) -> str:
+    return plural("{count} capture", "{count} captures", by="count", count=count)

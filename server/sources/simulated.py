@@ -89,7 +89,7 @@ def next_capture(
     if step == "verify":
         from calib_core.simulation import to_verify
 
-        number, name = next((n, name) for n in count(1) if (name := f"v{n:02d}") not in taken)
+        number, name = next((n, name) for n in count(1) if (name := f"verify{n:02d}") not in taken)
         return to_verify(simulated, name, seed + _TO_VERIFY * number)
     raise ConflictError(
         "a capture that the simulated cell has not delivered yet",

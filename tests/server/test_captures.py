@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from server.jobs.measuring_processes import Measuring
+from server.sources.simulated import next_capture
+from server.sources.simulated import simulated_session as simulated_cell
 from tests.server.live_server import assert_problem, make_session, simulated_session, upload
 
 POSE = [-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635]
@@ -241,6 +243,11 @@ def test_the_simulated_cell_delivers_all_its_captures_and_then_says_so(client: h
     assert_problem(client.post(path), 409, "all of its captures", "Solve")
     assert client.get("/sessions", params={"limit": 1}).json()["items"][0]["capture_count"] == 14
     assert_problem(client.post(f"/sessions/{make_session(client)}/sources/simulated/capture"), 409, "real cell")
+
+
+def test_captures_to_verify_leave_the_scans_their_names() -> None:
+    ours = {capture.id for capture in simulated_cell("cell", 7).session.captures}
+    assert next_capture("cell", 7, [], "verify")[0].id not in ours
 
 
 def test_a_cell_that_changes_while_a_capture_is_measured_is_noticed(

@@ -42,6 +42,7 @@ export class ActionsElement extends StateElement {
   #waysIn = h("span", { class: "ways-in" }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch, wayIn(t("actions.devices"), () => this.devices()));
   /** @type {string | null} */ #next = null;
   #capturing = false;
+  /** A capture that was taken, until the page shows it. */ #awaited = "";
   #asking = false;
   #followed = "";
   #again = "";
@@ -74,7 +75,10 @@ export class ActionsElement extends StateElement {
     this.#onWords.textContent = t("guide.go_on", { step: stepName(this.state, this.#next ?? "") });
     this.#on.hidden = this.#next === null;
     this.#on.className = mends ? "plain wide" : "primary";
-    this.#captureWords.textContent = maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
+    if (captures.some(({ id }) => id === this.#awaited)) this.#awaited = "";
+    const busy = this.#capturing || this.#awaited !== "";
+    this.#capture.setAttribute("aria-disabled", String(busy));
+    this.#captureWords.textContent = busy ? t("actions.capturing") : maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
     this.#solveWords.textContent = maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
     const status = this.state.guide?.steps.find(({ step }) => step === this.state.step)?.status ?? (this.state.now ? "working" : "");
     this.#capture.hidden = !simulated || status === "" || status === "not-needed" || status === "known";
@@ -83,13 +87,14 @@ export class ActionsElement extends StateElement {
     this.#look.hidden = !solved || view === "result";
     this.#look.classList.toggle("primary", !onward && !mends);
     this.#solve.hidden = solved;
-    this.#capture.classList.toggle("primary", !ready && (!solved || mends) && !onward);
+    const idle = solved || (!now && status === "done"); // nothing more is asked for in this step
+    this.#capture.classList.toggle("primary", !ready && (!idle || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);
     this.#mend.classList.add("primary");
     this.#mend.hidden = !mends || simulated || view !== "result";
     this.#waysIn.hidden = view === "result"; // new captures belong to measuring; files may be dropped all the same
     this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
-    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.#asking || this.state.working || !may("capture")));
+    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.#isSolving || !may("capture")));
     this.#showJob();
     this.#offerRemedies();
     if (job && job.id === this.#followed) this.#ended();
@@ -137,9 +142,14 @@ export class ActionsElement extends StateElement {
     return this.state.now?.stage ?? this.state.stageOf(this.state.step);
   }
 
+  /** From the click until guide and results know how it ended. */
+  get #isSolving() {
+    return this.#asking || this.state.working || this.state.settling;
+  }
+
   #showJob() {
-    const { job, working } = this.state;
-    this.#progress.hidden = !working;
+    const { job, working, settling } = this.state;
+    this.#progress.hidden = !working && !settling;
     if (!job || !working) return;
     const cancel = () => attempt(() => api.cancelJob(job.id));
     const words = maybe(`actions.solving_${job.stage}`, t("actions.solving"));
@@ -178,13 +188,14 @@ export class ActionsElement extends StateElement {
 
   /** Let the simulated cell take its next capture. */
   async capture() {
-    if (this.#capturing || this.#capture.hidden || !allowed("capture")) return;
+    if (this.#capturing || this.#awaited || this.#capture.hidden || !allowed("capture")) return;
     this.#capturing = true;
-    this.#capture.setAttribute("aria-disabled", "true");
     this.state.show("measure");
+    this.update();
     await attempt(async () => {
       const { id } = this.state;
       const capture = await api.captureSimulated(id, this.#step);
+      if (!this.state.captures.some((one) => one.id === capture.id)) this.#awaited = capture.id;
       this.state.hurry();
       const kept = keep(id, [capture]);
       did(t("captures.added", { captures: capture.id }), kept.remove, { redo: kept.restore });
@@ -193,12 +204,12 @@ export class ActionsElement extends StateElement {
       say(t(`actions.captured_${verdict}`, { capture: capture.id, reason: said(reason ?? "") }));
       if (this.state.selected) this.state.select(null);
     });
-    this.#capture.removeAttribute("aria-disabled");
     this.#capturing = false;
+    this.update();
   }
 
   async solve() {
-    if (this.#asking || this.state.working || !this.state.captures.length || !allowed("capture")) return;
+    if (this.#isSolving || !this.state.captures.length || !allowed("capture")) return;
     await this.#start(this.#stage);
   }
 

@@ -10,7 +10,7 @@ import { QualityElement } from "../measure/quality.js";
 import { RailElement } from "../measure/rail.js";
 import { SceneElement } from "../measure/scene.js";
 import { WaysInElement } from "../measure/ways-in.js";
-import { attempt } from "../components/toasts.js";
+import { attempt, forgive } from "../components/toasts.js";
 import { takeDrops } from "../components/drops.js";
 import { h, make } from "../dom.js";
 import { SessionState } from "../state/session.js";
@@ -94,6 +94,7 @@ export class SessionPage extends HTMLElement {
     });
     const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result, actions);
     state.watch(["step", "view"], () => { work.scrollTop = 0; });
+    state.watch(["step"], () => forgive((_, { status }) => status !== 0)); // what was refused there is of no matter here
     this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell, this.#edit), make(LiveElement, { state }));
     const session = h("div", { class: "session" }, make(RailElement, { state }), work);
     session.append(splitter(session), make(SceneElement, { state }));

@@ -23,6 +23,7 @@ export class SessionState extends EventTarget {
   /** @type {Results} */ results = {};
   /** @type {Job | null} */ job = null;
   /** @type {Liveness} */ live = "connecting";
+  /** Whether a solve has ended of which guide and results do not know yet. */ settling = false;
   /** When the page last had the server's word. */ liveSince = new Date();
   /** @type {string | null} */ selected = null;
   /** @type {"measure" | "result"} */ view = "measure";
@@ -232,6 +233,11 @@ export class SessionState extends EventTarget {
   #heard(name, data) {
     if (name === "job") {
       this.job = /** @type {Job} */ (data);
+      // Until guide and results that know of it are there, what they say is of before.
+      if (this.job.status === "done") {
+        this.settling = true;
+        this.#later("guide", "results");
+      }
       this.tell("job");
       return;
     }
@@ -279,11 +285,13 @@ export class SessionState extends EventTarget {
         parts.has("results") ? api.results(this.id) : this.results,
       ]);
       this.stages = await stages();
+      if (parts.has("guide") && !this.#stale.has("guide")) this.settling = false;
       Object.assign(this, { session, captures: list.filter(({ id }) => !this.#gone.has(id)), guide, results, problem: null });
       this.tell(...parts, "captures", "problem");
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
       this.problem = error;
+      this.settling = false;
       if (error.status === 404) this.session = null;
       this.tell("problem", "session");
     }
