@@ -43,7 +43,7 @@ export class SessionPage extends HTMLElement {
     Object.assign(state, placeIn(window.location.hash));
     const intake = make(IntakeElement, { state });
     const watch = make(FolderWatchElement, { state });
-    this.#actions = make(ActionsElement, { state, intake, watch, devices: () => void this.#follow(state) });
+    this.#actions = make(ActionsElement, { state, intake, watch, devices: () => void this.#openDevices(state) });
     this.#build(state, [intake, watch], this.#actions);
     document.addEventListener("keydown", this.#key);
     window.addEventListener("hashchange", this.#hash);
@@ -81,7 +81,7 @@ export class SessionPage extends HTMLElement {
       void import("../measure/limits.js").then(({ LimitsElement }) => limits.replaceChildren(make(LimitsElement, { state })));
     });
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
-      make(GuideElement, { state }), limits, make(WaysInElement, { state, intake: sources[0], devices: () => void this.#follow(state) }), this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
+      make(GuideElement, { state }), limits, make(WaysInElement, { state, intake: sources[0], devices: () => void this.#openDevices(state) }), this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
     const result = h("div", { id: "view-result", role: "tabpanel", "aria-labelledby": "tab-result", class: "view" });
     let drawn = false;
     state.watch(["view"], () => {
@@ -107,6 +107,13 @@ export class SessionPage extends HTMLElement {
     const { livePanel } = await import("../live/panel.js");
     if (!this.#devices.firstChild) this.#devices.append(livePanel(state));
     window.localStorage.setItem(`${LIVE}${state.id}`, "1");
+  }
+
+  /** As somebody asked for: in sight. @param {SessionState} state */
+  async #openDevices(state) {
+    await this.#follow(state);
+    state.show("measure");
+    this.#devices.scrollIntoView({ block: "start" });
   }
 
   /** @param {SessionState} state */
