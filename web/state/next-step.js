@@ -13,8 +13,8 @@ export function nextStep({ now, guide, step, stages, steps: all }) {
   if (!now && isOpen(status) && guide.current.action !== "solve") return null;
   const { current, steps } = guide;
   if (!now && isOpen(status)) return current.step === step ? null : current.step;
-  // An answer is verified before it is used.
-  const order = all.slice(all.indexOf(step) + 1);
-  const next = order.find((one) => isOpen(steps.find((told) => told.step === one)?.status)) ?? null;
-  return next ?? (current.action === "review" || current.step === step ? null : current.step);
+  // In the order of the rail: what lies behind is mended first, and an answer is verified before it is used.
+  const open = all.slice(all.indexOf(step) + 1).find((one) => isOpen(steps.find((told) => told.step === one)?.status));
+  const wanted = [current.action === "review" ? undefined : current.step, open].filter((one) => one !== undefined && one !== step);
+  return all.find((one) => wanted.includes(one)) ?? null;
 }
