@@ -13,8 +13,10 @@ export function nextStep({ now, guide, step, stages, steps: all }) {
   if (!now && isOpen(status) && guide.current.action !== "solve") return null;
   const { current, steps } = guide;
   if (!now && isOpen(status)) return current.step === step ? null : current.step;
-  // In the order of the rail: what lies behind is mended first, and an answer is verified before it is used.
-  const open = all.slice(all.indexOf(step) + 1).find((one) => isOpen(steps.find((told) => told.step === one)?.status));
+  // In the order of the rail: what lies behind is mended first, and an answer is verified before it is used. Where nothing is asked
+  // for any more, verifying is what is left; a table or scans are for those who have them.
+  const isWanted = (/** @type {string} */ one) => current.action !== "review" || stages.some(({ name, step: own }) => name === "verify" && own?.name === one);
+  const open = all.slice(all.indexOf(step) + 1).find((one) => isWanted(one) && isOpen(steps.find((told) => told.step === one)?.status));
   const wanted = [current.action === "review" ? undefined : current.step, open].filter((one) => one !== undefined && one !== step);
   return all.find((one) => wanted.includes(one)) ?? null;
 }
