@@ -93,6 +93,21 @@ def links_mm(
     return np.array([*corners, frames[-1][:3, 3], flange.translation_mm])
 
 
+def joint_lines(
+    arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a point (n, 3) on each joint's axis and its direction (n, 3), and the flange (3,), in base, mm.
+
+    The arguments and what is raised are those of `flange_of_joints`.
+    """
+    frames = _frames(arm, joints_deg, joints_mm)
+    after = arm.convention == "modified"
+    at = [frames[n + 1] if after else _at_joint(frames[n], joint) for n, joint in enumerate(arm.joints)]
+    flange = flange_of_joints(arm, joints_deg, joints_mm).translation_mm
+    signs = np.array([float(joint.sign) for joint in arm.joints])
+    return np.array([m[:3, 3] for m in at]), signs[:, None] * np.array([m[:3, 2] for m in at]), flange
+
+
 def _frames(
     arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None
 ) -> list[FloatArray]:

@@ -313,6 +313,8 @@ class NoiseShapes:
         By a shift of the flange along base's axes, and by its turn about them.
     drawn : (K, 3, c)
         By one standard deviation each of the arm's lengths and the drift.
+    arm : (K, 3, p)
+        The same of the arm's own terms.
     """
 
     moving: FloatArray
@@ -322,6 +324,7 @@ class NoiseShapes:
     stops: FloatArray
     moves: FloatArray
     drawn: FloatArray
+    arm: FloatArray
 
     @classmethod
     def at(
@@ -351,6 +354,7 @@ class NoiseShapes:
             stops=(data.stop[:, None] == np.arange(data.stop.max(initial=-1) + 1)).astype(float),
             moves=walk.moves(laser_from_base, arms),
             drawn=np.concatenate(drawn, axis=2),
+            arm=np.empty((data.count, 3, 0)) if data.arm_columns is None else data.arm_columns,
         )
 
     def noise(self, sigmas: Sigmas, factor: FloatArray) -> Noise:
@@ -364,6 +368,7 @@ class NoiseShapes:
         for sigma, axis in zip(sigmas.axes, self.axes, strict=False):
             spread += sigma**2 * axis
         spread *= self.scale
+        together.append(self.arm)
         if not sigmas.is_alike:
             return Noise(spread, np.concatenate(together, axis=2))
         left = np.maximum(1 - np.sum(factor**2, axis=1), 0.0)

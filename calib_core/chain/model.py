@@ -121,6 +121,9 @@ class ChainData:
     distances : tuple
         Known distances between places: (one, other, mm, sigma in mm).
     tool_prior : ToolPrior or None
+    arm_columns, arm_means : (K, 3, p), (p,), or None
+        How the balls move in L by one standard deviation of each term of the arm's own errors, beyond what the
+        poses are corrected by; and what is believed of these (`chain.arm_model`).
     """
 
     rotations: FloatArray
@@ -150,6 +153,8 @@ class ChainData:
     drift_sigma_mm: float = 0.0
     distances: tuple[tuple[int, int, float, float], ...] = ()
     tool_prior: ToolPrior | None = None
+    arm_columns: FloatArray | None = None
+    arm_means: FloatArray | None = None
 
     @property
     def count(self) -> int:
@@ -217,6 +222,7 @@ class ChainData:
         return replace(
             self,
             **{name: getattr(self, name)[used] for name in each},
+            arm_columns=None if self.arm_columns is None else self.arm_columns[used],
             walk=self.walk.chosen(used),
             points=self.points[points],
             counts=self.counts[points],
@@ -425,8 +431,12 @@ def prior(data: ChainData, state: ChainState, shared: int) -> tuple[float, Float
         gradient[width:last] = off / sigmas
         diagonal[width:last] = 1 / sigmas**2
     if state.shared is not None and shared:
-        cost += 0.5 * float(state.shared @ state.shared)
-        gradient[last:] = state.shared
+        off = state.shared
+        if data.arm_means is not None:  # the last that are shared
+            off = off.copy()
+            off[shared - len(data.arm_means) :] -= data.arm_means
+        cost += 0.5 * float(off @ off)
+        gradient[last:] = off
         diagonal[last:] = 1.0
     hessian = np.diag(diagonal)
     if data.tool_prior is not None:

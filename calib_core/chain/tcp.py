@@ -13,6 +13,7 @@ from calib_core.arms.alike import visits
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import Answer, answer_of
+from calib_core.chain.arm_model import ArmInput, ArmModel, arm_model_of, with_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
@@ -55,6 +56,8 @@ class TcpOptions:
 
     `apply_scanner`: scale, shear and bow that are found are taken out of the points, and the tool is that of such
     points; otherwise it belongs to the files as they are, and the errors are in its covariance alone.
+    `arm`: how each observation's flange moves with the arm's errors, where its joints are known; `apply_arm`: they
+    are taken out of the poses where other poses are predicted better by that, and the tool is that of such poses.
     `taken_at_s`: when captures were taken, by their ids.  `axes`: those that the cell names, with the standard
     deviations of their readings, rad or mm.
     """
@@ -67,6 +70,8 @@ class TcpOptions:
     taken_at_s: tuple[tuple[str, float], ...] = ()
     axes: tuple[MovedAxis, ...] = ()
     axis_sigmas: tuple[float | None, ...] = ()
+    arm: ArmInput | None = None
+    apply_arm: bool = False
 
     def sigmas_of(self, layout: Layout) -> list[float | None]:
         """Return what is told of the readings of some of the axes."""
@@ -123,6 +128,8 @@ class TcpSolution:
     seen_in_laser_mm, at_point : (3,), (3, 3)
         Where the scanner saw the sphere on average, brought into the plane of light, and the covariance of a point
         that is measured there, along the flange's axes, mm and mm².
+    arm : ArmModel or None
+        The arm's own errors, where its joints are known.
     optics : tuple of OpticsError
         What camera and plane of light put into it, where the session's own frames gave them.
     """
@@ -160,6 +167,7 @@ class TcpSolution:
     at_point: FloatArray
     options: TcpOptions
     optics: tuple[OpticsError, ...] = ()
+    arm: ArmModel | None = None
 
 
 def solve_tcp(
@@ -207,9 +215,19 @@ def solve_tcp(
     chosen, start = every[0], every[0].start
     state, core, spread = together(data, groups, every, ways)
     judged = with_more_spread(judge_from(observations, data, state, core, given), spread)
+    held = hold_files(judged, options.apply_scanner)
+    arm = None
+    if options.arm is not None:
+        tell(0.6, "Finding the arm's errors")
+        arm = arm_model_of(held.data, held.state, held.sigmas, judged.used, options.arm)
+        if options.apply_arm and arm.worth_it:
+            moved = with_arm(judged.data, held.state, options.arm, arm)
+            observations = with_poses_of(observations, moved.walk)
+            again = judge_from(observations, moved, judged.fit.state, judged.used, given)
+            judged = with_more_spread(again, spread)
+            held = hold_files(judged, options.apply_scanner)
 
     tell(0.7, "Leaving out each capture in turn")
-    held = hold_files(judged, options.apply_scanner)
     state = held.state
     seen = as_corrected(observations, data, state)
     sides = sides_of(seen, data, state)
@@ -259,6 +277,7 @@ def solve_tcp(
         seen_in_laser_mm=point,
         at_point=held.at_point(point, data.half_width_mm),
         options=options,
+        arm=arm,
     )
 
 

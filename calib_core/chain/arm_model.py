@@ -1,0 +1,345 @@
+"""The arm's own errors from the captures that the tool was solved from: which members, how large, worth it or not.
+
+About the answer everything is linear: where a capture sees its ball, against where answer and pose expect it, is
+the edges' unknowns (nothing believed of them), the arm's terms (`arms.errors`, each believed to be small, how
+small by its member's own scale), errors that are alike where poses are alike, and the pose's own.  The scales
+follow from the restricted likelihood.  A member that the likelihood does not miss is left out.  What the model is
+worth shows in poses that it has not seen: groups of neighbours are left out in turn, with the answer that is best
+without it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calib_core.arms.alike import alike_correlation
+from calib_core.arms.errors import MEMBERS, ArmTerm, Member, corrected_pose
+from calib_core.cell.walk import Walk
+from calib_core.chain.likelihood import NoiseShapes, linearised_at
+from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction
+from calib_core.chain.observations import SphereObservation
+from calib_core.estimation import maximum
+from calib_core.frames import FloatArray, RigidTransform
+
+_MOST_CAPTURES = 60  # scales and held-out errors are known well enough from so many
+_MOST_SOLVED = 200
+_OPEN_MM = 100.0  # a capture knows its ball's centre at least so well, in every direction
+_TELLING_MM = 0.3  # directions in which it is known less do not count for held-out errors
+_GAIN = 3.0  # of a log-likelihood
+_BETTER = 0.95  # held-out error with the model over that without it
+_MISSED = 0.5
+_OWN = (0.05, 3.0, 0.003, 50.0)  # mm: mean, factor, least, largest of an arm's repeatability
+_ALIKE = (0.1, 2.5, 0.005, 50.0)  # mm: of what the terms leave
+_SCALE = (1.0, 2.0, 0.05, 20.0)  # of a member's terms, in what is believed of them
+_TURN_A_MM = 2e-3  # rad: an arm's errors of orientation beside those of position
+
+
+@dataclass(frozen=True, eq=False)
+class ArmInput:
+    """What is known of the arm: its terms, and how each capture's flange moves with them, (K, 6, p)."""
+
+    terms: tuple[ArmTerm, ...]
+    moves: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ArmModel:
+    """The arm's errors as the captures tell them.
+
+    Attributes
+    ----------
+    terms : tuple of ArmTerm
+        Of the members that are used; `sigma` is what is believed of each, by these captures' scales.
+    kept : (p,) int
+        Which of the input's terms they are.
+    values, covariance : (p,), (p, p)
+    held_out_mm : (float, float)
+        RMS error of the ball's place at poses left out, without and with the model.
+    gain : float
+        By how much the captures are likelier with it: a difference of log-likelihoods.
+    worth_it : bool
+    """
+
+    terms: tuple[ArmTerm, ...]
+    kept: np.ndarray
+    values: FloatArray
+    covariance: FloatArray
+    held_out_mm: tuple[float, float]
+    gain: float
+    worth_it: bool
+
+    @property
+    def members(self) -> tuple[Member, ...]:
+        """The members that are used."""
+        return tuple(name for name in MEMBERS if any(term.member == name for term in self.terms))
+
+    @property
+    def sigmas(self) -> FloatArray:
+        """Standard deviations (p,) of the values."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+def arm_model_of(data: ChainData, state: ChainState, sigmas: Sigmas, used: np.ndarray, arm: ArmInput) -> ArmModel:
+    """Return the arm's errors by captures whose answer was found.
+
+    Parameters
+    ----------
+    data, state, sigmas
+        What the answer was found from, and the answer.
+    used : (K,) bool
+    arm : ArmInput
+    """
+    some = _spread(np.flatnonzero(used), _MOST_CAPTURES)
+    problem = _Problem.of(data, state, sigmas, arm, some)
+    without = problem.fitted([])
+    every = [name for name in MEMBERS if problem.has(name)]
+    fitted = problem.fitted(every)
+    for name in reversed(every):
+        trial = problem.without(fitted, name)
+        if trial.density > fitted.density - _MISSED:
+            fitted = trial
+    held = problem.held_out(without, fitted)
+    gain = fitted.density - without.density
+    worth = bool(fitted.members) and gain > _GAIN and held[1] < _BETTER * held[0]
+    enough = problem if used.sum() == len(some) else _Problem.of(
+        data, state, sigmas, arm, _spread(np.flatnonzero(used), _MOST_SOLVED)
+    )  # fmt: skip
+    kept = np.flatnonzero([term.member in fitted.members for term in arm.terms])
+    values, covariance, scales = enough.terms_of(fitted, kept, np.array([arm.terms[n].sigma for n in kept]))
+    terms = tuple(replace(arm.terms[n], sigma=float(s)) for n, s in zip(kept, scales, strict=True))
+    return ArmModel(terms, kept, values, covariance, held, gain, worth)
+
+
+def arm_columns(data: ChainData, state: ChainState, arm: ArmInput, some: np.ndarray) -> FloatArray:
+    """Return how some captures' balls are expected elsewhere in L with each term, (k, 3, p), by differences."""
+    walk, terms = data.walk.chosen(some), arm.moves.shape[2]
+    found = np.empty((len(some), 3, terms))
+    for n in range(terms):
+        apart = np.zeros(terms)
+        apart[n] = arm.terms[n].sigma
+        ends = [moved_walk(walk, arm.moves[some], sign * apart).seen(state.position) for sign in (1.0, -1.0)]
+        found[:, :, n] = (ends[0] - ends[1]) / (2 * apart[n])
+    return found
+
+
+def moved_walk(walk: Walk, moves: FloatArray, values: FloatArray) -> Walk:
+    """Return the ways with the robot's poses corrected by the arm's terms."""
+    poses = [corrected_pose(*one, values) for one in zip(walk.rotations, walk.translations, moves, strict=True)]
+    return replace(walk, rotations=np.array([r for r, _ in poses]), translations=np.array([t for _, t in poses]))
+
+
+def with_arm(data: ChainData, state: ChainState, arm: ArmInput, model: ArmModel) -> ChainData:
+    """Return the same captures with corrected poses, and what is left open of the arm as unknowns they share."""
+    own = ArmInput(model.terms, arm.moves[:, :, model.kept])
+    walk = moved_walk(data.walk, own.moves, model.values)
+    rotations, translations = walk.across_robot()
+    moved = replace(data, walk=walk, rotations=rotations, translations=translations)
+    scales = np.array([term.sigma for term in model.terms])
+    columns = arm_columns(moved, state, own, np.arange(data.count)) * scales
+    return replace(moved, arm_columns=columns, arm_means=-model.values / scales)
+
+
+def with_poses_of(observations: Sequence[SphereObservation], walk: Walk) -> list[SphereObservation]:
+    """Return observations with other poses of the robot."""
+    return [
+        replace(one, base_from_tool0=RigidTransform.of(r, t, "base", "tool0"))
+        for one, r, t in zip(observations, walk.rotations, walk.translations, strict=True)
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    members: list[Member]
+    logarithms: FloatArray
+    density: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Some captures as one linear problem: off (3k,) = edges · x + terms · θ + noise of covariance parts."""
+
+    off: FloatArray
+    edges: FloatArray
+    terms: FloatArray
+    of_member: list[str]
+    fixed: FloatArray
+    own: FloatArray
+    alike: FloatArray
+    alone: FloatArray
+    groups: np.ndarray
+    telling: FloatArray
+
+    @classmethod
+    def of(cls, data: ChainData, state: ChainState, sigmas: Sigmas, arm: ArmInput, some: np.ndarray) -> "_Problem":
+        mask = np.zeros(data.count, dtype=bool)
+        mask[some] = True
+        columns = arm_columns(data, state, arm, some) * [term.sigma for term in arm.terms]
+        data = data.chosen(mask)
+        state = replace(state, centers_in_laser=state.centers_in_laser[mask], shared=None, active=data.active)
+        at = linearised_at(data, state, replace(sigmas, alike_position_mm=0.0, alike_orientation_rad=0.0))
+        known = at.information[:, :3, :3]
+        noise = np.linalg.inv(known + np.eye(3) / _OPEN_MM**2)
+        measured = np.einsum("kij,kj->ki", noise, at.vector[:, :3])
+        off = (measured - at.offset).ravel()
+        count = len(some)
+        expected = prediction(data, state)
+        shapes = NoiseShapes.at(
+            data, expected.centers_in_laser, state, expected.levers, data.walk.translations.mean(axis=0)
+        )
+        nuisances = -(noise @ at.information[:, :3, 3:]) * data.nuisance_sigmas[data.active]
+        fixed = _blocks(noise) + _together(nuisances)
+        for sigma, axis in zip(sigmas.axes, shapes.axes, strict=False):
+            fixed += _blocks(shapes.scale * sigma**2 * axis)
+        moves = shapes.moves * np.array([1.0, 1.0, 1.0, *[_TURN_A_MM] * 3])
+        each = moves @ np.swapaxes(moves, 1, 2)
+        correlation = alike_correlation(data.walk.poses, 1.0)
+        among = np.einsum("kia,lja->kilj", moves, moves) * correlation[:, None, :, None]
+        weight = np.linalg.inv(noise)
+        return cls(
+            off,
+            expected.jacobian[:, :, ~data.held].reshape(3 * count, -1),
+            columns.reshape(3 * count, -1),
+            [term.member for term in arm.terms],
+            fixed,
+            _blocks(shapes.scale * each),
+            among.reshape(3 * count, 3 * count),
+            _blocks(each),
+            _neighbours(*data.walk.poses),
+            weight @ np.linalg.inv(weight + np.eye(3) / _TELLING_MM**2),
+        )
+
+    def has(self, member: str) -> bool:
+        return member in self.of_member
+
+    def fitted(self, members: Sequence[Member]) -> _Fitted:
+        """Return the likeliest scales of some members."""
+        mean, width, low, high = _believed(members)
+        parts = self._parts(members)
+
+        def density(x: FloatArray) -> float:
+            away = (x - mean) / width
+            return self._density(parts, x) - 0.5 * float(away @ away)
+
+        x = maximum(density, mean.copy(), width, low, high, 0.05)
+        return _Fitted(list(members), x, density(x))
+
+    def without(self, fitted: _Fitted, name: Member) -> _Fitted:
+        """Return a fit without one of its members, the other scales as they are."""
+        members = [one for one in fitted.members if one != name]
+        some = np.array([True, True, *(one != name for one in fitted.members)])
+        return _Fitted(members, fitted.logarithms[some], self._posterior(members, fitted.logarithms[some]))
+
+    def _posterior(self, members: Sequence[Member], logarithms: FloatArray) -> float:
+        mean, width, _, _ = _believed(members)
+        away = (logarithms - mean) / width
+        return self._density(self._parts(members), logarithms) - 0.5 * float(away @ away)
+
+    def _parts(self, members: Sequence[Member]) -> list[FloatArray]:
+        own = [self.terms[:, [m == name for m in self.of_member]] for name in members]
+        return [self.own, self.alike, *(part @ part.T for part in own)]
+
+    def covariance(self, parts: Sequence[FloatArray], logarithms: FloatArray) -> FloatArray:
+        found = self.fixed.copy()
+        for part, logarithm in zip(parts, logarithms, strict=True):
+            found += np.exp(2 * logarithm) * part
+        return found
+
+    def _density(self, parts: Sequence[FloatArray], logarithms: FloatArray) -> float:
+        from scipy.linalg import solve_triangular
+
+        low = np.linalg.cholesky(self.covariance(parts, logarithms))
+        both = solve_triangular(low, np.column_stack([self.edges, self.off]), lower=True, check_finite=False)
+        edges, off = both[:, :-1], both[:, -1]
+        triangle = np.linalg.qr(edges, mode="r")
+        along = np.linalg.lstsq(edges, off, rcond=None)[0]
+        rest = off - edges @ along
+        sizes = np.abs(np.diag(triangle))
+        return float(-0.5 * rest @ rest - np.log(np.diag(low)).sum() - np.log(sizes[sizes > 1e-12]).sum())
+
+    def solved(self, covariance: FloatArray, terms: FloatArray, rows: np.ndarray) -> tuple[FloatArray, FloatArray]:
+        """Return edges and terms by some rows, the terms believed to be of unit size, and their covariance."""
+        design = np.column_stack([self.edges, terms])[rows]
+        weighed = np.linalg.solve(covariance[np.ix_(rows, rows)], design)
+        hessian = design.T @ weighed
+        size = self.edges.shape[1]
+        hessian[np.arange(size, len(hessian)), np.arange(size, len(hessian))] += 1.0
+        scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+        inverse = np.linalg.pinv(hessian / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+        inverse /= np.outer(scale, scale)
+        return inverse @ (weighed.T @ self.off[rows]), inverse
+
+    def terms_of(
+        self, fitted: _Fitted, kept: np.ndarray, sigmas: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return values, covariance and believed sizes of terms, in their own units."""
+        own = self.scaled(fitted)[:, kept]
+        covariance = self.covariance([self.own, self.alike], fitted.logarithms[:2])
+        found, inverse = self.solved(covariance, own, np.arange(len(self.off)))
+        size = self.edges.shape[1]
+        scales = self.scales(fitted)[kept] * sigmas
+        return found[size:] * scales, inverse[size:, size:] * np.outer(scales, scales), scales
+
+    def scales(self, fitted: _Fitted) -> FloatArray:
+        by_name: dict[str, float] = dict(zip(fitted.members, np.exp(fitted.logarithms[2:]), strict=True))
+        return np.array([by_name.get(name, 0.0) for name in self.of_member])
+
+    def scaled(self, fitted: _Fitted) -> FloatArray:
+        return self.terms * self.scales(fitted)
+
+    def held_out(self, without: _Fitted, fitted: _Fitted) -> tuple[float, float]:
+        """Return the RMS error at groups of poses left out: of the answer best without the model, and with it."""
+        own, alike = np.exp(2 * without.logarithms[:2])
+        plain = self.fixed + own * self.own + alike * self.alone
+        whole = self.covariance([self.own, self.alike], fitted.logarithms[:2])
+        terms = self.scaled(fitted)
+        none = terms[:, :0]
+        return self._left_out(plain, none), self._left_out(whole, terms)
+
+    def _left_out(self, covariance: FloatArray, terms: FloatArray) -> float:
+        total, design = 0.0, np.column_stack([self.edges, terms])
+        for group in range(self.groups.max() + 1):
+            out = np.repeat(self.groups == group, 3)
+            found, _ = self.solved(covariance, terms, np.flatnonzero(~out))
+            rest = (self.off[out] - design[out] @ found).reshape(-1, 3)
+            total += float(np.einsum("ki,kij,kj->", rest, self.telling[self.groups == group], rest))
+        return float(np.sqrt(total / len(self.groups)))
+
+
+def _believed(members: Sequence[Member]) -> FloatArray:
+    """Return mean, width, least and largest (4, n) of logarithms: own and alike errors, members' scales."""
+    return np.log(np.array([_OWN, _ALIKE, *[_SCALE] * len(members)])).T
+
+
+def _spread(some: np.ndarray, most: int) -> np.ndarray:
+    """Return at most so many, evenly spread."""
+    return some if len(some) <= most else some[np.linspace(0, len(some) - 1, most).astype(int)]
+
+
+def _blocks(each: FloatArray) -> FloatArray:
+    """Return a matrix (3k, 3k) of blocks (k, 3, 3) on its diagonal."""
+    count = len(each)
+    found = np.zeros((count, 3, count, 3))
+    found[np.arange(count), :, np.arange(count), :] = each
+    return found.reshape(3 * count, 3 * count)
+
+
+def _together(columns: FloatArray) -> FloatArray:
+    rows = columns.reshape(len(columns) * 3, -1)
+    return np.asarray(rows @ rows.T)
+
+
+def _neighbours(rotations: FloatArray, translations: FloatArray) -> np.ndarray:
+    """Return poses in up to six groups of neighbours, (k,): the farthest ones first, all others to the nearest."""
+    count = len(rotations)
+    correlation = alike_correlation((rotations, translations), 1.0)
+    middle = [int(np.argmin(correlation.sum(axis=0)))]
+    while len(middle) < min(6, max(3, count // 4)):
+        middle.append(int(np.argmin(correlation[:, middle].max(axis=1))))
+    groups, most = np.full(count, -1), -(-count // len(middle))
+    # Groups of about one size: the surest member of any group that has room comes next.
+    order = np.argsort(-correlation[:, middle], axis=None)
+    for k, group in zip(*np.unravel_index(order, (count, len(middle))), strict=True):
+        if groups[k] < 0 and np.sum(groups == group) < most:
+            groups[k] = group
+    return groups
