@@ -97,7 +97,13 @@ def _terms(
         shift(f"link_{n + 1}_length_mm", normal)
         turn(f"link_{n + 1}_twist_deg", "links", axis_deg, normal, foot)
         if parallel:
-            turn(f"link_{n + 1}_tilt_deg", "links", axis_deg, np.cross(axes[n], normal), foot)
+            turn(
+                f"link_{n + 1}_tilt_deg",
+                "links",
+                axis_deg,
+                np.asarray(np.cross(axes[n], normal), dtype=float),
+                foot,
+            )
         elif n:
             shift(f"link_{n + 1}_offset_mm", axes[n])
     if count == 6 and all(turns):

@@ -58,7 +58,8 @@ class ArmModel:
         RMS error of the ball's place at poses left out, without and with the model.
     gain : float
         By how much the captures are likelier with it: a difference of log-likelihoods.
-    worth_it : bool
+    worth_it, applied : bool
+        Whether other poses are predicted better with it; whether the answer is of poses corrected by it.
     """
 
     terms: tuple[ArmTerm, ...]
@@ -68,6 +69,7 @@ class ArmModel:
     held_out_mm: tuple[float, float]
     gain: float
     worth_it: bool
+    applied: bool = False
 
     @property
     def members(self) -> tuple[Member, ...]:
@@ -78,6 +80,12 @@ class ArmModel:
     def sigmas(self) -> FloatArray:
         """Standard deviations (p,) of the values."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+def arm_input(observations: Sequence[SphereObservation], terms: Sequence[ArmTerm]) -> ArmInput | None:
+    """Return what is known of the arm; None where joints of some captures are not."""
+    moves = [one.arm_moves for one in observations if one.arm_moves is not None]
+    return ArmInput(tuple(terms), np.array(moves)) if terms and len(moves) == len(observations) else None
 
 
 def arm_model_of(data: ChainData, state: ChainState, sigmas: Sigmas, used: np.ndarray, arm: ArmInput) -> ArmModel:
@@ -93,7 +101,7 @@ def arm_model_of(data: ChainData, state: ChainState, sigmas: Sigmas, used: np.nd
     some = _spread(np.flatnonzero(used), _MOST_CAPTURES)
     problem = _Problem.of(data, state, sigmas, arm, some)
     without = problem.fitted([])
-    every = [name for name in MEMBERS if problem.has(name)]
+    every: list[Member] = [name for name in MEMBERS if problem.has(name)]
     fitted = problem.fitted(every)
     for name in reversed(every):
         trial = problem.without(fitted, name)
@@ -129,23 +137,36 @@ def moved_walk(walk: Walk, moves: FloatArray, values: FloatArray) -> Walk:
     return replace(walk, rotations=np.array([r for r, _ in poses]), translations=np.array([t for _, t in poses]))
 
 
-def with_arm(data: ChainData, state: ChainState, arm: ArmInput, model: ArmModel) -> ChainData:
-    """Return the same captures with corrected poses, and what is left open of the arm as unknowns they share."""
-    own = ArmInput(model.terms, arm.moves[:, :, model.kept])
-    walk = moved_walk(data.walk, own.moves, model.values)
-    rotations, translations = walk.across_robot()
-    moved = replace(data, walk=walk, rotations=rotations, translations=translations)
+def corrected(observations: Sequence[SphereObservation], model: ArmModel) -> list[SphereObservation]:
+    """Return observations with poses corrected by a model; those whose joints are not known stay as they are."""
+    found: list[SphereObservation] = []
+    for one in observations:
+        if one.arm_moves is not None:
+            moves, pose = one.arm_moves[:, model.kept], one.base_from_tool0
+            moved = corrected_pose(pose.rotation, pose.translation_mm, moves, model.values)
+            one = replace(one, base_from_tool0=RigidTransform.of(*moved, "base", "tool0"), arm_moves=moves)
+        found.append(one)
+    return found
+
+
+def with_open_arm(
+    data: ChainData, state: ChainState, observations: Sequence[SphereObservation], model: ArmModel
+) -> ChainData:
+    """Return the captures of corrected observations, with what is left open of the arm as unknowns they share."""
+    none = np.zeros((6, len(model.terms)))
+    moves = np.array([none if one.arm_moves is None else one.arm_moves for one in observations])
     scales = np.array([term.sigma for term in model.terms])
-    columns = arm_columns(moved, state, own, np.arange(data.count)) * scales
-    return replace(moved, arm_columns=columns, arm_means=-model.values / scales)
+    columns = arm_columns(data, state, ArmInput(model.terms, moves), np.arange(data.count)) * scales
+    return replace(data, arm_columns=columns, arm_means=-model.values / scales)
 
 
-def with_poses_of(observations: Sequence[SphereObservation], walk: Walk) -> list[SphereObservation]:
-    """Return observations with other poses of the robot."""
-    return [
-        replace(one, base_from_tool0=RigidTransform.of(r, t, "base", "tool0"))
-        for one, r, t in zip(observations, walk.rotations, walk.translations, strict=True)
-    ]
+def with_poses_of(data: ChainData, observations: Sequence[SphereObservation]) -> ChainData:
+    """Return the same captures with the poses of some observations of them."""
+    rotations = np.array([one.base_from_tool0.rotation for one in observations])
+    translations = np.array([one.base_from_tool0.translation_mm for one in observations])
+    walk = replace(data.walk, rotations=rotations, translations=translations)
+    rotations, translations = walk.across_robot()
+    return replace(data, walk=walk, rotations=rotations, translations=translations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +200,7 @@ class _Problem:
         state = replace(state, centers_in_laser=state.centers_in_laser[mask], shared=None, active=data.active)
         at = linearised_at(data, state, replace(sigmas, alike_position_mm=0.0, alike_orientation_rad=0.0))
         known = at.information[:, :3, :3]
-        noise = np.linalg.inv(known + np.eye(3) / _OPEN_MM**2)
+        noise = np.asarray(np.linalg.inv(known + np.eye(3) / _OPEN_MM**2), dtype=float)
         measured = np.einsum("kij,kj->ki", noise, at.vector[:, :3])
         off = (measured - at.offset).ravel()
         count = len(some)
@@ -226,7 +247,7 @@ class _Problem:
 
     def without(self, fitted: _Fitted, name: Member) -> _Fitted:
         """Return a fit without one of its members, the other scales as they are."""
-        members = [one for one in fitted.members if one != name]
+        members: list[Member] = [one for one in fitted.members if one != name]
         some = np.array([True, True, *(one != name for one in fitted.members)])
         return _Fitted(members, fitted.logarithms[some], self._posterior(members, fitted.logarithms[some]))
 
@@ -267,7 +288,7 @@ class _Problem:
         scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
         inverse = np.linalg.pinv(hessian / np.outer(scale, scale), rcond=1e-12, hermitian=True)
         inverse /= np.outer(scale, scale)
-        return inverse @ (weighed.T @ self.off[rows]), inverse
+        return inverse @ (weighed.T @ self.off[rows]), np.asarray(inverse, dtype=float)
 
     def terms_of(
         self, fitted: _Fitted, kept: np.ndarray, sigmas: FloatArray

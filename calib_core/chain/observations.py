@@ -66,6 +66,8 @@ class SphereObservation:
         The ball's size, where it is not that of all.
     common_sigma_mm : float or None
         The points' standard deviation in all profiles of this scanner, where scanners differ.
+    arm_moves : (6, p) or None
+        How the flange moves in base with each term of the arm's errors, mm and rad (`arms.errors.arm_moves`).
     """
 
     capture: str
@@ -85,6 +87,7 @@ class SphereObservation:
     readings: Mapping[str, float] = field(default_factory=dict[str, float])
     sphere: SphereSize | None = None
     common_sigma_mm: float | None = None
+    arm_moves: FloatArray | None = None
 
     @property
     def ball_from_scanner(self) -> RigidTransform:

@@ -10,10 +10,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.arms.alike import visits
+from calib_core.arms.errors import ArmTerm
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import Answer, answer_of
-from calib_core.chain.arm_model import ArmInput, ArmModel, arm_model_of, with_arm, with_poses_of
+from calib_core.chain.arm_model import (
+    ArmModel,
+    arm_input,
+    arm_model_of,
+    corrected,
+    with_open_arm,
+    with_poses_of,
+)
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
@@ -26,7 +34,8 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.rail_start import find_ways, shifted
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, core_of, judge_from, with_more_spread
-from calib_core.chain.scanner import ScannerPriors, corrected
+from calib_core.chain.scanner import ScannerPriors
+from calib_core.chain.scanner import corrected as without_errors
 from calib_core.chain.sides import ChosenSides, likeliest_sides
 from calib_core.chain.start import Start, centers_of, find_starts
 from calib_core.chain.two_step import (
@@ -56,8 +65,8 @@ class TcpOptions:
 
     `apply_scanner`: scale, shear and bow that are found are taken out of the points, and the tool is that of such
     points; otherwise it belongs to the files as they are, and the errors are in its covariance alone.
-    `arm`: how each observation's flange moves with the arm's errors, where its joints are known; `apply_arm`: they
-    are taken out of the poses where other poses are predicted better by that, and the tool is that of such poses.
+    `arm_terms`: those that observations' `arm_moves` are of; `apply_arm`: the arm's errors are taken out of the
+    poses where other poses are predicted better by that, and the tool is that of such poses.
     `taken_at_s`: when captures were taken, by their ids.  `axes`: those that the cell names, with the standard
     deviations of their readings, rad or mm.
     """
@@ -70,7 +79,7 @@ class TcpOptions:
     taken_at_s: tuple[tuple[str, float], ...] = ()
     axes: tuple[MovedAxis, ...] = ()
     axis_sigmas: tuple[float | None, ...] = ()
-    arm: ArmInput | None = None
+    arm_terms: tuple[ArmTerm, ...] = ()
     apply_arm: bool = False
 
     def sigmas_of(self, layout: Layout) -> list[float | None]:
@@ -130,6 +139,8 @@ class TcpSolution:
         that is measured there, along the flange's axes, mm and mm².
     arm : ArmModel or None
         The arm's own errors, where its joints are known.
+    as_told : Held or None
+        The answer for the controller's own poses, where those of this one are corrected by the arm's errors.
     optics : tuple of OpticsError
         What camera and plane of light put into it, where the session's own frames gave them.
     """
@@ -168,6 +179,7 @@ class TcpSolution:
     options: TcpOptions
     optics: tuple[OpticsError, ...] = ()
     arm: ArmModel | None = None
+    as_told: Held | None = None
 
 
 def solve_tcp(
@@ -217,12 +229,14 @@ def solve_tcp(
     judged = with_more_spread(judge_from(observations, data, state, core, given), spread)
     held = hold_files(judged, options.apply_scanner)
     arm = None
-    if options.arm is not None:
+    as_told: Held | None = None
+    if (known := arm_input(observations, options.arm_terms)) is not None:
         tell(0.6, "Finding the arm's errors")
-        arm = arm_model_of(held.data, held.state, held.sigmas, judged.used, options.arm)
+        arm = arm_model_of(held.data, held.state, held.sigmas, judged.used, known)
         if options.apply_arm and arm.worth_it:
-            moved = with_arm(judged.data, held.state, options.arm, arm)
-            observations = with_poses_of(observations, moved.walk)
+            as_told, arm = held, replace(arm, applied=True)
+            observations = corrected(observations, arm)
+            moved = with_open_arm(with_poses_of(judged.data, observations), held.state, observations, arm)
             again = judge_from(observations, moved, judged.fit.state, judged.used, given)
             judged = with_more_spread(again, spread)
             held = hold_files(judged, options.apply_scanner)
@@ -278,6 +292,7 @@ def solve_tcp(
         at_point=held.at_point(point, data.half_width_mm),
         options=options,
         arm=arm,
+        as_told=as_told,
     )
 
 
@@ -441,7 +456,7 @@ def as_corrected(
 ) -> list[SphereObservation]:
     """Return observations as scanners without the errors of a state would have made them."""
     each = zip(observations, data.own(state.scanner), strict=True)
-    return [corrected(o, values, data.half_width_mm) for o, values in each]
+    return [without_errors(o, values, data.half_width_mm) for o, values in each]
 
 
 def seen_point(data: ChainData, state: ChainState, used: np.ndarray) -> FloatArray:

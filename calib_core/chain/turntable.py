@@ -17,6 +17,7 @@ import numpy as np
 
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import Position
+from calib_core.chain.arm_model import ArmModel
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.axes_start import axes_start
 from calib_core.chain.circles import PaperAxis, paper_axis
@@ -50,12 +51,13 @@ _SAME_POSE_MM = 1e-6
 class KnownTool:
     """The tool of the stage before, what was found of the scanner with it (None: both exact), and the two steps'.
 
-    `mount_from_laser` is the answer of that stage.
+    `mount_from_laser` is the answer of that stage, `arm` what its poses were corrected by.
     """
 
     mount_from_laser: RigidTransform
     held: Held | None = None
     two_step: RigidTransform | None = None
+    arm: ArmModel | None = None
 
     @property
     def mounts(self) -> Mounts:

@@ -13,6 +13,7 @@ import numpy as np
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import answer_of
 from calib_core.chain.arm_errors import ArmErrors
+from calib_core.chain.arm_model import with_open_arm
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
@@ -186,6 +187,8 @@ def _judge(
     mounts = one.mount_rotations, one.mount_translations
     start = ChainState.at(data, Position(*mounts, np.concatenate([one.places, other.places]), other.axes))
     start = replace(start, scanner=np.where(data.nuisance_sigmas > 0, tcp.held.state.scanner, 0.0))
+    if tcp.arm is not None and tcp.arm.applied:
+        data = with_open_arm(data, start, spheres, tcp.arm)
     core = np.concatenate([tcp.used, turntable.used])
     return *judge_table(spheres, data, start, core, options.sigmas, options.encoder_scale is False), point_sigma
 

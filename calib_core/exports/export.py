@@ -12,6 +12,7 @@ from calib_core.archive.stored_clouds import media_types
 from calib_core.cell.found import scanner_frame
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
+from calib_core.exports.controller import POSES, for_poses
 from calib_core.exports.entry import Export, Settings
 from calib_core.exports.registry import all_exports, export_named
 from calib_core.exports.writing import marked
@@ -52,7 +53,8 @@ def export(
     allow : collection of str
         The faults (`records.faults`) in spite of which it is exported.
     settings : mapping, optional
-        The export's settings.
+        The export's settings, and `poses`, "controller" (left out) or "corrected": with which poses it will be
+        used, where the arm's errors were taken out of those of the captures.
     backup : bytes, optional
         A controller's own file: one entry of it is changed.
     date : str, optional
@@ -79,8 +81,10 @@ def write_export(
     """Return an answer in an export's syntax, and the export's entry; parameters and errors as of `export`."""
     entry = export_named(name, tuple(media_types()))
     answer.require_usable(allow)
+    told = dict(settings or {})
+    answer = for_poses(answer, told.pop(POSES, "controller"))
     try:
-        chosen = entry.settings.model_validate(dict(settings or {}))
+        chosen = entry.settings.model_validate(told)
     except ValidationError as error:
         raise input_error(error, settings, message("settings of '{name}'", name=name)) from None
     answer = answer.of_scanner(getattr(chosen, "of_scanner", None))

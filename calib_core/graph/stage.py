@@ -31,7 +31,7 @@ SPHERE_FIELDS = (*SCAN_FIELDS, "center_mm", "side")
 SPHERE_READS = (
     "pose_convention", "sphere_diameter_mm", "sphere_diameter_sigma_mm", "sphere_class",
     "scanner.point_sigma_mm", "scanner.z_axis", "scanner.errors", "scanners", "arrangement",
-    "robot.position_sigma_mm", "robot.orientation_sigma_deg", "robot.arm",
+    "robot.position_sigma_mm", "robot.orientation_sigma_deg", "robot.arm", "robot.errors",
     "spheres", "sphere_distances", "axes", "known.frames",
 )  # fmt: skip
 """What is read of the cell by a stage that finds the sphere."""

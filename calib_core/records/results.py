@@ -124,6 +124,25 @@ class ScannerFound(Record):
     left_in_files: LeftInFiles | None = None
 
 
+class ArmModelFound(Record):
+    """The arm's own errors as the captures tell them, by the names of its terms, which end in their units.
+
+    `held_out_rms_mm` is by how much the ball's place is predicted wrong at groups of poses that were left out,
+    without and with the model; it is `worth_it` where that is better beyond chance. With `applied` poses are
+    corrected by it in this stage and all later ones; `controller` then has what is best with the controller's own
+    poses: the scanner's and the table's frames.
+    """
+
+    names: list[str]
+    values: list[float]
+    sigmas: list[float]
+    members: list[str] = Field(default_factory=list[str])
+    held_out_rms_mm: list[float]
+    worth_it: bool
+    applied: bool = False
+    controller: list[FoundFrame] | None = None
+
+
 class OpticsShift(Record):
     """What one standard deviation of camera or plane of light, along one direction, does to an answer.
 

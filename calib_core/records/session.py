@@ -65,12 +65,17 @@ class ArmTable(WrittenRecord):
 
 
 class Robot(WrittenRecord):
-    """The robot's repeatability, standard deviations per axis, and its arm: by name, or by its table of joints."""
+    """The robot's repeatability, standard deviations per axis, and its arm: by name, or by its table of joints.
+
+    `errors`: what becomes of errors of the arm that are found where the captures have its joints: `cover` (left
+    out) solves the tool for the poses as they are, `apply` for poses from which the errors are taken out.
+    """
 
     position_sigma_mm: NotNegative | None = None
     orientation_sigma_deg: NotNegative | None = None
     brand: str | None = None
     arm: str | ArmTable | None = None
+    errors: Literal["cover", "apply"] | None = None
 
     @property
     def orientation_sigma_rad(self) -> float | None:

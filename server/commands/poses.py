@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from server.console.command import OK, Command
 from server.console.output import print_result
@@ -20,6 +20,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     as_written = "take poses as they stand, where the tool or frame they were taught with is not in the files"
     told = "what the files do not say: convention, unit, columns of a table, topic, base, flange of a recording"
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=told)
+    corrected = "correct the poses (or joints: columns j1_deg …) by the arm's errors that this session applies"
+    parser.add_argument("--corrected", type=Path, metavar="SESSION", help=corrected)
     parser.add_argument("--as-written", action="store_true", help=as_written)
 
 
@@ -28,8 +30,31 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.library.machines import read_poses
 
     told = pairs_of(options.set)
+    if options.corrected is not None:
+        return _corrected(options, told)
     read = read_poses(*options.files, brand=options.brand, as_written=options.as_written, told=told)
     print_result(options, _text(read), read.to_json())
+    return OK
+
+
+def _corrected(options: argparse.Namespace, told: dict[str, str]) -> int:
+    """Print the poses of files as they truly are, by what a session found of its arm."""
+    import calib_core as cc
+    from calib_core.library.corrected_poses import corrected_poses
+
+    opened = cc.load(options.corrected)
+    poses: list[dict[str, Any]] = []
+    skipped: list[dict[str, Any]] = []
+    for path in options.files:
+        found, left = corrected_poses(opened, path, options.brand, told)
+        poses += [one.to_json() for one in found]
+        skipped += left
+    rows = [f"  {p['name']}: {' '.join(f'{v:.6g}' for v in p['pose'])}; {p['moved_mm']:.3f} mm" for p in poses]
+    lines = [f"{len(poses)} poses corrected ({opened.cell.pose_convention})", *rows]
+    lines += [f"  skipped: line {one['line']}: {one['reason']}" for one in skipped]
+    print_result(
+        options, "\n".join(lines), {"brand": None, "poses": poses, "tools": [], "frames": [], "skipped": skipped}
+    )
     return OK
 
 

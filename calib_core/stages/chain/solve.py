@@ -7,7 +7,8 @@ from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.errors import InputError
 from calib_core.findings import Finding, judged
 from calib_core.graph.stage import SOFTWARE
-from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
+from calib_core.graph.stage_input import Kept, SolvedTable, SolvedTcp, StageInput
+from calib_core.records.results import ArmModelFound, FoundFrame
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.solve import with_all_rows
 from calib_core.stages.turntable.solve import findings_of_table, part_of, table_of, table_options, tcp_of, tool_of
@@ -54,9 +55,27 @@ def solve(given: StageInput) -> ChainResult:
         solution = chain_with_calibration_uncertainty(given.session, given.read, solution)
     found = _findings(given, solved, table, solution)
     result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256, found)
+    if result.arm_model is not None and result.arm_model.applied:
+        result = result.model_copy(update={"arm_model": _with_controller(given, result.arm_model)})
     if given.session.cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
     return with_all_rows(result, given.captures, [*solved.unused, *table.unused])
+
+
+def _with_controller(given: StageInput, found: ArmModelFound) -> ArmModelFound:
+    """Return the arm's errors with the frames that are best with the controller's own poses."""
+    session = given.session
+    robot = session.cell.robot.model_copy(update={"errors": None})
+    cell = session.cell.model_copy(update={"robot": robot})
+    told = solve(replace(given, session=session.model_copy(update={"cell": cell}), kept=Kept()))
+    tool = told.mount_from_laser
+    frames = [
+        FoundFrame(into=tool.into, outof="laser", matrix=tool.to_rows(), covariance=told.covariance),
+        FoundFrame(
+            into="base", outof="turntable", matrix=told.base_from_turntable, covariance=told.turntable_covariance
+        ),
+    ]
+    return found.model_copy(update={"controller": frames})
 
 
 def _findings(
@@ -64,6 +83,7 @@ def _findings(
 ) -> list[Finding]:
     """Return all that is noticed: of tool, table and captures, and where both kinds of these disagree."""
     from calib_core.stages.chain.result import disagreements
+    from calib_core.stages.tcp.arm_found import arm_findings
     from calib_core.stages.tcp.result import solution_findings
     from calib_core.stages.tcp.verdict import lag_findings
 
@@ -73,6 +93,7 @@ def _findings(
         *disagreements(solution),
         *findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere, tool),
         *solution_findings(solution.tcp, given.captures),
+        *arm_findings(given.session.cell, solution.tcp.arm),
         *lag_findings(solved.observations, solution.tcp.sigmas),
         *lost_rays_of(both),
         *solved.unused,

@@ -25,7 +25,7 @@ class Merge(Stage):
     takes: ClassVar = {"scan": (*SCAN_FIELDS, "table_deg")}
     reads = (
         "pose_convention", "scanner.point_sigma_mm", "scanner.z_axis", "scanners", "robot.arm", "arrangement",
-        "axes", "known.frames",
+        "robot.errors", "axes", "known.frames",
         "merge.voxel_mm", "merge.mesh", "merge.registration", "merge.self_calibration", "merge.memory_mb",
         "merge.reference", "merge.alignment", "merge.tolerance_mm",
     )  # fmt: skip

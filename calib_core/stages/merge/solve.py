@@ -9,6 +9,7 @@ import numpy as np
 
 from calib_core.archive.spill import FileSpill
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
+from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
@@ -29,6 +30,7 @@ from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.messages import message
 from calib_core.records import Cell, Finding, VarianceComponents
+from calib_core.records.results import ArmModelFound
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.merge.doubts import merge_doubts
 from calib_core.stages.merge.mistakes import Mistakes
@@ -42,7 +44,7 @@ _CALIBRATION_SHARE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class _Calibration:
-    """Where scans belong, the covariance (12, 12) of tool and table, and the scatters of robot and table."""
+    """Where scans belong, the covariance (12, 12) of tool and table, the scatters of robot and table, the arm."""
 
     placement: Placement
     covariance: FloatArray
@@ -51,6 +53,7 @@ class _Calibration:
     angle_sigma_rad: float
     by: str = "known"
     findings: tuple[Finding, ...] = ()
+    arm: ArmModelFound | None = None
 
     @property
     def tells_scatter(self) -> bool:
@@ -128,8 +131,9 @@ def plan_merge(given: StageInput) -> MergePlan:
         )
     found = unfit(given.session.cell, captures)
     unused = reasons_of(found)
-    groups = scan_groups([capture for capture in captures if capture.id not in unused])
     calibration = _calibration(given, with_table=any(capture.table_deg is not None for capture in captures))
+    fit = [capture for capture in captures if capture.id not in unused]
+    groups = scan_groups(corrected_captures(given.session.cell, fit, calibration.arm))
     settings = given.session.cell.merge
     options = MergeOptions(
         settings.voxel_mm,
@@ -221,7 +225,8 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
         RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction, scale
     )
     by: str = "known" if result is None else result.stage
-    return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(findings))
+    arm = getattr(result, "arm_model", None)
+    return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(findings), arm)
 
 
 def _errors(given: StageInput, groups: Sequence[ScanGroup], calibration: _Calibration) -> PoseErrors:

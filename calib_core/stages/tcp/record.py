@@ -9,6 +9,7 @@ from calib_core.frames import RigidTransform
 from calib_core.records.base import Matrix4, Record, Rows, Vector3
 from calib_core.records.results import (
     ArmErrorsFound,
+    ArmModelFound,
     AtPoint,
     CaptureResidual,
     OpticsShift,
@@ -118,6 +119,7 @@ class ToolResult(Result, TopologyFields):
     optics: list[OpticsShift] = Field(default_factory=list[OpticsShift])
     workpiece: AtPoint | None = None
     arm_errors: ArmErrorsFound | None = None
+    arm_model: ArmModelFound | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
 
     @property

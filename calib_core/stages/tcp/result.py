@@ -18,6 +18,7 @@ from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.records import Capture, Undetermined, VarianceComponents
 from calib_core.records.results import ArmErrorsFound, AtPoint, FoundFrame, LeftInFiles, OpticsShift, ScannerFound
 from calib_core.stages.axes_found import axes_found
+from calib_core.stages.tcp.arm_found import arm_model_found
 from calib_core.stages.tcp.record import TcpResidual, TcpResult, TwoStep
 from calib_core.stages.tcp.verdict import tcp_findings
 from calib_core.stages.tcp.warm_up import drift_findings, session_drift
@@ -59,6 +60,7 @@ def tcp_result(
             point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_point.tolist()
         ),
         arm_errors=_arm_errors(solution),
+        arm_model=arm_model_found(solution),
         confidence_95=_confidence(covariance),
         warm_up=session_drift(solution),
         residuals=_residuals(solution, found),

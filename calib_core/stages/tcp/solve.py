@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from typing import TypeVar
 
+from calib_core.captures.arm_joints import terms_of, with_arm_moves
 from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED, first_reasons, not_measured, unfit
 from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
+from calib_core.causes.flange import flange_findings
 from calib_core.cell.axes import moved_axes, reading_sigmas
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
@@ -56,13 +58,14 @@ def solve(given: StageInput) -> TcpResult:
 
 def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     """Return all that is noticed of solution and captures, and what would explain doubts about the poses."""
-    from calib_core.causes.flange import flange_findings
+    from calib_core.stages.tcp.arm_found import arm_findings
     from calib_core.stages.tcp.result import solution_findings
     from calib_core.stages.tcp.verdict import lag_findings
 
     found = solution_findings(solved.solution, given.captures)
     found += lag_findings(solved.observations, solved.solution.sigmas)
     found += lost_rays_of(solved.observations)
+    found += arm_findings(given.session.cell, solved.solution.arm)
     # Other readings of poses are tried for a sphere that stands still alone.
     stands = solved.solution.joint.ball == "base"
     causes = _causes_of_poses(given, solved) if stands and _is_doubtful(found, solved) else []
@@ -117,6 +120,7 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
 
 
 def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
+    from calib_core.chain.arm_model import corrected
     from calib_core.chain.tcp import TcpOptions, solve_tcp
 
     cell = given.session.cell
@@ -127,6 +131,8 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         orientation_sigma_rad=cell.robot.orientation_sigma_rad,
         point_sigma_mm=cell.scanner.point_sigma_mm,
         apply_scanner=cell.scanner.errors == "apply",
+        arm_terms=terms_of(cell),
+        apply_arm=cell.robot.errors == "apply",
         axes=moved_axes(cell),
         axis_sigmas=reading_sigmas(cell),
         taken_at_s=tuple((c.id, c.device_time_s) for c in given.captures if c.device_time_s is not None),
@@ -139,7 +145,10 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         from calib_core.captures.frame_uncertainty import with_calibration_uncertainty
 
         solution = with_calibration_uncertainty(given.session, given.read, solution)
-    return SolvedTcp(solution, observed.observations, sphere, observed.unused)
+    seen = observed.observations
+    if solution.arm is not None and solution.arm.applied:
+        seen = corrected(seen, solution.arm)
+    return SolvedTcp(solution, seen, sphere, observed.unused)
 
 
 def observe_stage(given: StageInput) -> Observed:
@@ -149,7 +158,10 @@ def observe_stage(given: StageInput) -> Observed:
     base_from_tool0_by_capture(cell, captures)
     unused = [*unfit(cell, captures), *copies_of(captures, given.read)]
     out = {name for finding in unused for name in finding.captures}
-    observations, failed = observe_all(given, [c for c in captures if c.id not in out])
+    fit = [c for c in captures if c.id not in out]
+    observations, failed = observe_all(given, fit)
+    if cell.robot.arm is not None and not flange_findings(cell, fit):
+        observations = with_arm_moves(cell, fit, observations)
     return Observed(observations, failed, first_reasons([*unused, *not_measured(failed)]))
 
 

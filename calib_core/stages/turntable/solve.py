@@ -107,7 +107,8 @@ def tool_of(solved: SolvedTcp) -> "KnownTool":
 
     solution = solved.solution
     two_step = solution.two_step.mount_from_laser if solution.two_step else None
-    return KnownTool(solution.joint.mount_from_laser, solution.held, two_step)
+    arm = solution.arm if solution.arm is not None and solution.arm.applied else None
+    return KnownTool(solution.joint.mount_from_laser, solution.held, two_step, arm)
 
 
 def _about_tool(solved: SolvedTcp) -> list[Finding]:
@@ -127,6 +128,7 @@ def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress:
 
 
 def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
+    from calib_core.chain.arm_model import corrected
     from calib_core.chain.table_angles import with_found_angles
     from calib_core.chain.turntable import solve_turntable
 
@@ -138,7 +140,8 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     observed = observe_stage(replace(given, progress=part_of(progress, 0.0, 0.3)))
     by_id = {capture.id: capture for capture in captures}
     carriers = axis_of_mounts(cell, captures)
-    observations = [_on_axis(o, by_id[o.capture], carriers) for o in observed.observations]
+    seen = observed.observations if tool.arm is None else corrected(observed.observations, tool.arm)
+    observations = [_on_axis(o, by_id[o.capture], carriers) for o in seen]
     try:
         if turning.angles == "unknown":
             observations = with_found_angles(observations, sphere, tool.mounts, turning.direction or 1)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -18,6 +19,7 @@ from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.messages import message
 from calib_core.records import Capture, Verification
 from calib_core.records.findings import Finding
+from calib_core.records.results import ArmModelFound
 from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.agreement import disagreeing
@@ -52,7 +54,8 @@ def solve(given: StageInput) -> VerifyResult:
     MotionError
         If fewer than two captures show it, or captures of a plate alone do not tell its flatness.
     """
-    tool, verified, doubts = _tool(given)
+    tool, verified, doubts, arm = _tool(given)
+    given = replace(given, captures=corrected_captures(given.session.cell, given.captures, arm))
     steps = {capture.step for capture in given.captures if not capture.excluded}
     if "plate" in steps and "verify" not in steps:
         return _by_plate_alone(given, tool, verified, doubts)
@@ -283,19 +286,20 @@ def _spacing(
     return [] if error is None else [checked("spacing", error, told.spacing_mm)]
 
 
-def _tool(given: StageInput) -> tuple[Tool, str, list[Finding]]:
-    """Return the tool to verify, the stage whose answer it is or "known", and what is to be doubted about it."""
+def _tool(given: StageInput) -> tuple[Tool, str, list[Finding], ArmModelFound | None]:
+    """Return the tool to verify, its stage or "known", what is to be doubted about it, and the arm's errors."""
     cell = given.session.cell
     known = cell.known.tool0_from_laser
     if known is not None:
         tool = RigidTransform.from_rounded(known, "tool0", "laser")
         robot = cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0
-        return Tool(tool, np.zeros((6, 6)), *robot), "known", []
+        return Tool(tool, np.zeros((6, 6)), *robot), "known", [], None
     stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"
     answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
     assert isinstance(answer, ToolResult)
     failed = answer.verdict == "fail"
-    return Tool.of(answer), stage, [codes.VERIFIED_ANSWER_FAILS(stage=stage)] if failed else []
+    doubts = [codes.VERIFIED_ANSWER_FAILS(stage=stage)] if failed else []
+    return Tool.of(answer), stage, doubts, answer.arm_model
 
 
 def _of_scatter(found: HeldOut, knows_uncertainty: bool, decision: Decision | None) -> list[Finding]:

@@ -21,6 +21,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         "a controller's backup (file, zip or folder): the file with this entry is written, all else byte for byte"
     )
     parser.add_argument("--into", type=Path, metavar="BACKUP", help=into)
+    poses = "with which poses it will be used: the controller's own, or those corrected by the arm's errors"
+    parser.add_argument("--poses", choices=("controller", "corrected"), help=poses)
     settings = "another setting of the export; may be given several times"
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=settings)
     allow = "export an answer in spite of its faults, by their names (such as stale,verify-fail): it is marked"

@@ -80,7 +80,8 @@ def _answering_stage(session: Session) -> str:
 
 def _settings(options: argparse.Namespace) -> dict[str, str]:
     """Return the export's settings that the options name."""
-    settings = {name: value for name in ("tool", "frame", "part") if (value := getattr(options, name)) is not None}
+    told = {name: getattr(options, name) for name in ("tool", "frame", "part", "poses")}
+    settings = {name: value for name, value in told.items() if value is not None}
     for pair in options.set:
         name, equals, value = pair.partition("=")
         if not equals:

@@ -1,0 +1,123 @@
+"""The arm's own errors, solved with the tool: what they bring, when they are applied, and who uses them."""
+
+import contextlib
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib_core.archive.folder import save_session
+from calib_core.arms.errors import arm_moves, arm_terms
+from calib_core.arms.inverse import joints_of_pose
+from calib_core.arms.kinematics import NAMED_ARMS, flange_of_joints
+from calib_core.exports.export import export
+from calib_core.records import Session
+from calib_core.simulation.arm_cell import ArmCell, held_out_rms_mm, simulate_arm
+from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.record import TcpResult
+from server.cli import main
+
+
+def solved(session: Session) -> TcpResult:
+    result = solve_stage(session, "tcp", lambda _name: b"")
+    assert isinstance(result, TcpResult)
+    return result
+
+
+def codes_of(result: TcpResult) -> set[str]:
+    return {finding.code for finding in result.findings}
+
+
+def told(cell: ArmCell, **robot: object) -> Session:
+    """Return the cell's session with other things told of its robot."""
+    record = cell.session.model_dump(exclude_none=True, by_alias=True)
+    record["cell"]["robot"] |= robot
+    return Session.model_validate(record)
+
+
+def test_an_arm_has_as_many_terms_as_its_geometry() -> None:
+    names = [term.name for term in arm_terms(NAMED_ARMS["ur10e"])]
+    of_geometry = [name for name in names if "_by_" not in name and "sag" not in name]
+    assert len(of_geometry) == len(set(of_geometry)) == 18  # 4 · 6 + 6, less base and tool
+    moves = arm_moves(NAMED_ARMS["ur10e"], np.random.default_rng(0).uniform(-120, 120, (40, 6)).tolist())
+    some = moves[:, :, [names.index(name) for name in of_geometry]]
+    some *= np.array([1.0, 1.0, 1.0, 300.0, 300.0, 300.0])[:, None]
+    flat = some.reshape(-1, 18) / np.linalg.norm(some.reshape(-1, 18), axis=0)
+    assert np.linalg.svd(flat, compute_uv=False)[-1] > 1e-3  # none of them is said twice
+
+
+def test_a_zero_moves_the_flange_as_its_joint_does() -> None:
+    arm, joints = NAMED_ARMS["ur5e"], [10.0, -70.0, 80.0, -100.0, -80.0, 20.0]
+    names = [term.name for term in arm_terms(arm)]
+    move = arm_moves(arm, [joints])[0][:, names.index("joint_3_zero_deg")]
+    ends = [flange_of_joints(arm, [*joints[:2], joints[2] + by, *joints[3:]]) for by in (-0.01, 0.01)]
+    assert np.allclose(move[:3], (ends[1].translation_mm - ends[0].translation_mm) / 0.02, atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["small", "cobot", "large"])
+def test_other_poses_are_predicted_better_where_the_arm_is_applied(kind: str, tmp_path: Path) -> None:
+    cell = simulate_arm(kind, 3, 30, errors="apply")
+    covered, applied = solved(told(cell, errors="cover")), solved(cell.session)
+    assert covered.arm_model is not None
+    assert applied.arm_model is not None
+    assert covered.arm_model.worth_it
+    assert not covered.arm_model.applied
+    assert "arm-errors-worth-it" in codes_of(covered)
+    assert "arm-errors-applied" in codes_of(applied)
+    before, after = applied.arm_model.held_out_rms_mm
+    save_session(tmp_path / "cell", cell.session, {})
+    table = tmp_path / "joints.csv"
+    with table.open("w", newline="") as file:
+        csv.writer(file).writerows([[f"j{n}_deg" for n in range(1, 7)], *cell.held_joints_deg.tolist()])
+    poses = corrected_by_command(table, tmp_path)
+    real_after = held_out_rms_mm(cell, *placed(applied), poses)
+    real_before = held_out_rms_mm(cell, *placed(covered), cell.held_poses)
+    assert real_after < 0.5 * real_before
+    assert after < 0.7 * before
+    assert real_after < 2 * after
+
+
+def placed(result: TcpResult) -> tuple[np.ndarray, np.ndarray]:
+    return np.array(result.base_from_laser), np.array(result.sphere_center_in_tool0_mm)
+
+
+def corrected_by_command(table: Path, folder: Path) -> np.ndarray:
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text):
+        assert main(["poses", str(table), "--corrected", str(folder / "cell"), "--json"]) == 0
+    rows = json.loads(text.getvalue())["poses"]
+    return np.array([row["base_from_tool0"] for row in rows])
+
+
+def test_a_right_arm_keeps_its_answer() -> None:
+    cell = simulate_arm("medium", 5, 30, size=0.0, errors="apply")
+    applied, covered = solved(cell.session), solved(told(cell, errors="cover"))
+    without = solved(told(cell, errors=None, arm=None))
+    assert applied.arm_model is not None
+    assert not applied.arm_model.worth_it
+    assert not applied.arm_model.applied
+    assert applied.base_from_laser == covered.base_from_laser == without.base_from_laser
+    assert without.arm_model is None
+    assert "arm-errors-not-better" in codes_of(applied)
+
+
+def test_exports_give_the_answer_for_the_controllers_poses() -> None:
+    cell = simulate_arm("small", 4, 20, errors="apply")
+    applied, covered = solved(cell.session), solved(told(cell, errors="cover"))
+
+    def exported(**settings: str) -> list[list[float]]:
+        content, _ = export(cell.session, {"tcp": applied}, "json", settings=settings)
+        return json.loads(content)["base_from_laser"]
+
+    assert np.allclose(exported(), covered.base_from_laser or [])
+    assert np.allclose(exported(poses="corrected"), applied.base_from_laser or [])
+
+
+def test_joints_follow_from_a_pose_in_the_configuration_of_others() -> None:
+    arm, joints = NAMED_ARMS["ur10e"], [20.0, -80.0, 95.0, -110.0, -85.0, 30.0]
+    found = joints_of_pose(arm, flange_of_joints(arm, joints), [0.0, -70.0, 80.0, -100.0, -90.0, 0.0])
+    assert found is not None
+    assert np.allclose(found[0], joints, atol=1e-4)
