@@ -58,6 +58,18 @@ class ArmErrorsFound(Record):
     table_with_poses: list[list[list[float]]] | None = None
 
 
+class ArmModelFound(Record):
+    """The arm's own errors as the captures tell them, by the names of its terms, which end in their units."""
+    names: list[str]
+    values: list[float]
+    sigmas: list[float]
+    members: list[str] | None = None
+    held_out_rms_mm: list[float]
+    worth_it: bool
+    applied: bool | None = None
+    controller: list[FoundFrame] | None = None
+
+
 class AtPoint(Record):
     """How well a point is known that the scanner measures where it saw the sphere, scanner and tool together."""
     point_in_laser_mm: list[float]
@@ -699,6 +711,7 @@ class ChainResult(Record):
     optics: list[OpticsShift] | None = None
     workpiece: AtPoint | None = None
     arm_errors: ArmErrorsFound | None = None
+    arm_model: ArmModelFound | None = None
     confidence_95: dict[str, float] | None = None
     stage: Literal['chain'] | None = None
     turntable_covariance: list[list[float]]
@@ -894,6 +907,7 @@ class TcpResult(Record):
     optics: list[OpticsShift] | None = None
     workpiece: AtPoint | None = None
     arm_errors: ArmErrorsFound | None = None
+    arm_model: ArmModelFound | None = None
     confidence_95: dict[str, float] | None = None
     stage: Literal['tcp'] | None = None
     warm_up: SessionDrift | None = None

@@ -93,6 +93,17 @@ export interface ArmJoint {
   limits?: unknown[] | null;
 }
 
+export interface ArmModelFound {
+  names: string[];
+  values: number[];
+  sigmas: number[];
+  members?: string[];
+  held_out_rms_mm: number[];
+  worth_it: boolean;
+  applied?: boolean;
+  controller?: FoundFrame[] | null;
+}
+
 export interface ArmTable {
   joints: ArmJoint[];
   convention?: "standard" | "modified";
@@ -563,6 +574,7 @@ export interface ChainResult {
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
+  arm_model?: ArmModelFound | null;
   confidence_95?: Record<string, number>;
   stage?: "chain";
   turntable_covariance: number[][];
@@ -1953,6 +1965,7 @@ export interface Robot {
   orientation_sigma_deg?: number | null;
   brand?: string | null;
   arm?: string | ArmTable | null;
+  errors?: "cover" | "apply" | null;
 }
 
 export interface RobotLine {
@@ -2385,6 +2398,7 @@ export interface StoredChainResult {
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
+  arm_model?: ArmModelFound | null;
   confidence_95?: Record<string, number>;
   stage?: "chain";
   turntable_covariance: number[][];
@@ -2602,6 +2616,7 @@ export interface StoredTcpResult {
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
+  arm_model?: ArmModelFound | null;
   confidence_95?: Record<string, number>;
   stage?: "tcp";
   warm_up?: SessionDrift | null;
@@ -2834,6 +2849,7 @@ export interface TcpResult {
   optics?: OpticsShift[];
   workpiece?: AtPoint | null;
   arm_errors?: ArmErrorsFound | null;
+  arm_model?: ArmModelFound | null;
   confidence_95?: Record<string, number>;
   stage?: "tcp";
   warm_up?: SessionDrift | null;

@@ -7,8 +7,10 @@ import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.captures.contradictions import joints_contradict
+from calib_core.causes.joints import likely_joints
 from calib_core.errors import InputError
 from calib_core.findings import Finding
+from calib_core.findings.codes import arm as arm_codes
 from calib_core.findings.codes import tcp as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.poses.identity import AGREE_DEG, AGREE_MM, identity_by_joints
@@ -33,7 +35,7 @@ def flange_findings(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
     pairs = [pair for capture in captures if (pair := _by_joints(cell, capture)) is not None]
     found = identity_by_joints([pose for pose, _ in pairs], [flange for _, flange in pairs])
     if found is None:
-        return joints_contradict(cell, captures)
+        return _read_otherwise(cell, captures)
     if found.of_flange:
         return []
     reading = FlangeReading(
@@ -54,6 +56,17 @@ def flange_findings(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
         flange_reading=reading,
     )
     return [codes.NOT_THE_FLANGE(whose=found.sentence, of=of, remedy=remedy)]
+
+
+def _read_otherwise(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
+    """Return that joints contradict the poses of most captures, with what would mend it."""
+    apart = joints_contradict(cell, captures)
+    likely = likely_joints(cell, captures) if apart else None
+    if likely is None:
+        return apart
+    values = apart[0].values
+    count, wrong = values["count"], values["apart"]
+    return [arm_codes.JOINTS_READ_OTHERWISE(apart[0].captures, apart=wrong, count=count, likely=likely)]
 
 
 def brought(reading: FlangeReading, pose: RigidTransform) -> RigidTransform:

@@ -121,3 +121,47 @@ def test_joints_follow_from_a_pose_in_the_configuration_of_others() -> None:
     found = joints_of_pose(arm, flange_of_joints(arm, joints), [0.0, -70.0, 80.0, -100.0, -90.0, 0.0])
     assert found is not None
     assert np.allclose(found[0], joints, atol=1e-4)
+
+
+WRONG = {
+    "order": "joints in the order 1 3 2 4 5 6",
+    "sign": "joint 3 counted the other way",
+    "offset": "joint 2 counted from -90°",
+    "coupling": "joint 3 moving along with joint 2",
+    "radians": "joints that are radians",
+}
+
+
+def changed(name: str, joints: np.ndarray) -> np.ndarray:
+    found = joints.copy()
+    match name:
+        case "order":
+            found[[1, 2]] = joints[[2, 1]]
+        case "sign":
+            found[2] *= -1
+        case "offset":
+            found[1] += 90
+        case "coupling":
+            found[2] -= joints[1]
+        case _:
+            found = np.deg2rad(joints)
+    return found
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_joints_are_named_and_nothing_is_applied(name: str) -> None:
+    cell = simulate_arm("small", 7, 15, errors="apply")
+    record = cell.session.model_dump(exclude_none=True, by_alias=True)
+    for capture in record["captures"]:
+        capture["joints_deg"] = changed(name, np.array(capture["joints_deg"])).tolist()
+    result = solved(Session.model_validate(record))
+    assert result.arm_model is None
+    (finding,) = [one for one in result.findings if one.code == "joints-read-otherwise"]
+    assert WRONG[name] in finding.text
+
+
+def test_joints_of_another_arm_are_named() -> None:
+    cell = simulate_arm("cobot", 7, 15, errors="apply")
+    assert "the arm ur10e" in next(
+        one.text for one in solved(told(cell, arm="ur5e")).findings if one.code == "joints-read-otherwise"
+    )

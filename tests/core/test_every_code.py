@@ -27,6 +27,7 @@ from calib_core.review.check import check_session
 from calib_core.review.provenance import HISTORY_FILE, verify
 from calib_core.review.replay import replay
 from calib_core.simulation import simulate
+from calib_core.simulation.arm_cell import simulate_arm
 from calib_core.sphere.arc import fit_arc
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.verify.decision import Estimate, checked, decision_findings
@@ -216,6 +217,20 @@ def tool_of(trouble: str) -> Case:
 
 
 MOMENT = ("drift", "overdue", "equipment-changed", "verify-undecided")
+
+
+def of_arm(size: float = 1.0, errors: str | None = None, turned: bool = False) -> Case:
+    """What is found of an arm before a tracker; `turned`: its second joint is counted the other way."""
+
+    def found() -> Iterable[Finding]:
+        told = simulate_arm("small", 1, 15, size=size, errors=errors, held=0).session.to_json()
+        for capture in told["captures"] if turned else []:
+            capture["joints_deg"][1] *= -1
+        return solve_stage(Session.model_validate(told), "tcp", lambda _name: b"").findings
+
+    return found
+
+
 CASES: dict[str, tuple[Case, Case]] = {
     "unknown-field": (check(spere_class="G100"), check()),
     "no-tcp-captures": (check(TABLE), check()),
@@ -272,6 +287,10 @@ CASES: dict[str, tuple[Case, Case]] = {
     "archive-disagrees": (archived([{"stage": "tcp"}], sealed=False), archived([], sealed=False)),
     "not-replayed": (came("imported"), came("replayed")),
     "replay-differs": (after_replay(verdict="none"), after_replay()),
+    "arm-errors-worth-it": (of_arm(), of_arm(size=0.0)),
+    "arm-errors-applied": (of_arm(errors="apply"), of_arm(size=0.0, errors="apply")),
+    "arm-errors-not-better": (of_arm(size=0.0, errors="apply"), of_arm(errors="apply")),
+    "joints-read-otherwise": (of_arm(turned=True), of_arm()),
     "replayed-other-revision": (after_replay(verdict="none", method_revision=0), after_replay(verdict="none")),
 }
 WITHOUT_A_ROW = """

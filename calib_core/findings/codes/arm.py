@@ -39,3 +39,16 @@ ARM_NOT_BETTER = Code(
     usual_causes="A right arm, or too few captures with too little motion of the joints.",
     since="0.2",
 )
+
+JOINTS_READ_OTHERWISE = Code(
+    "joints-read-otherwise",
+    "warning",
+    text="The joints of {apart} of {count} captures do not give their poses: {likely} would.",
+    to_do="Correct the joints or cell.robot.arm; the arm's errors are not looked for until they agree.",
+    meaning="Joints and poses contradict each other, and one change of the joints or of the arm mends it.",
+    decided="Other orders, signs, zeros, units, couplings and named arms are tried: with one of them the joints give "
+    "the poses of four captures in five, to 5 mm and 1°.",
+    usual_causes="Joints copied in another order or sign, in radians, or of a controller whose third joint moves "
+    "along with the second; another arm than named.",
+    since="0.2",
+)
