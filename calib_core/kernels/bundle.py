@@ -248,6 +248,7 @@ def add_corners(
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def add_laser_lines(
     pixels: FloatArray,
+    basis: FloatArray,
     axes: IntArray,
     ends: IntArray,
     weights: FloatArray,
@@ -268,12 +269,14 @@ def add_laser_lines(
     """Add the laser's line on each board and return its cost.
 
     A ray m = (x, y, 1) meets the board n_b · p = d_b and the light n · p = d at the same depth when
-    (n / d − n_b / d_b) · m = 0. That, divided by its slope along the pixel axis in which the stripe's centre was
-    measured, is the residual in px.
+    (n / d − n_b / d_b) · m = 0; d_b has the board's height there where it is bent. That, divided by its slope
+    along the pixel axis in which the stripe's centre was measured, is the residual in px.
 
     Parameters
     ----------
     pixels : (M, 2)
+    basis : (M, 7)
+        Functions of the place on the board where the light meets it, mm per unit of the shape's coefficients.
     axes : (M,)
         0 where u was measured (stripe across a row), 1 where v was.
     residuals : (M,)
@@ -282,7 +285,8 @@ def add_laser_lines(
     """
     band_count = band_nears.size
     bands = shared[LENS : LENS + 14 * band_count].copy().reshape(band_count, 14)
-    plane_at = LENS + 14 * band_count + SHAPE_TERMS
+    shape_at = LENS + 14 * band_count
+    plane_at = shape_at + SHAPE_TERMS
     q = shared[plane_at : plane_at + 3]
     d = bands[0].copy()
     tilts = _tilts(d)
@@ -298,11 +302,14 @@ def add_laser_lines(
     for view in range(views):
         r, t = rotations[view], translations[view]
         n0, n1, n2 = r[0, 2], r[1, 2], r[2, 2]
-        distance = n0 * t[0] + n1 * t[1] + n2 * t[2]
-        e0, e1, e2 = q[0] - n0 / distance, q[1] - n1 / distance, q[2] - n2 / distance
+        flat = n0 * t[0] + n1 * t[1] + n2 * t[2]
         x, y = 0.0, 0.0
         filled = 0
         for i in range(ends[view], ends[view + 1]):
+            distance = flat
+            for j in range(SHAPE_TERMS):
+                distance += shared[shape_at + j] * basis[i, j]
+            e0, e1, e2 = q[0] - n0 / distance, q[1] - n1 / distance, q[2] - n2 / distance
             band, weight, slope, by_u, by_v = 0, 0.0, 1.0, 0.0, 0.0
             u, v, u_x, u_y, v_x, v_y = 0.0, 0.0, 1.0, 0.0, 0.0, 1.0
             seen_u, seen_v, error = pixels[i, 0], pixels[i, 1], 0.0
@@ -345,13 +352,15 @@ def add_laser_lines(
                 cost += 0.5 * length * length
             _spread_over_bands(by_lens, band, weight, band_count, 0, gradient)
             _spread_over_bands(by_lens, band, weight, band_count, 1, other)
-            for j in range(plane_at - SHAPE_TERMS):  # the ray moves against the pixel's prediction
+            for j in range(shape_at):  # the ray moves against the pixel's prediction
                 gradient[j] = -(by_u * gradient[j] + by_v * other[j])
             gradient[plane_at], gradient[plane_at + 1], gradient[plane_at + 2] = x, y, 1.0
             w /= slope
+            m_n = (n0 * x + n1 * y + n2) / (distance * distance)
+            for j in range(SHAPE_TERMS):
+                gradient[shape_at + j] = m_n * basis[i, j]
             for c in range(count):
                 rows[c, filled] = w * gradient[free[c]]
-            m_n = (n0 * x + n1 * y + n2) / (distance * distance)
             for k in range(2):  # turning about the board's x axis moves its normal along −y, about y along +x
                 s, a = (-1.0, 1) if k == 0 else (1.0, 0)
                 m_dn = s * (r[0, a] * x + r[1, a] * y + r[2, a]) / distance

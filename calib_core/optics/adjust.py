@@ -4,7 +4,7 @@ The poses are eliminated view by view (Schur complement), so that what is solved
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,22 +29,27 @@ class Corners:
         Corners of view k are those from ends[k] to ends[k + 1].
     weights : (N,)
         1 / σ, 1/px; 0 leaves a corner out.
+    extent_mm : (2, 2)
+        The lowest and the highest x and y of the whole board: its shape is told about their middle.
     """
 
     pixels: FloatArray
     points_mm: FloatArray
     ends: IntArray
     weights: FloatArray
+    extent_mm: FloatArray
 
     @classmethod
     def of(cls, pixels: Sequence[FloatArray], points_mm: Sequence[FloatArray], sigma_px: float = 1.0) -> "Corners":
         """Return the corners of views, given as one array per view, all of one standard deviation."""
         ends = np.concatenate([[0], np.cumsum([len(p) for p in pixels])]).astype(np.int64)
+        points = np.ascontiguousarray(np.concatenate(points_mm), dtype=float)
         return cls(
             np.ascontiguousarray(np.concatenate(pixels), dtype=float),
-            np.ascontiguousarray(np.concatenate(points_mm), dtype=float),
+            points,
             ends,
             np.full(int(ends[-1]), 1.0 / sigma_px),
+            np.array([points[:, :2].min(0), points[:, :2].max(0)]),
         )
 
     @property
@@ -59,20 +64,53 @@ class Corners:
 
     def weighted(self, weights: FloatArray) -> "Corners":
         """Return the same corners with other weights (N,)."""
-        return Corners(self.pixels, self.points_mm, self.ends, weights)
+        return replace(self, weights=weights)
 
     def take(self, views: Sequence[int] | IntArray) -> "Corners":
         """Return the corners of some views only, in the order given."""
         rows = [np.arange(self.ends[v], self.ends[v + 1]) for v in views]
         index = np.concatenate(rows) if rows else np.zeros(0, np.int64)
         ends = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
-        return Corners(self.pixels[index], self.points_mm[index], ends, self.weights[index])
+        return Corners(self.pixels[index], self.points_mm[index], ends, self.weights[index], self.extent_mm)
 
     def shape_basis(self) -> FloatArray:
-        """Return the functions (N, 7) by which a board may be bent: quadratic and cubic, each at most 1."""
-        low, high = self.points_mm[:, :2].min(0), self.points_mm[:, :2].max(0)
-        x, y = ((self.points_mm[:, :2] - (low + high) / 2) / max((high - low).max() / 2, 1e-9)).T
-        return np.column_stack([x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3])
+        """Return the board's shape functions (N, 7) at its corners."""
+        return shape_basis(self.points_mm, self.extent_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class BoardShape:
+    """How a board leaves its plane.
+
+    Parameters
+    ----------
+    coefficients_mm : (7,)
+        Of x², xy, y², x³, x²y, xy², y³ of places scaled to ±1.
+    extent_mm : (2, 2)
+        See `Corners`.
+    """
+
+    coefficients_mm: FloatArray
+    extent_mm: FloatArray
+
+    def heights_mm(self, points_mm: FloatArray) -> FloatArray:
+        """Return z (N,) at places (N, 2) or (N, 3) of the board's frame."""
+        return shape_basis(points_mm, self.extent_mm) @ self.coefficients_mm
+
+
+def shape_basis(points_mm: FloatArray, extent_mm: FloatArray) -> FloatArray:
+    """Return the functions (N, 7) by which a board may be bent: quadratic and cubic, each at most 1 on the board.
+
+    Parameters
+    ----------
+    points_mm : (N, 2) or (N, 3)
+        Places in the board's frame.
+    extent_mm : (2, 2)
+        See `Corners`.
+    """
+    low, high = extent_mm
+    x, y = ((points_mm[:, :2] - (low + high) / 2) / max((high - low).max() / 2, 1e-9)).T
+    return np.column_stack([x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +125,22 @@ class LaserLines:
     ends : (V + 1,)
     weights : (M,)
         1 / σ along that axis, 1/px.
+    basis : (M, 7)
+        The board's shape functions where the light meets it.
     """
 
     pixels: FloatArray
     axes: IntArray
     ends: IntArray
     weights: FloatArray
+    basis: FloatArray
+
+    def take(self, views: Sequence[int] | IntArray) -> "LaserLines":
+        """Return the lines of some views only, in the order given."""
+        rows = [np.arange(int(self.ends[v]), int(self.ends[v + 1])) for v in views]
+        index = np.concatenate(rows) if rows else np.zeros(0, np.int64)
+        ends = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
+        return LaserLines(self.pixels[index], self.axes[index], ends, self.weights[index], self.basis[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,8 +294,7 @@ class Adjustment:
         about = (state.shared, self.band_nears, self.band_fars, self.free, *poses)
         into = (h_cc, g_c, h_cp, h_pp, g_p)
         corners = self.corners
-        basis = corners.shape_basis() if np.any(self.free >= shape_start(len(self.band_nears))) else None
-        basis = np.zeros((len(corners.pixels), SHAPE_TERMS)) if basis is None else basis
+        basis = corners.shape_basis()
         cost = add_corners(
             corners.pixels, corners.points_mm, basis, corners.ends, corners.weights, self.huber,
             *about, *into, corner_residuals,
@@ -257,8 +304,9 @@ class Adjustment:
             lines = self.lines
             line_residuals = np.empty(len(lines.pixels))
             cost += add_laser_lines(
-                lines.pixels, lines.axes, lines.ends, lines.weights, self.huber, *about, *into, line_residuals
-            )
+                lines.pixels, lines.basis, lines.axes, lines.ends, lines.weights, self.huber,
+                *about, *into, line_residuals,
+            )  # fmt: skip
         if self.priors is not None:
             cost += self.priors.add(state, state.shared[self.free], *into)
         return _reduce(cost, *into, corner_residuals, line_residuals)
@@ -340,11 +388,17 @@ def plane_start(bands: int) -> int:
     return shape_start(bands) + SHAPE_TERMS
 
 
-def shared_vector(camera_matrix: FloatArray, bands: FloatArray, plane: FloatArray | None = None) -> FloatArray:
-    """Return the shared parameters of a camera, bands (B, 14), a flat board and, if any, a plane q (3,)."""
+def shared_vector(
+    camera_matrix: FloatArray,
+    bands: FloatArray,
+    plane: FloatArray | None = None,
+    shape: BoardShape | None = None,
+) -> FloatArray:
+    """Return the shared parameters of a camera, bands (B, 14), a board, flat without a shape, a plane q (3,)."""
     focal = [camera_matrix[0, 0], camera_matrix[1, 1], camera_matrix[0, 2], camera_matrix[1, 2]]
     q = np.zeros(PLANE_TERMS) if plane is None else plane
-    return np.concatenate([focal, np.asarray(bands, dtype=float).ravel(), np.zeros(SHAPE_TERMS), q])
+    heights = np.zeros(SHAPE_TERMS) if shape is None else shape.coefficients_mm
+    return np.concatenate([focal, np.asarray(bands, dtype=float).ravel(), heights, q])
 
 
 def step_limits(shared: FloatArray, bands: int) -> FloatArray:

@@ -125,7 +125,7 @@ def points_in_board_mm(board: Board) -> FloatArray:
     columns, rows = (board.columns - 1, board.rows - 1) if board.kind == "charuco" else (board.columns, board.rows)
     row, column = np.mgrid[:rows, :columns]
     across = 2 * column + row % 2 if board.kind == "asymmetric-circles" else column
-    return np.column_stack([across.ravel(), row.ravel(), np.zeros(row.size)]) * board.pitch_mm
+    return np.column_stack([across.ravel(), row.ravel(), np.zeros(row.size)]) * [*board.pitches_mm, 0.0]
 
 
 def _find_chessboard(grey: NDArray[np.uint8], board: Board) -> FloatArray | None:

@@ -45,7 +45,8 @@ def find_charuco(grey: NDArray[np.uint8], board: Board) -> tuple[FloatArray, NDA
         raise _why_not(grey, board, len(ids), markers)
     columns = board.columns - 1
     places = np.zeros((len(ids), 3))
-    places[:, 0], places[:, 1] = (ids % columns + 1) * board.pitch_mm, (ids // columns + 1) * board.pitch_mm
+    pitch_x_mm, pitch_y_mm = board.pitches_mm
+    places[:, 0], places[:, 1] = (ids % columns + 1) * pitch_x_mm, (ids // columns + 1) * pitch_y_mm
     if np.linalg.matrix_rank(places[:, :2] - places[0, :2], tol=0.1 * board.pitch_mm) < 2:
         raise MeasurementError(
             "corners in at least two rows and columns", "corners in one line", "Show more of the board."

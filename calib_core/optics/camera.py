@@ -11,7 +11,7 @@ from calib_core.frames import FloatArray
 from calib_core.messages import Value, message
 from calib_core.optics.adjust import Adjusted, Adjustment, Corners, State
 from calib_core.optics.board import BoardView
-from calib_core.optics.camera_choice import choose_model, held_out_errors
+from calib_core.optics.camera_choice import choose_layout, held_out_errors
 from calib_core.optics.camera_evidence import summarise
 from calib_core.optics.camera_layout import Layout, restart
 from calib_core.optics.camera_model import Model
@@ -52,8 +52,8 @@ class CameraOptions:
     ----------
     model : str
         "auto" chooses by held-out error; or one of the models.
-    refine_board : bool
-        Whether the board may be bent (quadratic and cubic deviation from its plane).
+    refine_board : bool or None
+        Whether the board may be bent (quadratic and cubic deviation from its plane); None: held-out error decides.
     folds : int
         For the held-out error.
     segments : int
@@ -61,7 +61,7 @@ class CameraOptions:
     """
 
     model: Model | Literal["auto"] = "auto"
-    refine_board: bool = False
+    refine_board: bool | None = False
     folds: int = 5
     segments: int = 4
 
@@ -116,32 +116,29 @@ def calibrate_camera(
     bands = depth_bands(fit.corners, fit.adjusted.state, options.segments)
     if bands is not None:
         layouts["segmental"] = banded(*bands)
-    if options.model == "auto" and len(fit.used) < _VIEWS_TO_COMPARE:
-        chosen, candidates = "plain", ()
-    elif options.model == "auto":
-        tell(0.2, "comparing models on held-out views")
-        chosen, candidates = choose_model(fit.corners, fit.adjusted.state, layouts, options.folds)
-    else:
+    compared, bent = list(layouts.values()), options.refine_board
+    if options.model != "auto":
         if options.model not in layouts:
             raise MotionError(
                 "views from near to far, at least 6 in each band of depth, for a segmental camera",
                 "too few, or all at about one depth" if options.model == "segmental" else repr(options.model),
                 "Take more views, or choose the model plain, rational or tilted.",
             )
-        chosen, candidates = options.model, ()
-    layout = layouts[chosen]
-    if options.refine_board:
-        layout = layout.with_bent_board()
-    tell(0.8, message("final adjustment, {chosen} model", chosen=chosen))
+        compared = [layouts[options.model]]
+    plainest = compared[0].with_bent_board() if bent else compared[0]
+    layout, candidates = plainest, ()
+    if len(fit.used) >= _VIEWS_TO_COMPARE and (len(compared) > 1 or bent is None):
+        tell(0.2, "comparing models on held-out views")
+        layout, candidates = choose_layout(fit.corners, fit.adjusted.state, compared, options.folds, bent)
+    tell(0.8, message("final adjustment, {chosen} model", chosen=layout.model))
     final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
-    if options.model == "auto" and chosen != "plain" and not final.adjusted.converged:
-        chosen, layout = "plain", layouts["plain"]  # what the views do not determine is not worth having
-        layout = layout.with_bent_board() if options.refine_board else layout
+    if options.model == "auto" and layout.model != "plain" and not final.adjusted.converged:
+        layout = plainest  # what the views do not determine is not worth having
         final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
-    if options.model == "auto" and chosen in ("plain", "tilted"):
+    if options.model == "auto" and layout.model in ("plain", "tilted"):
         final, layout = _without_idle(corners, final, layout, options.folds)
-    bent = None if options.refine_board else _bent_fit(corners, layout, final)
-    solution = summarise(final, layout, image_size, candidates, bent)
+    perhaps = None if layout.bends else _bent_fit(corners, layout, final)
+    solution = summarise(final, layout, image_size, candidates, perhaps)
     return solution if robot is None else with_robot(solution, final, layout, robot)
 
 

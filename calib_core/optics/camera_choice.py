@@ -1,5 +1,6 @@
 """Which camera model the data asks for: the plainest whose error on held-out views none beats significantly."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,48 +27,72 @@ class Candidate:
     parameters : int
     held_out_rms_px : float
         Of the corners of views that had no part in the fit, their poses alone fitted to them.
+    bent : bool
+        Whether the board may be bent.
     """
 
     model: Model
     parameters: int
     held_out_rms_px: float
+    bent: bool = False
 
 
-def choose_model(
-    corners: Corners, state: State, layouts: "dict[Model, Layout]", folds: int
-) -> tuple[Model, tuple[Candidate, ...]]:
-    """Return the chosen model, and all candidates with their held-out errors.
+def choose_layout(
+    corners: Corners, state: State, layouts: "Sequence[Layout]", folds: int, bent: bool | None = False
+) -> "tuple[Layout, tuple[Candidate, ...]]":
+    """Return the chosen layout, and all candidates with their held-out errors.
 
     Parameters
     ----------
     corners, state
         The plain model's, of the views of use.
-    layouts
-        From the plainest on; a later one must beat those before it.
+    layouts : sequence of Layout
+        From the plainest on, which must be there; a later one must beat those before it.
     folds : int
+    bent : bool or None
+        Whether the board may be bent; None: the plainest and the best of the flat ones are tried with it, too.
     """
-    errors: dict[Model, FloatArray] = {}
-    settled: set[Model] = set()
-    for model, layout in layouts.items():
-        found = held_out_errors(corners, state, layout, folds)
-        if found is not None:
-            errors[model] = found[0]
-            if found[1]:
-                settled.add(model)
-    candidates = tuple(
-        Candidate(model, len(layouts[model].free), float(np.sqrt(np.mean(e)))) for model, e in errors.items()
+    if bent:
+        layouts = [layout.with_bent_board() for layout in layouts]
+    best = layouts[0]
+    tried: dict[Layout, FloatArray] = {}
+    best = _best_of(corners, state, layouts, folds, best, tried)
+    if bent is None:
+        also = {layouts[0].model: layouts[0], best.model: best}
+        best = _best_of(corners, state, [one.with_bent_board() for one in also.values()], folds, best, tried)
+    return best, tuple(
+        Candidate(one.model, len(one.free), float(np.sqrt(np.mean(errors))), one.bends)
+        for one, errors in tried.items()
     )
-    best: Model = "plain"
-    for model, squares in errors.items():
-        if model not in settled:
-            continue  # views that do not determine a model's coefficients are no reason to take it
-        # By their logarithms, so that the few views that gain most do not blur what all of them say.
-        gain = np.log(errors[best] / squares)
-        mean, deviation = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
-        better_in_all = squares.mean() < (1 - _LEAST_GAIN) * errors[best].mean()
-        if better_in_all and mean > _LEAST_GAIN and mean > _SIGNIFICANT * deviation:
-            best = model
-    return best, candidates
+
+
+def _best_of(
+    corners: Corners,
+    state: State,
+    layouts: "Sequence[Layout]",
+    folds: int,
+    best: "Layout",
+    tried: "dict[Layout, FloatArray]",
+) -> "Layout":
+    """Return the plainest that none beats, of `best` and others; what was tried is added with its errors."""
+    for layout in layouts:
+        found = held_out_errors(corners, state, layout, folds)
+        if found is None:
+            continue
+        tried[layout], settled = found
+        # Views that do not determine a model's coefficients are no reason to take it.
+        if settled and best in tried and _beats(tried[layout], tried[best]):
+            best = layout
+    return best
+
+
+def _beats(squares: FloatArray, others: FloatArray) -> bool:
+    """Whether views are foretold significantly better, by their mean squared errors (V,)."""
+    # By their logarithms, so that the few views that gain most do not blur what all of them say.
+    gain = np.log(others / squares)
+    mean, deviation = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
+    better_in_all = squares.mean() < (1 - _LEAST_GAIN) * others.mean()
+    return bool(better_in_all and mean > _LEAST_GAIN and mean > _SIGNIFICANT * deviation)
 
 
 def held_out_errors(

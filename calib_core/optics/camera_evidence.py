@@ -51,9 +51,10 @@ def summarise(
     bent: "Fit | None" = None,
 ) -> "CameraSolution":
     """Return the solution of a finished fit; `bent` is the same with a board that may be bent."""
-    from calib_core.optics.adjust import shape_start
+    from calib_core.optics.adjust import BoardShape, shape_start
     from calib_core.optics.camera_layout import camera_of
     from calib_core.optics.camera_solution import CameraSolution
+    from calib_core.optics.pitch_ratio import pitch_ratio
 
     end, state = fit.adjusted, fit.adjusted.state
     weight = float(fit.corners.weights.max())
@@ -61,6 +62,11 @@ def summarise(
     inflation = correlation_inflation(fit, layout, scale)
     scale *= inflation
     covariance = end.covariance * scale
+    pitch = pitch_ratio(fit, layout, inflation)
+    if pitch is not None and pitch.is_notable:
+        covariance = covariance + np.outer(pitch.change, pitch.change)
+    else:
+        pitch = None
     kept = fit.corners.weights > 0
     poses: list[RigidTransform | None] = [None] * fit.all_corners.views
     for view, pose in zip(fit.used, state.poses(), strict=True):
@@ -69,8 +75,7 @@ def summarise(
     for k, view in enumerate(fit.used):
         residuals[view] = end.corner_residuals[fit.corners.ends[k] : fit.corners.ends[k + 1]]
     shape_at = shape_start(len(layout.nears))
-    refined = bool(np.any(layout.free >= shape_at))
-    shaped = fit if refined else bent
+    shaped = fit if layout.bends else bent
     return CameraSolution(
         camera=camera_of(state.shared, layout, image_size),
         parameters=layout.names,
@@ -85,12 +90,15 @@ def summarise(
         rejected_corners=int((~kept).sum()),
         candidates=candidates,
         tilt_correlation=tilt_correlation(layout.names, covariance),
-        board_shape_mm=state.shared[shape_at : shape_at + 7].copy() if refined else None,
+        board_shape=BoardShape(state.shared[shape_at : shape_at + 7].copy(), fit.corners.extent_mm)
+        if layout.bends
+        else None,
         bend_mm=None if shaped is None else _bend_mm(shaped, shape_at),
         bend_gain=None if bent is None else 1 - bent.sigma_px / fit.sigma_px,
         inflation=inflation,
         coverage=coverage(fit, image_size),
         converged=end.converged,
+        pitch=pitch,
     )
 
 
@@ -165,6 +173,12 @@ def _of_lens(solution: "CameraSolution") -> list[Finding]:
         found.append(codes.FOCAL_LENGTH_UNSURE(share=float(2 * deviation / focal)))
     if solution.bend_gain is not None and solution.bend_gain > _NOTABLE_BEND_GAIN and solution.bend_mm is not None:
         found.append(codes.BOARD_BENT(bend_mm=solution.bend_mm, gain=solution.bend_gain))
+    if (pitch := solution.pitch) is not None:
+        found.append(
+            codes.PITCHES_DIFFER(ratio=pitch.ratio, uncertainty=2 * pitch.sigma, focal_ratio=pitch.focal_ratio)
+        )
+    if solution.board_shape is not None and solution.bend_mm is not None:
+        found.append(codes.BOARD_SHAPE_SOLVED(bend_mm=solution.bend_mm))
     if (rms_px := solution.reprojection_rms_px) > _LARGE_RMS_PX:
         found.append((codes.CORNERS_FAR_OFF if rms_px > _FAIL_RMS_PX else codes.CORNERS_OFF)(rms_px=rms_px))
     return found
@@ -174,7 +188,9 @@ def _of_model(solution: "CameraSolution") -> list[Finding]:
     found: list[Finding] = []
     chosen = solution.camera.model
     if solution.candidates:
-        errors = ", ".join(f"{c.model} {c.held_out_rms_px:.3f} px" for c in solution.candidates)
+        errors = ", ".join(
+            f"{c.model}{' + bend' if c.bent else ''} {c.held_out_rms_px:.3f} px" for c in solution.candidates
+        )
         than = "plain" if chosen == "plain" else "other"
         found.append(codes.CAMERA_MODEL(than=than, model=chosen, errors=errors))
     if chosen in ("plain", "tilted") and "k3" not in solution.parameters:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.frames import FloatArray
+from calib_core.kernels.bundle import SHAPE_TERMS
 from calib_core.optics.adjust import State, shape_start, shared_vector
 from calib_core.optics.camera_model import COEFFICIENTS, CameraModel, Model, Segment
 
@@ -29,6 +30,11 @@ class Layout:
         """Names of the free parameters."""
         return tuple(parameter_name(int(i), len(self.nears)) for i in self.free)
 
+    @property
+    def bends(self) -> bool:
+        """Whether the board's shape is free."""
+        return bool(np.any(self.free >= shape_start(len(self.nears))))
+
     def with_bent_board(self) -> "Layout":
         """Return the layout with the board's shape free too."""
         start = shape_start(len(self.nears))
@@ -36,7 +42,7 @@ class Layout:
 
 
 def restart(state: State, layout: Layout) -> State:
-    """Return a state laid out for another model: the same camera, its distortion in every band."""
+    """Return a state laid out for another model: the same camera, its distortion in every band, a flat board."""
     matrix = np.array([[state.shared[0], 0, state.shared[2]], [0, state.shared[1], state.shared[3]], [0, 0, 1.0]])
     lens = np.zeros(14)
     own = [int(place) - 4 for place in layout.free if 4 <= place < 18]
@@ -58,11 +64,11 @@ def camera_of(shared: FloatArray, layout: Layout, image_size: tuple[int, int]) -
     return CameraModel(matrix, bands[count // 2], "segmental", image_size, segments)
 
 
-def parameter_places(names: Sequence[str]) -> np.ndarray:
-    """Return the places (C,) in the shared vector of named parameters; those of the board are left out."""
+def parameter_places(names: Sequence[str], with_board: bool = False) -> np.ndarray:
+    """Return the places (C,) in the shared vector of named parameters; those of the board only where asked for."""
     band_count = max([int(name.partition("@")[2] or 1) for name in names], default=1)
-    places = {parameter_name(i, band_count): i for i in range(shape_start(band_count))}
-    return np.array([places[name] for name in names if not name.startswith("board")], dtype=np.int64)
+    places = {parameter_name(i, band_count): i for i in range(shape_start(band_count) + SHAPE_TERMS)}
+    return np.array([places[n] for n in names if with_board or not n.startswith("board")], dtype=np.int64)
 
 
 def parameter_name(place: int, bands: int) -> str:

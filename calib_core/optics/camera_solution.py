@@ -1,14 +1,18 @@
 """A calibrated camera with its evidence, and the fit that it comes from."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import Value
-from calib_core.optics.adjust import Adjusted, Corners
+from calib_core.optics.adjust import Adjusted, BoardShape, Corners
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
+
+if TYPE_CHECKING:
+    from calib_core.optics.pitch_ratio import PitchRatio
 
 Misfits = dict[int, dict[str, Value]]
 """Views that are left out, by index, with how far they are off: the values of the finding `view-not-used`."""
@@ -99,8 +103,8 @@ class CameraSolution:
         Held-out errors of the models that were compared.
     tilt_correlation : float or None
         Largest |correlation| between a tilt and the principal point.
-    board_shape_mm : (7,) or None
-        Deviation from the plane, if it was refined: x², xy, y², x³, x²y, xy², y³ of places scaled to ±1.
+    board_shape : BoardShape or None
+        Deviation from the plane, if it was refined.
     bend_mm, bend_gain : float or None
         How far from its plane the board seems to be bent, highest to lowest point, and by what share the residuals
         shrink if it may be; None where there are too few views to tell.
@@ -108,6 +112,9 @@ class CameraSolution:
         By how much the covariance has grown for errors that a view's corners share; 1 for independent ones.
     coverage : Coverage
     converged : bool
+    pitch : PitchRatio or None
+        What square pixels say of the board's two pitches, where they contradict the told ones; the covariance
+        holds the difference.
     robot : RobotLengths or None
         What the robot's poses say of it, where it was carried past a fixed board; the covariance holds their
         disagreement.
@@ -126,12 +133,13 @@ class CameraSolution:
     rejected_corners: int
     candidates: tuple[Candidate, ...]
     tilt_correlation: float | None
-    board_shape_mm: FloatArray | None
+    board_shape: BoardShape | None
     bend_mm: float | None
     bend_gain: float | None
     inflation: float
     coverage: Coverage
     converged: bool
+    pitch: "PitchRatio | None" = None
     robot: RobotLengths | None = None
 
 

@@ -17,6 +17,7 @@ from calib_core.errors import InputError, MotionError
 from calib_core.findings import Finding
 from calib_core.findings.codes import laser_plane as codes
 from calib_core.frames import RigidTransform
+from calib_core.optics.adjust import BoardShape
 from calib_core.optics.camera_model import CameraModel
 
 FloatArray = NDArray[np.float64]
@@ -26,6 +27,7 @@ _TRIALS = 400
 _MOST_SCORED = 3000
 _STRAY_SIGMAS = 4.0
 _LEAST_POINTS_PER_LINE = 12
+_BENT_STEPS = 3
 _UNSURE_NORMAL_DEG, _OPEN_NORMAL_DEG = 0.1, 2.0
 
 
@@ -132,15 +134,22 @@ def plane_covariance_from_inverse(q: FloatArray, covariance: FloatArray) -> Floa
     return jacobian @ covariance @ jacobian.T
 
 
-def points_on_board(camera: CameraModel, pixels: ArrayLike, camera_from_board: RigidTransform) -> FloatArray:
-    """Return the points (N, 3) of the camera frame where the pixels' rays meet a board's plane z = 0, mm."""
+def points_on_board(
+    camera: CameraModel, pixels: ArrayLike, camera_from_board: RigidTransform, shape: BoardShape | None = None
+) -> FloatArray:
+    """Return the points (N, 3) of the camera frame where the pixels' rays meet a board, mm."""
     p = np.asarray(pixels, dtype=float).reshape(-1, 2)
     normal = camera_from_board.rotation[:, 2]
     height = float(normal @ camera_from_board.translation_mm)
     if camera.segments:
         camera = camera.with_laser_plane(normal, height)
     rays = np.column_stack([camera.undistort(p), np.ones(len(p))])
-    return rays * (height / (rays @ normal))[:, None]
+    slope, raised = rays @ normal, np.zeros(len(p))
+    if shape is not None:
+        for _ in range(_BENT_STEPS):
+            points = rays * ((height + raised) / slope)[:, None]
+            raised = shape.heights_mm(camera_from_board.inverse().apply(points))
+    return rays * ((height + raised) / slope)[:, None]
 
 
 def straight_part(points: FloatArray) -> Mask:

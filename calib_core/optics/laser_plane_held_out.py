@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.frames import FloatArray
-from calib_core.optics.adjust import Adjusted, Adjustment, LaserLines, State, fit_poses, plane_start
+from calib_core.optics.adjust import Adjusted, Adjustment, State, fit_poses, plane_start
 
 _FOLDS = 3
 _LEAST_BOARDS = 6  # of fewer, a fold leaves too few to find a camera by
@@ -62,14 +62,9 @@ def _counted(problem: Adjustment) -> FloatArray:
 
 
 def _of_views(problem: Adjustment, views: np.ndarray) -> Adjustment:
-    lines = problem.lines
-    assert lines is not None
-    spans = [np.arange(int(lines.ends[v]), int(lines.ends[v + 1])) for v in views]
-    index = np.concatenate(spans)
-    ends = np.concatenate([[0], np.cumsum([len(s) for s in spans])]).astype(np.int64)
-    own = LaserLines(lines.pixels[index], lines.axes[index], ends, lines.weights[index])
+    assert problem.lines is not None
     priors = None if problem.priors is None else problem.priors.take(views)
-    return replace(problem, corners=problem.corners.take(views), lines=own, priors=priors)
+    return replace(problem, corners=problem.corners.take(views), lines=problem.lines.take(views), priors=priors)
 
 
 def _errors_of(problem: Adjustment, state: State, end: Adjusted, out: np.ndarray) -> FloatArray:

@@ -10,15 +10,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.kernels.bundle import SHAPE_TERMS
 from calib_core.optics.adjust import (
     Adjusted,
     Adjustment,
+    BoardShape,
     Corners,
     LaserLines,
     PosePriors,
     State,
     fit_poses,
     plane_start,
+    shape_basis,
+    shape_start,
     shared_vector,
 )
 from calib_core.optics.board import BoardView
@@ -50,11 +54,14 @@ class CameraUncertainty:
     boards : tuple of BoardView or None
         The other boards that the camera was found from: camera, boards and plane are then refined together.  None:
         the camera stays as it is, and its covariance is carried through.
+    shape : BoardShape or None
+        How the board is bent; its coefficients are among the uncertain parameters.
     """
 
     free: NDArray[np.int64]
     covariance: FloatArray
     boards: tuple[BoardView, ...] | None = None
+    shape: BoardShape | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +74,11 @@ class Joint:
     inverse_plane : (3,)
         q = normal / distance, 1/mm.
     covariance : (C + 3, C + 3)
-        Of the camera's uncertain parameters, if any, and of q.
+        Of the camera's uncertain parameters, if any, and of q; without the board's shape.
     state : State
         The plane's boards come first.
+    shape : BoardShape or None
+        Of the board, where it is bent.
     noise_factor : float
         How much larger the stripe's residuals are than its centres' own standard deviations.
     camera_moved_sigmas : float
@@ -83,6 +92,7 @@ class Joint:
     inverse_plane: FloatArray
     covariance: FloatArray
     state: State
+    shape: BoardShape | None
     noise_factor: float
     camera_moved_sigmas: float
     corners_worsened: float | None = None
@@ -92,6 +102,7 @@ def refine_together(
     camera: CameraModel,
     corners: Corners,
     stripes: Sequence[StripeCenters],
+    places_mm: Sequence[FloatArray],
     start: State,
     inverse_plane: FloatArray,
     uncertainty: CameraUncertainty | None,
@@ -106,6 +117,8 @@ def refine_together(
         Of the boards with the stripe, then of those without; weighed by their noise.
     stripes : sequence of StripeCenters
         Of the boards with the stripe.
+    places_mm : sequence of (N, 3)
+        Where on its board each of their centres lies.
     start : State
         Of all boards.
     inverse_plane : (3,)
@@ -120,10 +133,11 @@ def refine_together(
     plane = np.arange(first, first + 3)
     with_camera = uncertainty is not None and uncertainty.boards is not None
     free = np.concatenate([uncertainty.free, plane]) if uncertainty is not None and with_camera else plane
-    lines = _lines(stripes, corners.views)
+    lines = _lines(stripes, [shape_basis(p, corners.extent_mm) for p in places_mm], corners.views)
+    shape = None if uncertainty is None else uncertainty.shape
     fine = _without_outliers(corners, start, (near, far))
     problem = Adjustment(fine, near, far, free, HUBER, lines)
-    state = replace(start, shared=shared_vector(camera.camera_matrix, bands, inverse_plane))
+    state = replace(start, shared=shared_vector(camera.camera_matrix, bands, inverse_plane, shape))
     problem = replace(problem, priors=_priors(known, state, problem))
     problem, adjusted, factor = _with_stripe_noise(problem, state)
     shared = adjusted.state.shared
@@ -135,14 +149,27 @@ def refine_together(
     moved = _moved_sigmas(camera, shared, uncertainty) if uncertainty is not None and with_camera else 0.0
     final = _camera_with(camera, shared) if with_camera else camera
     worsened = stripes_worsen_corners(problem, adjusted) if with_camera else None
-    return Joint(final, shared[plane], covariance, adjusted.state, factor, moved, worsened)
+    if shape is not None:
+        at = shape_start(len(bands))
+        shape = BoardShape(shared[at : at + SHAPE_TERMS], corners.extent_mm)
+    covariance = _without_board(covariance, uncertainty, first)
+    return Joint(final, shared[plane], covariance, adjusted.state, shape, factor, moved, worsened)
+
+
+def _without_board(covariance: FloatArray, uncertainty: CameraUncertainty | None, plane_at: int) -> FloatArray:
+    """Return the covariance of camera and plane alone, where the board's shape was among the unknowns."""
+    if uncertainty is None:
+        return covariance
+    camera = np.flatnonzero(uncertainty.free < plane_at - SHAPE_TERMS)
+    kept = np.concatenate([camera, np.arange(len(covariance) - 3, len(covariance))])
+    return covariance[np.ix_(kept, kept)]
 
 
 def _moved_sigmas(camera: CameraModel, shared: FloatArray, uncertainty: CameraUncertainty) -> float:
     """Return how far the camera moved: the boards' own covariance is what moving it costs them."""
     from scipy.special import chdtrc, ndtri  # scipy.stats has them too, but takes a second to import
 
-    before = shared_vector(camera.camera_matrix, camera.bands[0])[uncertainty.free]
+    before = shared_vector(camera.camera_matrix, camera.bands[0], None, uncertainty.shape)[uncertainty.free]
     change, sigma = shared[uncertainty.free] - before, np.sqrt(np.diag(uncertainty.covariance))
     moves = sigma > 0  # what the model holds fixed does not
     change, sigma = change[moves], sigma[moves]
@@ -190,12 +217,13 @@ def _by_common_errors(
     return follows @ follows.T
 
 
-def _lines(stripes: Sequence[StripeCenters], views: int) -> LaserLines:
+def _lines(stripes: Sequence[StripeCenters], bases: Sequence[FloatArray], views: int) -> LaserLines:
     counts = [len(s.sigma_px) for s in stripes] + [0] * (views - len(stripes))
     sigma = np.concatenate([np.maximum(s.sigma_px, _LEAST_STRIPE_SIGMA_PX) for s in stripes])
     axes = np.concatenate([np.full(len(s.sigma_px), 1 if s.axis == "columns" else 0) for s in stripes])
     ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return LaserLines(np.concatenate([s.pixels for s in stripes]), axes.astype(np.int64), ends, 1.0 / sigma)
+    pixels, basis = np.concatenate([s.pixels for s in stripes]), np.concatenate(bases)
+    return LaserLines(pixels, axes.astype(np.int64), ends, 1.0 / sigma, basis)
 
 
 def _without_outliers(corners: Corners, start: State, bands: tuple[FloatArray, FloatArray]) -> Corners:
@@ -315,9 +343,7 @@ def _correlation(problem: Adjustment, adjusted: Adjusted) -> float:
     size, views = len(problem.free), problem.corners.views
     found, expected = 0.0, float(size)
     for view in range(views):
-        first, last = lines.ends[view], lines.ends[view + 1]
-        there = slice(first, last)
-        own = LaserLines(lines.pixels[there], lines.axes[there], np.array([0, last - first]), lines.weights[there])
+        own = lines.take([view])
         priors = None if problem.priors is None else problem.priors.take([view])
         alone = replace(problem, corners=problem.corners.take([view]), lines=own, priors=priors)
         equations = alone.equations(adjusted.state.take([view]))

@@ -16,6 +16,7 @@ from calib_core.findings import Finding
 from calib_core.findings.codes.laser_plane import CAMERA_HELD
 from calib_core.frames import RigidTransform
 from calib_core.optics.adjust import (
+    BoardShape,
     Corners,
     State,
     fit_poses,
@@ -166,13 +167,14 @@ def solve_plane(
             "Capture the board with the stripe on it at other distances and tilts.",
         )
     others = () if camera_uncertainty is None else camera_uncertainty.boards or ()
-    corners = _corners([*(v.board for v in views), *others])
-    posed, corner_sigma = _fit_poses(camera, corners)
+    shape = None if camera_uncertainty is None else camera_uncertainty.shape
+    corners = _corners([*(v.board for v in views), *others], shape)
+    posed, corner_sigma = _fit_poses(camera, corners, shape)
     poses = posed.poses()[: len(views)]
     progress(0.5, "fitting the plane")
-    on_line = [_on_straight_line(camera, view, pose) for view, pose in zip(views, poses, strict=True)]
+    on_line = [_on_straight_line(camera, view, pose, shape) for view, pose in zip(views, poses, strict=True)]
     kept = [view.stripe.selected(mask) for view, mask in zip(views, on_line, strict=True)]
-    lines = [_line(camera, v.name, s, p) for v, s, p in zip(views, kept, poses, strict=True)]
+    lines = [_line(camera, v.name, s, p, shape) for v, s, p in zip(views, kept, poses, strict=True)]
     fit = fit_plane(lines)
     reasons = _reasons(views, lines, fit)
     used = [i for i, reason in enumerate(reasons) if reason is None]
@@ -187,21 +189,20 @@ def solve_plane(
     adjusted = [*used, *range(len(views), corners.views)]
     weighted = corners.weighted(weights[corners.view_of_each]).take(adjusted)
     inverse_plane, known = fit.normal / fit.distance_mm, [views[i].known for i in used]
-    joint = refine_together(
-        camera, weighted, inliers, posed.take(adjusted), inverse_plane, camera_uncertainty, known
-    )
+    places = [_on_board(camera, s, poses[i], shape) for i, s in zip(used, inliers, strict=True)]
+    begin = posed.take(adjusted)
+    joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty, known)
     held = _why_held(joint)
     if camera_uncertainty is not None and held:
         camera_uncertainty = replace(camera_uncertainty, boards=None)
-        joint = refine_together(
-            camera, weighted, inliers, posed.take(adjusted), inverse_plane, camera_uncertainty, known
-        )
+        joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty, known)
     q, camera = joint.inverse_plane, joint.camera
     length = float(np.linalg.norm(q))
     normal, distance = oriented_plane(q / length, 1.0 / length)
     covariance = plane_covariance_from_inverse(q, joint.covariance[-3:, -3:])
     ended = joint.state.poses()[: len(used)]
-    final = [_line(camera, views[i].name, s, p) for i, s, p in zip(used, inliers, ended, strict=True)]
+    shape = joint.shape
+    final = [_line(camera, views[i].name, s, p, shape) for i, s, p in zip(used, inliers, ended, strict=True)]
     everywhere = np.concatenate([line.points_in_camera_mm for line in final])
     for i, line, pose in zip(used, final, ended, strict=True):
         lines[i], poses[i] = line, pose
@@ -235,17 +236,18 @@ def board_poses(camera: CameraModel, views: Sequence[BoardView]) -> tuple[list[R
     return posed.poses(), sigma
 
 
-def _corners(views: Sequence[BoardView]) -> Corners:
-    return Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
+def _corners(views: Sequence[BoardView], shape: BoardShape | None = None) -> Corners:
+    corners = Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
+    return corners if shape is None else replace(corners, extent_mm=shape.extent_mm)
 
 
-def _fit_poses(camera: CameraModel, corners: Corners) -> tuple[State, FloatArray]:
+def _fit_poses(camera: CameraModel, corners: Corners, shape: BoardShape | None = None) -> tuple[State, FloatArray]:
     depth = float(np.median([s.near_mm + s.far_mm for s in camera.segments]) / 2) if camera.segments else None
     rays = camera.undistort(corners.pixels, depth)
-    straight = Corners(rays, corners.points_mm, corners.ends, corners.weights)
+    straight = replace(corners, pixels=rays)
     rotations, translations = poses_from_homographies(homographies(straight), np.eye(3))
     bands, near, far = camera.bands
-    start = State(shared_vector(camera.camera_matrix, bands), rotations, translations)
+    start = State(shared_vector(camera.camera_matrix, bands, None, shape), rotations, translations)
     end = fit_poses(corners, start, (near, far), np.inf)
     # The stripe runs over some corners and draws them to it: they must not turn the board.
     for _ in range(2):
@@ -261,9 +263,18 @@ def _robust_sigma(residuals: FloatArray, corners: Corners) -> FloatArray:
     return np.maximum(sigma, _LEAST_CORNER_SIGMA_PX)
 
 
-def _on_straight_line(camera: CameraModel, view: PlaneView, pose: RigidTransform) -> Mask:
+def _on_board(
+    camera: CameraModel, stripe: StripeCenters, pose: RigidTransform, shape: BoardShape | None
+) -> FloatArray:
+    """Return where on a board the stripe's centres lie, (N, 3), mm."""
+    return pose.inverse().apply(points_on_board(camera, stripe.pixels, pose, shape))
+
+
+def _on_straight_line(
+    camera: CameraModel, view: PlaneView, pose: RigidTransform, shape: BoardShape | None
+) -> Mask:
     """Return which centres lie on the one straight line on the board; none where there is no line."""
-    on_board = pose.inverse().apply(points_on_board(camera, view.stripe.pixels, pose))[:, :2]
+    on_board = _on_board(camera, view.stripe, pose, shape)[:, :2]
     corners = view.board.points_in_board_mm[:, :2]
     low, high = corners.min(axis=0), corners.max(axis=0)
     outer_squares_mm = _pitch(corners)
@@ -315,13 +326,15 @@ def _pitch(corners: FloatArray) -> float:
     return float(distances.min())
 
 
-def _line(camera: CameraModel, name: str, stripe: StripeCenters, pose: RigidTransform) -> BoardLine:
+def _line(
+    camera: CameraModel, name: str, stripe: StripeCenters, pose: RigidTransform, shape: BoardShape | None
+) -> BoardLine:
     """Return the stripe's points on a board, and how far a centre's standard deviation moves them."""
     pixels = stripe.pixels
     if not len(pixels):
         return BoardLine(name, np.zeros((0, 3)), np.zeros(0))
-    points = points_on_board(camera, pixels, pose)
-    moved = points_on_board(camera, pixels + 0.1 * stripe.across, pose)
+    points = points_on_board(camera, pixels, pose, shape)
+    moved = points_on_board(camera, pixels + 0.1 * stripe.across, pose, shape)
     return BoardLine(name, points, np.linalg.norm(moved - points, axis=1) * 10.0 * stripe.sigma_px)
 
 

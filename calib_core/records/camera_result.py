@@ -21,11 +21,12 @@ class CameraResidual(CaptureResidual):
 
 
 class CameraCandidate(Record):
-    """A camera model that was compared, and its error on held-out views."""
+    """A camera model that was compared, with a flat board or a `bent` one, and its error on held-out views."""
 
     model: str
     parameters: int
     held_out_rms_px: float
+    bent: bool = False
 
 
 class CameraCoverage(Record):
@@ -36,6 +37,16 @@ class CameraCoverage(Record):
     near_mm: float
     far_mm: float
     largest_tilt_rad: float
+
+
+class SolvedBoardShape(Record):
+    """How a board leaves its plane: mm of x², xy, y², x³, x²y, xy², y³, places scaled to ±1 about its middle.
+
+    `extent_mm` are the lowest and the highest x and y of its points.
+    """
+
+    coefficients_mm: list[float]
+    extent_mm: Rows
 
 
 class CameraByRobot(Record):
@@ -76,6 +87,7 @@ class CameraResult(Result):
     inflation: float = 1.0
     tilt_correlation: float | None = None
     board_bend_mm: float | None = None
+    board_shape: SolvedBoardShape | None = None
     candidates: list[CameraCandidate] = Field(default_factory=list)
     coverage: CameraCoverage
     by_robot: CameraByRobot | None = None

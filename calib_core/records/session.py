@@ -99,7 +99,11 @@ class Turntable(WrittenRecord):
 
 
 class Board(WrittenRecord):
-    """The calibration board of the camera stages; one that is not `flat` has its shape refined with the camera.
+    """The calibration board of the camera stages.
+
+    `pitch_y_mm` is the pitch along a column where it is not the one along a row, `margin_mm` how far the flat
+    sheet goes on beyond the squares (circles); left out, the laser's lines tell. `flat` says whether it is taken
+    to be flat or has its shape solved with the camera; left out, views that are held out decide.
 
     A `fixed` one stands still in the robot's base while the scanner moves: then the robot's pose tells where it is
     in frames that show the stripe alone. `pitch_sigma_mm` is how well the pitch is known, 1 % without it: it
@@ -110,11 +114,18 @@ class Board(WrittenRecord):
     columns: Annotated[int, Field(ge=2, le=200)]
     rows: Annotated[int, Field(ge=2, le=200)]
     pitch_mm: Positive
+    pitch_y_mm: Positive | None = None
     pitch_sigma_mm: NotNegative | None = None
+    margin_mm: NotNegative | None = None
     marker_mm: Positive | None = None
     dictionary: str | None = None
-    flat: bool = True
+    flat: bool | None = None
     fixed: bool = False
+
+    @property
+    def pitches_mm(self) -> tuple[float, float]:
+        """The pitch along a row and along a column."""
+        return self.pitch_mm, self.pitch_y_mm or self.pitch_mm
 
 
 class CameraSegment(WrittenRecord):

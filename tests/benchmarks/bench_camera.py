@@ -5,6 +5,7 @@ The package `vision-calibration` serves this benchmark alone: `pip install visio
 
 import importlib.util
 import time
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -169,7 +170,7 @@ def _views(camera: CameraModel, count: int, seed: int, sigma_px: float) -> list[
 def _held_out_rms_px(camera: CameraModel, views: list[BoardView]) -> float:
     corners = Corners.of([v.points_px for v in views], [BOARD] * len(views))
     rays: FloatArray = camera.undistort(corners.pixels, 450.0)
-    flat = Corners(rays, corners.points_mm, corners.ends, corners.weights)
+    flat = replace(corners, pixels=rays)
     bands, nears, fars = camera.bands
     start = State(
         shared_vector(camera.camera_matrix, bands), *poses_from_homographies(homographies(flat), np.eye(3))

@@ -64,6 +64,7 @@ def two_bands() -> tuple[Adjustment, State]:
         np.array([0, 1] * 20),
         np.array([0, 10, 20, 30, 40]),
         np.full(40, 5.0),
+        rng.uniform(-1, 1, (40, 7)),
     )
     free = np.arange(len(shared))
     nears, fars = np.array([250.0, 380.0]), np.array([420.0, 600.0])
@@ -121,13 +122,27 @@ def test_laser_lines_have_the_slopes_they_say() -> None:
         for s in np.linspace(-0.15, 0.15, 10):
             x, y = (s, -(e[0] * s + e[2]) / e[1]) if abs(e[1]) > abs(e[0]) else (-(e[1] * s + e[2]) / e[0], s)
             pixels.append(camera.project([[x, y, 1.0]])[0])
-    on_line = LaserLines(np.array(pixels), lines.axes, lines.ends, lines.weights)
+    on_line = LaserLines(np.array(pixels), lines.axes, lines.ends, lines.weights, lines.basis)
     free = np.arange(len(single))
     exact = Adjustment(adjustment.corners.weighted(np.zeros(216)), *WHOLE, free, lines=on_line)
     state = State(single, state.rotations, state.translations)
     equations = exact.equations(state)
     assert np.abs(equations.line_residuals).max() < 1e-7
-    for parameter in [0, 1, 2, 3, 4, 6, 8, 16, 17, plane_start(1), plane_start(1) + 1, plane_start(1) + 2]:
+    for parameter in [
+        0,
+        1,
+        2,
+        3,
+        4,
+        6,
+        8,
+        16,
+        17,
+        *range(18, 25),
+        plane_start(1),
+        plane_start(1) + 1,
+        plane_start(1) + 2,
+    ]:
         step = 1e-7 if parameter >= plane_start(1) else 1e-5
         moves = exact.equations(moved(state, parameter, step)).line_residuals * lines.weights
         # half the squared move is step² / 2 times the parameter's own element of the full Hessian

@@ -1,5 +1,7 @@
 """The camera from views: truth recovered, spoiled views rejected by name, and the model that the data asks for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -20,6 +22,7 @@ SIZE = (1280, 1024)
 MATRIX = np.array([[2400.0, 0, 650], [0, 2390, 500], [0, 0, 1]])
 PLAIN = CameraModel.from_names(MATRIX, {"k1": -0.2, "k2": 0.12, "p1": 0.001, "p2": -0.0007}, SIZE)
 TILTED = CameraModel.from_names(MATRIX, {"k1": -0.2, "k2": 0.12, "tauX": 0.10, "tauY": -0.04}, SIZE)
+SQUARE = replace(PLAIN, camera_matrix=MATRIX * [[1, 1, 1], [0, MATRIX[0, 0] / MATRIX[1, 1], 1], [0, 0, 1]])
 BOARD = np.array([[x, y, 0.0] for y in range(8) for x in range(11)]) * 8
 
 
@@ -193,22 +196,43 @@ def test_poor_views_are_talked_about() -> None:
     assert [one.values for one in found if one.code == "few-views"] == [{"count": 4}]
 
 
-def test_a_bent_board_is_told_and_refined() -> None:
-    rng = np.random.default_rng(12)
-    height = 0.4 * ((BOARD[:, 0] - 40) / 40) ** 2  # mm, 0.4 from middle to edge
-    bent = BOARD + np.column_stack([np.zeros((len(BOARD), 2)), height])
-    views = []
+def bent_views(seed: int, bend_mm: float, x_pitch: float = 1.0, roll: float = 0.5) -> list[BoardView]:
+    """15 views of a board that is bent or printed wide."""
+    rng = np.random.default_rng(seed)
+    height = bend_mm * ((BOARD[:, 0] - 40) / 40) ** 2  # from middle to edge
+    printed = BOARD * [x_pitch, 1, 1] + np.column_stack([np.zeros((len(BOARD), 2)), height])
+    views: list[BoardView] = []
     for _ in range(15):
-        r = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)).as_matrix()
+        r = Rotation.from_rotvec([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-roll, roll)]).as_matrix()
         t = rng.uniform([-30, -25, 330], [30, 25, 450]) - r @ BOARD.mean(0)
-        pixels = PLAIN.project(bent @ r.T + t)
+        pixels = SQUARE.project(printed @ r.T + t)
         views.append(view(pixels + rng.normal(0, 0.05, pixels.shape)))
+    return views
+
+
+def test_a_bent_board_is_told_and_its_shape_solved_where_held_out_views_ask_for_it() -> None:
+    views = bent_views(12, 0.4)
     flat = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
     assert any("bent by 0." in one.text for one in camera_findings(flat))
-    refined = calibrate_camera(views, SIZE, CameraOptions(model="plain", refine_board=True))
-    assert refined.bend_mm == pytest.approx(0.4, abs=0.05)
-    assert refined.corner_sigma_px == pytest.approx(0.05, rel=0.05)
-    assert not any(one.code == "board-bent" for one in camera_findings(refined))
+    solved = calibrate_camera(views, SIZE, CameraOptions(refine_board=None))
+    assert solved.bend_mm == pytest.approx(0.4, abs=0.05)
+    assert solved.corner_sigma_px == pytest.approx(0.05, rel=0.05)
+    assert {one.code for one in camera_findings(solved)} >= {"board-shape-solved"}
+    assert not any(one.code == "board-bent" for one in camera_findings(solved))
+    sigma = float(np.sqrt(solved.covariance[0, 0]))
+    assert abs(solved.camera.camera_matrix[0, 0] - SQUARE.camera_matrix[0, 0]) < 3 * sigma
+    assert calibrate_camera(bent_views(12, 0.0), SIZE, CameraOptions(refine_board=None)).board_shape is None
+
+
+@pytest.mark.parametrize("roll", [0.05, 1.6])
+def test_a_board_printed_wide_is_named_and_the_camera_within_what_is_stated(roll: float) -> None:
+    solved = calibrate_camera(bent_views(5, 0.0, 1.01, roll), SIZE, CameraOptions(refine_board=None))
+    (named,) = [one for one in camera_findings(solved) if one.code == "board-pitches-differ"]
+    assert named.values["ratio"] == pytest.approx(1 / 1.01, abs=0.002)
+    change = np.diag(solved.camera.camera_matrix)[:2] - np.diag(SQUARE.camera_matrix)[:2]
+    assert (np.abs(change) < 3 * np.sqrt(np.diag(solved.covariance)[:2])).all()
+    right = calibrate_camera(bent_views(5, 0.0, 1.0, roll), SIZE, CameraOptions(refine_board=None))
+    assert right.pitch is None
 
 
 @pytest.mark.parametrize("count", [0, 2])
@@ -230,8 +254,8 @@ def test_parameters_know_their_places(model: Model, count: int) -> None:
     assert len(places) == (count or 4 + 5 * bands)
     assert len(solution.parameters) == len(places) + 7
     assert solution.covariance.shape == (len(places) + 7,) * 2
-    assert solution.board_shape_mm is not None
-    assert np.abs(solution.board_shape_mm).max() < 0.1
+    assert solution.board_shape is not None
+    assert np.abs(solution.board_shape.coefficients_mm).max() < 0.1
 
 
 def frames(count: int, size: tuple[int, int] = (640, 480)) -> dict[str, bytes]:

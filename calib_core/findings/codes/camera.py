@@ -118,10 +118,34 @@ BOARD_BENT = Code(
     "board-bent",
     "warning",
     text="The board seems to be bent by {bend_mm:.2f} mm: the residuals would be {gain:.0%} smaller.",
-    to_do='Take a flatter board, or set "flat": false in cell.board to have its shape refined.',
+    to_do='Take a flatter board, or leave "flat" out of cell.board to have its shape solved where views ask for it.',
     meaning="Corners that do not lie in one plane bend the camera's distortion.",
     decided="A board whose shape is free leaves residuals that are more than 15 % smaller.",
     usual_causes="Paper on a board that is not flat, a board that warped.",
+)
+
+BOARD_SHAPE_SOLVED = Code(
+    "board-shape-solved",
+    "note",
+    text="The board is bent by {bend_mm:.2f} mm, highest to lowest point; its shape was solved with the camera.",
+    meaning="Held-out views are met better with a board that may be bent, or cell.board.flat is false.",
+    decided="Views that have no part in the fit are foretold significantly better with the board's shape free, or the cell "
+    "says that it is not flat.",
+)
+
+PITCHES_DIFFER = Code(
+    "board-pitches-differ",
+    "warning",
+    text="The board's pitch along its columns is {ratio:.4f} ± {uncertainty:.4f} of the told one where that along its rows "
+    "is right: with the pitches as told fx / fy is {focal_ratio:.4f}, and a camera's pixels are square. The stated "
+    "uncertainty holds the difference.",
+    to_do="Measure the pitch over several squares in both directions, and set cell.board.pitch_mm and "
+    "cell.board.pitch_y_mm.",
+    meaning="A board that was printed wider or higher than told makes focal lengths and distances wrong.",
+    decided="The ratio that makes fx and fy alike differs from the told one by more than 5 standard deviations and by more "
+    "than 0.4 %.",
+    usual_causes="A printer that feeds the paper in another scale, a scan or photograph of a board, a picture fitted to the "
+    "page.",
 )
 
 CORNERS_OFF = Code(

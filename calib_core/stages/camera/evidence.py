@@ -175,8 +175,16 @@ def _coverage(result: CameraResult) -> list[AnyBlock]:
 def _candidates(result: CameraResult) -> list[AnyBlock]:
     if not result.candidates:
         return []
+    chosen = result.model, result.board_shape is not None
     rows = [
-        Row(cells=[one.model, one.parameters, one.held_out_rms_px, "chosen" if one.model == result.model else ""])
+        Row(
+            cells=[
+                f"{one.model}, bent board" if one.bent else one.model,
+                one.parameters,
+                one.held_out_rms_px,
+                "chosen" if (one.model, one.bent) == chosen else "",
+            ]
+        )
         for one in result.candidates
     ]
     columns = [

@@ -28,6 +28,7 @@ from calib_core.records.camera_result import (
     CameraCoverage,
     CameraResidual,
     CameraResult,
+    SolvedBoardShape,
 )
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def _calibrate(
     def tell(fraction: float, what: str) -> None:
         given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
 
-    options = CameraOptions(refine_board=not board.flat)
+    options = CameraOptions(refine_board=None if board.flat is None else not board.flat)
     try:
         return calibrate_camera(list(views.values()), image_size, options, tell, _robot_of(given, views, board))
     except MotionError as error:
@@ -177,8 +178,11 @@ def _result(
         inflation=solution.inflation,
         tilt_correlation=solution.tilt_correlation,
         board_bend_mm=solution.bend_mm,
+        board_shape=None
+        if (shape := solution.board_shape) is None
+        else SolvedBoardShape(coefficients_mm=shape.coefficients_mm.tolist(), extent_mm=shape.extent_mm.tolist()),
         candidates=[
-            CameraCandidate(model=c.model, parameters=c.parameters, held_out_rms_px=c.held_out_rms_px)
+            CameraCandidate(model=c.model, parameters=c.parameters, held_out_rms_px=c.held_out_rms_px, bent=c.bent)
             for c in solution.candidates
         ],
         coverage=CameraCoverage(

@@ -16,6 +16,7 @@ from calib_core.frames import FloatArray
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.messages import Value, message
+from calib_core.optics.adjust import BoardShape
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
@@ -110,15 +111,14 @@ def _uncertainty(given: StageInput, result: CameraResult | None, lent: set[str])
         return None
     from calib_core.optics.camera_layout import parameter_places
 
-    own = [i for i, name in enumerate(result.parameters) if not name.startswith("board")]
-    covariance = np.array(result.covariance)[np.ix_(own, own)]
     board = board_of(given.session.cell)
-    if not board.flat:  # the refinement takes boards to be flat
-        return CameraUncertainty(parameter_places(result.parameters), covariance)
     used = {row.capture for row in result.residuals if row.used} - lent
     others = [c for c in given.session.captures if c.step == "camera" and c.id in used]
     boards = tuple(board_in(capture, board, given.read) for capture in others)
-    return CameraUncertainty(parameter_places(result.parameters), covariance, boards)
+    places = parameter_places(result.parameters, with_board=True)
+    told = result.board_shape
+    shape = None if told is None else BoardShape(np.array(told.coefficients_mm), np.array(told.extent_mm))
+    return CameraUncertainty(places, np.array(result.covariance, dtype=float), boards, shape)
 
 
 def _result(
