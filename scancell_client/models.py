@@ -121,10 +121,11 @@ class CameraByRobot(Record):
 
 
 class CameraCandidate(Record):
-    """A camera model that was compared, and its error on held-out views."""
+    """A camera model that was compared, with a flat board or a `bent` one, and its error on held-out views."""
     model: str
     parameters: int
     held_out_rms_px: float
+    bent: bool | None = None
 
 
 class CameraCoverage(Record):
@@ -616,6 +617,12 @@ class SharedShift(Record):
     covariance: list[list[float]]
 
 
+class SolvedBoardShape(Record):
+    """How a board leaves its plane: mm of x², xy, y², x³, x²y, xy², y³, places scaled to ±1 about its middle."""
+    coefficients_mm: list[float]
+    extent_mm: list[list[float]]
+
+
 class CameraResult(Record):
     """The camera, with its evidence; `covariance` is of `parameters`, in their order and units (px, rad, 1)."""
     stale: bool
@@ -650,6 +657,7 @@ class CameraResult(Record):
     inflation: float | None = None
     tilt_correlation: float | None = None
     board_bend_mm: float | None = None
+    board_shape: SolvedBoardShape | None = None
     candidates: list[CameraCandidate] | None = None
     coverage: CameraCoverage
     by_robot: CameraByRobot | None = None

@@ -222,10 +222,12 @@ export interface Board {
   columns: number;
   rows: number;
   pitch_mm: number;
+  pitch_y_mm?: number | null;
   pitch_sigma_mm?: number | null;
+  margin_mm?: number | null;
   marker_mm?: number | null;
   dictionary?: string | null;
-  flat?: boolean;
+  flat?: boolean | null;
   fixed?: boolean;
 }
 
@@ -287,6 +289,7 @@ export interface CameraCandidate {
   model: string;
   parameters: number;
   held_out_rms_px: number;
+  bent?: boolean;
 }
 
 export interface CameraCoverage {
@@ -339,6 +342,7 @@ export interface CameraResult {
   inflation?: number;
   tilt_correlation?: number | null;
   board_bend_mm?: number | null;
+  board_shape?: SolvedBoardShape | null;
   candidates?: CameraCandidate[];
   coverage: CameraCoverage;
   by_robot?: CameraByRobot | null;
@@ -2205,6 +2209,11 @@ export interface SkippedPart {
   file: string | null;
 }
 
+export interface SolvedBoardShape {
+  coefficients_mm: number[];
+  extent_mm: number[][];
+}
+
 export interface Sphere {
   name: string;
   diameter_mm?: number | null;
@@ -2305,6 +2314,7 @@ export interface StoredCameraResult {
   inflation?: number;
   tilt_correlation?: number | null;
   board_bend_mm?: number | null;
+  board_shape?: SolvedBoardShape | null;
   candidates?: CameraCandidate[];
   coverage: CameraCoverage;
   by_robot?: CameraByRobot | null;
