@@ -123,7 +123,7 @@ def _beside_peer(model: Model, truth: CameraModel, count: int, sigma_px: float) 
 
 def _peer_camera(views: list[BoardView], model: Model) -> CameraModel:
     """Return what vision-calibration makes of the views, with the same coefficients free."""
-    import vision_calibration as peer
+    import vision_calibration as peer  # pyright: ignore[reportMissingImports]
 
     data = peer.PlanarDataset(
         views=[
