@@ -23,6 +23,7 @@ from calib_core.optics.camera_start import (
     poses_from_homographies,
     start_from_homographies,
 )
+from calib_core.optics.pitch_ratio import differing_pitches
 from calib_core.optics.robot_lengths import RobotPoses, with_robot
 
 FEWEST_VIEWS = 3
@@ -138,7 +139,7 @@ def calibrate_camera(
     if options.model == "auto" and layout.model in ("plain", "tilted"):
         final, layout = _without_idle(corners, final, layout, options.folds)
     perhaps = None if layout.bends else _bent_fit(corners, layout, final)
-    solution = summarise(final, layout, image_size, candidates, perhaps)
+    solution = summarise(final, layout, image_size, candidates, perhaps, differing_pitches(final, layout))
     return solution if robot is None else with_robot(solution, final, layout, robot)
 
 

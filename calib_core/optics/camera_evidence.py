@@ -16,6 +16,7 @@ from calib_core.optics.camera_solution import Coverage
 if TYPE_CHECKING:
     from calib_core.optics.camera_layout import Layout
     from calib_core.optics.camera_solution import CameraSolution, Fit
+    from calib_core.optics.pitch_ratio import PitchRatio
 
 _CELLS = (8, 6)
 _ADVISED_VIEWS = 10
@@ -49,12 +50,21 @@ def summarise(
     image_size: tuple[int, int],
     candidates: tuple[Candidate, ...],
     bent: "Fit | None" = None,
+    pitch: "PitchRatio | None" = None,
 ) -> "CameraSolution":
-    """Return the solution of a finished fit; `bent` is the same with a board that may be bent."""
+    """Return the solution of a finished fit.
+
+    Parameters
+    ----------
+    fit, layout, image_size, candidates
+    bent : Fit, optional
+        The same with a board that may be bent.
+    pitch : PitchRatio, optional
+        By how much the board's pitches differ from the told ones, where they do.
+    """
     from calib_core.optics.adjust import BoardShape, shape_start
     from calib_core.optics.camera_layout import camera_of
     from calib_core.optics.camera_solution import CameraSolution
-    from calib_core.optics.pitch_ratio import pitch_ratio
 
     end, state = fit.adjusted, fit.adjusted.state
     weight = float(fit.corners.weights.max())
@@ -62,11 +72,8 @@ def summarise(
     inflation = correlation_inflation(fit, layout, scale)
     scale *= inflation
     covariance = end.covariance * scale
-    pitch = pitch_ratio(fit, layout, inflation)
-    if pitch is not None and pitch.is_notable:
+    if pitch is not None:
         covariance = covariance + np.outer(pitch.change, pitch.change)
-    else:
-        pitch = None
     kept = fit.corners.weights > 0
     poses: list[RigidTransform | None] = [None] * fit.all_corners.views
     for view, pose in zip(fit.used, state.poses(), strict=True):

@@ -37,29 +37,17 @@ class PitchRatio:
     focal_ratio: float
     change: FloatArray
 
-    @property
-    def is_notable(self) -> bool:
-        """Whether the told pitches are contradicted."""
-        return abs(self.ratio - 1) > max(_NOTABLE, _SIGMAS * self.sigma)
 
-
-def pitch_ratio(fit: Fit, layout: Layout, inflation: float) -> PitchRatio | None:
-    """Return by how much a board's pitch along its columns differs from what was told; None where nothing tells.
+def differing_pitches(fit: Fit, layout: Layout) -> PitchRatio | None:
+    """Return by how much a board's pitch along its columns differs from what was told; None where nothing says so.
 
     For a few ratios the camera is adjusted anew; what each costs the corners, and how far its fx and fy are from
     each other, is least at the right one. Boards that stand upright in all views tell by fx / fy alone, turned
     ones by their corners too.
-
-    Parameters
-    ----------
-    fit, layout
-        The adjustment with the pitches as told.
-    inflation : float
-        Of variances, for errors that a view's corners share.
     """
     weight = float(fit.corners.weights.max())
-    scale = (fit.sigma_px * weight) ** 2 * inflation
-    found = _best(fit, layout, (1 / _FURTHEST, _FURTHEST), scale)
+    scale = (fit.sigma_px * weight) ** 2
+    found = _best(fit, layout, (1 / _FURTHEST, _FURTHEST), scale * correlation_inflation(fit, layout, scale))
     if found is None or abs(found[0] - 1) < _NOTABLE:
         return None
     # A wrong ratio makes the corners worse: how well they tell it, they say at the right one.
@@ -67,7 +55,7 @@ def pitch_ratio(fit: Fit, layout: Layout, inflation: float) -> PitchRatio | None
     scale = (there.sigma_px * weight) ** 2
     about = found[0] - 3 * _STEP, found[0] + 3 * _STEP
     found = _best(fit, layout, about, scale * correlation_inflation(there, layout, scale))
-    if found is None:
+    if found is None or abs(found[0] - 1) < max(_NOTABLE, _SIGMAS * found[1]):
         return None
     told, now = fit.adjusted.state.shared, there.adjusted.state.shared
     return PitchRatio(found[0], found[1], float(told[0] / told[1]), (now - told)[layout.free])
