@@ -8,7 +8,7 @@ z axis is the camera's viewing direction laid into the plane (so z grows away fr
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,8 +17,10 @@ from calib_core.errors import InputError, MotionError
 from calib_core.findings import Finding
 from calib_core.findings.codes import laser_plane as codes
 from calib_core.frames import RigidTransform
-from calib_core.optics.adjust import BoardShape
 from calib_core.optics.camera_model import CameraModel
+
+if TYPE_CHECKING:
+    from calib_core.optics.adjust import BoardShape
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -135,7 +137,7 @@ def plane_covariance_from_inverse(q: FloatArray, covariance: FloatArray) -> Floa
 
 
 def points_on_board(
-    camera: CameraModel, pixels: ArrayLike, camera_from_board: RigidTransform, shape: BoardShape | None = None
+    camera: CameraModel, pixels: ArrayLike, camera_from_board: RigidTransform, shape: "BoardShape | None" = None
 ) -> FloatArray:
     """Return the points (N, 3) of the camera frame where the pixels' rays meet a board, mm."""
     p = np.asarray(pixels, dtype=float).reshape(-1, 2)
