@@ -15,8 +15,7 @@ from calib_core.optics.camera_solution import Coverage
 
 if TYPE_CHECKING:
     from calib_core.optics.camera_layout import Layout
-    from calib_core.optics.camera_solution import CameraSolution, Fit
-    from calib_core.optics.pitch_ratio import PitchRatio
+    from calib_core.optics.camera_solution import CameraSolution, Fit, PitchRatio
 
 _CELLS = (8, 6)
 _ADVISED_VIEWS = 10

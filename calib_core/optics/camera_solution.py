@@ -1,7 +1,6 @@
 """A calibrated camera with its evidence, and the fit that it comes from."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,9 +9,6 @@ from calib_core.messages import Value
 from calib_core.optics.adjust import Adjusted, BoardShape, Corners
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
-
-if TYPE_CHECKING:
-    from calib_core.optics.pitch_ratio import PitchRatio
 
 Misfits = dict[int, dict[str, Value]]
 """Views that are left out, by index, with how far they are off: the values of the finding `view-not-used`."""
@@ -70,6 +66,26 @@ class RobotLengths:
     disagreement: FloatArray
     position_sigma_mm: float
     orientation_sigma_rad: float
+
+
+@dataclass(frozen=True, eq=False)
+class PitchRatio:
+    """What square pixels say of a board's pitches.
+
+    Attributes
+    ----------
+    ratio, sigma : float
+        The pitch along a column over that along a row, both over the told ones.
+    focal_ratio : float
+        fx / fy with the pitches as told.
+    change : (C,)
+        Of the camera's free parameters with that ratio.
+    """
+
+    ratio: float
+    sigma: float
+    focal_ratio: float
+    change: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +155,7 @@ class CameraSolution:
     inflation: float
     coverage: Coverage
     converged: bool
-    pitch: "PitchRatio | None" = None
+    pitch: PitchRatio | None = None
     robot: RobotLengths | None = None
 
 

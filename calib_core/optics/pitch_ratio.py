@@ -1,41 +1,20 @@
 """Whether a board's two pitches are as told: a camera's pixels are square, so that fx and fy must be alike."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from calib_core.frames import FloatArray
 from calib_core.optics.adjust import Adjusted, Adjustment
 from calib_core.optics.camera_evidence import correlation_inflation
 from calib_core.optics.camera_layout import Layout
-from calib_core.optics.camera_solution import Fit
+from calib_core.optics.camera_solution import Fit, PitchRatio
 
 _STEP = 0.004
 _SETTLED = 2e-4
 _FURTHEST = 1.25  # beyond, the board is another one
 _PIXELS_SQUARE_TO = 5e-4
 _NOTABLE, _SIGMAS = 0.004, 5.0
-
-
-@dataclass(frozen=True, eq=False)
-class PitchRatio:
-    """What square pixels say of a board's pitches.
-
-    Attributes
-    ----------
-    ratio, sigma : float
-        The pitch along a column over that along a row, both over the told ones.
-    focal_ratio : float
-        fx / fy with the pitches as told.
-    change : (C,)
-        Of the camera's free parameters with that ratio.
-    """
-
-    ratio: float
-    sigma: float
-    focal_ratio: float
-    change: FloatArray
 
 
 def differing_pitches(fit: Fit, layout: Layout) -> PitchRatio | None:
