@@ -28,7 +28,7 @@ class LoginRequest(BaseModel):
     token: str = Field(max_length=200)
 
 
-class NewToken(BaseModel):
+class TokenRequest(BaseModel):
     """A token to be made: for whom, what it is good for, and for how long (left out: until it is revoked)."""
 
     model_config = ConfigDict(

@@ -25,7 +25,7 @@ class SimulatedCell(Record):
     seed: int = Field(default=1, ge=0, lt=2**31)
 
 
-class NewSession(Record):
+class SessionRequest(Record):
     """A session record without captures; or `simulated`, which brings its own cell."""
 
     model_config = ConfigDict(

@@ -38,7 +38,7 @@ class AppliedChanges(BaseModel):
     undo: Changes
 
 
-class NewChanges(Changes):
+class ChangesRequest(Changes):
     """Changes of a session, made together: merge patches (RFC 7396) of its cell and, by id, of its captures."""
 
     model_config = ConfigDict(
@@ -93,7 +93,7 @@ def apply_cause(
 @router.post("/changes", response_model=AppliedChanges)
 def change_together(
     session_id: SessionId,
-    body: NewChanges,
+    body: ChangesRequest,
     idempotency: IdempotencyDep,
     store: StoreDep,
     queue: MeasuringQueueDep,

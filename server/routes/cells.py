@@ -102,7 +102,7 @@ class CellHistory(BaseModel):
     releases: list[Release]
 
 
-class NewRelease(Record):
+class ReleaseRequest(Record):
     """Why an answer is released; `allow` names the faults in spite of which, with commas between."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"why": "after the crash of Monday"}]})
@@ -211,7 +211,7 @@ def acknowledge_fault(
 
 @router.post("/sessions/{session_id}/release", status_code=201, response_model=Release)
 def release(
-    session_id: SessionId, body: NewRelease, request: Request, idempotency: IdempotencyDep, store: StoreDep
+    session_id: SessionId, body: ReleaseRequest, request: Request, idempotency: IdempotencyDep, store: StoreDep
 ) -> Response:
     """Put the session's answer in force for its cell; one with faults is refused unless they are allowed."""
     from calib_core.review.answer import answer_record

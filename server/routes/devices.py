@@ -32,7 +32,7 @@ _PREVIEW_EVERY_S = 0.05
 _LEAST_DRIFT_S = 0.002
 
 
-class NewDevice(Record):
+class DeviceRequest(Record):
     """A device: a live source of `GET /sources` and its settings; `connected` for this session, or only kept."""
 
     model_config = ConfigDict(
@@ -78,7 +78,7 @@ class Devices(BaseModel):
     waits_for: str = Field(description="What a capture waits for.")
 
 
-class NewShot(Record):
+class ShotRequest(Record):
     """A capture to be taken now, once robot, table and stripe prove that they stand; all may be left out."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"id": "p07"}]})
@@ -88,7 +88,7 @@ class NewShot(Record):
     table_deg: Finite | None = None
 
 
-class NewSweep(Record):
+class SweepRequest(Record):
     """A recording of some seconds; the robot's program moves meanwhile."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"seconds": 2.0}]})
@@ -129,7 +129,7 @@ def list_devices(session_id: SessionId, cells: LiveCellsDep) -> Devices:
 
 
 @router.put("/devices/{device}", response_model=Devices)
-def put_device(session_id: SessionId, device: DeviceName, body: NewDevice, cells: LiveCellsDep) -> Devices:
+def put_device(session_id: SessionId, device: DeviceName, body: DeviceRequest, cells: LiveCellsDep) -> Devices:
     """Keep a device with the cell and connect it for this session; `connected: false` ends its connection.
 
     Devices are read only: none of them moves anything.
@@ -156,7 +156,7 @@ def put_live(session_id: ExistingSession, body: CaptureSettings, cells: LiveCell
 @router.post("/live/capture", status_code=201, response_model=TakenShot)
 async def take_shot(
     session_id: ExistingSession,
-    body: NewShot,
+    body: ShotRequest,
     _: IdempotencyDep,
     store: StoreDep,
     cells: LiveCellsDep,
@@ -172,7 +172,7 @@ async def take_shot(
 
 @router.post("/live/sweep", status_code=201, response_model=TakenShot)
 def take_sweep(
-    session_id: ExistingSession, body: NewSweep, _: IdempotencyDep, cells: LiveCellsDep, response: Response
+    session_id: ExistingSession, body: SweepRequest, _: IdempotencyDep, cells: LiveCellsDep, response: Response
 ) -> TakenShot:
     """Record every exposure and the robot's poses for some seconds, and store them as one capture: a sweep.
 
@@ -251,7 +251,7 @@ def _drift(before: ClockOffset | None, now: ClockOffset) -> str:
     return f"The clocks have drifted by {apart_s * 1000:.1f} ms since the offset was last measured."
 
 
-def _shot(session_id: str, body: NewShot, store: StoreDep) -> Shot:
+def _shot(session_id: str, body: ShotRequest, store: StoreDep) -> Shot:
     from calib_core.robots import parse_pose
     from server.store.sessions import session_row
 

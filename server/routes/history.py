@@ -34,7 +34,7 @@ from server.store.solves import REPLAY, create_job, job_data, job_row
 
 router = api_router("history")
 
-ResultNumber = Annotated[int, Path(ge=1, lt=2**53, description="A `number` in the history.", examples=[1])]
+ResultNumber = Annotated[int, Path(ge=1, lt=2**31 - 1, description="A `number` in the history.", examples=[1])]
 _SIDE = "SESSION or SESSION:NUMBER, a session's `id` with a result's `number`; without it the latest."
 SideName = Annotated[str, Query(max_length=100, description=_SIDE)]
 
@@ -49,7 +49,7 @@ def get_timeline(session_id: SessionId, store: StoreDep) -> Response:
 @router.get("/sessions/{session_id}/timeline/{place}", response_model=MomentOfSession)
 def get_moment(
     session_id: SessionId,
-    place: Annotated[int, Path(ge=0, lt=2**31, description="An item's `place`.", examples=[3])],
+    place: Annotated[int, Path(ge=0, lt=2**31 - 1, description="An item's `place`.", examples=[3])],
     store: StoreDep,
     pages: PageProcessDep,
 ) -> Response:

@@ -47,7 +47,7 @@ class PlannedPose(Record):
     pose: list[Finite] = Field(max_length=16)
 
 
-class NewProgram(Record):
+class ProgramRequest(Record):
     """What a program shall do; without `poses`, it goes to those of the session's captures of `step` again.
 
     Left out, the token is a placeholder that the operator replaces on the controller.
@@ -93,7 +93,7 @@ def list_programs() -> RobotPrograms:
     responses={200: {"description": "A zip of the program's files.", "content": {"application/zip": {}}}},
 )
 def make_program(
-    session_id: SessionId, name: ProgramName, body: NewProgram, _: IdempotencyDep, store: StoreDep
+    session_id: SessionId, name: ProgramName, body: ProgramRequest, _: IdempotencyDep, store: StoreDep
 ) -> Response:
     """Return a program that goes through a planned set, a capture at each pose, as a zip of its files.
 
@@ -127,7 +127,7 @@ def make_program(
     return Response(content.getvalue(), media_type="application/zip", headers=headers)
 
 
-def _poses(stored: StoredSession, body: NewProgram) -> list[tuple[str, RigidTransform]]:
+def _poses(stored: StoredSession, body: ProgramRequest) -> list[tuple[str, RigidTransform]]:
     from calib_core.robots import parse_pose
 
     convention = stored.session.cell.pose_convention

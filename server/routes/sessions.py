@@ -23,7 +23,7 @@ from server.http.events import follow, to_sse
 from server.http.language import spoken
 from server.http.schemas import (
     Findings,
-    NewSession,
+    SessionRequest,
     PoseLine,
     PoseLines,
     PoseText,
@@ -72,7 +72,7 @@ router = api_router("sessions", f"{API}/sessions")
 
 
 @router.post("", status_code=201, response_model=StoredSession)
-def create(body: NewSession, idempotency: IdempotencyDep, store: StoreDep) -> Response:
+def create(body: SessionRequest, idempotency: IdempotencyDep, store: StoreDep) -> Response:
     """Make a session, of a real cell or of the simulated one."""
     record = {name: value for name, value in body.to_json().items() if name not in STORE_FIELDS}
     simulated = None

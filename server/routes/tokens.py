@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session as Transaction
 from server.auth.logins import Identity, Logins
 from server.auth.middleware import cookie_name
 from server.auth.refusals import Refusals
-from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, NewToken, TokenRecord, TokenRecords
+from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, TokenRequest, TokenRecord, TokenRecords
 from server.http.api_router import api_router, of_app
 from server.http.created import created
 from server.http.errors import LoginError
@@ -97,7 +97,7 @@ def list_all(store: StoreDep) -> Response:
 
 
 @router.post("/tokens", status_code=201, response_model=MadeToken)
-def make(body: NewToken, idempotency: IdempotencyDep, store: StoreDep, logins: LoginsDep) -> Response:
+def make(body: TokenRequest, idempotency: IdempotencyDep, store: StoreDep, logins: LoginsDep) -> Response:
     """Make a token. It stands in this answer alone: only a hash of it is kept."""
     made: list[str] = []
 

@@ -37,7 +37,7 @@ router = api_router("webhooks", f"{API}/webhooks")
 WebhookId = Annotated[str, Path(description="A webhook's `id`.", max_length=64, examples=["5f1c0a92e6b37d58"])]
 
 
-class NewWebhook(Record):
+class WebhookRequest(Record):
     """Where to send what: `events` left out is all; with `cell` only what happens in that cell's sessions."""
 
     model_config = ConfigDict(
@@ -110,7 +110,7 @@ def list_all(store: StoreDep) -> Response:
 
 
 @router.post("", status_code=201, response_model=MadeWebhook)
-def make(body: NewWebhook, idempotency: IdempotencyDep, store: StoreDep, settings: SettingsDep) -> Response:
+def make(body: WebhookRequest, idempotency: IdempotencyDep, store: StoreDep, settings: SettingsDep) -> Response:
     """Make a webhook; its secret stands in this answer alone."""
     require_known_fields(body, "request")
     _require_address(body.url)

@@ -2,7 +2,7 @@
 
 import { all, get, json, LOGIN, madeAgainst, Problem, request, ROOT, sendFile } from "./http.js";
 
-/** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, CodeOfFinding, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, NewToken, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, RecognisedFiles, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
+/** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, CodeOfFinding, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, TokenRequest, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, RecognisedFiles, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
 /** @param {string} id */
 export const session = (id) => `/sessions/${encodeURIComponent(id)}`;
@@ -261,7 +261,7 @@ export const api = {
   /** @returns {Promise<TokenRecord[]>} */
   tokens: async () => (await get("/tokens")).items,
 
-  /** The answer alone holds the token itself. @param {NewToken} body @returns {Promise<MadeToken>} */
+  /** The answer alone holds the token itself. @param {TokenRequest} body @returns {Promise<MadeToken>} */
   makeToken: async (body) => (await request("/tokens", json("POST", body))).json(),
 
   /** @param {string} tokenId */

@@ -1,9 +1,9 @@
 // The names that the page uses for what the API gives and takes.
 
 import type {
-  AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord,
+  AuditEntry, KeptFile, MadeToken, TokenRequest, TokenRecord,
   CloudDeviations, CloudSection, MergeResult as MergeRecord, ReferenceMesh,
-  CameraResult as CameraRecord, Capture, Cell, CellDrift, CellSummary, DriftSeries, FolderState, Guide, GuideNow, Meter, Job, Me, Measured, NewSession, Release, SessionAnswer, PoseLine, PoseLines as PoseLinesRead, LikelyConvention, Problem, SessionSummary, StoredCapture, StoredSession,
+  CameraResult as CameraRecord, Capture, Cell, CellDrift, CellSummary, DriftSeries, FolderState, Guide, GuideNow, Meter, Job, Me, Measured, SessionRequest, Release, SessionAnswer, PoseLine, PoseLines as PoseLinesRead, LikelyConvention, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
   ControllerFileContent, FileReading, PoseOfFile, RecognisedFiles, RecognisedPose, ToolComparison,
@@ -11,7 +11,7 @@ import type {
   Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "../api-types.js";
 
-export type { AuditEntry, KeptFile, MadeToken, NewToken, TokenRecord };
+export type { AuditEntry, KeptFile, MadeToken, TokenRequest, TokenRecord };
 export type { CloudDeviations, CloudSection, ReferenceMesh, FolderState, Capture, Guide, GuideNow, Job, Me, Measured, Meter, SessionSummary };
 export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
 export type { CellDrift, CellSummary, DriftSeries, Release, SessionAnswer };
@@ -24,7 +24,7 @@ export type Moment = MomentOfSession;
 export type FolderWatch = NonNullable<FolderState["watch"]>;
 export type CaptureOut = StoredCapture;
 export type SessionOut = StoredSession;
-export type SessionBody = NewSession;
+export type SessionBody = SessionRequest;
 export type ParsedPose = PoseLine;
 export type { LikelyConvention };
 export type PoseLines = PoseLinesRead;

@@ -34,7 +34,7 @@ public class Walk {
         JsonNode captures = record.remove("captures");
 
         SessionsApi sessions = new SessionsApi(client);
-        NewSession body = json.treeToValue(record, NewSession.class);
+        SessionRequest body = json.treeToValue(record, SessionRequest.class);
         ApiResponse<StoredSession> made = sessions.sessionsCreateWithHttpInfo(body, java.util.UUID.randomUUID().toString());
         must(made.getStatusCode() == 201 && !header(made, "ETag").isEmpty(), "made");
         String session = made.getData().getId();
@@ -85,7 +85,7 @@ public class Walk {
         StoredSession imported = archives.archivesImportArchive(archive, null);
         must(imported.getName().equals(record.get("name").asText()), "imported");
         CellsApi cells = new CellsApi(client);
-        NewRelease why = new NewRelease();
+        ReleaseRequest why = new ReleaseRequest();
         why.setWhy("walk");
         Release released = cells.cellsRelease(session, why, null);
         must(cells.cellsGetReleased(released.getCell()).getInputsSha256() != null, "in force");
@@ -97,7 +97,7 @@ public class Walk {
             must(problem.getType().endsWith("not-found"), "missing");
         }
         must(new RegistriesApi(client).registriesExports().getItems().size() > 5, "exports");
-        NewWebhook hook = new NewWebhook();
+        WebhookRequest hook = new WebhookRequest();
         hook.setUrl("http://127.0.0.1:9/");
         new WebhooksApi(client).webhooksRemove(new WebhooksApi(client).webhooksMake(hook, null).getId());
         System.out.println("walked");

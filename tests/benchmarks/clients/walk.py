@@ -28,9 +28,9 @@ from pyclient.models import (
     CaptureChanges,
     CaptureUpload,
     JobStatus,
-    NewRelease,
-    NewSession,
-    NewWebhook,
+    ReleaseRequest,
+    SessionRequest,
+    WebhookRequest,
     Problem,
 )
 from pyclient.types import File
@@ -41,7 +41,7 @@ def walk(client: Client, folder: Path) -> None:
     record = json.loads((folder / "session.json").read_text())
     captures = record.pop("captures")
     made = sessions_create.sync_detailed(
-        client=client, body=NewSession.from_dict(record), idempotency_key=str(uuid4())
+        client=client, body=SessionRequest.from_dict(record), idempotency_key=str(uuid4())
     )
     assert made.status_code == 201, made.content
     session = made.parsed.id
@@ -83,14 +83,14 @@ def walk(client: Client, folder: Path) -> None:
     imported = archives_import_archive.sync(client=client, body=ArchiveUpload(file=File(archive, "cell.zip")))
     assert sessions_get.sync(imported.id, client=client).name == record["name"]
     assert archives_list_kept.sync(imported.id, client=client).items
-    released = cells_release.sync(session, client=client, body=NewRelease(why="walk"))
+    released = cells_release.sync(session, client=client, body=ReleaseRequest(why="walk"))
     assert cells_get_released.sync(released.cell, client=client).inputs_sha256 is not None
     missing = sessions_get.sync_detailed("nothing", client=client)
     assert (missing.status_code, missing.parsed.type_) == (404, "urn:scancell:problem:not-found")
     assert solves_list_all.sync(client=client).items[0].status == JobStatus.DONE
     for listed in (registries_exports, registries_formats, registries_stages):
         assert listed.sync(client=client).items
-    hook = webhooks_make.sync(client=client, body=NewWebhook.from_dict({"url": "http://127.0.0.1:9/"}))
+    hook = webhooks_make.sync(client=client, body=WebhookRequest.from_dict({"url": "http://127.0.0.1:9/"}))
     assert any(item.id == hook.id for item in webhooks_list_all.sync(client=client).items)
     assert webhooks_remove.sync_detailed(hook.id, client=client).status_code == 204
     print("walked")
