@@ -23,12 +23,12 @@ from server.http.events import follow, to_sse
 from server.http.language import spoken
 from server.http.schemas import (
     Findings,
-    SessionRequest,
     PoseLine,
     PoseLines,
     PoseText,
     SessionChanges,
     SessionPage,
+    SessionRequest,
     StoredSession,
 )
 from server.http.strict_json import plain_json

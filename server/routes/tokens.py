@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session as Transaction
 from server.auth.logins import Identity, Logins
 from server.auth.middleware import cookie_name
 from server.auth.refusals import Refusals
-from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, TokenRequest, TokenRecord, TokenRecords
+from server.auth.schemas import AuditPage, LoginRequest, MadeToken, Me, TokenRecord, TokenRecords, TokenRequest
 from server.http.api_router import api_router, of_app
 from server.http.created import created
 from server.http.errors import LoginError

@@ -52,7 +52,7 @@ class GenicamCamera:
     def __init__(self, settings: GenicamSettings, camera: Any = None) -> None:
         self._camera = camera or _opened(settings)
         self._model = f"{self._feature('DeviceVendorName')} {self._feature('DeviceModelName')}".strip()
-        self._silent = 0
+        self._silent = self._lost = 0
         try:
             self._set(settings)
             self._tick_s = 1.0 / self._ticks()
@@ -74,6 +74,7 @@ class GenicamCamera:
         try:
             frame = self._stream.next_frame(_WAIT_MS)
         except Exception as error:  # the library's own, which tell a time-out and a loss alike
+            self._require_whole()
             self._silent += 1
             if self._silent < _SILENT_READS:
                 return None
@@ -93,6 +94,17 @@ class GenicamCamera:
         name, content = lossless(shown, frame.block_id)
         ticks = frame.ts_dev
         return Frame(arrived_s, name, content, None if ticks is None else ticks * self._tick_s)
+
+    def _require_whole(self) -> None:
+        """Tell frames of which packets were lost since this was asked last; raises InputError."""
+        stats = getattr(self._stream, "stats", None)
+        told = stats() if callable(stats) else stats
+        lost, self._lost = getattr(told, "frames_lost", 0) - self._lost, getattr(told, "frames_lost", self._lost)
+        if lost > 0:
+            to_do = message(
+                "Set the camera's packet size to what the network takes (MTU), or lower the frame rate."
+            )
+            raise InputError("whole frames", "{count} incomplete", to_do, self._model, count=lost)
 
     def close(self) -> None:
         """Stop the stream and give the camera back."""

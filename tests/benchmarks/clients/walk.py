@@ -28,10 +28,10 @@ from pyclient.models import (
     CaptureChanges,
     CaptureUpload,
     JobStatus,
+    Problem,
     ReleaseRequest,
     SessionRequest,
     WebhookRequest,
-    Problem,
 )
 from pyclient.types import File
 
