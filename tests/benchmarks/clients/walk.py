@@ -3,6 +3,8 @@
 The generated package `pyclient` stands beside the working directory and is used as it came.
 """
 
+# pyright: basic, reportMissingImports=false
+
 import json
 import sys
 from io import BytesIO
