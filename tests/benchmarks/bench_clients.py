@@ -1,4 +1,4 @@
-"""Clients that generators make of our OpenAPI go through docs/rest.md as they came: Python, TypeScript, Java."""
+"""Clients that generators make of our OpenAPI go through docs/rest.md as they came: Python, TypeScript, Java, Go."""
 
 import json
 import os
@@ -31,7 +31,8 @@ def run(full: bool) -> Iterator[Row]:
     """Yield a row a language, Python alone without `full`; generators are installed into a temporary folder."""
     walks: dict[str, Callable[[Path, str], None]] = {"openapi-python-client": _python}
     if full:
-        walks |= {"openapi-typescript with openapi-fetch": _typescript, "openapi-generator, Java": _java}
+        walks |= {"openapi-typescript with openapi-fetch": _typescript}
+        walks |= {"openapi-generator, Java": _java, "openapi-generator, Go": _go}
     with tempfile.TemporaryDirectory() as temporary, served(Path(temporary) / "data") as (address, _):
         folder = Path(temporary)
         document = httpx.get(f"{address}/openapi.json", trust_env=False).text
@@ -75,6 +76,17 @@ def _java(folder: Path, address: str) -> None:
     _do(folder, *maven, "compile", "dependency:copy-dependencies")
     classes = "java/target/classes:java/target/dependency/*"
     _do(folder, "java", "-cp", classes, "Walk", address, "cell")
+
+
+def _go(folder: Path, address: str) -> None:
+    python = _environment(folder, "openapi-generator-cli")
+    generate = [str(python.parent / "openapi-generator-cli"), "generate", "-i", "openapi.json", "-g", "go"]
+    _do(folder, *generate, "-o", "go", "--additional-properties=packageName=scancell,withGoMod=true")
+    shutil.rmtree(folder / "go" / "test", ignore_errors=True)  # its tests ask for a library of their own
+    (folder / "go" / "walk").mkdir()
+    shutil.copy(_WALKS / "walk.go", folder / "go" / "walk" / "main.go")
+    _do(folder / "go", "go", "mod", "tidy")
+    _do(folder / "go", "go", "run", "./walk", address, str(folder / "cell"))
 
 
 def _environment(folder: Path, package: str) -> Path:
