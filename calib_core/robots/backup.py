@@ -14,6 +14,7 @@ from calib_core.robots.resolve import resolved
 from calib_core.robots.text import decoded
 
 _HEAD_BYTES = 65_536
+_ANYBODYS = (".txt", ".py", ".csv", ".xml", ".json", ".yaml", ".yml", ".zip")
 
 
 def read_controller_files(
@@ -55,7 +56,7 @@ def read_controller_files(
     alone = len(opened) == 1
     found: list[Found] = []
     for name, data in sorted(opened.items()):
-        if not alone and not chosen.recognises(_text(data, name), name):
+        if not alone and not _is_of(chosen, data, name):
             continue
         try:
             found.append(chosen.find(data, name))
@@ -71,6 +72,13 @@ def read_controller_files(
     from calib_core.robots.joint_check import asked
 
     return asked(read, told.arm)
+
+
+def _is_of(brand: Brand, data: bytes, name: str) -> bool:
+    """Return whether a file of a backup is the brand's: by what stands in it, or by an ending of its own."""
+    text = _text(data, name)
+    own = [ending for ending in brand.endings if ending not in _ANYBODYS]
+    return brand.recognises(text, name) or (bool(text.strip()) and name.lower().endswith(tuple(own)))
 
 
 def brand_of(files: Mapping[str, bytes], where: str) -> Brand:

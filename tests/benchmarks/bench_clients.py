@@ -1,4 +1,4 @@
-"""Clients that generators make of our OpenAPI go through docs/rest.md as they came: Python, TypeScript, Java, Go."""
+"""Clients that generators make of our OpenAPI walk through docs/rest.md as they came, in four languages."""
 
 import json
 import os
