@@ -598,6 +598,11 @@ export interface Changes {
   captures?: Record<string, unknown>;
 }
 
+export interface ChangesRequest {
+  cell?: Record<string, unknown>;
+  captures?: Record<string, unknown>;
+}
+
 export interface CheckLine {
   level: "error" | "warning" | "note";
   where: string;
@@ -743,6 +748,12 @@ export interface DeviceEntry {
   rate_hz: number;
   model: string;
   can: string[];
+}
+
+export interface DeviceRequest {
+  source: string;
+  settings?: Record<string, unknown>;
+  connected?: boolean;
 }
 
 export interface Devices {
@@ -1488,17 +1499,6 @@ export interface Movers {
   items: MoverChoice[];
 }
 
-export interface NewChanges {
-  cell?: Record<string, unknown>;
-  captures?: Record<string, unknown>;
-}
-
-export interface NewDevice {
-  source: string;
-  settings?: Record<string, unknown>;
-  connected?: boolean;
-}
-
 export interface NewEquipment {
   kind: string;
   name?: string | null;
@@ -1508,54 +1508,6 @@ export interface NewEquipment {
   expansion_per_k?: number | null;
   reference_c?: number | null;
   register_id?: string | null;
-}
-
-export interface NewProgram {
-  host: string;
-  port: number;
-  token?: string;
-  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan";
-  mount?: string | null;
-  poses?: PlannedPose[] | null;
-  speed_mm_s?: number;
-  approach_mm?: number;
-}
-
-export interface NewRelease {
-  why?: string;
-  allow?: string;
-}
-
-export interface NewSession {
-  format?: "scancell-session/1";
-  name?: string;
-  cell?: Cell | null;
-  simulated?: SimulatedCell | null;
-}
-
-export interface NewShot {
-  id?: string | null;
-  pose?: number[] | null;
-  table_deg?: number | null;
-}
-
-export interface NewSweep {
-  id?: string | null;
-  seconds: number;
-  table_deg?: number | null;
-}
-
-export interface NewToken {
-  name: string;
-  role: "read" | "capture" | "release" | "admin";
-  days?: number | null;
-}
-
-export interface NewWebhook {
-  url: string;
-  name?: string;
-  events?: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift" | "overdue" | "device-lost" | "job-failed" | "disk")[];
-  cell?: string | null;
 }
 
 export interface Nominal {
@@ -1780,6 +1732,17 @@ export interface ProgramEntry {
   experimental: boolean;
 }
 
+export interface ProgramRequest {
+  host: string;
+  port: number;
+  token?: string;
+  step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan";
+  mount?: string | null;
+  poses?: PlannedPose[] | null;
+  speed_mm_s?: number;
+  approach_mm?: number;
+}
+
 export interface Quantity {
   value: number | null;
   unit?: string;
@@ -1936,6 +1899,11 @@ export interface Release {
   solved: string | null;
   inputs_sha256: Record<string, string>;
   workpiece_sigma_mm: number | null;
+}
+
+export interface ReleaseRequest {
+  why?: string;
+  allow?: string;
 }
 
 export interface RepeatedPose {
@@ -2168,6 +2136,13 @@ export interface SessionPage {
   next: string | null;
 }
 
+export interface SessionRequest {
+  format?: "scancell-session/1";
+  name?: string;
+  cell?: Cell | null;
+  simulated?: SimulatedCell | null;
+}
+
 export interface SessionSummary {
   id: string;
   name: string;
@@ -2185,6 +2160,12 @@ export interface SharedShift {
   directions: number;
   shift: number[];
   covariance: number[][];
+}
+
+export interface ShotRequest {
+  id?: string | null;
+  pose?: number[] | null;
+  table_deg?: number | null;
 }
 
 export interface Side {
@@ -2727,6 +2708,12 @@ export interface StoryShown {
   subject: string[];
 }
 
+export interface SweepRequest {
+  id?: string | null;
+  seconds: number;
+  table_deg?: number | null;
+}
+
 export interface Table {
   id?: string | null;
   title?: string | null;
@@ -2901,6 +2888,12 @@ export interface TokenRecord {
 
 export interface TokenRecords {
   items: TokenRecord[];
+}
+
+export interface TokenRequest {
+  name: string;
+  role: "read" | "capture" | "release" | "admin";
+  days?: number | null;
 }
 
 export interface ToolComparison {
@@ -3155,6 +3148,13 @@ export interface WebhookDelivery {
   error: string | null;
   created: string;
   finished: string | null;
+}
+
+export interface WebhookRequest {
+  url: string;
+  name?: string;
+  events?: ("capture" | "result" | "verdict" | "job" | "session" | "release" | "verify-fail" | "drift" | "overdue" | "device-lost" | "job-failed" | "disk")[];
+  cell?: string | null;
 }
 
 export interface Webhooks {
