@@ -33,9 +33,9 @@ def has_code(result: Mapping[str, Any], *codes: Code) -> bool:
 
 
 def judgement(findings: Iterable[Finding]) -> dict[str, Any]:
-    """Return the fields of a result that are made of its findings: causes first, then errors, warnings, notes.
+    """Return the fields of a result that are made of its findings: errors first, then warnings, then notes.
 
-    What has a remedy is a cause, and stands before what it may have brought about, however severe that is.
+    Within a severity what has a remedy is a cause, and stands before what it may have brought about.
     """
     found = sorted(_hidden(list(findings)), key=_rank)
     shown = [finding for finding in found if finding.behind is None]
@@ -48,9 +48,8 @@ def judgement(findings: Iterable[Finding]) -> dict[str, Any]:
     }
 
 
-def _rank(finding: Finding) -> tuple[bool, int]:
-    cause = finding.remedy is not None and finding.severity != "note" and finding.behind is None
-    return not cause, _ORDER.index(finding.severity)
+def _rank(finding: Finding) -> tuple[int, bool]:
+    return _ORDER.index(finding.severity), finding.remedy is None or finding.behind is not None
 
 
 def measured_judgement(findings: Iterable[Finding], language: Catalogue = ENGLISH) -> dict[str, Any]:
