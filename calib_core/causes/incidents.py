@@ -28,9 +28,16 @@ def _remedy(happened: Happened, captures: Sequence[Capture]) -> RootCause:
         kind=cast(CauseKind, happened.kind),
         evidence=evidence,
         captures=list(happened.captures),
-        changes=moved_poses(given, (), captures) if given else _fewer(happened, captures),
+        changes=_changes(given, happened, captures),
         poses_from=given,
     )
+
+
+def _changes(given: dict[str, str], happened: Happened, captures: Sequence[Capture]) -> Changes | None:
+    if not given:
+        return _fewer(happened, captures)
+    # Arrays that come without records have nothing to change.
+    return moved_poses(given, (), captures) if given.keys() <= {capture.id for capture in captures} else None
 
 
 def _fewer(happened: Happened, captures: Sequence[Capture]) -> Changes | None:
