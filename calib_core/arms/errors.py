@@ -24,7 +24,7 @@ MEMBERS: tuple[Member, ...] = ("offsets", "links", "coupling", "sag")
 _PARALLEL = 0.05  # rad between two axes
 _DOWN = np.array([0.0, 0.0, -1.0])
 
-# What makers and published trackers find: reach of the arm up to so many mm; zeros of joints in deg, lengths in
+# Judgement, not published figures: reach of the arm up to so many mm; zeros of joints in deg, lengths in
 # mm, axes in deg, coupling in deg/deg, sag stretched out in deg.
 _CLASSES = (
     (500.0, (0.12, 0.25, 0.035, 5e-4, 0.02)),
