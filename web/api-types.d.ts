@@ -519,6 +519,10 @@ export interface CertificateText {
   xml: string;
 }
 
+export interface CertificateUpload {
+  file: string;
+}
+
 export interface CertifiedDiameter {
   name: string;
   diameter_mm: number;

@@ -201,6 +201,7 @@ RULES: dict[Role, tuple[str, ...]] = {
     Role.ADMIN: (
         f"DELETE {_SESSION}",
         f"PUT {_API}/cells/{{cell_id}}/policy",
+        # Its certificates and serial numbers decide what may be released.
         f"POST {_API}/equipment",
         f"PUT {_API}/equipment/{{piece}}",
         f"DELETE {_API}/equipment/{{piece}}",

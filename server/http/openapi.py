@@ -73,6 +73,7 @@ _LOCATED = (
 _EXAMPLES = Path(__file__).with_name("api_examples.json")
 _UPLOADS = {
     "Body_captures_add": "CaptureUpload",
+    "Body_equipment_set_certificate": "CertificateUpload",
     "Body_clouds_put_reference": "ReferenceUpload",
     "Body_machines_export_into_backup": "BackupUpload",
     "Body_machines_read_back_tool": "ToolUpload",

@@ -71,9 +71,10 @@ def role_that_should_do(method: str, path: str) -> str:
     """Return the least role of a route by the rule that people know, not by the server's own table.
 
     Who looks needs `read`, who changes something `capture`, who decides which answer of a cell is in force, and
-    what is known of it, `release`. Tokens, the log, webhooks, a cell's policy and removing a session are the
-    admin's, and so is what this server connects to or listens on in the cell's network, and arming what moves;
-    the login page, its files and the signs of life are anybody's.
+    what is known of it, `release`. Tokens, the log, webhooks, a cell's policy, the register of equipment (its
+    certificates and serial numbers decide what may be released) and removing a session are the admin's, and so is
+    what this server connects to or listens on in the cell's network, and arming what moves; the login page, its
+    files and the signs of life are anybody's.
     """
     page = ("/login", "/web/{path:path}", "/said/{language}")
     if path in page or re.fullmatch(r"(/api/v1)?/(me|log(in|out)|health\S*)", path):
@@ -82,7 +83,7 @@ def role_that_should_do(method: str, path: str) -> str:
         "/tokens" in path
         or "/webhooks" in path
         or path.endswith("/audit")
-        or (method != "GET" and path.endswith("/policy"))
+        or (method != "GET" and (path.endswith("/policy") or path.startswith("/api/v1/equipment")))
         or (method, path) == ("DELETE", "/api/v1/sessions/{session_id}")
         or (method != "GET" and path.endswith(("/devices/{device}", "/robot-port")))
         or (method == "PUT" and path.endswith("/table-mover"))  # who may stop it need not be who may arm it
