@@ -20,7 +20,7 @@ def for_poses(answer: Answer, poses: str) -> Answer:
         raise InputError(
             "poses 'controller' or 'corrected'", "'{poses}'", "Name one of these.", POSES, poses=poses
         )
-    model = answer.results[answer.stage].get("arm_model")
+    model = answer.results.get(answer.stage, {}).get("arm_model")
     if poses == "corrected" or not model or not model.get("applied"):
         return answer
     found = dict(answer.results[answer.stage])

@@ -278,14 +278,6 @@ def _why(
             message("The method was {method!r}; it is {fresh!r} now.", method=method, fresh=fresh.get("method"))
         )
     before, revision = stored.get("method_revision", 1), fresh.get("method_revision", 1)
-    if before != revision:
-        reasons.append(
-            message(
-                "Its method was of revision {before}; revision {revision} changed it on purpose.",
-                before=before,
-                revision=revision,
-            )
-        )
     graph, inputs_sha256 = Graph.of_files(session, read), stored.get("inputs_sha256")
     if fresh and not reasons and graph.is_of_first_release(stage, inputs_sha256):
         reasons.append(
@@ -295,6 +287,16 @@ def _why(
                 stage=_sigmas(stage, stored, fresh),
             )
         )
+    elif before != revision:
+        reasons.append(
+            message(
+                "Its method was of revision {before}; revision {revision} changed it on purpose.",
+                before=before,
+                revision=revision,
+            )
+        )
+        if sigmas := _sigmas(stage, stored, fresh):
+            reasons.append(message("Now it lies up to {sigmas:.2f} standard deviations from it.", sigmas=sigmas))
     if fresh and not graph.is_fresh(stage, inputs_sha256):
         reasons.append(
             "Cell, captures or files were changed after it was computed: the hashes of the inputs differ."

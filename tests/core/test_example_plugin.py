@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[2]
 USED = """
 import json
@@ -40,7 +38,6 @@ print(json.dumps({
 """
 
 
-@pytest.mark.skip(reason="found red on 2026-11-25, not looked into for want of time: mend first")
 def test_the_example_package_adds_a_format_an_export_and_a_source(tmp_path: Path) -> None:
     source = shutil.copytree(ROOT / "docs" / "examples" / "scancell-example-plugin", tmp_path / "plugin")
     target = tmp_path / "installed"

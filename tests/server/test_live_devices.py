@@ -173,7 +173,6 @@ def test_a_robot_that_goes_away_is_told_of_and_resumed(client: httpx.Client, liv
     assert captures(client, session) == []
 
 
-@pytest.mark.skip(reason="found red on 2026-11-25, not looked into for want of time: mend first")
 def test_a_stopped_scanner_takes_no_captures(client: httpx.Client, live: Any) -> None:
     made, session = live
     made.blind.set()

@@ -123,7 +123,6 @@ def test_lines_that_name_their_file_find_it_in_any_order(
     assert stored == {c["id"]: c["pose"] for c in record["captures"][:3]}
 
 
-@pytest.mark.skip(reason="found red on 2026-11-25, not looked into for want of time: mend first")
 def test_files_are_dropped_anywhere_on_the_page(open_page: Callable[..., Any], api: httpx.Client) -> None:
     page, watched = open_page(f"/sessions/{make_session(api)}")
     expect(page.locator("sc-guide h1")).not_to_be_empty()
@@ -136,7 +135,7 @@ def test_files_are_dropped_anywhere_on_the_page(open_page: Callable[..., Any], a
     }""")
     page.locator(".work").dispatch_event("drop", {"dataTransfer": transfer})
     expect(page.locator(".match tbody tr")).to_have_count(2)
-    assert page.locator(".match tbody td:first-child").all_inner_texts() == ["p9.csv", "p10.csv"]
+    expect(page.locator(".match tbody td:first-child")).to_have_text(["p9.csv", "p10.csv"])
     listed = page.locator("sc-file-list tbody tr")
     expect(listed).to_have_count(3)
     expect(page.get_by_label("Take notes.docx for")).to_have_value("nothing")

@@ -77,7 +77,7 @@ export class ActionsElement extends StateElement {
     this.#on.className = mends ? "plain wide" : "primary";
     if (captures.some(({ id }) => id === this.#awaited)) this.#awaited = "";
     const busy = this.#capturing || this.#awaited !== "";
-    this.#capture.setAttribute("aria-disabled", String(busy));
+    this.#capture.setAttribute("aria-disabled", String(busy || !may("capture")));
     this.#captureWords.textContent = busy ? t("actions.capturing") : maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
     this.#solveWords.textContent = maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
     const status = this.state.guide?.steps.find(({ step }) => step === this.state.step)?.status ?? (this.state.now ? "working" : "");

@@ -92,7 +92,7 @@ function message(finding) {
 }
 
 /** All that is said beyond what stands there already. @param {Finding} finding @param {string} [short] */
-const whole = ({ text, to_do, code }, short) => h("p", {}, text.replace(/[.。]$/u, "") === short ? "" : `${text} `, to_do ?? "", " ", explains(code));
+const whole = ({ text, to_do, code }, short) => h("p", {}, said(text).replace(/[.。]$/u, "") === short ? "" : `${said(text)} `, said(to_do ?? ""), " ", explains(code));
 
 /** @param {string} title @param {readonly Finding[]} findings */
 function more(title, findings) {
