@@ -15,8 +15,9 @@ def cloud_pieces(name: str, points_mm: ArrayLike, names: tuple[str, ...] = XYZ) 
     return writers[ending_of(name)]([table], len(table), names)
 
 
-def stl_pieces(points_mm: ArrayLike, triangles: ArrayLike) -> Pieces:
-    """Give a binary STL file of a mesh: points (N, 3) in mm, triangles (M, 3) of indices."""
-    write = FORMATS.get("stl").write_mesh
+def mesh_file(name: str, points_mm: ArrayLike, triangles: ArrayLike) -> bytes:
+    """Return the file of a mesh, points (N, 3) in mm and triangles (M, 3) of indices, in the named format."""
+    write = FORMATS.get(name).write_mesh
     assert write is not None
-    return write(np.asarray(points_mm, np.float32), [np.asarray(triangles)], len(np.asarray(triangles)))
+    faces = np.asarray(triangles)
+    return b"".join(bytes(piece) for piece in write(np.asarray(points_mm, np.float32), [faces], len(faces)))

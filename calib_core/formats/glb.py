@@ -29,14 +29,16 @@ def glb_pieces(points_mm: NDArray[np.float32], blocks: Iterable[ArrayLike], coun
         If there are no triangles, or one names a point that is not there.
     """
     size, indices = 12 * len(points_mm), 12 * count
-    low, high = (np.asarray(end(points_mm, axis=0), np.float64) / 1000 for end in (np.min, np.max))
+    low, high = (end(points_mm.astype(np.float64), axis=0) / 1000 for end in (np.min, np.max))
     scene = {
         "asset": {"version": "2.0", "generator": "scancell"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": "merged"}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
-        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.1, "roughnessFactor": 0.7}, "doubleSided": True}],
+        "materials": [
+            {"pbrMetallicRoughness": {"metallicFactor": 0.1, "roughnessFactor": 0.7}, "doubleSided": True}
+        ],
         "buffers": [{"byteLength": size + indices}],
         "bufferViews": [
             {"buffer": 0, "byteOffset": 0, "byteLength": size, "target": _CORNERS},

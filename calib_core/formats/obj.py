@@ -1,6 +1,7 @@
 """OBJ (Wavefront): meshes in text, read and written; in mm, which the format cannot say but in a comment."""
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,12 +31,13 @@ def parse_obj(data: bytes, name: str) -> MeshData:
             elif words[:1] == [b"f"]:
                 ring = [int(word.split(b"/")[0]) for word in words[1:]]
                 ring = [index - 1 if index > 0 else len(corners) + index for index in ring]
-                triangles += [(ring[0], b, c) for b, c in zip(ring[1:], ring[2:], strict=False)]
+                triangles += [(ring[0], b, c) for b, c in pairwise(ring[1:])]
         except ValueError:
             raise wrong(name, message("a line {number} that is no corner or face", number=number)) from None
     if not corners or any(len(corner) != 3 for corner in corners):
-        raise wrong(name, message("corners without x, y and z"))
-    return MeshData(np.array(corners, np.float32), np.array(triangles, np.int32).reshape(-1, 3))
+        raise wrong(name, "corners without x, y and z")
+    faces = np.array(triangles, np.float64).reshape(-1, 3)  # numbers of any size: which are corners is asked later
+    return MeshData(np.array(corners, np.float32), np.clip(faces, -1, len(corners)).astype(np.int32))
 
 
 def obj_pieces(points_mm: NDArray[np.float32], blocks: Iterable[ArrayLike], count: int) -> Pieces:

@@ -27,7 +27,7 @@ CloudName = Annotated[
 ]
 CloudFormat = Annotated[
     str | None,
-    Query(alias="format", description="ply, pcd, xyz, e57 or stl, whatever the name ends in.", max_length=8),
+    Query(alias="format", description="One of the file's `formats`, whatever the name ends in.", max_length=8),
 ]
 
 

@@ -103,7 +103,10 @@ def put_reference(
     store: StoreDep,
     file: Annotated[
         UploadFile,
-        File(description="STL or PLY, in mm, in the merged cloud's own frame.", examples=["solid part\n…"]),
+        File(
+            description="STL, PLY or OBJ, in mm, in any place: the next merge aligns it.",
+            examples=["solid part\n…"],
+        ),
     ],
 ) -> ReferenceMesh:
     """Store the mesh that says what the object should be, in place of the one before."""
@@ -153,7 +156,7 @@ def _deviation(stored: StoredSession, merged: MergedScans, against: Against) -> 
     if against.kind == "mesh":
         reference = reference_mesh(stored.session, stored.read_output, stored.results.get("merge"))
         if reference is None:
-            to_do = message("PUT …/merged/reference with an STL or PLY file, or compare with the sphere.")
+            to_do = message("PUT …/merged/reference with an STL, PLY or OBJ file, or compare with the sphere.")
             raise NotFoundError("a reference mesh", "none in this session", to_do, "against")
     return cloud_deviation(merged.points_mm, against, reference)
 

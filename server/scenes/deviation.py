@@ -51,7 +51,7 @@ def cloud_deviation(
         return _from_sphere(points_mm, against.diameter_mm)
     if reference is None:
         raise MeasurementError(
-            "a reference mesh", "none", "Add one as STL or PLY under Result, Merge.", "reference"
+            "a reference mesh", "none", "Add one as STL, PLY or OBJ under Result, Merge.", "reference"
         )
     return _from_mesh(points_mm, reference)
 

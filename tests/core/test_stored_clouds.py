@@ -18,7 +18,7 @@ from calib_core.formats.points import parse_cloud
 from calib_core.formats.shared.writing import write_pieces
 from server.cli import main
 from tests.core.test_session_merge import session
-from tests.point_files import cloud_pieces, stl_pieces
+from tests.point_files import cloud_pieces, mesh_file
 
 NAMES = ("x", "y", "z", "nx", "ny", "nz", "sigma")
 POINTS = np.random.default_rng(5).normal(0, 100, (50, 7)).astype(np.float32)
@@ -81,7 +81,7 @@ def test_a_file_read_in_blocks_gives_the_same_as_one_in_memory(tmp_path: Path):
     write_pieces(mesh, ply_pieces(points[:, :3], triangles=triangles))
     with mesh.open("rb") as file:
         stl = b"".join(in_format(StoredFile(file, "mesh"), "stl", "mesh"))
-    assert stl == b"".join(stl_pieces(points[:, :3], triangles))
+    assert stl == mesh_file("stl", points[:, :3], triangles)
 
 
 @pytest.mark.parametrize("wanted", ["ply", "pcd", "xyz", "e57", "stl"])

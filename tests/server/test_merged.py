@@ -11,11 +11,11 @@ from calib_core.archive.stored_clouds import read_stored_ply
 from calib_core.formats.ply import ply_pieces
 from calib_core.simulation.part import BALL_MM, BALL_RADIUS_MM, build_part
 from server.settings import Settings
-from tests.point_files import stl_pieces
+from tests.point_files import mesh_file
 from tests.server.live_server import assert_problem, make_session, serving, simulated_session, wait_for
 
 PART = build_part()
-STL = b"".join(bytes(piece) for piece in stl_pieces(PART.points_mm, PART.triangles))
+STL = mesh_file("stl", PART.points_mm, PART.triangles)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_what_cannot_be_a_reference_is_refused_and_the_one_before_stays(merged: 
     before = ask(merged, "deviation").json()
     assert_problem(put(merged, STL[:-9]), 422, "a whole mesh file")
     assert_problem(put(merged, b"x_mm,z_mm\n1,2\n", "profile.csv"), 422, "STL or PLY")
-    metres = b"".join(bytes(piece) for piece in stl_pieces(PART.points_mm / 1000, PART.triangles))
+    metres = mesh_file("stl", PART.points_mm / 1000, PART.triangles)
     assert_problem(put(merged, metres), 422, "millimetres")
     assert ask(merged, "deviation").json() == before
 

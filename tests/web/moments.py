@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 
 from calib_core.simulation.part import build_part  # noqa: E402
 from server.settings import Settings  # noqa: E402
-from tests.point_files import stl_pieces  # noqa: E402
+from tests.point_files import mesh_file  # noqa: E402
 from tests.server.live_server import serving, simulated_session, wait_for  # noqa: E402
 from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM, look_into_the_merge  # noqa: E402
 
@@ -118,7 +118,7 @@ class Told:
 def _compare_with_the_part(client: httpx.Client, page: Page, session: str) -> None:
     """Colour the merged cloud by its deviation from the part's own mesh."""
     part = build_part()
-    mesh = b"".join(bytes(piece) for piece in stl_pieces(part.points_mm, part.triangles))
+    mesh = mesh_file("stl", part.points_mm, part.triangles)
     stored = client.put(f"/sessions/{session}/merged/reference", files={"file": ("part.stl", mesh)})
     stored.raise_for_status()
     page.reload()

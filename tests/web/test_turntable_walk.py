@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from calib_core.simulation.part import build_part
-from tests.point_files import stl_pieces
+from tests.point_files import mesh_file
 from tests.web.browsing import LOADED, go_on, in_language, leave_out_the_scene, look_into_the_merge, take_one
 from tests.web.first_look import first_look
 
@@ -102,7 +102,7 @@ def look_into_the_merged_part(page: Page, axe: str) -> None:
     assert shown.value.post_data_json["section"]["axis"] == "z"
     expect(page.locator("sc-merged .section-plot .dots").first).to_be_attached()
     part = build_part()
-    mesh = b"".join(bytes(piece) for piece in stl_pieces(part.points_mm, part.triangles))
+    mesh = mesh_file("stl", part.points_mm, part.triangles)
     page.get_by_label("Deviation from").select_option("mesh")
     page.get_by_label("Add reference mesh").set_input_files(
         {"name": "part.stl", "mimeType": "model/stl", "buffer": mesh}

@@ -28,6 +28,6 @@ def require_few(count: int, name: str) -> None:
         )
 
 
-def wrong(name: str, got: str, to_do: str = "Export the mesh again, as STL or PLY.") -> InputError:
+def wrong(name: str, got: str, to_do: str = "Export the mesh again, as STL, PLY or OBJ.") -> InputError:
     """Return the error of a file that holds no whole mesh."""
     return InputError("a whole mesh file", got, to_do, name)

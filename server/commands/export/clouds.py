@@ -8,7 +8,7 @@ from pathlib import Path
 
 from calib_core.archive.archive import opened
 from calib_core.archive.folder import load_results, load_session
-from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, in_format
+from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, cloud_formats, in_format
 from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_pieces
 from calib_core.graph.keys import Graph
@@ -22,10 +22,10 @@ from server.console.progress import progress_bar
 
 
 def export_cloud(options: argparse.Namespace) -> int:
-    """Write the merged cloud (as STL its mesh) in a format; merges first where none is stored or it is stale."""
+    """Write the merged cloud in a format, its mesh in one of meshes alone; merges first where none is stored or it is stale."""
     if options.out == STANDARD_OUTPUT and sys.stdout.isatty():
         raise InputError("a file to write to", "the terminal", "Add --out FILE, or redirect the output.", "--out")
-    name = MESH_FILE if options.format == "stl" else CLOUD_FILE
+    name = CLOUD_FILE if options.format in cloud_formats() else MESH_FILE
     with opened(options.session) as folder, tempfile.TemporaryDirectory(prefix="scancell-") as fresh:
         session, read = load_session(folder)
         file = folder / name

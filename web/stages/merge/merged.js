@@ -32,7 +32,7 @@ export class MergedElement extends StateElement {
   #keep = h("input", { type: "checkbox", id: "cloud-keep", onchange: () => this.#changed() });
   #against = h("select", { onchange: () => this.#changed() }, h("option", { value: "mesh" }, t("merged.mesh")), h("option", { value: "sphere" }, t("merged.sphere")));
   #diameter = h("input", { inputmode: "decimal", autocomplete: "off", oninput: () => this.#changed() });
-  #file = h("input", { type: "file", accept: ".stl,.ply", class: "visually-hidden", tabindex: -1, "aria-label": t("merged.add"), onchange: () => void this.#upload() });
+  #file = h("input", { type: "file", accept: ".stl,.ply,.obj", class: "visually-hidden", tabindex: -1, "aria-label": t("merged.add"), onchange: () => void this.#upload() });
   #add = h("button", { type: "button", needs: "capture", onclick: () => this.#file.click() }, t("merged.add"));
   #forget = h("button", { type: "button", class: "plain", needs: "capture", hidden: true, onclick: () => void this.#remove() }, t("merged.remove"));
   #cut = h("div", { class: "field cut" }, h("label", { for: "cloud-at" }, t("merged.where")), h("div", { class: "row" }, this.#at, this.#place), h("div", { class: "row" }, this.#keep, h("label", { for: "cloud-keep" }, t("merged.other_side"))));
