@@ -22,6 +22,7 @@ from calib_core.records import Capture, Changes, Finding, RootCause, Session
 
 _MUDDLED = 0.03  # of the surfaces one before the other, those that stand in a line of sight: of right merges 0.01
 _RUBBLE = 0.25
+_FEW_APART, _FEW_TOGETHER = 0.002, 0.005  # of all compared, those one before the other that say nothing
 _MOST_CHECKED = 3
 _MORE, _MORE_BY_STEPS, _MORE_BY_TWO = 1.4, 1.15, 1.04  # of the score, when a mistake is taken back
 _LEAST_PAIRS = 50
@@ -84,7 +85,9 @@ class Mistakes:
         apart = looked.overlap
         if len(looked.used) < 2 or len(looked.used) > _MOST_SCANS:
             return []
-        impossible = looked.outward.impossible if looked.outward.before + looked.outward.behind > 0.002 else 0.0
+        # Borders and bends put a few in a thousand one before the other, also where all scans fit together.
+        fewest = _FEW_APART if apart.pairs < _LEAST_PAIRS else _FEW_TOGETHER
+        impossible = looked.outward.impossible if looked.outward.before + looked.outward.behind > fewest else 0.0
         alone = [k for k in range(len(looked.used)) if apart.per_scan[k, 0] == 0]
         if not (impossible > _MUDDLED or alone or apart.pairs < _LEAST_PAIRS):
             return []
