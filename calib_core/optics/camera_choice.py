@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib_core.frames import FloatArray
+from calib_core.kernels.bundle import SHAPE_TERMS
 from calib_core.optics.adjust import Adjustment, Corners, State, fit_poses
 from calib_core.optics.camera_model import Model
 
@@ -14,6 +15,10 @@ if TYPE_CHECKING:
     from calib_core.optics.camera_layout import Layout
 
 _LEAST_GAIN = 0.03  # of the mean squared error; less is not worth a parameter
+# Sheets sag, bow and twist: that is quadratic.  Where that says nothing, what a cubic gains is by errors of print
+# and localisation that lie alike in all views, unless it gains much.
+_QUADRATIC = 3
+_LEAST_GAIN_OF_CUBIC_ALONE = 0.2
 _SIGNIFICANT = 2.5  # standard errors of the views' mean gain
 
 
@@ -27,14 +32,19 @@ class Candidate:
     parameters : int
     held_out_rms_px : float
         Of the corners of views that had no part in the fit, their poses alone fitted to them.
-    bent : bool
-        Whether the board may be bent.
+    shape_terms : int
+        By how many of its shape's terms the board may be bent.
     """
 
     model: Model
     parameters: int
     held_out_rms_px: float
-    bent: bool = False
+    shape_terms: int = 0
+
+    @property
+    def bent(self) -> bool:
+        """Whether the board may be bent."""
+        return self.shape_terms > 0
 
 
 def choose_layout(
@@ -50,7 +60,8 @@ def choose_layout(
         From the plainest on, which must be there; a later one must beat those before it.
     folds : int
     bent : bool or None
-        Whether the board may be bent; None: the plainest and the best of the flat ones are tried with it, too.
+        Whether the board may be bent; None: the plainest and the best of the flat ones are tried with it, too,
+        first quadratically, then cubically.
     """
     if bent:
         layouts = [layout.with_bent_board() for layout in layouts]
@@ -58,10 +69,13 @@ def choose_layout(
     tried: dict[Layout, FloatArray] = {}
     best = _best_of(corners, state, layouts, folds, best, tried)
     if bent is None:
-        also = {layouts[0].model: layouts[0], best.model: best}
-        best = _best_of(corners, state, [one.with_bent_board() for one in also.values()], folds, best, tried)
+        also = {layouts[0].model: layouts[0], best.model: best}.values()
+        quadratic, cubic = ([one.with_bent_board(terms) for one in also] for terms in (_QUADRATIC, SHAPE_TERMS))
+        best = _best_of(corners, state, quadratic, folds, best, tried)
+        least = _LEAST_GAIN if best.bends else _LEAST_GAIN_OF_CUBIC_ALONE
+        best = _best_of(corners, state, cubic, folds, best, tried, least)
     return best, tuple(
-        Candidate(one.model, len(one.free), float(np.sqrt(np.mean(errors))), one.bends)
+        Candidate(one.model, len(one.free), float(np.sqrt(np.mean(errors))), one.shape_terms)
         for one, errors in tried.items()
     )
 
@@ -73,6 +87,7 @@ def _best_of(
     folds: int,
     best: "Layout",
     tried: "dict[Layout, FloatArray]",
+    least: float = _LEAST_GAIN,
 ) -> "Layout":
     """Return the plainest that none beats, of `best` and others; what was tried is added with its errors."""
     for layout in layouts:
@@ -81,17 +96,17 @@ def _best_of(
             continue
         tried[layout], settled = found
         # Views that do not determine a model's coefficients are no reason to take it.
-        if settled and best in tried and _beats(tried[layout], tried[best]):
+        if settled and best in tried and _beats(tried[layout], tried[best], least):
             best = layout
     return best
 
 
-def _beats(squares: FloatArray, others: FloatArray) -> bool:
+def _beats(squares: FloatArray, others: FloatArray, least: float) -> bool:
     """Whether views are foretold significantly better, by their mean squared errors (V,)."""
     # By their logarithms, so that the few views that gain most do not blur what all of them say.
     gain = np.log(others / squares)
     mean, deviation = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
-    better_in_all = squares.mean() < (1 - _LEAST_GAIN) * others.mean()
+    better_in_all = squares.mean() < (1 - least) * others.mean()
     return bool(better_in_all and mean > _LEAST_GAIN and mean > _SIGNIFICANT * deviation)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from calib_core.findings import Finding
 from calib_core.findings.codes import camera as codes
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.kernels.bundle import SHAPE_TERMS
 from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
@@ -24,6 +25,7 @@ _LARGE_RMS_PX, _FAIL_RMS_PX = 1.0, 3.0
 _UNSURE_FOCAL = 0.005
 _NOTABLE_BEND_GAIN = 0.15
 _ADVISED_TILT_RAD = 0.26
+_BENDS = {3: " + bend", SHAPE_TERMS: " + cubic bend"}
 
 
 def coverage(fit: "Fit", image_size: tuple[int, int]) -> Coverage:
@@ -195,7 +197,7 @@ def _of_model(solution: "CameraSolution") -> list[Finding]:
     chosen = solution.camera.model
     if solution.candidates:
         errors = ", ".join(
-            f"{c.model}{' + bend' if c.bent else ''} {c.held_out_rms_px:.3f} px" for c in solution.candidates
+            f"{c.model}{_BENDS.get(c.shape_terms, '')} {c.held_out_rms_px:.3f} px" for c in solution.candidates
         )
         than = "plain" if chosen == "plain" else "other"
         found.append(codes.CAMERA_MODEL(than=than, model=chosen, errors=errors))

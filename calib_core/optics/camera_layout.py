@@ -31,14 +31,20 @@ class Layout:
         return tuple(parameter_name(int(i), len(self.nears)) for i in self.free)
 
     @property
+    def shape_terms(self) -> int:
+        """How many terms of the board's shape are free."""
+        return int(np.sum(self.free >= shape_start(len(self.nears))))
+
+    @property
     def bends(self) -> bool:
         """Whether the board's shape is free."""
-        return bool(np.any(self.free >= shape_start(len(self.nears))))
+        return self.shape_terms > 0
 
-    def with_bent_board(self) -> "Layout":
-        """Return the layout with the board's shape free too."""
+    def with_bent_board(self, terms: int = SHAPE_TERMS) -> "Layout":
+        """Return the layout with the board's shape free too: its first 3 terms are quadratic, all 7 cubic."""
         start = shape_start(len(self.nears))
-        return replace(self, free=np.concatenate([self.free, np.arange(start, start + 7)]))
+        lens = self.free[self.free < start]
+        return replace(self, free=np.concatenate([lens, np.arange(start, start + terms)]))
 
 
 def restart(state: State, layout: Layout) -> State:

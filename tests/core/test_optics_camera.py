@@ -218,6 +218,7 @@ def test_a_bent_board_is_told_and_its_shape_solved_where_held_out_views_ask_for_
     assert solved.bend_mm == pytest.approx(0.4, abs=0.05)
     assert solved.corner_sigma_px == pytest.approx(0.05, rel=0.05)
     assert {one.code for one in camera_findings(solved)} >= {"board-shape-solved"}
+    assert [name for name in solved.parameters if name.startswith("board")] == ["board1", "board2", "board3"]
     assert not any(one.code == "board-bent" for one in camera_findings(solved))
     sigma = float(np.sqrt(solved.covariance[0, 0]))
     assert abs(solved.camera.camera_matrix[0, 0] - SQUARE.camera_matrix[0, 0]) < 3 * sigma

@@ -135,7 +135,6 @@ def result_of(cell: Cell, solution: ChainSolution) -> dict[str, Any]:
     return chain_result(solution, cell.turning, "here", "0" * 64, []).to_json()
 
 
-@pytest.mark.skip(reason="found red on 2026-11-25, not looked into for want of time: mend first")
 def test_answers_move_with_the_optics_as_if_all_were_solved_again(cell: Cell, whole: ChainSolution) -> None:
     moved = cell.drawn(np.random.default_rng(2))
     there, held = cell.solved(moved), whole.tcp.held
@@ -143,6 +142,13 @@ def test_answers_move_with_the_optics_as_if_all_were_solved_again(cell: Cell, wh
     by_unknowns = whole.turntable.covariance.pose_by_unknowns
     tool = whole.tcp.joint.mount_from_laser.difference(there.tcp.joint.mount_from_laser)
     table = whole.turntable.frame.base_from_turntable.difference(there.turntable.frame.base_from_turntable)
+    # By optics that are off, captures seem to share errors of the arm: on the way to the tool that is best with
+    # the poses as told, which that answer's own covariance states, nothing foretells it.
+    as_told = there.tcp.held.by_poses
+    assert whole.tcp.held.by_poses is None
+    assert as_told is not None
+    assert np.linalg.eigvalsh(there.tcp.held.covariance - np.outer(as_told, as_told))[0] > -1e-9
+    tool, table = tool - as_told[:6], table - by_unknowns @ as_told[9 : 9 + by_unknowns.shape[1]]
     assert np.linalg.norm(tool[3:]) > 0.2  # mm: more than rounding and other sigmas do
     assert step[3:6] == pytest.approx(tool[3:], abs=0.06 * length(tool[3:]))
     assert step[:3] == pytest.approx(tool[:3], abs=0.06 * length(tool[:3]))

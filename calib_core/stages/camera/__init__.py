@@ -19,7 +19,7 @@ class Camera(Stage):
     """The camera, from frames of the calibration board."""
 
     name, title, place = "camera", "Camera", 10
-    method_revision = 2  # held-out views decide whether the board is bent; a board's two pitches are compared
+    method_revision = 3  # a board is bent quadratically first; its two pitches are compared
     any_arrangement = True
     step = CaptureStep(
         "camera",

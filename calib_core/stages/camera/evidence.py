@@ -175,14 +175,17 @@ def _coverage(result: CameraResult) -> list[AnyBlock]:
 def _candidates(result: CameraResult) -> list[AnyBlock]:
     if not result.candidates:
         return []
-    chosen = result.model, result.board_shape is not None
+    flat = {one.model: one.parameters for one in result.candidates if not one.bent}
+    bent_by = sum(name.startswith("board") for name in result.parameters)
     rows = [
         Row(
             cells=[
                 f"{one.model}, bent board" if one.bent else one.model,
                 one.parameters,
                 one.held_out_rms_px,
-                "chosen" if (one.model, one.bent) == chosen else "",
+                "chosen"
+                if (one.model, one.parameters - flat.get(one.model, one.parameters)) == (result.model, bent_by)
+                else "",
             ]
         )
         for one in result.candidates
