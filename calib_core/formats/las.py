@@ -1,4 +1,4 @@
-"""LAS and LAZ clouds, read by laspy; LAZ is unpacked by lazrs.
+"""LAS and LAZ clouds, read by laspy; LAZ is unpacked by lazrs.  Written as LAS 1.2, in metres by its own system.
 
 Their unit is that of their coordinate reference system, as WKT or GeoTIFF keys say it (LAS 1.4, section 3).
 """
@@ -6,14 +6,16 @@ Their unit is that of their coordinate reference system, as WKT or GeoTIFF keys 
 import io
 import re
 import struct
+import tempfile
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.errors import CalibrationError, InputError
-from calib_core.formats.format import Format, Match, PointKind, Reading, Settings, by_ending
+from calib_core.formats.format import Format, Match, Pieces, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
 from calib_core.formats.shared.columns import points_of
 from calib_core.formats.shared.unnamed import Column
@@ -165,6 +167,56 @@ def _require_item_sizes(records: bytes, point_bytes: int, name: str) -> None:
         )
 
 
+_STEP_M: Final = 1e-6
+_LOCAL: Final = 32767  # no system that others know: axes of lengths
+_RECORD: Final = np.dtype([("xyz", "<i4", (3,)), ("rest", "V8")])
+
+
+def las_pieces(tables: Iterable[NDArray[Any]], count: int, names: tuple[str, ...]) -> Pieces:
+    """Give a LAS file of points, x, y and z in steps of a micrometre, in metres by its GeoTIFF keys.
+
+    Raises
+    ------
+    InputError
+        If a point lies farther than 2 km from the first.
+    """
+    del names
+    origin: NDArray[np.float64] | None = None
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    with tempfile.TemporaryFile() as waiting:  # the header tells bounds before the points
+        for table in tables:
+            xyz_m = np.asarray(table[:, :3], np.float64) / 1000
+            origin = np.round(xyz_m[0], 3) if origin is None else origin
+            steps = np.round((xyz_m - origin) / _STEP_M)
+            if np.abs(steps).max() > np.iinfo(np.int32).max:
+                got = message("points 2 km apart")
+                raise InputError("points within 2 km for LAS", got, "Take another format.", "las")
+            low, high = np.minimum(low, steps.min(axis=0)), np.maximum(high, steps.max(axis=0))
+            records = np.zeros(len(steps), _RECORD)
+            records["xyz"] = steps
+            waiting.write(records.tobytes())
+        origin = np.zeros(3) if origin is None else origin
+        yield _written_header(count, origin, origin + low * _STEP_M, origin + high * _STEP_M)
+        waiting.seek(0)
+        while piece := waiting.read(1 << 20):
+            yield piece
+
+
+def _written_header(
+    count: int, origin: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> bytes:
+    """Return header and unit: fields and their places are those of LAS 1.2, point format 0."""
+    keys = [(1, 1, 0, 2), (_MODEL_KEY, 0, 1, _LOCAL), (_LINEAR_KEY, 0, 1, 9001)]
+    unit = struct.pack("<H16sHH32s", 0, _CRS_OWNER.encode(), _GEO_KEYS, 8 * len(keys), b"metre")
+    unit += b"".join(struct.pack("<4H", *key) for key in keys)
+    start = struct.pack("<4s2H16s2B32s32s2H", b"LASF", 0, 0, b"", 1, 2, b"scancell", b"scancell", 1, 2026)
+    start += struct.pack(
+        "<HIIBHI5I", _HEADER, _HEADER + len(unit), 1, 0, _RECORD.itemsize, count, count, 0, 0, 0, 0
+    )
+    bounds = [value for axis in range(3) for value in (high[axis], low[axis])]
+    return start + struct.pack("<12d", *[_STEP_M] * 3, *origin.tolist(), *bounds) + unit
+
+
 FORMAT = Format(
     name="las",
     title="LAS and LAZ",
@@ -172,5 +224,7 @@ FORMAT = Format(
     kinds=("cloud",),
     recognise=recognise,
     read=read,
+    media_type="application/vnd.las",
+    write_cloud=las_pieces,
     proof="real files",
 )

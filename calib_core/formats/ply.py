@@ -1,13 +1,14 @@
 """PLY: clouds and meshes, ascii and binary of either order; written binary."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib_core.formats.format import Format, Match, Pieces, PointKind, Reading, Settings, by_ending
+from calib_core.formats.shared import range_grid
 from calib_core.formats.shared.fields import (
     Layout,
     header_lines,
@@ -77,7 +78,37 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     require_axes(names, name, "PLY")
     types = [header.order + p.type for p in vertex.properties]
     layout = Layout(names, types, vertex.count, header.end, "binary" if header.order else "ascii")
-    return reading_of_fields(points_in(data, layout, name), name, settings, kind, unit_in(header.comments))
+    points = points_in(data, layout, name)
+    grid = _grid(header)
+    if grid is not None:
+        points = np.vstack([points, np.full(3, np.nan)])[_vertices_of_cells(data, header, name)]
+    reading = reading_of_fields(points, name, settings, kind, unit_in(header.comments))
+    return replace(reading, grid=grid) if reading.kind == "cloud" else reading
+
+
+def _grid(header: _Header) -> tuple[int, int] | None:
+    """Return rows and columns where the element after the vertices tells which of them each cell has."""
+    after = header.elements[1] if len(header.elements) > 1 else None
+    if after is None or after.name != range_grid.ELEMENT or [bool(p.count) for p in after.properties] != [True]:
+        return None
+    return range_grid.grid_size(header.comments, after.count)
+
+
+def _vertices_of_cells(data: bytes, header: _Header, name: str) -> NDArray[np.int64]:
+    """Return the vertex of each cell, −1 where nothing came back; raises InputError."""
+    vertex, grid = header.elements[:2]
+    listed = grid.properties[0]
+    if header.order:
+        body = data[header.end + vertex.count * vertex.record(header.order).itemsize :]
+        number = np.dtype(header.order + listed.type)
+    else:
+        body, number = data[header.end :].split(b"\n", vertex.count)[-1], None
+    found = range_grid.vertices_of_cells(
+        body, grid.count, np.dtype(header.order + str(listed.count)), number, name
+    )
+    if found.max(initial=-1) >= vertex.count or found.min(initial=-1) < -1:
+        raise wrong(name, "PLY", message("a range_grid of vertices that are not there"))
+    return found
 
 
 def _header(data: bytes, where: str) -> _Header:

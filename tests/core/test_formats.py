@@ -272,6 +272,32 @@ def test_opencv_lists_of_points() -> None:
             parse_cloud(bad.encode(), "p.yaml" if bad[0] == "%" else "p.xml")
 
 
+@pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_a_range_grid_in_ply_is_an_organised_cloud(order: str) -> None:
+    points = cloud_of(*surface()).reshape(9, 14, 3)
+    points[2, 3] = points[7, :5] = np.nan
+    seen = np.isfinite(points[..., 0]).ravel()
+    numbers = np.where(seen, np.cumsum(seen) - 1, -1)
+    head = (
+        f"ply\nformat {order} 1.0\nobj_info num_cols 14\nobj_info num_rows 9\nelement vertex {seen.sum()}\n"
+        "property float x\nproperty float y\nproperty float z\nelement range_grid 126\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    rows = points.reshape(-1, 3)[seen]
+    if order == "ascii":
+        lines = [" ".join(f"{v:.5f}" for v in row) for row in rows.tolist()]
+        body = "\n".join([*lines, *("0" if n < 0 else f"1 {n}" for n in numbers.tolist())]).encode() + b"\n"
+    else:
+        sign = "<" if "little" in order else ">"
+        cells = [b"\0" if n < 0 else b"\1" + np.array(n, f"{sign}i4").tobytes() for n in numbers.tolist()]
+        body = rows.astype(f"{sign}f4").tobytes() + b"".join(cells)
+    reading = read_file(head.encode() + body, "view.ply")
+    assert reading.grid == (9, 14)
+    np.testing.assert_allclose(reading.points, points.reshape(-1, 3), atol=1e-4)
+    with pytest.raises(InputError, match="range_grid"):
+        read_file(head.encode() + body[:-9], "view.ply")
+
+
 def test_organised_and_height_arrays() -> None:
     def npy(array: np.ndarray) -> bytes:
         stream = io.BytesIO()

@@ -9,7 +9,7 @@ import pytest
 
 from calib_core.errors import InputError
 from calib_core.formats.ply import ply_pieces
-from calib_core.formats.points import parse_cloud
+from calib_core.formats.points import parse_cloud, read_file
 from calib_core.formats.shared.writing import write_pieces
 from calib_core.kernels.checksum import crc32c_rows
 from tests.point_files import cloud_pieces, mesh_file
@@ -89,6 +89,26 @@ def test_e57_has_the_structure_of_the_standard_and_counts_in_metres(count: int):
     np.testing.assert_allclose(read_e57(data), POINTS[:count] / 1000, rtol=1e-6)
 
 
+def test_las_is_read_by_laspy_and_says_that_it_is_in_metres(tmp_path: Path):
+    import laspy
+
+    far = POINTS.astype(np.float64) + np.array([1_200_000.0, -3000.0, 0.0])
+    for points in (POINTS, far):
+        path = tmp_path / "cloud.las"
+        write_pieces(path, cloud_pieces(path.name, points))
+        theirs = laspy.read(path)
+        single = points.astype(np.float32)
+        np.testing.assert_allclose(1000 * theirs.xyz, single, rtol=0, atol=6e-4)
+        np.testing.assert_allclose(1000 * np.array([theirs.header.mins, theirs.header.maxs]),
+                                   [single.min(0), single.max(0)], rtol=0, atol=6e-4)  # fmt: skip
+        reading = read_file(path.read_bytes(), path.name)
+        assert (reading.unit, reading.unit_from, reading.sure) == ("m", "header", "stated")
+        np.testing.assert_allclose(reading.points, single, rtol=0, atol=6e-4)
+    apart = np.array([[0, 0, 0], [3e6, 0, 0]])
+    with pytest.raises(InputError, match="2 km"):
+        list(cloud_pieces("a.las", apart))
+
+
 def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     path = tmp_path / "cloud.ply"
     path.write_bytes(b"what was there")
@@ -119,7 +139,7 @@ def test_a_failure_between_the_pieces_leaves_nothing(tmp_path: Path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("ending", ["ply", "pcd", "xyz", "e57"])
+@pytest.mark.parametrize("ending", ["ply", "pcd", "xyz", "e57", "las"])
 def test_a_cloud_without_points_is_refused(ending: str):
     with pytest.raises(InputError, match="at least one point"):
         list(cloud_pieces(f"a.{ending}", np.empty((0, 3))))
