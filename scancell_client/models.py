@@ -178,6 +178,8 @@ class DecidedBefore(Record):
     left_out: list[LeftOut] | None = None
     added: list[str] | None = None
     limits: list[str] | None = None
+    taken_back: list[LeftOut] | None = None
+    text: str | None = None
 
 
 class Deviation(Record):
@@ -224,7 +226,7 @@ class EquipmentCertificate(Record):
 
 
 class Excluded(Record):
-    """Who left a capture out, when (ISO 8601) and why."""
+    """Who left a capture out, or took it in again, when (ISO 8601) and why."""
     who: str | None = None
     when: str | None = None
     why: str | None = None
@@ -366,7 +368,7 @@ class LeftInFiles(Record):
 
 
 class LeftOut(Record):
-    """A capture that was left out after a decision, and why where that was told."""
+    """A capture that was left out after a decision, or taken in again, and why where that was told."""
     capture: str
     because: Excluded | None = None
 

@@ -371,6 +371,7 @@ export interface Capture {
   pose_track?: TimedPose[] | null;
   excluded?: boolean;
   excluded_because?: Excluded | null;
+  included_because?: Excluded | null;
   taken?: string | null;
   environment?: Environment | null;
   side?: 1 | -1 | null;
@@ -517,6 +518,7 @@ export interface Certificate {
 
 export interface CertificateText {
   xml: string;
+  of_sphere?: boolean;
 }
 
 export interface CertificateUpload {
@@ -718,6 +720,8 @@ export interface DecidedBefore {
   left_out?: LeftOut[];
   added?: string[];
   limits?: string[];
+  taken_back?: LeftOut[];
+  text?: string;
 }
 
 export interface Deviation {
@@ -1278,6 +1282,7 @@ export interface LikelyConvention {
 export interface LimitChange {
   at: string;
   who?: string;
+  why?: string | null;
   field: string;
   before_mm?: number | null;
   after_mm?: number | null;
@@ -2104,6 +2109,7 @@ export interface SessionChanges {
   name?: string | null;
   archived?: boolean | null;
   cell?: Record<string, unknown> | null;
+  why?: string | null;
 }
 
 export interface SessionDrift {
@@ -2322,6 +2328,7 @@ export interface StoredCapture {
   pose_track?: TimedPose[] | null;
   excluded?: boolean;
   excluded_because?: Excluded | null;
+  included_because?: Excluded | null;
   taken?: string | null;
   environment?: Environment | null;
   side?: 1 | -1 | null;
@@ -2868,7 +2875,7 @@ export interface Timeline {
 
 export interface TimelineItem {
   place: number;
-  kind: "capture" | "result" | "failed" | "cancelled" | "now";
+  kind: "capture" | "result" | "limit" | "failed" | "cancelled" | "now";
   at: string;
   capture?: string | null;
   step?: "camera" | "laser-plane" | "tcp" | "turntable" | "verify" | "plate" | "recheck" | "scan" | null;
@@ -2879,6 +2886,7 @@ export interface TimelineItem {
   software?: string | null;
   message?: string | null;
   excluded_because?: Excluded | null;
+  included_because?: Excluded | null;
 }
 
 export interface TokenRecord {

@@ -39,6 +39,7 @@ async function pageOf(place) {
   if (place.page === "session") return Object.assign(new (await import("./pages/session.js")).SessionPage(), { sessionId: place.id, top: middle });
   if (place.page === "review") return Object.assign(new (await import("./pages/review.js")).ReviewPage(), { sessionId: place.id, top: middle });
   if (place.page === "access") return new (await import("./pages/access.js")).AccessPage();
+  if (place.page === "equipment") return new (await import("./pages/equipment.js")).EquipmentPage();
   if (place.page === "compare") return new (await import("./pages/compare.js")).ComparePage();
   return h("section", { class: "lost" }, h("h1", {}, t("lost.title")), h("p", {}, t("lost.words")), h("a", { href: "/" }, t("lost.back")));
 }

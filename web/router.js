@@ -1,12 +1,12 @@
-// Addresses of the page: `/`, `/sessions/{id}`, its `/review`, `/compare` and `/access`. The server serves one document for all.
+// Addresses of the page: `/`, `/sessions/{id}`, its `/review`, `/compare`, `/access` and `/equipment`. The server serves one document for all.
 
-/** @typedef {{ page: "start" | "compare" | "access" } | { page: "session" | "review", id: string } | { page: "unknown" }} Place */
+/** @typedef {{ page: "start" | "compare" | "access" | "equipment" } | { page: "session" | "review", id: string } | { page: "unknown" }} Place */
 
 /** @returns {Place} */
 export function place(path = window.location.pathname) {
   if (path === "/" || path === "/index.html") return { page: "start" };
   if (path === "/compare") return { page: "compare" };
-  if (path === "/access") return { page: "access" };
+  if (path === "/access" || path === "/equipment") return { page: path === "/access" ? "access" : "equipment" };
   const match = /^\/sessions\/([^/]+?)(\/review)?\/?$/.exec(path);
   if (!match?.[1]) return { page: "unknown" };
   return { page: match[2] ? "review" : "session", id: decodeURIComponent(match[1]) };

@@ -19,20 +19,25 @@ DECISIONS: Final = templates({
 
 
 class LeftOut(Record):
-    """A capture that was left out after a decision, and why where that was told."""
+    """A capture that was left out after a decision, or taken in again, and why where that was told."""
 
     capture: str
     because: Excluded | None = None
 
 
 class DecidedBefore(Record):
-    """A decision that was made before captures were left out or added, or a limit was changed (by figure)."""
+    """A decision that was made before captures were left out or added, or a limit was changed (by figure).
+
+    `taken_back` are those of `added` that had been left out before; `text` says it all.
+    """
 
     decision: str
     solved: str | None = None
     left_out: list[LeftOut] = Field(default_factory=list[LeftOut])
     added: list[str] = Field(default_factory=list[str])
     limits: list[str] = Field(default_factory=list[str])
+    taken_back: list[LeftOut] = Field(default_factory=list[LeftOut])
+    text: str = ""
 
     def said(self) -> Message:
         """Return it as sentences."""
@@ -43,8 +48,10 @@ class DecidedBefore(Record):
         else:
             begin = message("A decision before was: {decision}.", decision=word)
         parts = [begin, *(_left_out(one) for one in self.left_out)]
-        if self.added:
-            parts.append(message("Then {captures} came.", captures=Names(self.added)))
+        parts += [_taken_back(one) for one in self.taken_back]
+        again = {one.capture for one in self.taken_back}
+        if new := [name for name in self.added if name not in again]:
+            parts.append(message("Then {captures} came.", captures=Names(new)))
         if self.limits:
             parts.append(message("Then limits were changed: {limits}.", limits=list(self.limits)))
         return sentences(parts)
@@ -59,6 +66,17 @@ def _left_out(one: LeftOut) -> Message:
         return message("Then {capture} was left out.", capture=one.capture)
     return message(
         "Then {capture} was left out by {who} ({when}), reason: {why}.",
+        capture=one.capture,
+        who=because.who or message("nobody known"),
+        when=because.when[:16].replace("T", " "),
+        why=because.why or message("none given"),
+    )
+
+
+def _taken_back(one: LeftOut) -> Message:
+    because = one.because or Excluded()
+    return message(
+        "Then {capture} was taken in again by {who} ({when}), reason: {why}.",
         capture=one.capture,
         who=because.who or message("nobody known"),
         when=because.when[:16].replace("T", " "),

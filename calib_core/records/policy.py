@@ -55,7 +55,7 @@ class Environment(WrittenRecord):
 
 
 class Excluded(WrittenRecord):
-    """Who left a capture out, when (ISO 8601) and why."""
+    """Who left a capture out, or took it in again, when (ISO 8601) and why."""
 
     who: str = ""
     when: str = ""

@@ -169,11 +169,13 @@ class Known(WrittenRecord):
 class LimitChange(WrittenRecord):
     """A limit, or a ball bar's length, that was changed after captures for the verification had been taken.
 
-    `field` is its name in `cell.verification`, `captures` how many there were then, those left out too.
+    `field` is its name in `cell.verification`, `captures` how many there were then, those left out too; `why` as
+    whoever changed it told.
     """
 
     at: str
     who: str = ""
+    why: str | None = None
     field: str
     before_mm: Finite | None = None
     after_mm: Finite | None = None
@@ -266,7 +268,8 @@ class Capture(WrittenRecord):
     `scanner` is a name in the cell's `scanners`; `joints_deg` are the robot's joints at `pose`, in order, those of
     prismatic ones in `joints_mm`; `active_tool` and `active_frame` are those that the controller gave `pose` in;
     `moving` says that the robot was; `source` is the file and line, or the device, that it came from.
-    `taken` is when (ISO 8601 with offset), `excluded_because` who left it out, when and why.
+    `taken` is when (ISO 8601 with offset), `excluded_because` who left it out, when and why, `included_because`
+    who took it in again.
     `format` names the files' format where it is not recognised, `format_settings` says what they do not.
     """
 
@@ -285,6 +288,7 @@ class Capture(WrittenRecord):
     pose_track: list[TimedPose] | None = None
     excluded: bool = False
     excluded_because: Excluded | None = None
+    included_because: Excluded | None = None
     taken: str | None = None
     environment: Environment | None = None
     side: Literal[1, -1] | None = None

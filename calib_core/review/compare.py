@@ -200,7 +200,7 @@ def _capture_changes(
 ) -> Iterator[Change]:
     told = {"excluded"}
     if before.excluded != after.excluded:
-        told.add("excluded_because")
+        told |= {"excluded_because", "included_because"}
         yield Change(kind="left-out" if after.excluded else "taken-back", what=before.id)
     for path, a, b in _fields(before.to_json(), after.to_json()):
         if path.partition(".")[0] not in told:

@@ -7,32 +7,39 @@ from typing import Any
 from calib_core.records import Session
 from calib_core.records.decided_before import DecidedBefore, LeftOut
 
+Solved = tuple[Mapping[str, Any], Session | None]
+"""A result of `verify` as JSON data, and the session that it was solved from as far as that is known."""
 
-def decided_before(verifications: Sequence[Mapping[str, Any]], session: Session) -> list[DecidedBefore]:
+
+def decided_before(verifications: Sequence[Solved], now: Session) -> list[DecidedBefore]:
     """Return the decisions after which the evidence was changed.
 
     Parameters
     ----------
-    verifications : sequence of mapping
-        All results of `verify` that the session had, as JSON data, the oldest first.
-    session : Session
-        As it is now: it says who left a capture out.
+    verifications : sequence of Solved
+        All that the session had, the oldest first: their sessions say who changed what, and why.
+    now : Session
+        As it is now, for those without one.
     """
-    because = {capture.id: capture.excluded_because for capture in session.captures}
     found: list[DecidedBefore] = []
-    for before, after in pairwise(verifications):
+    for (before, _), (after, solved_from) in pairwise(verifications):
         if before.get("decision") is None:
             continue
-        used, now = _used(before), _used(after)
+        captures = {capture.id: capture for capture in (solved_from or now).captures}
+        out = {name: one.excluded_because for name, one in captures.items()}
+        back = {name: one.included_because for name, one in captures.items() if one.included_because}
+        used, then = _used(before), _used(after)
+        added = [name for name in then if name not in used]
         told = DecidedBefore(
             decision=before["decision"],
             solved=before.get("solved"),
-            left_out=[LeftOut(capture=name, because=because.get(name)) for name in used if name not in now],
-            added=[name for name in now if name not in used],
+            left_out=[LeftOut(capture=name, because=out.get(name)) for name in used if name not in then],
+            added=added,
             limits=[name for name, mm in _limits(before).items() if _limits(after).get(name) != mm],
+            taken_back=[LeftOut(capture=name, because=back[name]) for name in added if name in back],
         )
         if told.left_out or told.added or told.limits:
-            found.append(told)
+            found.append(told.model_copy(update={"text": told.said()}))
     return found
 
 

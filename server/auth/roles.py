@@ -58,6 +58,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         "GET /compare",
         # The page alone; what it shows to an admin is not answered to others.
         "GET /access",
+        "GET /equipment",
         "GET /docs",
         "GET /metrics",
         "GET /openapi.json",

@@ -33,10 +33,12 @@ from server.store.sessions import (
     session_row,
 )
 
+_MOST_WORDS = 1000
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
 # What measuring a capture depends on, beside the capture.
 _MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
 FIXED = ("id", "files", "kind")
+_BECAUSE = ("included_because", "excluded_because")
 
 
 def corrected_capture(
@@ -64,7 +66,7 @@ def corrected_capture(
     try:
         measured = Measurer(measure, stored.session, lambda: calibrated(stored)).measure(capture, stored.reader)
     except DamagedError:
-        if not set(changes) <= {"excluded", "excluded_because"}:
+        if not set(changes) <= {"excluded", *_BECAUSE}:
             raise
         # What the disk has spoiled can still be left out: that is what makes the others count again.
         measured = Measured.model_validate(measured_before)
@@ -85,7 +87,8 @@ def corrected_session(
 ) -> tuple[Data, str]:
     """Change a session's name or cell, and return it with its new ETag.
 
-    Captures are measured anew where the cell's change bears on them: a few at once, more by the queue.
+    Captures are measured anew where the cell's change bears on them: a few at once, more by the queue.  `why`
+    among the changes is the reason for other limits, and is kept with these.
 
     Raises
     ------
@@ -96,10 +99,12 @@ def corrected_session(
         before = load_session(db, store.blobs, session_id)
         revision = session_row(db, session_id).revision
     captures = before.session.captures
+    why = str(changes.get("why") or "")[:_MOST_WORDS]
+    changes = {name: value for name, value in changes.items() if name != "why"}
     record: Data = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
     session = parse_session({**record, "captures": [capture.to_json() for capture in captures]}, "request")
     with store.read() as db:
-        session = with_registered(db, _with_limit_changes(before.session, session, who))
+        session = with_registered(db, _with_limit_changes(before.session, session, who, why))
     anew = require_usable(before.session, session)
     at_once = anew and len(captures) <= _MEASURED_AT_ONCE
     measurer = Measurer(measure, session, lambda: calibrated(replace(before, session=session)))
@@ -127,7 +132,7 @@ def require_usable(before: Session, after: Session) -> bool:
     return any(getattr(after.cell, name) != getattr(before.cell, name) for name in _MEASURED_FROM)
 
 
-def _with_limit_changes(before: Session, after: Session, who: str) -> Session:
+def _with_limit_changes(before: Session, after: Session, who: str, why: str) -> Session:
     """Return the changed session with what was changed of the verification's limits after its first capture.
 
     Raises
@@ -141,7 +146,7 @@ def _with_limit_changes(before: Session, after: Session, who: str) -> Session:
         raise InputError("the limits' changes as they were kept", "others", to_do, "verification.changes")
     steps = STAGES.get("verify", "stage").steps
     taken = sum(capture.step in steps for capture in before.captures)
-    made = changes_between(old, new, taken, now(), who)
+    made = changes_between(old, new, taken, now(), who, why)
     kept = [*(old.changes or []), *made]
     if not kept:
         return after
@@ -150,17 +155,17 @@ def _with_limit_changes(before: Session, after: Session, who: str) -> Session:
 
 
 def _with_reason(record: Data, changes: Mapping[str, object], who: str) -> Mapping[str, object]:
-    """Return the changes with who leaves the capture out, and when; what is used again has no reason any more."""
+    """Return the changes with who leaves the capture out or takes it in again, when, and why."""
     if "excluded" not in changes:
         return changes
-    if not changes["excluded"]:
-        return {**changes, "excluded_because": None}
-    if record.get("excluded"):
-        return changes
-    given = changes.get("excluded_because")
-    why = given.get("why") if isinstance(given, Mapping) else None
-    because = {"who": who, "when": now(), **({"why": str(why)[:1000]} if why else {})}
-    return {**changes, "excluded_because": because}
+    excluded = bool(changes["excluded"])
+    given = next((told for name in _BECAUSE if isinstance(told := changes.get(name), Mapping)), {})
+    others = {name: value for name, value in changes.items() if name not in _BECAUSE}
+    if excluded == bool(record.get("excluded")):
+        return others
+    why = given.get("why")
+    because = {"who": who, "when": now(), **({"why": str(why)[:_MOST_WORDS]} if why else {})}
+    return {**others, _BECAUSE[excluded]: because, _BECAUSE[not excluded]: None}
 
 
 def _changed(record: Data, changes: Mapping[str, object]) -> Capture:

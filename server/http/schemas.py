@@ -61,6 +61,7 @@ class SessionChanges(BaseModel):
     name: str | None = Field(default=None, max_length=500)
     archived: bool | None = None
     cell: dict[str, Any] | None = None
+    why: str | None = Field(default=None, max_length=1000, description="Kept with limits that are changed late.")
 
 
 class CaptureChanges(BaseModel):

@@ -13,14 +13,17 @@ from server.http.schemas_results import StoredResult
 
 
 class TimelineItem(BaseModel):
-    """One thing that happened: a capture came, a stage was solved or could not be; the last one is `now`.
+    """One thing that happened: a capture came, a limit was changed late, a stage was solved or could not be.
+
+    The last one is `now`.
 
     `removed` says of a capture that it is not in the session any more; it then stands before the first result that
-    used it. `message` says why a solve failed, `excluded_because` who left a capture out.
+    used it. `message` says why a solve failed, or which limit of a verification was changed; `excluded_because`
+    who left a capture out, `included_because` who took it in again.
     """
 
     place: int
-    kind: Literal["capture", "result", "failed", "cancelled", "now"]
+    kind: Literal["capture", "result", "limit", "failed", "cancelled", "now"]
     at: str
     capture: str | None = None
     step: StepName | None = None
@@ -31,6 +34,7 @@ class TimelineItem(BaseModel):
     software: str | None = None
     message: str | None = None
     excluded_because: Excluded | None = None
+    included_because: Excluded | None = None
 
 
 class Timeline(BaseModel):

@@ -213,10 +213,11 @@ def brands() -> Brands:
 
 
 class CertificateText(BaseModel):
-    """A sphere's digital calibration certificate (DCC) as it came."""
+    """A digital calibration certificate (DCC) as it came; `of_sphere` refuses one without a diameter."""
 
     model_config = ConfigDict(extra="forbid")
     xml: str = Field(max_length=3_000_000, examples=["<dcc:digitalCalibrationCertificate …"])
+    of_sphere: bool = True
 
 
 @router.post("/certificates", response_model=Certificate)
@@ -224,7 +225,7 @@ def read_sphere_certificate(body: CertificateText, _: IdempotencyDep) -> Certifi
     """Return the diameters of a sphere's digital certificate, with their standard uncertainty; stores nothing."""
     from calib_core.captures.certificate import read_certificate
 
-    return read_certificate(body.xml.encode())
+    return read_certificate(body.xml.encode(), of_sphere=body.of_sphere)
 
 
 class Arms(BaseModel):

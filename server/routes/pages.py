@@ -29,6 +29,7 @@ class Texts(BaseModel):
 @router.get("/sessions/{session_id}/review")
 @router.get("/compare")
 @router.get("/access")
+@router.get("/equipment")
 def page(files: PageFilesDep) -> Response:
     """Return the page; which session it shows stands in its address."""
     return files.document("index.html")

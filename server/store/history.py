@@ -13,7 +13,8 @@ from calib_core.errors import InputError, NotFoundError
 from calib_core.findings import verdict_of
 from calib_core.findings.codes.quality import FILES_REMOVED
 from calib_core.messages import message
-from calib_core.records import Capture, Measured, Session, parse_session
+from calib_core.records import Capture, LimitChange, Measured, Session, parse_session
+from calib_core.stages.verify.limits import said_change
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, JobRow, ResultRow
 from server.store.sessions import StoredSession, load_session, session_row
@@ -55,7 +56,8 @@ def timeline(db: Transaction, session_id: str) -> list[Data]:
     """
     session = session_row(db, session_id)
     past = past_results(db, session_id)
-    items = [*_captures(db, session_id, past), *_results(past), *_ended_without_result(db, session_id)]
+    others = (*_results(past), *_limits(session.record), *_ended_without_result(db, session_id))
+    items = [*_captures(db, session_id, past), *others]
     items.sort(key=lambda item: item[0])
     found = [data for _, data in items]
     found.append({"kind": "now", "at": max([session.updated, *(item["at"] for item in found)])})
@@ -181,8 +183,8 @@ def _captures(db: Transaction, session_id: str, past: Sequence[PastResult]) -> I
         since[row.id] = row.created
         data = {"kind": "capture", "at": row.created, "capture": row.id, "step": row.record["step"]}
         told_of = {"verdict": row.measured["verdict"], "removed": False}
-        if because := row.record.get("excluded_because"):
-            told_of["excluded_because"] = because
+        names = ("excluded_because", "included_because")
+        told_of |= {name: row.record[name] for name in names if row.record.get(name)}
         yield (row.created, 0, row.position), {**data, **told_of}
     told: set[str] = set()
     for result in past:
@@ -203,6 +205,13 @@ def _results(past: Sequence[PastResult]) -> Iterator[_Item]:
             (result.created, 1, result.number),
             {**data, "verdict": result.record["verdict"], "software": result.record["software"]},
         )
+
+
+def _limits(record: Data) -> Iterator[_Item]:
+    """Return each late change of the verification's limits."""
+    for place, one in enumerate((record["cell"].get("verification") or {}).get("changes") or ()):
+        change = LimitChange.model_validate(one)
+        yield (change.at, 0, place), {"kind": "limit", "at": change.at, "message": said_change(change)}
 
 
 def _ended_without_result(db: Transaction, session_id: str) -> Iterator[_Item]:

@@ -49,8 +49,11 @@ def _decided_before(db: Transaction, stored: StoredSession) -> list[DecidedBefor
     of_verify = (ResultRow.session_id == stored.id, ResultRow.stage == "verify")
     if (db.scalar(select(func.count()).where(*of_verify)) or 0) < 2:
         return []
-    records = db.scalars(select(ResultRow.record).where(*of_verify).order_by(ResultRow.number))
-    return decided_before(list(records), stored.session)
+    rows = db.execute(
+        select(ResultRow.record, ResultRow.solved_from).where(*of_verify).order_by(ResultRow.number)
+    ).all()
+    solved = [(record, parse_session(of["session"], stored.id) if of else None) for record, of in rows]
+    return decided_before(solved, stored.session)
 
 
 def answer_headers(answer: Answer) -> Mapping[str, str]:

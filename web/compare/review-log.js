@@ -37,9 +37,13 @@ export class ReviewLogElement extends StateElement {
     const go = () => attempt(async () => (this.state instanceof ReviewState ? this.state.go(item.place) : undefined));
     return h("li", {},
       h("button", { type: "button", class: "plain", "data-place": item.place, onclick: () => void go() }, h("time", { class: "soft number", datetime: item.at }, when(item.at)), ` ${itemWords(item)}`),
-      item.message && h("p", { class: "soft small" }, said(item.message)));
+      item.message && h("p", { class: "soft small" }, said(item.message)),
+      ...[becauseWords("timeline.left_out", item.excluded_because), becauseWords("timeline.taken_back", item.included_because)].map((words) => words && h("p", { class: "soft small" }, words)));
   }
 }
+
+/** @param {"timeline.left_out" | "timeline.taken_back"} name @param {TimelineItem["excluded_because"]} because */
+const becauseWords = (name, because) => because && t(name, { who: because.who ?? "", when: because.when ? when(because.when) : "", why: because.why || t("timeline.no_reason") });
 
 /** Of a long row of captures the first and the last, so that the log stays one to read. @param {TimelineItem[]} timeline */
 function shortened(timeline) {

@@ -124,6 +124,7 @@ export function itemWords(item) {
   const verdict = item.verdict ? maybe(item.kind === "capture" ? `quality.${item.verdict}` : `verdict.${item.verdict}`, item.verdict) : "";
   if (item.kind === "capture") return t(item.removed ? "timeline.removed" : "timeline.capture", { capture: item.capture ?? "", verdict });
   if (item.kind === "result") return t("timeline.result", { stage, verdict });
+  if (item.kind === "limit") return t("timeline.limit");
   if (item.kind === "now") return t("timeline.now");
   return t(item.kind === "failed" ? "timeline.failed" : "timeline.cancelled", { stage });
 }

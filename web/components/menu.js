@@ -47,7 +47,7 @@ export function menu() {
   const panel = h("div", { id: "menu", class: "menu", popover: "auto", role: "group", "aria-label": t("menu.open") },
     ...who(), h("button", { type: "button", class: "plain", onclick: async () => (await import("../measure/keys.js")).keysDialog() }, t("menu.keys"), h("kbd", { "aria-hidden": "true" }, "?")),
     languages(), ...shopFloor(),
-    version(), may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));
+    version(), h("a", { href: "/equipment" }, t("equipment.title")), may("admin") && h("a", { href: "/access" }, t("access.title")), h("a", { href: "/docs" }, t("menu.docs")));
   const button = h("button", { type: "button", class: "plain icon", popovertarget: "menu", "aria-label": t("menu.open"), title: t("menu.open") }, icon("more"));
   return [button, panel];
 }

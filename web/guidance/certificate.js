@@ -22,6 +22,8 @@ export function fillFromCertificate(form) {
     };
     put("diameter", one.diameter_mm);
     put("diameter_sigma", one.sigma_mm);
+    const kept = form.elements.namedItem("sphere");
+    if (kept instanceof HTMLInputElement) kept.value = JSON.stringify(found.equipment);
     notify(t(found.diameters.length > 1 ? "certificate.several" : "certificate.taken", { name: one.name, number: found.identifier }));
   }));
   input.click();

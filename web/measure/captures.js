@@ -193,7 +193,7 @@ export class CapturesElement extends StateElement {
       h("td", { class: "select" }, choose),
       h("td", { class: "thumb" }, columnsFor.picture(capture)),
       ...this.#columns.map((column) => h("td", { class: `${column.name} ${column.right ? "right number" : ""}` }, this.#cell(column, capture, residual))),
-      h("td", { class: "use" }, h("input", { type: "checkbox", class: "toggle", needs: "capture", "aria-label": t("captures.use", { capture: id }), ".checked": !capture.excluded, onchange: () => excludeCapture(this.state.id, capture) })),
+      h("td", { class: "use" }, h("input", { type: "checkbox", class: "toggle", needs: "capture", "aria-label": t("captures.use", { capture: id }), ".checked": !capture.excluded, onchange: (/** @type {Event} */ { target }) => excludeCapture(this.state, capture, () => { /** @type {HTMLInputElement} */ (target).checked = !capture.excluded; }) })),
       h("td", { class: "right deeds" }, this.#again(capture), h("button", { type: "button", class: "plain icon remove", needs: "capture", "aria-label": t("captures.remove", { capture: id }), title: t("captures.remove", { capture: id }), onclick: () => this.#remove([capture]) }, icon("trash"))),
     ];
   }
@@ -218,11 +218,12 @@ export class CapturesElement extends StateElement {
     const chosen = this.state.stepCaptures.filter(({ id }) => this.#chosen.has(id));
     this.#several.hidden = chosen.length === 0;
     if (!chosen.length) return;
-    const exclude = (/** @type {boolean} */ excluded) => void excludeCaptures(this.state.id, chosen, excluded);
+    const exclude = (/** @type {boolean} */ excluded) => void excludeCaptures(this.state, chosen, excluded);
     this.#several.replaceChildren(
       h("strong", {}, t("captures.selected", { count: chosen.length })),
       h("button", { type: "button", needs: "capture", onclick: () => exclude(true) }, t("captures.exclude")),
       h("button", { type: "button", needs: "capture", onclick: () => exclude(false) }, t("captures.include")),
+      h("button", { type: "button", needs: "capture", onclick: async () => (await import("../equipment/circumstances.js")).temperatureDialog(this.state.id, chosen) }, t("circumstances.captures")),
       h("button", { type: "button", needs: "capture", onclick: () => void this.#remove(chosen) }, t("captures.delete")));
   }
 

@@ -174,6 +174,7 @@ function open(conventions, session, brought) {
       field("new-diameter-sigma", t("new.diameter_sigma"), number("diameter_sigma")),
       h("button", { type: "button", class: "plain wide", onclick: async (/** @type {Event} */ { target }) => (await import("../guidance/certificate.js")).fillFromCertificate(/** @type {HTMLButtonElement} */ (target).form) }, t("new.certificate")),
       field("new-point-sigma", t("new.point_sigma"), number("point_sigma")),
+      h("input", { type: "hidden", name: "sphere" }),
       h("input", { type: "hidden", name: "arm" }),
       h("button", { type: "button", class: "plain wide", id: "new-arm", onclick: async (/** @type {Event} */ { currentTarget }) => (await import("../guidance/arm.js")).chooseArm(/** @type {HTMLButtonElement} */ (currentTarget)) }, t("new.arm")),
       field("new-position-sigma", t("new.position_sigma"), number("position_sigma")),
@@ -243,7 +244,7 @@ async function submit(form, chain, { show, during }, dialog, base) {
   if (fault) return;
   await during(async () => {
     const body = bodyOf(data);
-    body.cell = /** @type {Cell} */ ({ ...body.cell, ...chain.value });
+    body.cell = /** @type {Cell} */ ({ ...body.cell, ...chain.value, ...certified(data, base.session) });
     const stored = base.session ? await changed(base, base.session, asChange(body)) : await api.createSession(body);
     const { session } = base;
     dialog.close();
@@ -256,6 +257,15 @@ async function submit(form, chain, { show, during }, dialog, base) {
       go(`/sessions/${stored.id}`);
     }
   });
+}
+
+/** The sphere as its certificate names it, among what else the cell has. @param {FormData} data @param {SessionOut} [session] */
+function certified(data, session) {
+  const read = data.get("sphere");
+  if (!read) return {};
+  const known = session?.cell.equipment ?? [];
+  const before = known.find(({ kind }) => kind === "sphere");
+  return { equipment: [...known.filter((one) => one !== before), { ...before, ...JSON.parse(String(read)) }] };
 }
 
 /** @param {HTMLFormElement} form @param {Record<string, string>} found */

@@ -4,27 +4,36 @@ import { api } from "../state/api.js";
 import { did } from "../state/undo.js";
 import { plural, t } from "../texts.js";
 import { attempt } from "../components/toasts.js";
+import { whyDialog } from "./why-dialog.js";
 
 /** @import {CaptureOut} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
 
-/** @param {string} sessionId @param {CaptureOut} capture */
-export const excludeCapture = (sessionId, capture) => excludeCaptures(sessionId, [capture], capture.excluded !== true);
+/** @param {SessionState} state @param {CaptureOut} capture @param {() => void} [otherwise] where it is not gone on with */
+export const excludeCapture = (state, capture, otherwise) => excludeCaptures(state, [capture], capture.excluded !== true, otherwise);
 
 /**
- * @param {string} sessionId
+ * Once a verification has decided, the reason is asked for and kept.
+ * @param {SessionState} state
  * @param {readonly CaptureOut[]} captures
  * @param {boolean} excluded
+ * @param {() => void} [otherwise] where it is not gone on with
  */
-export async function excludeCaptures(sessionId, captures, excluded) {
-  const set = async (/** @type {(capture: CaptureOut) => boolean | null} */ value) => {
-    for (const capture of captures) await api.changeCapture(sessionId, capture.id, { excluded: value(capture) });
-  };
+export async function excludeCaptures(state, captures, excluded, otherwise) {
   const [only] = captures;
   const words = captures.length === 1 && only
     ? t(excluded ? "captures.left_out" : "captures.taken_in", { capture: only.id })
     : plural(captures.length, excluded ? "captures.left_out_one" : "captures.taken_in_one", excluded ? "captures.left_out_many" : "captures.taken_in_many");
-  await attempt(async () => {
-    await set(() => excluded);
-    did(words, () => set((capture) => capture.excluded ?? null), { redo: () => set(() => excluded) });
-  });
+  const set = async (/** @type {(capture: CaptureOut) => boolean | null} */ value, why = "") => {
+    const because = why ? { excluded_because: { why } } : {};
+    for (const capture of captures) await api.changeCapture(state.id, capture.id, { excluded: value(capture), ...because });
+  };
+  const act = async (why = "") => {
+    await set(() => excluded, why);
+    did(words, () => set((capture) => capture.excluded ?? null), { redo: () => set(() => excluded, why) });
+  };
+  const decision = /** @type {{ decision?: string | null }} */ (state.results["verify"] ?? {}).decision;
+  if (!decision) return void await attempt(() => act());
+  const title = t(excluded ? "captures.exclude_decided" : "captures.include_decided");
+  whyDialog({ title, words: [t("captures.decided_words")], go: t(excluded ? "captures.exclude" : "captures.include"), act, after: () => undefined, otherwise });
 }

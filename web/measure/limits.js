@@ -7,6 +7,7 @@ import { maybe, t } from "../texts.js";
 import { StateElement } from "../components/base.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
+import { whyDialog } from "./why-dialog.js";
 
 const STAGE = "verify";
 const FIELD = "verification";
@@ -17,6 +18,7 @@ const USUAL_MM = 1;
 
 export class LimitsElement extends StateElement {
   #shown = "";
+  /** Whether captures were taken for it: a change is then kept with its reason. */ #begun = false;
 
   parts = /** @type {const} */ (["session", "captures", "step"]);
 
@@ -25,7 +27,7 @@ export class LimitsElement extends StateElement {
     const stage = state.stages.find(({ name }) => name === STAGE);
     const limits = /** @type {Limits} */ (/** @type {Record<string, unknown>} */ (state.session?.cell ?? {})[FIELD] ?? {});
     this.hidden = !stage || state.stageOf(state.step) !== STAGE;
-    const begun = state.captures.some(({ step }) => stage?.steps?.includes(step));
+    const begun = this.#begun = state.captures.some(({ step }) => stage?.steps?.includes(step));
     const now = JSON.stringify([this.hidden, begun, limits]);
     if (this.hidden || now === this.#shown) return; // what is being typed stays
     this.#shown = now;
@@ -48,9 +50,14 @@ export class LimitsElement extends StateElement {
   /** @param {Limits} before @param {Record<string, unknown>} chosen */
   async #set(before, chosen) {
     const { id } = this.state;
-    const to = (/** @type {unknown} */ limits) => api.changeSession(id, { cell: { [FIELD]: limits } });
+    const to = (/** @type {unknown} */ limits, why = "") => api.changeSession(id, { cell: { [FIELD]: limits }, ...(why ? { why } : {}) });
     const back = patchBack(before, chosen);
-    if (await attempt(() => to(chosen))) did(t("limits.set"), () => to(back), { tell: true, redo: () => to(chosen) });
+    const act = async (why = "") => {
+      await to(chosen, why);
+      did(t("limits.set"), () => to(back), { tell: true, redo: () => to(chosen, why) });
+    };
+    if (this.#begun) whyDialog({ title: t("limits.change"), words: [t("limits.late_words")], go: t("limits.change_go"), act, after: () => undefined });
+    else await attempt(() => act());
   }
 }
 

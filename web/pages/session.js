@@ -31,6 +31,7 @@ export class SessionPage extends HTMLElement {
   #name = h("h1", { class: "session-name", hidden: true });
   #cell = h("p", { class: "soft small" });
   #edit = h("button", { type: "button", class: "plain wide small", needs: "capture", hidden: true, onclick: () => void this.#correct() }, t("cell.correct"));
+  #circumstances = h("button", { type: "button", class: "plain wide small", needs: "capture", hidden: true, onclick: () => void this.#tellCircumstances() }, t("circumstances.open"));
   #problem = h("section", { class: "lost", hidden: true });
   #loading = h("p", { class: "lost soft", role: "status" }, t("session.loading"));
   /** @type {ActionsElement | null} */ #actions = null;
@@ -95,7 +96,7 @@ export class SessionPage extends HTMLElement {
     const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result, actions);
     state.watch(["step", "view"], () => { work.scrollTop = 0; });
     state.watch(["step"], () => forgive((_, { status }) => status !== 0)); // what was refused there is of no matter here
-    this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell, this.#edit), make(LiveElement, { state }));
+    this.top?.replaceChildren(h("div", { class: "session-title" }, this.#name, this.#cell, this.#edit, this.#circumstances), make(LiveElement, { state }));
     const session = h("div", { class: "session" }, make(RailElement, { state }), work);
     session.append(splitter(session), make(SceneElement, { state }));
     this.append(this.#loading, this.#problem, session);
@@ -134,12 +135,18 @@ export class SessionPage extends HTMLElement {
     this.#name.textContent = this.#name.title = session.name || session.id;
     this.#cell.textContent = (session.simulated ? `${t("cell.simulated")} · ` : "") + cellWords(session.cell);
     this.#edit.hidden = session.simulated;
+    this.#circumstances.hidden = false;
     document.title = `${session.name || session.id} · scancell`;
   }
 
   async #correct() {
     const session = this.#state?.session;
     if (session) (await import("../measure/cell-dialog.js")).cellDialog(session);
+  }
+
+  async #tellCircumstances() {
+    const session = this.#state?.session;
+    if (session) await (await import("../equipment/circumstances.js")).circumstancesDialog(session);
   }
 
   /** What is open stands in the address: `#tcp`, `#tcp.result`, `#result`. @param {SessionState} state */

@@ -89,7 +89,8 @@ const faultWords = (name) => maybe(`release.fault.${name}`, name);
 function offer(sessionId, answer, releases) {
   const own = ownRelease(sessionId, answer, releases);
   if (own && own === releases[0]) return [];
-  const faults = answer.faults.map((name) => h("p", { class: "soft" }, mark("fail", faultWords(name))));
+  const before = (answer.decided_before ?? []).map(({ text }) => h("p", { class: "soft" }, text ?? ""));
+  const faults = [...before, ...answer.faults.map((name) => h("p", { class: "soft" }, mark("fail", faultWords(name))))];
   if (!may("release")) return [...faults, h("p", { class: "soft" }, t("may.release"))];
   const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
   const title = t(faults.length ? "release.approve_despite" : "release.approve");

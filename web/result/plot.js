@@ -186,7 +186,7 @@ export class PlotElement extends HTMLElement {
   /** @param {Dot} dot */
   exclude({ capture }) {
     const found = this.state?.captures.find((one) => one.id === capture);
-    if (found && this.state && !("timeline" in this.state)) void excludeCapture(this.state.id, found);
+    if (found && this.state && !("timeline" in this.state)) void excludeCapture(this.state, found);
   }
 }
 

@@ -2,6 +2,7 @@
 
 import { all, get, json, LOGIN, madeAgainst, Problem, request, ROOT, sendFile } from "./http.js";
 
+/** @import {Equipment, RegisteredEquipment} from "../api-types.js" */
 /** @import {CellDrift, CellSummary, Release, SessionAnswer, AppliedChanges, Changes, RootCauses, CodeOfFinding, OffTheTruth, CloudView, AuditEntry, CloudDeviations, CloudSection, KeptFile, MadeToken, TokenRequest, TokenRecord, ReferenceMesh, Capture, CaptureOut, ControllerFile, FileReading, RecognisedFiles, FolderState, Comparison, Guide, Job, Me, Moment, Page, PoseLines, PastResult, RecheckPlan, Recomputed, Results, SceneControls, SessionBody, SessionOut, SessionSummary, TimelineItem, ToolComparison} from "./model.js" */
 
 /** @param {string} id */
@@ -266,6 +267,25 @@ export const api = {
 
   /** @param {string} tokenId */
   revokeToken: async (tokenId) => void (await request(`/tokens/${encodeURIComponent(tokenId)}`, json("DELETE"))),
+
+  /** The register. @returns {Promise<RegisteredEquipment[]>} */
+  equipment: async () => (await get("/equipment")).items,
+
+  /** @param {Equipment} piece @returns {Promise<RegisteredEquipment>} */
+  addEquipment: async (piece) => (await request("/equipment", json("POST", piece))).json(),
+
+  /** @param {string} id @param {Equipment} piece @returns {Promise<RegisteredEquipment>} */
+  changeEquipment: async (id, piece) => (await request(`/equipment/${encodeURIComponent(id)}`, json("PUT", piece))).json(),
+
+  /** @param {string} id */
+  removeEquipment: async (id) => void (await request(`/equipment/${encodeURIComponent(id)}`, json("DELETE"))),
+
+  /** @param {string} id @param {File} file @returns {Promise<RegisteredEquipment>} */
+  keepCertificate: async (id, file) => {
+    const form = new FormData();
+    form.append("file", file, file.name);
+    return (await request(`/equipment/${encodeURIComponent(id)}/certificate`, { method: "PUT", body: form })).json();
+  },
 
   /** Who did what, the newest first, from a place on. @param {string | null} cursor @returns {Promise<Page<AuditEntry>>} */
   audit: (cursor) => get(cursor ? `/audit?limit=100&cursor=${encodeURIComponent(cursor)}` : "/audit?limit=100"),

@@ -10,7 +10,7 @@ from typing import Any, Final
 from calib_core.evidence.numbers import fixed
 from calib_core.findings import Code, Finding
 from calib_core.findings.codes.verify import LIMIT_CHANGED, LIMIT_EASED
-from calib_core.messages import message
+from calib_core.messages import Message, message, sentences
 from calib_core.records import LimitChange, Verification
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
 
@@ -31,14 +31,14 @@ LIMITS: Final = tuple(name for name in _NAMES if name not in _REFERENCES)
 
 
 def changes_between(
-    before: Verification, after: Verification, captures: int, at: str, who: str
+    before: Verification, after: Verification, captures: int, at: str, who: str, why: str = ""
 ) -> list[LimitChange]:
     """Return what differs between two settings of the limits, `captures` having been taken for them."""
     if not captures:
         return []
     pairs = {name: (getattr(before, name), getattr(after, name)) for name in _NAMES}
     return [
-        LimitChange(at=at, who=who, field=name, before_mm=old, after_mm=new, captures=captures)
+        LimitChange(at=at, who=who, why=why or None, field=name, before_mm=old, after_mm=new, captures=captures)
         for name, (old, new) in pairs.items()
         if old != new
     ]
@@ -64,6 +64,7 @@ def changes_table(limits: Verification) -> list[AnyBlock]:
                 _name(change.field),
                 *(None if value is None else f"{value:g} mm" for value in (change.before_mm, change.after_mm)),
                 fixed(change.captures, 0),
+                change.why or "",
             ]
         )
         for change in limits.changes
@@ -71,7 +72,15 @@ def changes_table(limits: Verification) -> list[AnyBlock]:
     texts = [Column(label=label, align="left") for label in ("When", "By", "What")]
     numbers = [Column(label=label) for label in ("Before", "After", "Captures then")]
     title = "Limits changed after the first capture"
-    return [Table(id="limit_changes", title=title, columns=[*texts, *numbers], rows=rows)]
+    columns = [*texts, *numbers, Column(label="Why", align="left")]
+    return [Table(id="limit_changes", title=title, columns=columns, rows=rows)]
+
+
+def said_change(change: LimitChange) -> Message:
+    """Return one change with who made it and why, as sentences."""
+    said = LIMIT_CHANGED.as_message(LIMIT_CHANGED.text, _values(change), ())
+    who, why = change.who or message("nobody known"), change.why or message("none given")
+    return sentences([said, message("By {who}, reason: {why}.", who=who, why=why)])
 
 
 def _is_easier(field: str, changes: Sequence[LimitChange]) -> bool:
@@ -84,10 +93,14 @@ def _is_easier(field: str, changes: Sequence[LimitChange]) -> bool:
 
 
 def _found(change: LimitChange, code: Code) -> Finding:
+    return code(**_values(change))
+
+
+def _values(change: LimitChange) -> dict[str, Any]:
     figures = {"before_mm": change.before_mm, "after_mm": change.after_mm}
-    known: dict[str, Any] = {name: value for name, value in figures.items() if value is not None}
+    known = {name: value for name, value in figures.items() if value is not None}
     how = "set" if change.before_mm is None else "removed" if change.after_mm is None else "changed"
-    return code(how=how, what=_name(change.field), count=change.captures, **known)
+    return {"how": how, "what": _name(change.field), "count": change.captures, **known}
 
 
 def _name(field: str) -> str:

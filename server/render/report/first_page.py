@@ -22,6 +22,7 @@ from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.records.policy import Equipment
 from calib_core.review.answer import cell_id
 from calib_core.stages.evidence import title_of
+from calib_core.stages.verify.limits import said_change
 from server.render.report.words import WORDS
 
 ON_FIRST_PAGE: Final = ("customer", "operator", "place", "procedure")
@@ -169,7 +170,8 @@ def outcome(
         "checks": [_check(check, told) for check in verify.get("checks") or []],
         "remarks": [
             *_overdue(session, told),
-            *_remarks(results, faults, bool(stale), told),
+            *_limit_changes(session, told),
+            *_remarks(faults, bool(stale), told),
             *(results[stage].get("warnings") or ())[:MOST_IN_SIGHT],
         ],
         "inputs_sha256": results[stage].get("inputs_sha256", ""),
@@ -193,10 +195,13 @@ def _overdue(session: Session, told: Circumstances) -> list[str]:
     return [in_language(one, told.language.language).text for one in found]
 
 
-def _remarks(results: Mapping[str, Data], faults: Sequence[str], stale: bool, told: Circumstances) -> list[str]:
-    """Return what whoever signs must know: changed limits, decisions before, and what speaks against its use."""
+def _limit_changes(session: Session, told: Circumstances) -> list[str]:
+    return [told.language.say(said_change(one)) for one in session.cell.verification.changes or ()]
+
+
+def _remarks(faults: Sequence[str], stale: bool, told: Circumstances) -> list[str]:
+    """Return what whoever signs must know: decisions before, and what speaks against its use."""
     return [
-        *(results.get("verify", {}).get("limits_changed") or ()),
         *(told.language.say(one.said()) for one in told.decided_before),
         *(FAULT_CODES[name].said({}, (), told.language) for name in faults),
         *([told.language.say(STALE)] if stale and "stale" not in faults else ()),
