@@ -2,7 +2,7 @@
 
 `into_from_outof` maps points of `outof` into `into`, so that names cancel::
 
-    base_from_laser = base_from_tool0 @ tool0_from_laser
+    base_from_ball = base_from_tool0 @ tool0_from_ball
 
 Rotation vectors are in radians, translations in millimetres.  A small change of a pose is a 6-vector
 ``rx ry rz tx ty tz``: the rotation perturbs on the right, ``R · exp(r)`` with r in the `outof` frame, and the

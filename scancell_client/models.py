@@ -14,7 +14,7 @@ class Record(BaseModel):
 
 
 class Agreement(Record):
-    """How far the board's tool0_from_laser lies from the sphere's."""
+    """How far the scanner on the flange by the board lies from the sphere's."""
     with_stage: str
     angle_deg: float
     shift_mm: float
@@ -689,6 +689,8 @@ class ChainResult(Record):
     angle_rms_deg: float
     spheres: list[FoundSphere] | None = None
     axes: list[FoundAxis] | None = None
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -704,8 +706,6 @@ class ChainResult(Record):
     causes: list[RootCause] | None = None
     frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
     covariance: list[list[float]]
     sphere_center_in_base_mm: list[float] | None = None
     sphere_center_in_tool0_mm: list[float] | None = None
@@ -803,6 +803,8 @@ class MergeResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -837,7 +839,6 @@ class MergeResult(Record):
     self_calibration: SharedShift | None = None
     surface_sigma_mm: float | None = None
     calibrated_by: str | None = None
-    tool0_from_laser: list[list[float]] | None = None
     base_from_turntable: list[list[float]] | None = None
     mesh: str | None
     triangles: int | None = None
@@ -885,6 +886,8 @@ class TcpResult(Record):
     turned_deg: dict[str, float] | None = None
     spheres: list[FoundSphere] | None = None
     axes: list[FoundAxis] | None = None
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -900,8 +903,6 @@ class TcpResult(Record):
     causes: list[RootCause] | None = None
     frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
     covariance: list[list[float]]
     sphere_center_in_base_mm: list[float] | None = None
     sphere_center_in_tool0_mm: list[float] | None = None
@@ -931,6 +932,8 @@ class TurntableResult(Record):
     turned_deg: dict[str, float] | None = None
     spheres: list[FoundSphere] | None = None
     axes: list[FoundAxis] | None = None
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     base_from_turntable: list[list[float]]
     axis_direction_in_base: list[float]
     axis_point_in_base_mm: list[float]
@@ -964,8 +967,6 @@ class TurntableResult(Record):
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['turntable'] | None = None
     covariance: list[list[float]]
-    tool0_from_laser: list[list[float]] | None = None
-    base_from_laser: list[list[float]] | None = None
     undetermined: list[Undetermined] | None = None
     variance_components: VarianceComponents
     residuals: list[TurntableResidual]
@@ -976,6 +977,8 @@ class VerifyResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -993,7 +996,6 @@ class VerifyResult(Record):
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['verify'] | None = None
     verified: str
-    tool0_from_laser: list[list[float]]
     sphere_center_in_base_mm: list[float] | None
     sphere_center_covariance: list[list[float]] | None
     surface_rms_mm: float | None

@@ -552,6 +552,8 @@ export interface ChainResult {
   angle_rms_deg: number;
   spheres?: FoundSphere[];
   axes?: FoundAxis[];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -567,8 +569,6 @@ export interface ChainResult {
   causes?: RootCause[];
   frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  tool0_from_laser?: number[][] | null;
-  base_from_laser?: number[][] | null;
   covariance: number[][];
   sphere_center_in_base_mm?: number[] | null;
   sphere_center_in_tool0_mm?: number[] | null;
@@ -1394,6 +1394,8 @@ export interface MergeResidual {
 }
 
 export interface MergeResult {
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -1428,7 +1430,6 @@ export interface MergeResult {
   self_calibration?: SharedShift | null;
   surface_sigma_mm?: number | null;
   calibrated_by?: string | null;
-  tool0_from_laser?: number[][] | null;
   base_from_turntable?: number[][] | null;
   mesh: string | null;
   triangles?: number;
@@ -2368,6 +2369,8 @@ export interface StoredChainResult {
   angle_rms_deg: number;
   spheres?: FoundSphere[];
   axes?: FoundAxis[];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2383,8 +2386,6 @@ export interface StoredChainResult {
   causes?: RootCause[];
   frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  tool0_from_laser?: number[][] | null;
-  base_from_laser?: number[][] | null;
   covariance: number[][];
   sphere_center_in_base_mm?: number[] | null;
   sphere_center_in_tool0_mm?: number[] | null;
@@ -2490,6 +2491,8 @@ export interface StoredMergeResult {
   stale: boolean;
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2524,7 +2527,6 @@ export interface StoredMergeResult {
   self_calibration?: SharedShift | null;
   surface_sigma_mm?: number | null;
   calibrated_by?: string | null;
-  tool0_from_laser?: number[][] | null;
   base_from_turntable?: number[][] | null;
   mesh: string | null;
   triangles?: number;
@@ -2586,6 +2588,8 @@ export interface StoredTcpResult {
   turned_deg?: Record<string, number>;
   spheres?: FoundSphere[];
   axes?: FoundAxis[];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2601,8 +2605,6 @@ export interface StoredTcpResult {
   causes?: RootCause[];
   frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  tool0_from_laser?: number[][] | null;
-  base_from_laser?: number[][] | null;
   covariance: number[][];
   sphere_center_in_base_mm?: number[] | null;
   sphere_center_in_tool0_mm?: number[] | null;
@@ -2631,6 +2633,8 @@ export interface StoredTurntableResult {
   turned_deg?: Record<string, number>;
   spheres?: FoundSphere[];
   axes?: FoundAxis[];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   base_from_turntable: number[][];
   axis_direction_in_base: number[];
   axis_point_in_base_mm: number[];
@@ -2664,8 +2668,6 @@ export interface StoredTurntableResult {
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
-  tool0_from_laser?: number[][] | null;
-  base_from_laser?: number[][] | null;
   undetermined?: Undetermined[];
   variance_components: VarianceComponents;
   residuals: TurntableResidual[];
@@ -2675,6 +2677,8 @@ export interface StoredVerifyResult {
   stale: boolean;
   at_workpiece?: AtWorkpiece[];
   turned_deg?: Record<string, number>;
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2692,7 +2696,6 @@ export interface StoredVerifyResult {
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "verify";
   verified: string;
-  tool0_from_laser: number[][];
   sphere_center_in_base_mm: number[] | null;
   sphere_center_covariance: number[][] | null;
   surface_rms_mm: number | null;
@@ -2825,6 +2828,8 @@ export interface TcpResidual {
 export interface TcpResult {
   spheres?: FoundSphere[];
   axes?: FoundAxis[];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2840,8 +2845,6 @@ export interface TcpResult {
   causes?: RootCause[];
   frames?: FoundFrame[];
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
-  tool0_from_laser?: number[][] | null;
-  base_from_laser?: number[][] | null;
   covariance: number[][];
   sphere_center_in_base_mm?: number[] | null;
   sphere_center_in_tool0_mm?: number[] | null;
@@ -2966,6 +2969,8 @@ export interface TurntableResidual {
 export interface TurntableResult {
   spheres?: FoundSphere[];
   axes?: FoundAxis[];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   base_from_turntable: number[][];
   axis_direction_in_base: number[];
   axis_point_in_base_mm: number[];
@@ -2999,8 +3004,6 @@ export interface TurntableResult {
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "turntable";
   covariance: number[][];
-  tool0_from_laser?: number[][] | null;
-  base_from_laser?: number[][] | null;
   undetermined?: Undetermined[];
   variance_components: VarianceComponents;
   residuals: TurntableResidual[];
@@ -3083,6 +3086,8 @@ export interface VerifyResidual {
 }
 
 export interface VerifyResult {
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -3100,7 +3105,6 @@ export interface VerifyResult {
   evidence?: (Figure | Frame | Table | Plot | Picture | Note)[];
   stage?: "verify";
   verified: string;
-  tool0_from_laser: number[][];
   sphere_center_in_base_mm: number[] | null;
   sphere_center_covariance: number[][] | null;
   surface_rms_mm: number | null;

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.content import pose_of
+from calib_core.cell.carriers import scanner_names
 from calib_core.cell.consistency import without_readings
 from calib_core.errors import CalibrationError, InputError
 from calib_core.findings import Code, Finding, about
@@ -42,10 +43,11 @@ def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
     moving = [c.id for c in captures if c.moving and c.kind != "sweep"]
     if moving:
         found.append(codes.CAPTURE_MOVING(moving))
-    known = ", ".join(sorted(cell.scanners or {}))
+    named = scanner_names(cell)
+    known = ", ".join(sorted(named))
     others: dict[str, list[str]] = {}
     for capture in captures:
-        if capture.scanner is not None and cell.scanners and capture.scanner not in cell.scanners:
+        if capture.scanner is not None and named and capture.scanner not in named:
             others.setdefault(capture.scanner, []).append(capture.id)
     found += [
         codes.CAPTURE_OF_OTHER_SCANNER(names, scanner=scanner, known=known) for scanner, names in others.items()
@@ -55,7 +57,7 @@ def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
         lacking.setdefault(axis, []).append(capture.id)
     found += [codes.CAPTURE_WITHOUT_READING(names, axis=axis) for axis, names in lacking.items()]
     settings = [("active_tool", "tool"), ("active_frame", "frame")]
-    if not cell.scanners:  # nobody said that there are several
+    if not named:  # nobody said that there are several
         settings.append(("scanner", "scanner"))
     for field, setting in settings:
         for (own, usual), names in _minority(captures, field).items():

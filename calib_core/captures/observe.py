@@ -11,7 +11,7 @@ from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.raw_frames import of_frames
 from calib_core.cell.axes import read_axes
-from calib_core.cell.carriers import carriers_of, scanner_name, scanner_told
+from calib_core.cell.carriers import carriers_of, scanner_name, scanner_names, scanner_told
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError
 from calib_core.formats.format import Reading
@@ -98,7 +98,7 @@ def arc_observation(
         carriers=carriers_of(cell, capture),
         scanner=scanner_name(cell, capture),
         readings=read_axes(cell, capture),
-        common_sigma_mm=told.point_sigma_mm if cell.scanners else None,
+        common_sigma_mm=told.point_sigma_mm if scanner_names(cell) else None,
     )
 
 

@@ -27,7 +27,7 @@ class Placement:
 
     Parameters
     ----------
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
     base_from_turntable : RigidTransform or None
         None: no table, scans are merged in base.
     direction : int
@@ -36,7 +36,7 @@ class Placement:
         How far the table turns for each unit that its encoder reads.
     """
 
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     base_from_turntable: RigidTransform | None
     direction: int = 1
     scale: float = 1.0
@@ -134,7 +134,7 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
         poses, captures, points = _profiles(session, group, read)
         organised = len(points) >= 3
     ways = [
-        placement.turntable_from_base(capture) @ pose @ placement.tool0_from_laser
+        placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser
         for capture, pose in zip(captures, poses, strict=True)
     ]
     scanner = session.cell.scanner

@@ -11,6 +11,7 @@ from calib_core.captures.poses import base_from_tool0_by_capture
 from calib_core.causes.apply import applied, changes_for
 from calib_core.causes.poses import LEAST_CAPTURES, pose_causes
 from calib_core.causes.table import table_causes
+from calib_core.cell.found import known_scanner
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, InputError, MeasurementError
@@ -111,9 +112,8 @@ def unsolved_table_causes(session: Session, read: ReadFile) -> list[RootCause]:
 
 def _tool(session: Session, read: ReadFile, sphere: SphereSize) -> RigidTransform | None:
     """Return the tool that is known, or about the one that the tcp captures give."""
-    known = session.cell.known.tool0_from_laser
-    if known is not None:
-        return RigidTransform.from_rounded(known, "tool0", "laser")
+    if (known := known_scanner(session.cell)) is not None:
+        return known
     still = [c for c in session.captures if c.step == "tcp" and not c.excluded]
     observations, _ = _observed(session, still, read)
     if len(observations) < LEAST_CAPTURES:

@@ -90,6 +90,11 @@ def axis_of_mounts(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
     return found
 
 
+def names_axes(cell: Cell) -> bool:
+    """Return whether a cell names its axes, beside or in place of the one turntable."""
+    return bool(cell.axes)
+
+
 def readings(capture: Capture) -> dict[str, float]:
     """Return where a capture's axes stood, in degrees and mm, by their names."""
     table = {} if capture.table_deg is None else {TABLE: capture.table_deg}

@@ -14,6 +14,16 @@ def scanner_mount(cell: Cell, scanner: str | None = None) -> Carrier:
     return "base" if cell.arrangement == "sphere-on-robot" else "tool0"
 
 
+def scanner_names(cell: Cell) -> tuple[str, ...]:
+    """Return the names of a cell's scanners; none where it names none."""
+    return tuple(cell.scanners or ())
+
+
+def arrangement_of(cell: Cell) -> str:
+    """Return how scanner and ball of the TCP's captures are arranged, as records call it."""
+    return "sphere-on-robot" if ball_on_flange(cell) else "scanner-on-robot"
+
+
 def other_end(mount: Carrier) -> Carrier:
     """Return what carries a ball of which nothing is told: the robot's other end, from its scanner."""
     return "tool0" if mount == "base" else "base"

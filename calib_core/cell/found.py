@@ -1,30 +1,84 @@
-"""Where a result says that scanner and ball are."""
+"""Where a result, or what is known of a cell, says that scanner and ball are."""
 
 from collections.abc import Mapping
 from typing import Any, Final
 
+from calib_core.cell.carriers import scanner_mount
 from calib_core.cell.layout import Carrier
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.records import Cell
+from calib_core.records.base import Matrix4, Record
 
 _MOUNTS: Final[tuple[Carrier, ...]] = ("tool0", "base")
+ON_FLANGE: Final = "tool0_from_laser"
+"""The field of records that has a scanner on the flange."""
+SCANNER_FRAMES: Final = (ON_FLANGE, "base_from_laser")
+"""The fields of records that have a scanner's pose; one of both is told."""
 
 
-def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
-    """Return the scanner's pose on what carries it, of a result or of what is known, as JSON data.
+class ScannerPlaced(Record):
+    """Where the scanner is on what carries it: on the flange, or in base where it stands still."""
 
-    Raises
-    ------
-    InputError
-        If it has none.
-    """
+    tool0_from_laser: Matrix4 | None = None
+    base_from_laser: Matrix4 | None = None
+
+    @property
+    def placed_scanner(self) -> RigidTransform | None:
+        """The scanner's pose on what carries it, where it has one."""
+        return placed_scanner(self.model_dump(include={*SCANNER_FRAMES}))
+
+    @property
+    def mount_from_laser(self) -> RigidTransform:
+        """The scanner's pose on what carries it; raises InputError where it has none."""
+        return scanner_frame(self.model_dump(include={*SCANNER_FRAMES}))
+
+
+def placed_scanner(result: Mapping[str, Any]) -> RigidTransform | None:
+    """Return the scanner's pose on what carries it, of a result as JSON data; None where it has none."""
     for mount in _MOUNTS:
         if (rows := result.get(f"{mount}_from_laser")) is not None:
             return RigidTransform.from_rounded(rows, mount, "laser")
-    raise InputError("tool0_from_laser or base_from_laser", "neither", "Solve the stage 'tcp' again.", "tcp")
+    return None
+
+
+def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
+    """Return what `placed_scanner` does; raises InputError where there is none."""
+    if (found := placed_scanner(result)) is not None:
+        return found
+    raise InputError(
+        "the scanner's pose on the flange or in base", "neither", "Solve the stage 'tcp' again.", "tcp"
+    )
+
+
+def told_by(mount_from_laser: RigidTransform) -> dict[str, Any]:
+    """Return a scanner's pose by the name of its field in records."""
+    return {f"{mount_from_laser.into}_from_laser": mount_from_laser.to_rows()}
+
+
+def known_scanner(cell: Cell) -> RigidTransform | None:
+    """Return where the scanner is known to be on what carries it, None where it is to be found."""
+    mount = scanner_mount(cell)
+    rows = getattr(cell.known, f"{mount}_from_laser")
+    return None if rows is None else RigidTransform.from_rounded(rows, mount, "laser")
+
+
+def no_scanner(need: str) -> InputError:
+    """Return what to say where neither captures nor the cell tell where the scanner is."""
+    return InputError(
+        need,
+        "neither captures with step 'tcp' nor cell.known.tool0_from_laser",
+        "Capture the still sphere from several robot poses first, or give tool0_from_laser with the cell.",
+        "captures",
+    )
 
 
 def carriers_found(result: Mapping[str, Any]) -> Carriers:
     """Return what carries scanner and ball, by a result as JSON data."""
     return Carriers("base", "tool0") if result.get("base_from_laser") is not None else Carriers("tool0", "base")
+
+
+def on_flange(mount_from_laser: RigidTransform) -> bool:
+    """Return whether a scanner's pose is that of one on the flange."""
+    return mount_from_laser.into == "tool0"

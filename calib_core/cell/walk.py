@@ -35,6 +35,10 @@ class Carriers:
         """1 where the way from scanner to ball leads from the flange to base, −1 the other way, 0 not over it."""
         return (self.ball != "tool0") - (self.scanner == "base")
 
+    def ball_in_base(self, center_mm: FloatArray, base_from_tool0: RigidTransform) -> FloatArray:
+        """Return where a ball (3,) that one of them carries is in base, axes at zero, at a pose of the robot."""
+        return base_from_tool0.apply(center_mm) if self.ball == "tool0" else center_mm
+
     def ball_from_scanner(self, base_from_tool0: RigidTransform) -> RigidTransform:
         """Return the transform between the two that carry, axes at zero, at a pose of the robot."""
         if self.over_robot == 0:

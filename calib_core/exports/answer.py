@@ -75,7 +75,7 @@ class Answer:
     provenance: tuple[str, ...] = ()
 
     @property
-    def tool0_from_laser(self) -> RigidTransform:
+    def tool(self) -> RigidTransform:
         """The scanner's pose on the flange; raises ConflictError where it stands still: it is no tool then."""
         if self.mount_from_laser.into != "tool0":
             raise ConflictError(
@@ -85,6 +85,8 @@ class Answer:
                 self.stage,
             )
         return self.mount_from_laser
+
+    tool0_from_laser = tool  # by the name of the field, for exports of others
 
     @property
     def frames(self) -> tuple[FoundFrame, ...]:

@@ -85,7 +85,7 @@ def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
         If the captures do not tell where the sphere stood.
     """
     answer.require_usable()
-    _ = answer.tool0_from_laser  # of a scanner that stands still there is no tool to check
+    _ = answer.tool  # of a scanner that stands still there is no tool to check
     if "undetermined" in (result := answer.results[answer.stage]) and result["undetermined"]:
         raise ConflictError(
             "a tool that is determined", "one that is not, in parts", "Capture what the guide asks."
@@ -129,7 +129,7 @@ def _three_sides(answer: Answer) -> list[tuple[str, FloatArray]]:
     for capture in answer.session.captures:
         if capture.id in used and capture.step in steps_that_show("sphere") and capture.pose is not None:
             pose = parse_pose(answer.session.cell.pose_convention, capture.pose)
-            rotations[capture.id] = pose.rotation @ answer.tool0_from_laser.rotation
+            rotations[capture.id] = pose.rotation @ answer.tool.rotation
     names = list(rotations)[:_MOST_ORIENTATIONS]
     if len(names) < SIDES:
         to_do = message("Capture the sphere from three sides.")
@@ -146,7 +146,7 @@ def _spread_mm(answer: Answer, point_mm: FloatArray, scatter_mm: float) -> float
     """Return three standard deviations of where the circle lies: the tool's, and one pose's scatter."""
     from calib_core.exports.workpiece import point_jacobian
 
-    jacobian = point_jacobian(answer.tool0_from_laser, point_mm)
+    jacobian = point_jacobian(answer.tool, point_mm)
     tool = float(np.linalg.eigvalsh(jacobian @ answer.tool_covariance @ jacobian.T)[-1])
     return 3 * float(np.sqrt(max(tool, 0.0) + scatter_mm**2))
 
@@ -155,10 +155,10 @@ def _write(answer: Answer, settings: CheckSettings) -> str:
     """Return the targets in the session's own convention, for the scanner's frame and for the flange."""
     move = check_move(answer, settings)
     convention = answer.session.cell.pose_convention
-    tool0_from_laser = answer.tool0_from_laser
+    tool = answer.tool
 
     def both(base_from_laser: RigidTransform) -> dict[str, list[float]]:
-        flange = base_from_laser @ tool0_from_laser.inverse()
+        flange = base_from_laser @ tool.inverse()
         return {"scanner": numbers(base_from_laser), "flange": numbers(flange)}
 
     def numbers(pose: RigidTransform) -> list[float]:

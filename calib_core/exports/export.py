@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_clouds import media_types
-from calib_core.cell.found import scanner_frame
+from calib_core.cell.found import SCANNER_FRAMES, scanner_frame
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.controller import POSES, for_poses
@@ -141,8 +141,8 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
 
 _TABLE_FIELDS = (
     "verdict", "inputs_sha256", "base_from_turntable", "axis_direction_in_base", "axis_point_in_base_mm",
-    "direction", "axis_direction_sigma_deg", "axis_point_sigma_mm", "mounts", "tool0_from_laser",
-    "base_from_laser", "covariance", "turntable_covariance",
+    "direction", "axis_direction_sigma_deg", "axis_point_sigma_mm", "mounts", *SCANNER_FRAMES,
+    "covariance", "turntable_covariance",
 )  # fmt: skip
 
 
@@ -175,7 +175,7 @@ def tool_numbers(convention: str, frame: RigidTransform) -> list[float]:
     return to_pose(convention, RigidTransform(frame.matrix, "base", "tool0"))
 
 
-def tool_number_sigmas(convention: str, tool0_from_laser: RigidTransform, covariance: FloatArray) -> list[float]:
+def tool_number_sigmas(convention: str, tool: RigidTransform, covariance: FloatArray) -> list[float]:
     """Return the standard deviations of a tool frame's numbers, in their units.
 
     The covariance (6, 6) of rx ry rz tx ty tz is carried over by the numbers' derivatives (central differences).
@@ -185,8 +185,8 @@ def tool_number_sigmas(convention: str, tool0_from_laser: RigidTransform, covari
     for k, step in enumerate(steps):
         xi = np.zeros(6)
         xi[k] = step
-        ahead = np.array(tool_numbers(convention, tool0_from_laser.perturbed(xi)))
-        behind = np.array(tool_numbers(convention, tool0_from_laser.perturbed(-xi)))
+        ahead = np.array(tool_numbers(convention, tool.perturbed(xi)))
+        behind = np.array(tool_numbers(convention, tool.perturbed(-xi)))
         difference = ahead - behind
         if CONVENTIONS[convention].form in ("ZYX", "XYZ", "ZYZ"):
             difference[3:] = (difference[3:] + 180) % 360 - 180  # angles jump at ±180°
@@ -197,12 +197,12 @@ def tool_number_sigmas(convention: str, tool0_from_laser: RigidTransform, covari
     return np.sqrt(np.maximum(variances, 0.0)).tolist()
 
 
-def _in_convention(name: str, tool0_from_laser: RigidTransform, covariance: FloatArray) -> dict[str, Any]:
+def _in_convention(name: str, tool: RigidTransform, covariance: FloatArray) -> dict[str, Any]:
     convention = CONVENTIONS[name]
     return {
         "names": convention.numbers.split(),
-        "numbers": tool_numbers(name, tool0_from_laser),
-        "standard_deviations": tool_number_sigmas(name, tool0_from_laser, covariance),
+        "numbers": tool_numbers(name, tool),
+        "standard_deviations": tool_number_sigmas(name, tool, covariance),
         "units": convention.units,
         "formula": convention.formula,
         "controllers": convention.brands,

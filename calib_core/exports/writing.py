@@ -113,8 +113,8 @@ def wanted(answer: Answer, part: Part | None, default: Part) -> tuple[bool, bool
 
 
 def tool_pose(answer: Answer, convention: str) -> list[float]:
-    """Return tool0_from_laser as a controller's numbers."""
-    return to_pose(convention, answer.tool0_from_laser)
+    """Return the tool as a controller's numbers."""
+    return to_pose(convention, answer.tool)
 
 
 def table_pose(answer: Answer, convention: str) -> list[float]:

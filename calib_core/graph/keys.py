@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from calib_core.cell.found import ON_FLANGE
 from calib_core.errors import CalibrationError, InputError
 from calib_core.graph.first_keys import inputs_sha256_of_0_1_0
 from calib_core.graph.registry import STAGES, stages
@@ -25,7 +26,7 @@ _NULL_IN_KEYS = frozenset({
     "board", "robot.arm", "robot.orientation_sigma_deg", "robot.position_sigma_mm", "scanner.errors",
     "scanner.point_sigma_mm", "scanner.z_axis", "scanners", "sphere_class", "sphere_diameter_mm",
     "sphere_diameter_sigma_mm", "turntable.angle_sigma_deg", "turntable.angles", "turntable.direction",
-    "turntable.encoder", "known.tool0_from_laser", "known.base_from_turntable",
+    "turntable.encoder", f"known.{ON_FLANGE}", "known.base_from_turntable",
 })  # fmt: skip
 """Fields that stood in keys as null before 2026-12, and do so for ever; any other that is not told is left out."""
 

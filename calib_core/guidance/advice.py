@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.guidance.design import Design, worst_sigma_mm
@@ -29,7 +30,7 @@ _OF_MEASURED = (
     "extent_deg", "on_sphere",
 )  # fmt: skip
 _OF_RESULT = (
-    "stage", "tool0_from_laser", "sphere_center_in_base_mm", "variance_components", "workpiece", "stale",
+    "stage", *SCANNER_FRAMES, "sphere_center_in_base_mm", "variance_components", "workpiece", "stale",
     "angle_sigma_deg",
 )  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.cell.found import scanner_frame
+from calib_core.cell.found import on_flange, scanner_frame
 from calib_core.chain.model import Sigmas
 from calib_core.chain.scanner import NAMES
 from calib_core.errors import InputError
@@ -113,7 +113,7 @@ class Calibrated:
             facing=int(scanner.get("facing") or 1),
             point_in_laser_mm=np.array(point, dtype=float),
             sigmas=Sigmas(0.0, 0.0, (angle,))
-            if mount.into == "base"
+            if not on_flange(mount)
             else Sigmas(
                 found.get("position_sigma_mm") or 0.0,
                 found.get("orientation_sigma_rad") or 0.0,
@@ -123,7 +123,7 @@ class Calibrated:
             ),
             point_sigma_mm=float(found.get("point_sigma_mm") or 0.0),
             optics=optics,
-            arm=None if mount.into == "base" else ArmShare.of(result, count > 0, table is not None),
+            arm=ArmShare.of(result, count > 0, table is not None) if on_flange(mount) else None,
             left=_left_in_files(scanner, table is not None),
         )
 
@@ -169,7 +169,7 @@ class View:
 
     def base_from_mount(self, known: Calibrated) -> FloatArray:
         """Return how what carries the scanner is turned in base, (3, 3)."""
-        return np.eye(3) if known.mount_from_laser.into == "base" else self.rotation
+        return self.rotation if on_flange(known.mount_from_laser) else np.eye(3)
 
     def seen(self, known: Calibrated) -> FloatArray:
         """Return where L sees the point, (3,)."""

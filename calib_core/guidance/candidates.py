@@ -79,7 +79,7 @@ class Candidates:
 
 def candidates(
     room: Room,
-    tool0_from_laser: RigidTransform,
+    mount_from_laser: RigidTransform,
     center_in_base_mm: FloatArray,
     radius_mm: float,
     count: int,
@@ -97,10 +97,10 @@ def candidates(
         leans = _leans(room, len(places), rng, at_edge)
         good = room.sight.sees(places, radius_mm)
         places, leans = places[good], leans[good]
-        rotations = room.home @ tool0_from_laser.rotation @ leans @ tool0_from_laser.rotation.T
-        arms = tool0_from_laser.apply(places) if len(places) else places
+        rotations = room.home @ mount_from_laser.rotation @ leans @ mount_from_laser.rotation.T
+        arms = mount_from_laser.apply(places) if len(places) else places
         translations = center_in_base_mm - np.einsum("kij,kj->ki", rotations, arms)
-        free = _free(room, rotations, translations, tool0_from_laser, center_in_base_mm, radius_mm)
+        free = _free(room, rotations, translations, mount_from_laser, center_in_base_mm, radius_mm)
         for rotation, translation, place in zip(rotations[free], translations[free], places[free], strict=True):
             found.append(RigidTransform.of(rotation, translation, "base", "tool0"))
             seen.append(place)
@@ -112,16 +112,16 @@ def candidates(
 def allowed(
     room: Room,
     pose: RigidTransform,
-    tool0_from_laser: RigidTransform,
+    mount_from_laser: RigidTransform,
     center_in_base_mm: FloatArray,
     radius_mm: float,
 ) -> bool:
     """Return whether a pose sees the sphere well and keeps within the limits, its orientation apart."""
-    seen = (pose @ tool0_from_laser).inverse().apply(center_in_base_mm)
+    seen = (pose @ mount_from_laser).inverse().apply(center_in_base_mm)
     if not room.sight.sees(seen[None], radius_mm)[0]:
         return False
     here = pose.rotation[None], pose.translation_mm[None]
-    return bool(_free(room, *here, tool0_from_laser, center_in_base_mm, radius_mm)[0])
+    return bool(_free(room, *here, mount_from_laser, center_in_base_mm, radius_mm)[0])
 
 
 def _places(sight: Sight, radius_mm: float, count: int, rng: np.random.Generator, at_edge: float) -> FloatArray:
@@ -162,7 +162,7 @@ def _free(
     room: Room,
     rotations: FloatArray,
     translations: FloatArray,
-    tool0_from_laser: RigidTransform,
+    mount_from_laser: RigidTransform,
     center_in_base_mm: FloatArray,
     radius_mm: float,
 ) -> np.ndarray:
@@ -170,7 +170,7 @@ def _free(
     free = np.ones(len(translations), dtype=bool)
     if room.limits.reach is not None:
         free &= _inside(translations, room.limits.reach, 0.0)
-    scanner = np.einsum("kij,j->ki", rotations, tool0_from_laser.translation_mm) + translations
+    scanner = np.einsum("kij,j->ki", rotations, mount_from_laser.translation_mm) + translations
     apart = np.linalg.norm(scanner - center_in_base_mm, axis=1)
     free &= apart - radius_mm >= room.clearance_mm
     for other in room.keep_off:

@@ -34,7 +34,7 @@ class Assumed:
     Attributes
     ----------
     sphere : SphereSize
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
     center_in_base_mm : (3,)
         Of the still sphere.
     sigmas : Sigmas
@@ -50,7 +50,7 @@ class Assumed:
     """
 
     sphere: SphereSize
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     center_in_base_mm: FloatArray
     sigmas: Sigmas
     point_in_laser_mm: FloatArray
@@ -83,7 +83,7 @@ class Design:
         self.assumed = assumed
         data = chain_data(observations, assumed.sphere, None, assumed.priors)
         self._data = data
-        tool = assumed.tool0_from_laser
+        tool = assumed.mount_from_laser
         self._tool = tool.rotation, tool.translation_mm
         rows = point_rows(tool.rotation, assumed.point_in_laser_mm, data.half_width_mm, assumed.facing)
         self._rows = rows[:, :6], rows[:, 6 + data.active]
@@ -105,7 +105,7 @@ class Design:
         return rows @ covariance_of(hessian) @ rows.T
 
     def tool(self, chosen: Sequence[int]) -> FloatArray:
-        """Return the covariance (6, 6) of tool0_from_laser."""
+        """Return the covariance (6, 6) of mount_from_laser."""
         return self.covariance(chosen)[:6, :6]
 
     def adding(self, chosen: Sequence[int], others: Sequence[int]) -> Added:

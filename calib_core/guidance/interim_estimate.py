@@ -21,16 +21,16 @@ class KnownSoFar:
 
     Attributes
     ----------
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
     center_in_base_mm : (3,)
         Of the still sphere.
     tool : (6, 6)
-        The covariance of tool0_from_laser: rx ry rz tx ty tz, rad and mm.  It shrinks with each capture.
+        The covariance of mount_from_laser: rx ry rz tx ty tz, rad and mm.  It shrinks with each capture.
     center : (3, 3)
         That of the sphere's centre, mm².
     """
 
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     center_in_base_mm: FloatArray
     tool: FloatArray
     center: FloatArray
@@ -82,7 +82,7 @@ def _so_far(told: str) -> KnownSoFar | None:
     design = Design(situation.taken, assumed)
     covariance = design.covariance(range(len(design)))
     return KnownSoFar(
-        assumed.tool0_from_laser, assumed.center_in_base_mm, covariance[:6, :6], covariance[6:9, 6:9]
+        assumed.mount_from_laser, assumed.center_in_base_mm, covariance[:6, :6], covariance[6:9, 6:9]
     )
 
 

@@ -45,7 +45,7 @@ class Situation:
         given = self.assumed
         rng = np.random.default_rng([seed, len(self.taken)])
         radius = given.sphere.radius_mm
-        return candidates(self.room, given.tool0_from_laser, given.center_in_base_mm, radius, count, rng)
+        return candidates(self.room, given.mount_from_laser, given.center_in_base_mm, radius, count, rng)
 
     def seen_from(self, poses: Candidates) -> list[SphereObservation]:
         """Return what captures from poses will show."""
@@ -175,11 +175,11 @@ def _timid(situation: Situation) -> Candidates:
         place = room.sight.safest(given.sphere.radius_mm, side)
         for axis in _AXES:
             for angle in np.deg2rad(_TIMID_DEG):
-                turn = given.tool0_from_laser.rotation @ rotation_from_vector(axis * angle)
-                rotation = last.rotation @ turn @ given.tool0_from_laser.rotation.T
-                origin = given.center_in_base_mm - rotation @ given.tool0_from_laser.apply(place)
+                turn = given.mount_from_laser.rotation @ rotation_from_vector(axis * angle)
+                rotation = last.rotation @ turn @ given.mount_from_laser.rotation.T
+                origin = given.center_in_base_mm - rotation @ given.mount_from_laser.apply(place)
                 pose = RigidTransform.of(rotation, origin, "base", "tool0")
-                if allowed(room, pose, given.tool0_from_laser, given.center_in_base_mm, given.sphere.radius_mm):
+                if allowed(room, pose, given.mount_from_laser, given.center_in_base_mm, given.sphere.radius_mm):
                     poses.append(pose)
                     places.append(place)
     return Candidates(tuple(poses), np.array(places).reshape(-1, 3))
@@ -194,14 +194,14 @@ def _near(situation: Situation, best: NextPose, step: float) -> Candidates:
     for change in steps:
         turned = best.base_from_tool0.perturbed([*change[:3], 0.0, 0.0, 0.0])
         # Turned about the sphere, then shifted: the sphere stays in view.
-        seen = given.tool0_from_laser.apply(best.center_in_laser_mm + change[3:])
+        seen = given.mount_from_laser.apply(best.center_in_laser_mm + change[3:])
         pose = RigidTransform.of(
             turned.rotation, given.center_in_base_mm - turned.rotation @ seen, "base", "tool0"
         )
-        known = given.tool0_from_laser, given.center_in_base_mm, given.sphere.radius_mm
-        if room.leans_enough(pose.rotation, given.tool0_from_laser.rotation) and allowed(room, pose, *known):
+        known = given.mount_from_laser, given.center_in_base_mm, given.sphere.radius_mm
+        if room.leans_enough(pose.rotation, given.mount_from_laser.rotation) and allowed(room, pose, *known):
             poses.append(pose)
-    seen = [(p @ given.tool0_from_laser).inverse().apply(given.center_in_base_mm) for p in poses]
+    seen = [(p @ given.mount_from_laser).inverse().apply(given.center_in_base_mm) for p in poses]
     return Candidates(tuple(poses), np.array(seen).reshape(-1, 3))
 
 

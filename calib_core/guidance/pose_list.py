@@ -162,7 +162,7 @@ def _tool_known(situation: Situation) -> bool:
 
 def _approach(situation: Situation, pose: RigidTransform, center_in_base_mm: FloatArray) -> RigidTransform:
     """Return the pose drawn back along the line from the sphere to the scanner."""
-    scanner = pose.apply(situation.assumed.tool0_from_laser.translation_mm)
+    scanner = pose.apply(situation.assumed.mount_from_laser.translation_mm)
     away = scanner - center_in_base_mm
     away = away / float(np.linalg.norm(away)) * APPROACH_MM
     return RigidTransform.of(pose.rotation, pose.translation_mm + away, "base", "tool0")

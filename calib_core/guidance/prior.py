@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.arms.alike import REACH_MM
 from calib_core.captures.content import sphere_of
 from calib_core.cell.carriers import ball_on_flange
+from calib_core.cell.found import ON_FLANGE, known_scanner, placed_scanner, scanner_frame
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.variance import GivenSigmas
@@ -34,7 +35,7 @@ MOST_TAKEN = 40  # captures beyond these change no advice, and would only make i
 class _Place:
     """A guess of tool and sphere, how well they are known beside the captures, and whether these tell both."""
 
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
     center_in_base_mm: FloatArray
     tool_sigma_mm: float = 300.0
     tool_sigma_rad: float = 1.0
@@ -81,11 +82,11 @@ def situation_of(
     point = cell.workpiece_in_laser_mm
     sigmas = sigmas_of(cell, result)
     if place.by_captures:
-        tool, center = place.tool0_from_laser, place.center_in_base_mm
+        tool, center = place.mount_from_laser, place.center_in_base_mm
         sigmas = sigmas_seen(seen[-MOST_TAKEN:], sphere, tool, center, _given(cell), sigmas)
     assumed = Assumed(
         sphere=sphere,
-        tool0_from_laser=place.tool0_from_laser,
+        mount_from_laser=place.mount_from_laser,
         center_in_base_mm=place.center_in_base_mm,
         sigmas=sigmas,
         point_in_laser_mm=_middle(sight, result) if point is None else np.array(point),
@@ -112,10 +113,9 @@ def _to_verify(
     cell: Cell, seen: Sequence[SphereObservation], sphere: SphereSize, result: Mapping[str, Any] | None
 ) -> _Place | None:
     """Return the tool that is verified, and where the sphere stands: by its own captures, else as it was."""
-    told = cell.known.tool0_from_laser or (None if result is None else result["tool0_from_laser"])
-    if told is None:
+    tool = known_scanner(cell) or placed_scanner(result or {})
+    if tool is None:
         return None
-    tool = RigidTransform.from_rounded(told, "tool0", "laser")
     if seen:
         one = seen[-1]
         place = one.sphere_center_in_laser_mm(sphere, one.side or 1)
@@ -156,7 +156,7 @@ def _given(cell: Cell) -> GivenSigmas:
 def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:
     for stage in tool_stages():
         result = results.get(stage)
-        if result is not None and result.get("tool0_from_laser") and result.get("sphere_center_in_base_mm"):
+        if result is not None and result.get(ON_FLANGE) and result.get("sphere_center_in_base_mm"):
             return result
     return None
 
@@ -220,8 +220,9 @@ def _place(
     cell: Cell, seen: Sequence[SphereObservation], sphere: SphereSize, result: Mapping[str, Any] | None
 ) -> _Place | None:
     if result is not None:
-        tool = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
-        return _Place(tool, np.array(result["sphere_center_in_base_mm"], dtype=float), by_captures=True)
+        return _Place(
+            scanner_frame(result), np.array(result["sphere_center_in_base_mm"], dtype=float), by_captures=True
+        )
     return _searched(seen, sphere) or _by_shifts(seen, sphere) or _by_drawing(cell, seen)
 
 
@@ -262,15 +263,15 @@ def _by_shifts(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place 
     alike = [float(np.linalg.norm(first - o.base_from_tool0.rotation)) < EQUAL_ORIENTATION_RAD for o in seen]
     shifted = [c for c, same in zip(centers, alike, strict=True) if same]
     place = probable_place(shifted, [c for c, same in zip(centers, alike, strict=True) if not same])
-    return None if place is None else _Place(place.tool0_from_laser, place.center_in_base_mm, 150.0, 0.05)
+    return None if place is None else _Place(place.mount_from_laser, place.center_in_base_mm, 150.0, 0.05)
 
 
 def _by_drawing(cell: Cell, seen: Sequence[SphereObservation]) -> _Place | None:
     """Return what a drawing tells, with the sphere where the captures so far saw it by that."""
     nominal = cell.nominal
-    if nominal is None or nominal.tool0_from_laser is None:
+    tool = None if nominal is None else placed_scanner(nominal.model_dump())
+    if nominal is None or tool is None:
         return None
-    tool = RigidTransform.from_rounded(nominal.tool0_from_laser, "tool0", "laser")
     center = nominal.sphere_center_in_base_mm
     if seen:
         center = np.mean([(o.base_from_tool0 @ tool).apply(o.center_in_laser_mm) for o in seen], axis=0)

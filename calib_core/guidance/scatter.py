@@ -27,7 +27,7 @@ _ROUNDS: Final = 2
 def sigmas_seen(
     seen: Sequence[SphereObservation],
     sphere: SphereSize,
-    tool0_from_laser: RigidTransform,
+    mount_from_laser: RigidTransform,
     center_in_base_mm: FloatArray,
     given: GivenSigmas,
     usual: Sigmas,
@@ -39,7 +39,7 @@ def sigmas_seen(
     seen : sequence of SphereObservation
         What was measured of each arc.
     sphere : SphereSize
-    tool0_from_laser, center_in_base_mm : RigidTransform, (3,)
+    mount_from_laser, center_in_base_mm : RigidTransform, (3,)
         Near the answer.
     given : GivenSigmas
         What is told.
@@ -48,8 +48,8 @@ def sigmas_seen(
     """
     data = chain_data(seen, sphere, None, ScannerPriors())
     repeated = visits(data.rotations, data.translations)
-    data = replace(data, tool_prior=_tool_prior(data, tool0_from_laser), pose_scale=repeated)
-    start = tool0_from_laser.rotation, tool0_from_laser.translation_mm, center_in_base_mm
+    data = replace(data, tool_prior=_tool_prior(data, mount_from_laser), pose_scale=repeated)
+    start = mount_from_laser.rotation, mount_from_laser.translation_mm, center_in_base_mm
     off = _misfit(seen, ChainState.predicted(data, *start))
     data = data.chosen(off <= _GROSS * max(float(np.median(off)), usual.position_mm))
     if data.count < _LEAST:
@@ -58,11 +58,11 @@ def sigmas_seen(
     return replace(mean_sigmas(data, found, given), axes=usual.axes)
 
 
-def _tool_prior(data: ChainData, tool0_from_laser: RigidTransform) -> ToolPrior:
+def _tool_prior(data: ChainData, mount_from_laser: RigidTransform) -> ToolPrior:
     """Return a guess of the tool as loose as one of nothing: motions may not determine all of it yet."""
     rough = np.array([TURN_RAD] * 3 + [MOUNTED_MM] * 3)
     information = np.diag(1 / np.concatenate([rough, data.nuisance_sigmas[data.active]]) ** 2)
-    mount = tool0_from_laser.rotation[None], tool0_from_laser.translation_mm[None]
+    mount = mount_from_laser.rotation[None], mount_from_laser.translation_mm[None]
     return ToolPrior(*mount, np.zeros(COUNT), information)
 
 

@@ -41,13 +41,13 @@ class ProbablePlace:
     center_in_base_mm : (3,)
     scanner_sigma_mm : float
         How far the scanner's place on the flange, on which the guess rests, may be off in its weakest direction.
-    tool0_from_laser : RigidTransform
+    mount_from_laser : RigidTransform
         The scanner's place as it is guessed.
     """
 
     center_in_base_mm: FloatArray
     scanner_sigma_mm: float
-    tool0_from_laser: RigidTransform
+    mount_from_laser: RigidTransform
 
 
 def probable_place(shifted: Sequence[SeenCenter], turned: Sequence[SeenCenter]) -> ProbablePlace | None:

@@ -127,7 +127,7 @@ def _guess(cell: Cell, taken: Sequence[TableObservation], still: Situation) -> T
     names = tuple(dict.fromkeys(o.mount for o in taken))
     if any(sum(o.mount == name for o in taken) >= _LEAST for name in names):
         try:
-            start = find_table_start(taken, still.assumed.sphere, still.assumed.tool0_from_laser)
+            start = find_table_start(taken, still.assumed.sphere, still.assumed.mount_from_laser)
         except CalibrationError:
             return None  # what is wrong with the captures, the solve says
         return TableGuess(start.state, names, cell.turntable.direction)
@@ -161,7 +161,7 @@ def shots_at(
 ) -> list[tuple[float, RigidTransform, TableObservation]]:
     """Return allowed captures of a mounting at angles of the table, up to `poses` for each."""
     given, room = now.still.assumed, now.still.room
-    radius, tool = given.sphere.radius_mm, given.tool0_from_laser
+    radius, tool = given.sphere.radius_mm, given.mount_from_laser
     home = room.home if not now.taken else now.taken[-1].sphere.base_from_tool0.rotation
     found: list[tuple[float, RigidTransform, TableObservation]] = []
     for number, angle in enumerate(angles_deg):
@@ -346,7 +346,7 @@ def _with_shot(now: TableSituation, shot: TableShot) -> TableSituation:
     angle = float(np.deg2rad(shot.table_deg))
     center = table.center_in_base(table.names.index(shot.mount), angle)
     given, room = now.still.assumed, now.still.room
-    seen = (shot.pose @ given.tool0_from_laser).inverse().apply(center)
+    seen = (shot.pose @ given.mount_from_laser).inverse().apply(center)
     sphere: SphereObservation = room.sight.observation(
         f"n{len(now.taken)}", shot.pose, seen, given.sphere.radius_mm
     )

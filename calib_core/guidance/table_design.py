@@ -114,7 +114,7 @@ class TableDesign:
             order=np.linspace(-1.0, 1.0, data.count),
             pose_scale=np.concatenate([still, np.ones(data.count - self._still)]),
         )
-        tool = self._assumed.tool0_from_laser
+        tool = self._assumed.mount_from_laser
         center = self._assumed.center_in_base_mm
         state = ChainState.predicted(data, tool.rotation, tool.translation_mm, center, self._table)
         return covariance_of(with_tool(linearised_at(data, state, self._assumed.sigmas).hessian))
@@ -124,7 +124,7 @@ class TableDesign:
         data, assumed, frame = self._data, self._assumed, table.frame
         active = tuple(int(k) for k in data.active)
         known = Calibrated(
-            mount_from_laser=assumed.tool0_from_laser,
+            mount_from_laser=assumed.mount_from_laser,
             base_from_turntable=frame.base_from_turntable,
             direction=frame.direction,
             nuisances=active,

@@ -60,7 +60,7 @@ def calibrate_tcp(cell: CellLike, scans: Scans, poses: Poses, *, progress: Progr
     Returns
     -------
     TcpResult
-        With `tool0_from_laser`, `covariance`, `verdict`, `residuals` and the other fields of results/tcp.json.
+        With `mount_from_laser`, `covariance`, `verdict`, `residuals` and the other fields of results/tcp.json.
 
     Raises
     ------

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib_core.archive.folder import read_bytes
+from calib_core.cell.found import ON_FLANGE, SCANNER_FRAMES
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.library.opened import OpenSession, in_memory
@@ -87,7 +88,7 @@ def with_calibration(cell: CellLike, calibration: Calibration) -> Cell:
     """
     known = _cell(cell).known
     tool = calibration.matrix if isinstance(calibration, RigidTransform) else calibration
-    name = "base_from_laser" if getattr(calibration, "base_from_laser", None) is not None else "tool0_from_laser"
+    name = next((n for n in SCANNER_FRAMES if getattr(calibration, n, None) is not None), ON_FLANGE)
     matrix = _array(getattr(calibration, name, tool))
     if matrix is None or matrix.shape != (4, 4):
         got = (
@@ -95,7 +96,7 @@ def with_calibration(cell: CellLike, calibration: Calibration) -> Cell:
             if matrix is None or not matrix.ndim
             else message("an array of shape {matrix}", matrix=matrix.shape)
         )
-        to_do = message("Give a TcpResult, a ChainResult, or tool0_from_laser.")
+        to_do = message("Give a TcpResult, a ChainResult, or the scanner's matrix on the flange.")
         raise InputError("a calibration, or a 4×4 matrix", got, to_do)
     update: dict[str, Any] = {name: matrix.tolist()}
     if (table := getattr(calibration, "base_from_turntable", None)) is not None:

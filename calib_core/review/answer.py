@@ -80,6 +80,11 @@ class SessionAnswer(Record):
     decided_before: list[DecidedBefore] = Field(default_factory=list[DecidedBefore])
     equipment: list[Equipment] = Field(default_factory=list[Equipment])
 
+    @property
+    def tool(self) -> AnsweredFrame | None:
+        """The scanner on the flange."""
+        return self.tool0_from_laser
+
 
 def cell_id(session: Session) -> str:
     """Return the cell's `id`, or one that is made from the session's name where it has none."""

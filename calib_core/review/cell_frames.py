@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from calib_core.captures.content import pose_of
-from calib_core.cell.carriers import scanner_mount
+from calib_core.cell.carriers import scanner_mount, scanner_names
 from calib_core.errors import NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform, skew
@@ -110,7 +110,7 @@ def frame_graph(
     sphere = (*tool_stages(), *table_stages())
     for stage in [one for one in stages() if one.name not in sphere]:
         edges += [edge for name in stage.frames for edge in _optics(session, solved, stage.name, name)]
-    return FrameGraph(edges, _shared(solved))
+    return FrameGraph(edges, _shared(session, solved))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +206,7 @@ def _pose_covariance(solved: _Solved) -> FloatArray | None:
 
 def _tools(session: Session, solved: _Solved, seen: str | None) -> list[FrameEdge]:
     """Return the scanner's edge on its mount; of several scanners one edge each, the one that saw first."""
-    named: list[str | None] = sorted(session.cell.scanners or {}, key=lambda name: name != seen)
+    named: list[str | None] = sorted(scanner_names(session.cell), key=lambda name: name != seen)
     if seen not in named:
         named.insert(0, seen)
     solved_of = _scanner(session, None)
@@ -258,13 +258,13 @@ def _optics(session: Session, solved: _Solved, stage: str, name: str) -> list[Fr
     return [FrameEdge(cast(Frame, into), cast(Frame, outof), "sought", stage)] if boards else []
 
 
-def _shared(solved: _Solved) -> dict[tuple[str, str], FloatArray]:
+def _shared(session: Session, solved: _Solved) -> dict[tuple[str, str], FloatArray]:
     """Return what tool and table share where one stage gives both."""
     stage = solved.first(tool_stages())
     shared = None if stage is None else solved.results[stage].get("cross_covariance")
     if shared is None:
         return {}
-    return {("tool0_from_laser", "base_from_turntable"): np.array(shared, dtype=float)}
+    return {(f"{scanner_mount(session.cell)}_from_laser", "base_from_turntable"): np.array(shared, dtype=float)}
 
 
 def _listed(edge: FrameEdge) -> ListedFrame:

@@ -7,6 +7,7 @@ from typing import Any, Final, Literal, cast
 import numpy as np
 from pydantic import Field
 
+from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.estimation import chance_of
 from calib_core.exports.workpiece import covariance_in, point_jacobian, seen_in_laser_mm
 from calib_core.frames import FloatArray, Frame, RigidTransform
@@ -349,7 +350,7 @@ def _mahalanobis(difference: FloatArray, covariance: FloatArray) -> tuple[float,
 
 def workpiece_point(frame: str, one: Compared) -> FloatArray | None:
     """Return the point of the workpiece (3,), mm, in a frame of a result; None where it has none there."""
-    if frame in ("tool0_from_laser", "base_from_laser"):
+    if frame in SCANNER_FRAMES:
         return seen_in_laser_mm(one.session, one.record)
     if frame == "base_from_turntable":
         mounts = [mount["center_in_turntable_mm"] for mount in one.record["mounts"]]

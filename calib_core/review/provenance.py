@@ -13,6 +13,7 @@ from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
 from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import parse_json
 from calib_core.archive.seals import IMPORTED, seal_state, session_sha256
+from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.errors import CalibrationError
 from calib_core.exports.answer import answer_of
 from calib_core.findings.codes.provenance import ARCHIVE_DISAGREES, SEAL_BROKEN
@@ -124,7 +125,7 @@ def _same(a: Any, b: Any) -> bool:
 def _report_fields(content: bytes, answer: Mapping[str, Any]) -> list[str]:
     """Return the frames whose position a report does not print as its archive's results have it."""
     text = html.unescape(re.sub(r"<[^>]*>", " ", content.decode(errors="replace"))).replace("\N{MINUS SIGN}", "-")
-    frames = ("tool0_from_laser", "base_from_laser", "base_from_turntable")
+    frames = (*SCANNER_FRAMES, "base_from_turntable")
     return [name for name in frames if answer.get(name) and not _prints(text, answer[name]["numbers"][:3])]
 
 

@@ -11,7 +11,7 @@ from calib_core.records import Session
 from calib_core.simulation.frame_camera import SimulatedCamera
 from calib_core.simulation.frame_surfaces import BoardKind, BoardSurface, SphereSurface
 from calib_core.simulation.frames import Exposure, FloatArray, ImageArray, LightSheet, render
-from calib_core.simulation.motion import back, pose, turn
+from calib_core.simulation.motion import ON_FLANGE, back, pose, turn
 from calib_core.simulation.profile_cell import pose_numbers, rounded_pose
 
 _SPHERE_RADIUS_MM = 30.0
@@ -92,7 +92,7 @@ class FrameCell:
     camera_from_laser: FloatArray
 
     @property
-    def tool0_from_laser(self) -> FloatArray:
+    def mount_from_laser(self) -> FloatArray:
         """The frame L on the flange."""
         return TOOL0_FROM_CAMERA @ self.camera_from_laser
 
@@ -102,7 +102,7 @@ class FrameCell:
             "camera": self.known_camera(),
             "plane_in_camera": {"normal": self.sheet.normal.tolist(), "distance_mm": self.sheet.distance_mm},
             "camera_from_laser": self.camera_from_laser.tolist(),
-            "tool0_from_laser": self.tool0_from_laser.tolist(),
+            ON_FLANGE: self.mount_from_laser.tolist(),
             "sphere_center_in_base_mm": _SPHERE_IN_BASE_MM.tolist(),
             "sphere_diameter_mm": 2 * _SPHERE_RADIUS_MM,
         }
@@ -268,7 +268,7 @@ def _sphere_captures(
         # Beyond the plane, as the camera sees it: then the stripe lies on the sphere's near side.
         offset = rng.uniform(0.15, 0.8) * _SPHERE_RADIUS_MM
         in_laser = np.array([rng.uniform(-25, 25), offset, rng.uniform(200, 260), 1.0])
-        in_tool0 = (cell.tool0_from_laser @ in_laser)[:3]
+        in_tool0 = (cell.mount_from_laser @ in_laser)[:3]
         reported = rounded_pose(pose(rotation, _SPHERE_IN_BASE_MM - rotation @ in_tool0))
         actual = pose(
             reported[:3, :3] @ turn(rng.normal(0, options.orientation_sigma_rad, 3)),

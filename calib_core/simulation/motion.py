@@ -4,6 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
+ON_FLANGE = "tool0_from_laser"
+"""The name in records and truth of where a scanner on the flange is."""
 
 
 def turn(vector_rad: ArrayLike) -> FloatArray:

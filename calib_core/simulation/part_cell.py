@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.records import Session
-from calib_core.simulation.motion import FloatArray, back, pose, turn
+from calib_core.simulation.motion import ON_FLANGE, FloatArray, back, pose, turn
 from calib_core.simulation.part import PartMesh, build_part
 from calib_core.simulation.part_scan import PartScanner, PartScanOptions, view_poses
 from calib_core.simulation.profile_cell import pose_numbers, rounded_pose
@@ -40,11 +40,11 @@ PART_SCENARIOS = {"part": PartScenario()}
 def simulate_part(options: PartScenario, name: str, seed: int) -> tuple[Session, dict[str, bytes], dict[str, Any]]:
     """Return the session record, its files (organised PCD, one a scan) and the truth."""
     rng = np.random.default_rng([seed, 20_263])
-    tool0_from_laser = pose(turn([0.35, 0.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3)), [35.0, -120.0, 140.0])
+    mount_from_laser = pose(turn([0.35, 0.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3)), [35.0, -120.0, 140.0])
     base_from_turntable = pose(turn(rng.uniform(-0.02, 0.02, 3)), [900.0, 100.0, 50.0])
     part = build_part()
     stops = [(view, 360.0 * k / options.scans) for k, view in enumerate(view_poses(options.scans))]
-    place = ScanCell(tool0_from_laser, base_from_turntable)
+    place = ScanCell(mount_from_laser, base_from_turntable)
     captures, files = take_scans(options, PartScanner(part, options.scanner), place, stops, rng)
     cell = {
         "pose_convention": "abb",
@@ -55,7 +55,7 @@ def simulate_part(options: PartScenario, name: str, seed: int) -> tuple[Session,
         },
         "turntable": {"direction": 1, "angle_sigma_deg": float(np.rad2deg(options.angle_sigma_rad))},
         "known": {
-            "tool0_from_laser": tool0_from_laser.tolist(),
+            ON_FLANGE: mount_from_laser.tolist(),
             "base_from_turntable": base_from_turntable.tolist(),
         },
     }
@@ -66,9 +66,9 @@ def simulate_part(options: PartScenario, name: str, seed: int) -> tuple[Session,
 
 @dataclass(frozen=True, eq=False)
 class ScanCell:
-    """Where the scanner and the table really are: tool0_from_laser and base_from_turntable, both (4, 4)."""
+    """Where the scanner and the table really are: mount_from_laser and base_from_turntable, both (4, 4)."""
 
-    tool0_from_laser: FloatArray
+    mount_from_laser: FloatArray
     base_from_turntable: FloatArray
 
 
@@ -87,11 +87,11 @@ def take_scans(
     captures: list[dict[str, Any]] = []
     for k, (view, degrees) in enumerate(stops):
         wanted = cell.base_from_turntable @ pose(turn([0, 0, np.deg2rad(degrees)]), [0, 0, 0]) @ view
-        commanded = rounded_pose(wanted @ back(cell.tool0_from_laser))
+        commanded = rounded_pose(wanted @ back(cell.mount_from_laser))
         actual = commanded @ _error(options, rng)
         angle = np.deg2rad(degrees) + rng.standard_normal() * options.angle_sigma_rad
         turntable_from_base = pose(turn([0, 0, -angle]), [0, 0, 0]) @ back(cell.base_from_turntable)
-        scan = scanner.scan(turntable_from_base @ actual @ cell.tool0_from_laser, rng)
+        scan = scanner.scan(turntable_from_base @ actual @ cell.mount_from_laser, rng)
         in_one_frame = scan.points_in_laser_mm.copy()
         in_one_frame[..., 1] += _along(len(in_one_frame), options.scanner.pitch_mm)[:, None]
         file = f"captures/v{k + 1:02d}.pcd"

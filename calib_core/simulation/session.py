@@ -19,7 +19,7 @@ class SimulatedSession:
     files : dict
         The bytes of every file that the captures name.
     truth : dict
-        JSON data: `tool0_from_laser`, `sphere_center_in_base_mm`, `sides`, `sigmas`, `spoiled`, `seed`,
+        JSON data: where the scanner is, `sphere_center_in_base_mm`, `sides`, `sigmas`, `spoiled`, `seed`,
         `scenario` and more.
     world : World or None
         The simulated cell itself, for bounds and benchmarks; none behind frames.

@@ -5,7 +5,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from calib_core.cell.found import scanner_frame
 from calib_core.evidence.numbers import decimals_of, fixed, number_text, plus_minus, quantity, same_decimals
 from calib_core.evidence.words import by_cause, captures_text
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
@@ -294,14 +293,15 @@ def two_step_blocks(result: Any) -> list[AnyBlock]:
     """Return the joint answer beside the paper's two steps, with their difference in its own sigmas."""
     two = result.two_step
     title = "Joint answer beside the paper's two steps"
-    if two.tool0_from_laser is None and two.base_from_laser is None:
+    other = two.placed_scanner
+    if other is None:
         return [
             Note(
                 title=title,
                 text=message("No two-step answer: {reason}.", reason=two.reason or "too few pure translations"),
             )
         ]
-    joint, other = result.mount_from_laser, scanner_frame(two.model_dump())
+    joint = result.mount_from_laser
     ours = np.array(result.covariance, dtype=float)[:6, :6]
     theirs = None if two.covariance is None else np.array(two.covariance, dtype=float)[:6, :6]
     xi = joint.difference(other)

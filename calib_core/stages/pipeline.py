@@ -3,6 +3,7 @@
 from numpy.linalg import LinAlgError
 
 from calib_core.captures.solved_optics import remembered
+from calib_core.cell.carriers import arrangement_of
 from calib_core.cell.consistency import require_consistent
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.findings import judged
@@ -160,7 +161,7 @@ def stage_input(
             "Solve the stage 'tcp': it finds the scanner in base.",
             "cell.arrangement",
             stage=stage,
-            arrangement=session.cell.arrangement,
+            arrangement=arrangement_of(session.cell),
         )
     solved = kept or Kept()
     graph = solved.graph = solved.graph or Graph.of_files(session, read)

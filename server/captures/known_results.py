@@ -2,12 +2,13 @@
 
 from typing import Final, Literal
 
+from calib_core.cell.found import ON_FLANGE
 from calib_core.errors import CalibrationError, InputError
 from calib_core.frames import RigidTransform
 from calib_core.records import Cell
 
 _FRAMES: Final[dict[str, tuple[Literal["tool0", "base"], Literal["laser", "turntable"]]]] = {
-    "tool0_from_laser": ("tool0", "laser"),
+    ON_FLANGE: ("tool0", "laser"),
     "base_from_laser": ("base", "laser"),
     "base_from_turntable": ("base", "turntable"),
 }

@@ -60,7 +60,7 @@ def _text(answer: "SessionAnswer") -> str:
         *([Figure(label="Verification", text=answer.decision)] if answer.decision else []),
     ]
     frames: tuple[tuple[AnsweredFrame | None, Frame, Frame, str], ...] = (
-        (answer.tool0_from_laser, "tool0", "laser", "Scanner on the flange"),
+        (answer.tool, "tool0", "laser", "Scanner on the flange"),
         (answer.base_from_laser, "base", "laser", "Scanner in the robot's base"),
         (answer.base_from_turntable, "base", "turntable", "Turntable in the robot's base"),
     )

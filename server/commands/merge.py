@@ -42,6 +42,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     """Merge the scans, print how they fit; return 0 where they do, else 1."""
     from calib_core.archive.folder import read_bytes, result_data
+    from calib_core.cell.found import ON_FLANGE
     from calib_core.formats.shared.writing import write_pieces
     from calib_core.records import parse_session
     from calib_core.stages.pipeline import run
@@ -56,7 +57,7 @@ def _run(options: argparse.Namespace) -> int:
         merge |= {"reference": name, "alignment": options.align, "tolerance_mm": options.tolerance_mm}
     cell = {
         "pose_convention": "matrix",
-        "known": {"tool0_from_laser": [_NOWHERE[4 * k : 4 * k + 4] for k in range(4)]},
+        "known": {ON_FLANGE: [_NOWHERE[4 * k : 4 * k + 4] for k in range(4)]},
         "merge": merge,
     }
     record = {"format": "scancell-session/1", "name": "merge", "cell": cell, "captures": captures}

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib_core.cell.found import ON_FLANGE
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
 from server.scenes.colors import FIRST, SECOND, WAITING
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 _K = 2.0
 _MAGNIFIED = (1000, 300, 100, 30, 10, 3, 1)
 _LARGEST_MM = 60.0
-_NAMES = {"tool0_from_laser": "tool", "base_from_turntable": "table", "camera_from_laser": "plane of light"}
+_NAMES = {ON_FLANGE: "tool", "base_from_turntable": "table", "camera_from_laser": "plane of light"}
 
 
 def magnified(facts: SceneFacts) -> int:
@@ -74,7 +75,7 @@ def _outer(facts: SceneFacts, frame: str) -> RigidTransform:
     if frame == "camera_from_laser":
         return BASE_FROM_CAMERA
     used = [capture.base_from_tool0 for capture in facts.captures if capture.state == "used"]
-    at_flange = frame == "tool0_from_laser" and used
+    at_flange = frame == ON_FLANGE and used
     return used[-1] if at_flange else RigidTransform.identity("base", "base")
 
 

@@ -47,7 +47,7 @@ def shown_cloud(facts: SceneFacts, look: Look) -> MergedScans | None:
 
 def cloud_place(facts: SceneFacts, look: Look) -> RigidTransform | None:
     """Return where the cloud's frame stands, None while the table is not known."""
-    if facts.merged is None or facts.merged.frame == "base":
+    if facts.merged is None or not facts.merged.on_table:
         return RigidTransform.identity("base", "base")
     return None if facts.table is None else facts.table.turned(look.table_deg(facts))
 

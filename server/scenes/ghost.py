@@ -31,9 +31,9 @@ def ghost(facts: SceneFacts, look: Look) -> Iterator[Node]:
         way = _dashes_mm(here, pose.translation_mm)
         if len(way):
             yield nodes.lines("/ghost/way", way, GHOST, 2.0)
-    if facts.tool0_from_laser is None:
+    if facts.mount_from_laser is None:
         return
-    laser = pose @ facts.tool0_from_laser
+    laser = pose @ facts.mount_from_laser
     yield nodes.axes("/ghost/laser", laser, 0.6 * AXES_MM, GHOST)
     corners = fan_mm(_ahead_mm(facts, laser))
     yield nodes.surface("/ghost/light", laser, corners, np.array([[0, 1, 2]], dtype=np.uint32), GHOST, 0.16)

@@ -28,7 +28,7 @@ def so_far(facts: "SceneFacts", look: Look) -> Iterator[Node]:
         return
     center = known.center_in_base_mm
     flange = facts.captures[-1].base_from_tool0
-    laser = flange @ known.tool0_from_laser
+    laser = flange @ known.mount_from_laser
     if facts.sphere_center_in_base_mm is None:
         yield nodes.ball("/so-far/sphere", center, facts.sphere_radius_mm or 20.0, SPHERE, 0.3)
         yield nodes.axes("/so-far/laser", laser, 30.0, WAITING)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.cell.found import ScannerPlaced, known_scanner, on_flange
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Result, Session
@@ -69,6 +70,11 @@ class MergedScans:
     def fused(self) -> bool:
         """Whether this is the cleaned and merged cloud."""
         return self.every_mm is not None
+
+    @property
+    def on_table(self) -> bool:
+        """Whether its points stand in the turntable's frame."""
+        return self.frame == "turntable"
 
 
 def merged_cloud(results: Mapping[str, Result], read: ReadOutput) -> MergedScans | None:
@@ -164,13 +170,13 @@ def thinned(points: Points, most: int) -> Points:
 
 
 def scanner_on_flange(session: Session, results: Mapping[str, Result]) -> RigidTransform | None:
-    """Return tool0_from_laser by the whole chain, else by the tcp stage, else as the user brought it."""
+    """Return the scanner on the flange by the whole chain, else by the tcp stage, else as it was brought."""
     for stage in (*tool_stages(), *table_stages()):
-        matrix = getattr(results.get(stage), "tool0_from_laser", None)
-        if matrix is not None:
-            return RigidTransform.from_rounded(matrix, "tool0", "laser")
-    known = session.cell.known.tool0_from_laser
-    return None if known is None else RigidTransform.from_rounded(known, "tool0", "laser")
+        result = results.get(stage)
+        if isinstance(result, ScannerPlaced) and (found := result.placed_scanner) is not None:
+            return found if on_flange(found) else None
+    known = known_scanner(session.cell)
+    return known if known is not None and on_flange(known) else None
 
 
 def _table(session: Session, results: Mapping[str, Result]) -> tuple[RigidTransform, int, float] | None:

@@ -23,9 +23,9 @@ def robot_now(facts: SceneFacts, look: Look) -> Iterator[Node]:
     yield nodes.axes("/live/flange", flange, _FLANGE_MM, LASER)
     above = flange.translation_mm + np.array([0.0, 0.0, 30.0])
     yield nodes.label("/live/name", above, "robot now", 1.2)
-    if facts.tool0_from_laser is None:
+    if facts.mount_from_laser is None:
         return
-    laser = flange @ facts.tool0_from_laser
+    laser = flange @ facts.mount_from_laser
     yield nodes.axes("/live/laser", laser, _LASER_MM, LASER)
     profile = now.profile_mm[np.isfinite(now.profile_mm).all(axis=1)]
     if len(profile) >= 2:

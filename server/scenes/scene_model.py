@@ -55,7 +55,7 @@ class CaptureFacts:
 
 @dataclass(frozen=True, eq=False)
 class KnownHowWell:
-    """Covariances: of tool0_from_laser and base_from_turntable (6, 6: rx ry rz tx ty tz), of the centre (3, 3)."""
+    """Covariances: of scanner and base_from_turntable (6, 6: rx ry rz tx ty tz), of the centre (3, 3)."""
 
     tool: FloatArray | None = None
     sphere: FloatArray | None = None
@@ -71,7 +71,7 @@ class SceneFacts:
     """
 
     captures: tuple[CaptureFacts, ...]
-    tool0_from_laser: RigidTransform | None
+    mount_from_laser: RigidTransform | None
     sphere_center_in_base_mm: FloatArray | None
     sphere_radius_mm: float | None
     table: TableFacts | None = None
@@ -87,7 +87,7 @@ class SceneFacts:
 
     def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
         """Return where the scanner stood at a capture, None before a result."""
-        return capture.base_from_tool0 @ self.tool0_from_laser if self.tool0_from_laser else None
+        return capture.base_from_tool0 @ self.mount_from_laser if self.mount_from_laser else None
 
     def points_in_base_mm(self, capture: CaptureFacts) -> FloatArray:
         """Return the capture's points (N, 3) in the base, none before a result."""
@@ -129,7 +129,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     captures at most `MAX_POINTS` are kept, evenly thinned.
     """
     results, session = scene.results, scene.session
-    tool0_from_laser = scanner_on_flange(session, results)
+    mount_from_laser = scanner_on_flange(session, results)
     still = next((r for n in tool_stages() if isinstance(r := results.get(n), TcpResult | ChainResult)), None)
     center = np.array(still.sphere_center_in_base_mm) if still and still.sphere_center_in_base_mm else None
     optics = optics_facts(session, results)
@@ -140,14 +140,14 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
         table_facts(session, results),
         _rows(results),
         {row.capture: row for row in scene.measured},
-        scene.load_points if tool0_from_laser else no_points,
+        scene.load_points if mount_from_laser else no_points,
         MAX_POINTS // max(len(posed), 1),
         session.cell.robot.arm,
     )
     drawn = (_capture_facts(capture, placing) for capture in posed)
     captures = tuple(capture for capture in drawn if capture is not None)
     merged = scene.load_merged() or scene.load_scans()
-    facts = SceneFacts(captures, tool0_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
+    facts = SceneFacts(captures, mount_from_laser, center, None, placing.table, optics, merged, scene.load_scans)
     radius_mm, well = _radius_mm(session, facts), _known_how_well(results)
     advice = (scene.advise or advice_for)(scene)
     rows = advice.next_pose

@@ -43,11 +43,11 @@ def uncertainty(facts: SceneFacts, look: Look) -> Iterator[Node]:
     if known is None:
         return
     times = magnified(facts)
-    if known.tool is not None and facts.tool0_from_laser is not None:
+    if known.tool is not None and facts.mount_from_laser is not None:
         shown = [c for c in look.shown(facts) if c.state == "used"]
         here = next((c for c in shown if c.id == look.picked), shown[-1] if shown else None)
         if here is not None:
-            laser = here.base_from_tool0 @ facts.tool0_from_laser
+            laser = here.base_from_tool0 @ facts.mount_from_laser
             turned = here.base_from_tool0.rotation
             covariance = turned @ known.tool[3:, 3:] @ turned.T
             yield ellipsoid("/uncertainty/tool", laser.translation_mm, covariance, times)

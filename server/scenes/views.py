@@ -137,7 +137,7 @@ def _table_places_mm(facts: SceneFacts) -> FloatArray | None:
     ring = np.column_stack([rim * np.cos(around), rim * np.sin(around), np.zeros(8)])
     rings = [ring + np.array([0.0, 0.0, height]) for height in (low, high)]
     corners = np.concatenate([*rings, [[0.0, 0.0, low - 0.5 * away], [0.0, 0.0, high + 0.8 * away]]])
-    if merged is not None and merged.frame == "turntable":
+    if merged is not None and merged.on_table:
         corners = np.concatenate([corners, np.quantile(merged.points_mm, [0.01, 0.99], axis=0)])
     return table.base_from_turntable.apply(corners)
 
@@ -150,7 +150,7 @@ def _object_places_mm(facts: SceneFacts) -> FloatArray | None:
     stray = 0.005 if facts.merged.fused else 0.03
     low, high = np.quantile(facts.merged.points_mm.astype(float), [stray, 1.0 - stray], axis=0)
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
-    if facts.merged.frame == "base":
+    if not facts.merged.on_table:
         return corners
     return None if facts.table is None else facts.table.base_from_turntable.apply(corners)
 

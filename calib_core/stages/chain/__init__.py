@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
+from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.graph.stage import SPHERE_FIELDS, SPHERE_READS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 
@@ -17,15 +18,14 @@ class Chain(Stage):
     reads = (
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
-    known = ("tool0_from_laser", "base_from_laser", "base_from_turntable")
+    known = (*SCANNER_FRAMES, "base_from_turntable")
     method_revision = 2  # the tool is best with the poses as told where captures share errors of the arm
     any_arrangement = True
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")
     is_answer = True
     frames: ClassVar = {
-        "tool0_from_laser": "covariance",
-        "base_from_laser": "covariance",
+        **dict.fromkeys(SCANNER_FRAMES, "covariance"),
         "base_from_turntable": "turntable_covariance",
     }
     optional = True

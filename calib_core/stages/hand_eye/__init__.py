@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
+from calib_core.cell.found import known_scanner
 from calib_core.graph.stage import FRAME_FIELDS, Stage
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class BoardHandEye(Stage):
         found = ["camera"] if known.camera is None else []
         if "laser-plane" in steps and known.laser_plane is None:
             found.append("laser-plane")
-        if "tcp" in steps and known.tool0_from_laser is None:
+        if "tcp" in steps and known_scanner(session.cell) is None:
             table = "turntable" in steps and known.base_from_turntable is None
             found.append("chain" if table else "tcp")
         return tuple(found)
@@ -52,7 +53,7 @@ class BoardHandEye(Stage):
         """Return the cell's fields that it reads: a tool that the user brought too, beside which it stands."""
         if not self.is_wanted(session):
             return ()
-        return (*self.reads, "known") if session.cell.known.tool0_from_laser is not None else self.reads
+        return (*self.reads, "known") if known_scanner(session.cell) is not None else self.reads
 
 
 def _turns_enough(session: "Session") -> bool:

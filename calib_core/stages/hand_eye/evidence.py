@@ -18,7 +18,7 @@ def evidence(_session: Session, result: HandEyeResult) -> list[AnyBlock]:
     place = [row[3] for row in result.tool0_from_camera[:3]]
     sigmas = [result.covariance[k][k] ** 0.5 for k in (3, 4, 5)]
     return [
-        *_agreement(result.agreement, result.tool0_from_laser_by_board is not None),
+        *_agreement(result.agreement, result.scanner_by_board is not None),
         *(
             Figure(label=message("Camera on the flange, {axis}", axis=axis), quantity=quantity(value, "mm", sigma))
             for axis, value, sigma in zip("xyz", place, sigmas, strict=True)
@@ -57,7 +57,7 @@ def _agreement(found: Agreement | None, with_plane: bool) -> list[AnyBlock]:
             id="agreement",
             title="Board beside sphere",
             caption=message(
-                "tool0_from_laser by the board less that of {with_stage}, in units of both "
+                "The scanner by the board less that of {with_stage}, in units of both "
                 "uncertainties. Both rest on one camera and one plane of light.",
                 with_stage=found.with_stage,
             ),

@@ -1,9 +1,10 @@
 """The result of the board's hand-eye calibration."""
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
+from calib_core.frames import RigidTransform
 from calib_core.records.base import Matrix4, Record, Rows
 from calib_core.records.results import CaptureResidual, Result
 
@@ -17,7 +18,7 @@ class HandEyeResidual(CaptureResidual):
 
 
 class Agreement(Record):
-    """How far the board's tool0_from_laser lies from the sphere's.
+    """How far the scanner on the flange by the board lies from the sphere's.
 
     `sigmas` are the six differences (rx ry rz tx ty tz, board less sphere) in units of both uncertainties,
     `distance` is the Mahalanobis distance of all six, `chance` how often an equal or larger one happens where both
@@ -55,3 +56,13 @@ class HandEyeResult(Result):
     laser_covariance: Rows | None = None
     agreement: Agreement | None = None
     residuals: list[HandEyeResidual] = Field(default_factory=list[HandEyeResidual])
+
+    @property
+    def scanner_by_board(self) -> Matrix4 | None:
+        """The tool that follows with the plane of light."""
+        return self.tool0_from_laser_by_board
+
+
+def by_board(tool: RigidTransform | None) -> dict[str, Any]:
+    """Return the tool that follows with the plane of light by the name of its field."""
+    return {"tool0_from_laser_by_board": None if tool is None else tool.to_rows()}

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.captures.camera_source import camera_of
 from calib_core.captures.dark_boards import PlaneViews
+from calib_core.cell.found import known_scanner
 from calib_core.errors import InputError
 from calib_core.estimation import chance_of
 from calib_core.findings import Finding, judgement
@@ -16,7 +17,7 @@ from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.optics.hand_eye import HandEye
 from calib_core.records.laser_plane_result import LaserPlaneResult
-from calib_core.stages.hand_eye.record import Agreement, HandEyeResidual, HandEyeResult
+from calib_core.stages.hand_eye.record import Agreement, HandEyeResidual, HandEyeResult, by_board
 
 _RARE = 0.01
 _STEP = 1e-5  # rad and mm, of the numerical derivative
@@ -63,7 +64,7 @@ def solve(given: StageInput) -> HandEyeResult:
         pitch_sigma=found.pitch_sigma,
         position_sigma_mm=found.position_sigma_mm,
         orientation_sigma_deg=float(np.rad2deg(found.orientation_sigma_rad)),
-        tool0_from_laser_by_board=None if tool is None else tool.to_rows(),
+        **by_board(tool),
         laser_covariance=None if covariance is None else covariance.tolist(),
         agreement=agreement,
         residuals=residuals,
@@ -92,7 +93,7 @@ def _residuals(
 
 
 def _with_plane(given: StageInput, found: HandEye) -> tuple[RigidTransform | None, FloatArray | None]:
-    """Return tool0_from_laser by the board and the plane of light, with its covariance (6, 6)."""
+    """Return the scanner on the flange by the board and the plane of light, with its covariance (6, 6)."""
     steps = {capture.step for capture in given.session.captures if not capture.excluded}
     if given.session.cell.known.laser_plane is not None or "laser-plane" not in steps:
         return None, None
@@ -121,16 +122,14 @@ def _agreement(given: StageInput, tool: RigidTransform, covariance: FloatArray) 
     """Return how far the board's tool is from the sphere's, None where there is no answer by the sphere."""
     cell = given.session.cell
     steps = {capture.step for capture in given.session.captures if not capture.excluded}
-    if cell.known.tool0_from_laser is not None:
-        brought = RigidTransform.from_rounded(cell.known.tool0_from_laser, "tool0", "laser")
+    if (brought := known_scanner(cell)) is not None:
         return agreement_of("known", tool, covariance, brought, np.zeros((6, 6)))
     if "tcp" not in steps:
         return None
     table = "turntable" in steps and cell.known.base_from_turntable is None
     stage = "chain" if table else "tcp"
     answer: Any = given.solve_other(stage, lambda _fraction, _what: None)
-    sphere = RigidTransform.from_rounded(answer.tool0_from_laser, "tool0", "laser")
-    return agreement_of(stage, tool, covariance, sphere, np.array(answer.covariance, dtype=float))
+    return agreement_of(stage, tool, covariance, answer.mount_from_laser, np.array(answer.covariance, dtype=float))
 
 
 def agreement_of(

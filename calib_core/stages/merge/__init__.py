@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
+from calib_core.cell.found import known_scanner
 from calib_core.graph.stage import SCAN_FIELDS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 from calib_core.steps import CaptureStep
@@ -39,7 +40,7 @@ class Merge(Stage):
         known = session.cell.known
         optics = rests_on_optics(session, self.takes)
         if known.base_from_turntable is None and self._turns(session):
-            return (*optics, "chain") if known.tool0_from_laser is None else (*optics, "tcp", "turntable")
+            return (*optics, "chain") if known_scanner(session.cell) is None else (*optics, "tcp", "turntable")
         return (*optics, "tcp") if known.base_from_turntable is None else (*optics, "tcp", "turntable")
 
     def reads_of_cell(self, session: "Session") -> tuple[str, ...]:
@@ -47,7 +48,7 @@ class Merge(Stage):
         known, reads = session.cell.known, self.reads
         if known.base_from_turntable is not None:
             reads = (*reads, "turntable.direction", "turntable.angle_sigma_deg")
-        if known.tool0_from_laser is not None and (known.base_from_turntable or not self._turns(session)):
+        if known_scanner(session.cell) is not None and (known.base_from_turntable or not self._turns(session)):
             reads = (*reads, "robot.position_sigma_mm", "robot.orientation_sigma_deg")
         return reads
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.scans import Placement, ScanGroup, poses_of, scan_groups
+from calib_core.cell.found import known_scanner, placed_scanner
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import message, sentences
@@ -78,14 +79,14 @@ def _placement(session: Session, data: Mapping[str, Mapping[str, Any]]) -> Place
     """Return tool and table as they were solved last, or as the user brought them; None without a tool."""
     known = session.cell.known
     solved = [data[stage] for stage in ("chain", "turntable", "tcp") if stage in data]
-    tool = next((r["tool0_from_laser"] for r in solved if "tool0_from_laser" in r), known.tool0_from_laser)
+    tool = next(filter(None, map(placed_scanner, solved)), known_scanner(session.cell))
     table = next((r for r in solved if "base_from_turntable" in r), None)
     matrix = known.base_from_turntable if table is None else table["base_from_turntable"]
     if tool is None:
         return None
     direction = (session.cell.turntable.direction or 1) if table is None else table["direction"]
     return Placement(
-        RigidTransform.from_rounded(tool, "tool0", "laser"),
+        tool,
         None if matrix is None else RigidTransform.from_rounded(matrix, "base", "turntable"),
         direction,
     )
@@ -99,7 +100,7 @@ def _views(session: Session, groups: Sequence[ScanGroup], placement: Placement) 
     for group in groups:
         pairs = poses_of(session, group)
         capture, pose = pairs[len(pairs) // 2]
-        way = placement.turntable_from_base(capture) @ pose @ placement.tool0_from_laser
+        way = placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser
         toward.append(way.rotate([0.0, 0.0, out]))
         read_deg.append(capture.table_deg or 0.0)
     x, y, z = np.array(toward).T

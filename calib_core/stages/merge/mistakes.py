@@ -123,7 +123,7 @@ class Mistakes:
 
     def _way(self, name: str) -> FloatArray:
         capture, pose = self._middle(name)
-        return (self._placement.turntable_from_base(capture) @ pose @ self._placement.tool0_from_laser).matrix
+        return (self._placement.turntable_from_base(capture) @ pose @ self._placement.mount_from_laser).matrix
 
     def _middle(self, name: str) -> tuple[Capture, RigidTransform]:
         pairs = poses_of(self._session, self._groups[name])
@@ -209,7 +209,7 @@ class Mistakes:
             except CalibrationError:
                 continue
             anew = [
-                (self._placement.turntable_from_base(capture) @ pose @ self._placement.tool0_from_laser).matrix
+                (self._placement.turntable_from_base(capture) @ pose @ self._placement.mount_from_laser).matrix
                 for capture, pose in zip(captures, poses, strict=True)
             ]
             moves = np.array([new @ np.linalg.inv(old) for new, old in zip(anew, where, strict=True)])

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from calib_core.cell.found import ScannerPlaced
 from calib_core.records.base import Matrix4, Record, Vector3
 from calib_core.records.results import CaptureResidual, Result
 
@@ -31,7 +32,7 @@ class MergeResidual(CaptureResidual):
 class SharedShift(Record):
     """What the scans' overlap adds to the calibration that they share.
 
-    `shift` is that of tool0_from_laser, then of base_from_turntable: rx ry rz tx ty tz each, rotation perturbing
+    `shift` is that of the scanner, then of base_from_turntable: rx ry rz tx ty tz each, rotation perturbing
     on the right, rad and mm; `covariance` (12, 12) is theirs after it.  `directions` counts those that the overlap
     determines 4.5 times better than the captures did; no other is moved.
     """
@@ -112,7 +113,7 @@ class Deviation(Record):
     within_tolerance: float | None = None
 
 
-class MergeResult(Result):
+class MergeResult(Result, ScannerPlaced):
     """All scans in one frame, and how far they lie apart where they overlap, before any registration.
 
     `cloud` and `mesh` name the files, where they were stored; `frame` says whether points are in the turntable's
@@ -146,7 +147,6 @@ class MergeResult(Result):
     self_calibration: SharedShift | None = None
     surface_sigma_mm: float | None = None
     calibrated_by: str | None = None
-    tool0_from_laser: Matrix4 | None = None
     base_from_turntable: Matrix4 | None = None
     mesh: str | None
     triangles: int = 0

@@ -13,6 +13,7 @@ from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
+from calib_core.cell.found import known_scanner, no_scanner, told_by
 from calib_core.errors import InputError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import merge as codes
@@ -169,6 +170,7 @@ def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str]) -> Pieces:
 def _calibration(given: StageInput, with_table: bool) -> _Calibration:
     """Return tool and table: brought by the user, or solved from the session's own captures."""
     known, steps = given.session.cell.known, {c.step for c in given.session.captures if not c.excluded}
+    scanner = known_scanner(given.session.cell)
     table_to_solve = known.base_from_turntable is None and "turntable" in steps
     if with_table and known.base_from_turntable is None and not table_to_solve:
         raise InputError(
@@ -181,16 +183,11 @@ def _calibration(given: StageInput, with_table: bool) -> _Calibration:
     def tell(fraction: float, what: str) -> None:
         given.progress(_CALIBRATION_SHARE * fraction, what)
 
-    stage = ("turntable" if known.tool0_from_laser else "chain") if table_to_solve else "tcp"
-    if not table_to_solve and known.tool0_from_laser is not None:
+    stage = ("turntable" if scanner else "chain") if table_to_solve else "tcp"
+    if not table_to_solve and scanner is not None:
         return _calibration_of(given.session.cell, None)
     if not table_to_solve and "tcp" not in steps:
-        raise InputError(
-            "the scanner's pose on the flange",
-            "neither captures with step 'tcp' nor cell.known.tool0_from_laser",
-            "Capture the still sphere from several robot poses, or give tool0_from_laser with the cell.",
-            "captures",
-        )
+        raise no_scanner("the scanner's pose on the flange")
     result = given.solve_other(stage, tell)
     assert isinstance(result, TcpResult | TurntableResult | ChainResult)
     return _calibration_of(given.session.cell, result)
@@ -198,7 +195,7 @@ def _calibration(given: StageInput, with_table: bool) -> _Calibration:
 
 def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResult | None) -> _Calibration:
     """Return the calibration out of what the user brings and what was solved."""
-    tool = result.tool0_from_laser if result else cell.known.tool0_from_laser
+    tool = result.mount_from_laser if result else known_scanner(cell)
     table, direction, scale = cell.known.base_from_turntable, cell.turntable.direction or 1, 1.0
     covariance = np.zeros((12, 12))
     scatter = (cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0)
@@ -221,9 +218,7 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
         covariance[6:, :6] = np.transpose(result.cross_covariance)
     base_from_turntable = None if table is None else RigidTransform.from_rounded(table, "base", "turntable")
     assert tool is not None, "the caller has seen to it"
-    placement = Placement(
-        RigidTransform.from_rounded(tool, "tool0", "laser"), base_from_turntable, direction, scale
-    )
+    placement = Placement(tool, base_from_turntable, direction, scale)
     by: str = "known" if result is None else result.stage
     arm = getattr(result, "arm_model", None)
     return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(findings), arm)
@@ -271,7 +266,7 @@ def _moves(
     placement = calibration.placement
     turntable_from_tool0 = turntable_from_base @ base_from_tool0
     moves = np.zeros((6, 12))
-    moves[:, :6] = _by_pose(turntable_from_tool0.rotation, turntable_from_tool0 @ placement.tool0_from_laser)
+    moves[:, :6] = _by_pose(turntable_from_tool0.rotation, turntable_from_tool0 @ placement.mount_from_laser)
     if placement.base_from_turntable is not None:
         # B·exp(r), t + δ: a point of T moves by −r × p − Bᵀδ, seen at the table's angle.
         turned = turntable_from_base.rotation @ placement.base_from_turntable.rotation
@@ -349,7 +344,7 @@ def _result(
         self_calibration=_shared_shift(calibration, solution.self_calibration),
         surface_sigma_mm=_number(solution.surface_sigma_mm),
         calibrated_by=calibration.by,
-        tool0_from_laser=calibration.placement.tool0_from_laser.to_rows(),
+        **told_by(calibration.placement.mount_from_laser),
         base_from_turntable=None if table is None else table.to_rows(),
         mesh=MESH_FILE if solution.mesh else None,
         triangles=len(solution.mesh.triangles) if solution.mesh else 0,

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
+from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.graph.stage import SPHERE_FIELDS, SPHERE_READS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 from calib_core.steps import CaptureStep
@@ -21,11 +22,11 @@ class Tcp(Stage):
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}
     reads = SPHERE_READS
-    known = ("tool0_from_laser", "base_from_laser")
+    known = SCANNER_FRAMES
     after = ("camera", "laser-plane")
     guided = ("tcp",)
     is_answer = True
-    frames: ClassVar = {"tool0_from_laser": "covariance", "base_from_laser": "covariance"}
+    frames: ClassVar = dict.fromkeys(SCANNER_FRAMES, "covariance")
     any_arrangement = True
     layers = ("sphere", "captures", "scanner")
 

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from calib_core.cell.found import on_flange
 from calib_core.evidence.numbers import fixed, plus_minus, quantity
 from calib_core.exports.workpiece import turned_deg
 from calib_core.messages import message
@@ -79,7 +80,7 @@ def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
 
 def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
     """Return the scanner's frame on the flange, or in base, to be typed into the controller."""
-    title = "Scanner on the flange" if result.tool0_from_laser is not None else "Scanner in base"
+    title = "Scanner on the flange" if on_flange(result.mount_from_laser) else "Scanner in base"
     return frame_block(
         session.cell.pose_convention, result.mount_from_laser, result.covariance, id="tool", title=title
     )

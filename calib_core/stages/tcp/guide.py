@@ -195,9 +195,8 @@ def _sphere(
 
 def _solved_center(result: Mapping[str, Any], home: RigidTransform) -> FloatArray:
     """Return where the sphere is in base at a pose."""
-    ball = carriers_found(result).ball
-    center = np.array(result[f"sphere_center_in_{ball}_mm"])
-    return center if ball == "base" else home.apply(center)
+    carriers = carriers_found(result)
+    return carriers.ball_in_base(np.array(result[f"sphere_center_in_{carriers.ball}_mm"]), home)
 
 
 def _seen(cell: Cell, pose: RigidTransform, measured: Measured) -> SeenCenter | None:

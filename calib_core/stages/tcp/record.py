@@ -4,9 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from calib_core.cell.found import scanner_frame
-from calib_core.frames import RigidTransform
-from calib_core.records.base import Matrix4, Record, Rows, Vector3
+from calib_core.cell.found import ScannerPlaced
+from calib_core.records.base import Record, Rows, Vector3
 from calib_core.records.results import (
     ArmErrorsFound,
     ArmModelFound,
@@ -79,11 +78,9 @@ class SessionDrift(Record):
     points: list[SessionDriftPoint] = Field(default_factory=list[SessionDriftPoint])
 
 
-class TwoStep(Record):
+class TwoStep(ScannerPlaced):
     """The paper's two-step answer, beside the joint one."""
 
-    tool0_from_laser: Matrix4 | None = None
-    base_from_laser: Matrix4 | None = None
     sphere_center_in_base_mm: Vector3 | None = None
     sphere_center_in_tool0_mm: Vector3 | None = None
     surface_rms_mm: float | None = None
@@ -94,16 +91,14 @@ class TwoStep(Record):
     reason: str | None = None
 
 
-class ToolResult(Result, TopologyFields):
+class ToolResult(Result, ScannerPlaced, TopologyFields):
     """What tells of the scanner's pose on what carries it, solved alone or together with the table.
 
-    A scanner on the flange has tool0_from_laser, and its sphere stands in base; one that stands still has
-    base_from_laser, and its sphere is on the flange.  Where the cell names its scanners, the pose is that of the
-    first that was solved, `scanner` its name, and `scanner_errors` has what was found of each; `frames` has all.
+    The sphere of a scanner on the flange stands in base, that of one that stands still is on the flange.  Where
+    the cell names its scanners, the pose is that of the first that was solved, `scanner` its name, and
+    `scanner_errors` has what was found of each; `frames` has all.
     """
 
-    tool0_from_laser: Matrix4 | None = None
-    base_from_laser: Matrix4 | None = None
     covariance: Rows
     sphere_center_in_base_mm: Vector3 | None = None
     sphere_center_in_tool0_mm: Vector3 | None = None
@@ -121,11 +116,6 @@ class ToolResult(Result, TopologyFields):
     arm_errors: ArmErrorsFound | None = None
     arm_model: ArmModelFound | None = None
     confidence_95: dict[str, float] = Field(default_factory=dict)
-
-    @property
-    def mount_from_laser(self) -> RigidTransform:
-        """The scanner's pose on what carries it."""
-        return scanner_frame(self.model_dump(include={"tool0_from_laser", "base_from_laser"}))
 
     @property
     def sphere_center_mm(self) -> list[float]:

@@ -67,7 +67,7 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     found += lost_rays_of(solved.observations)
     found += arm_findings(given.session.cell, solved.solution.arm)
     # Other readings of poses are tried for a sphere that stands still alone.
-    stands = solved.solution.joint.ball == "base"
+    stands = solved.solution.joint.ball_stands_still
     causes = _causes_of_poses(given, solved) if stands and _is_doubtful(found, solved) else []
     about_causes = {name for cause in causes for name in cause.captures}
     told = [one for one in found if not (one.remedy is not None and about_causes & set(one.captures))]

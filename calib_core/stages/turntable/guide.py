@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.cell.found import known_scanner
 from calib_core.errors import InputError
 from calib_core.findings import has_code
 from calib_core.findings.codes.turntable import PLAY_NOT_CHECKED
@@ -160,7 +161,7 @@ def _captures(session: Session) -> list[Capture]:
 
 def _has_tcp(session: Session) -> bool:
     """Whether there is a chain to solve: a tool that comes from captures, not one that was given."""
-    return session.cell.known.tool0_from_laser is None and any(c.step == "tcp" for c in session.captures)
+    return known_scanner(session.cell) is None and any(c.step == "tcp" for c in session.captures)
 
 
 def _angles_by_mount(captures: Sequence[Capture]) -> dict[str, list[float]]:

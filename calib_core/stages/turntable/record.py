@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from calib_core.cell.found import ScannerPlaced
 from calib_core.records.base import Matrix4, Record, Rows, Vector3
 from calib_core.records.results import CaptureResidual, Result, Undetermined, VarianceComponents
 from calib_core.records.topology import TopologyFields
@@ -86,13 +87,11 @@ class TableFields(Record):
     angle_rms_deg: float
 
 
-class TurntableResult(Result, TableFields, TopologyFields):
+class TurntableResult(Result, TableFields, ScannerPlaced, TopologyFields):
     """The turntable, with its evidence; the scanner's pose that it rests on is on the flange or in base."""
 
     stage: Literal["turntable"] = "turntable"
     covariance: Rows
-    tool0_from_laser: Matrix4 | None = None
-    base_from_laser: Matrix4 | None = None
     undetermined: list[Undetermined] = Field(default_factory=list)
     variance_components: VarianceComponents
     residuals: list[TurntableResidual]

@@ -8,13 +8,12 @@ import numpy as np
 
 from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import lost_rays_of
-from calib_core.cell.axes import axis_of_mounts, moved_axes, reading_sigmas
-from calib_core.cell.carriers import scanner_mount
+from calib_core.cell.axes import axis_of_mounts, moved_axes, names_axes, reading_sigmas
+from calib_core.cell.found import known_scanner, no_scanner
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.errors import InputError, MotionError
 from calib_core.findings import Finding, judged, verdict_of
 from calib_core.findings.codes import turntable as codes
-from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
 from calib_core.messages import Names
@@ -48,7 +47,7 @@ def solve(given: StageInput) -> TurntableResult:
     from calib_core.stages.turntable.result import turntable_result
 
     cell = given.session.cell
-    known = known_mount(cell)
+    known = known_scanner(cell)
     found: list[Finding] = []
     if known is not None:
         tool, sphere = KnownTool(known), sphere_of(cell, given.captures)
@@ -74,30 +73,22 @@ def findings_of_table(
     from calib_core.stages.turntable.verdict import table_findings
 
     found = table_findings(table.solution, table.observations, given.session.cell)
-    if verdict_of(found) == "pass" or given.session.cell.turntable.angles == "unknown" or given.session.cell.axes:
+    if (
+        verdict_of(found) == "pass"
+        or given.session.cell.turntable.angles == "unknown"
+        or names_axes(given.session.cell)
+    ):
         return found
     given.progress(0.99, "Trying other angles of the table")
     captures = [capture for capture in given.captures if capture.step == "turntable"]
     return [*table_causes(captures, table.observations, sphere, mounts), *found]
 
 
-def known_mount(cell: Cell) -> RigidTransform | None:
-    """Return where the scanner is known to be on what carries it, None where it is to be found."""
-    mount = scanner_mount(cell)
-    rows = getattr(cell.known, f"{mount}_from_laser")
-    return None if rows is None else RigidTransform.from_rounded(rows, mount, "laser")
-
-
 def tcp_of(given: StageInput) -> SolvedTcp:
     """Return the tcp captures' solution; raises as the tcp stage does."""
     captures = [capture for capture in given.session.captures if capture.step == "tcp"]
     if not captures:
-        raise InputError(
-            "the scanner's pose on the flange before the turntable's",
-            "neither captures with step 'tcp' nor cell.known.tool0_from_laser",
-            "Capture the still sphere from several robot poses first, or give tool0_from_laser with the cell.",
-            "captures",
-        )
+        raise no_scanner("the scanner's pose on the flange before the turntable's")
     return solve_tcp_captures(replace(given, captures=captures, progress=part_of(given.progress, 0.0, _TCP_SHARE)))
 
 
@@ -135,7 +126,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     captures = [capture for capture in given.captures if not capture.excluded]
     cell = given.session.cell
     turning = cell.turntable
-    if turning.angles != "unknown" and not cell.axes:
+    if turning.angles != "unknown" and not names_axes(cell):
         _require_angles(captures)
     observed = observe_stage(replace(given, progress=part_of(progress, 0.0, 0.3)))
     by_id = {capture.id: capture for capture in captures}

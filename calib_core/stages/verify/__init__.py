@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
+from calib_core.cell.found import known_scanner
 from calib_core.graph.stage import SCAN_FIELDS, SPHERE_FIELDS, SPHERE_READS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 from calib_core.steps import CaptureStep
@@ -44,7 +45,7 @@ class Verify(Stage):
         """Return the stage that gives the answer, and what turns raw frames into points."""
         steps = {capture.step for capture in session.captures if not capture.excluded}
         known = session.cell.known
-        brought = known.tool0_from_laser is not None or known.base_from_turntable is not None
+        brought = known_scanner(session.cell) is not None or known.base_from_turntable is not None
         return (
             *rests_on_optics(session, self.takes),
             "chain" if {"tcp", "turntable"} <= steps and not brought else "tcp",

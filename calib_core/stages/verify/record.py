@@ -4,7 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from calib_core.records.base import Matrix4, Record, Rows, Vector3
+from calib_core.cell.found import ScannerPlaced
+from calib_core.records.base import Record, Rows, Vector3
 from calib_core.records.results import CaptureResidual, Result
 
 
@@ -44,7 +45,7 @@ class VerifyCheck(Record):
     reason: str = ""
 
 
-class VerifyResult(Result):
+class VerifyResult(Result, ScannerPlaced):
     """How far the sphere's centre scatters over captures that the answer was not solved from.
 
     `held_out_scatter_rms_mm` is the root mean square of the captures' distances to `sphere_center_in_base_mm`;
@@ -61,7 +62,6 @@ class VerifyResult(Result):
 
     stage: Literal["verify"] = "verify"
     verified: str
-    tool0_from_laser: Matrix4
     sphere_center_in_base_mm: Vector3 | None
     sphere_center_covariance: Rows | None
     surface_rms_mm: float | None

@@ -9,11 +9,11 @@ import numpy as np
 from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED
+from calib_core.cell.found import known_scanner, told_by
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import verify as codes
-from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.messages import message
@@ -121,7 +121,7 @@ def solve(given: StageInput) -> VerifyResult:
         inputs_sha256=given.inputs_sha256,
         **judgement(findings),
         verified=verified,
-        tool0_from_laser=tool.mount_from_laser.to_rows(),
+        **told_by(tool.mount_from_laser),
         surface_rms_mm=float(np.sqrt(np.mean(surfaces**2))) if len(surfaces) else None,
         **_figures(found, knows_uncertainty),
         checks=checks,
@@ -201,7 +201,7 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[F
         inputs_sha256=given.inputs_sha256,
         **judgement(findings),
         verified=verified,
-        tool0_from_laser=tool.mount_from_laser.to_rows(),
+        **told_by(tool.mount_from_laser),
         sphere_center_in_base_mm=None,
         sphere_center_covariance=None,
         surface_rms_mm=None,
@@ -289,9 +289,7 @@ def _spacing(
 def _tool(given: StageInput) -> tuple[Tool, str, list[Finding], ArmModelFound | None]:
     """Return the tool to verify, its stage or "known", what is to be doubted about it, and the arm's errors."""
     cell = given.session.cell
-    known = cell.known.tool0_from_laser
-    if known is not None:
-        tool = RigidTransform.from_rounded(known, "tool0", "laser")
+    if (tool := known_scanner(cell)) is not None:
         robot = cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0
         return Tool(tool, np.zeros((6, 6)), *robot), "known", [], None
     stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"

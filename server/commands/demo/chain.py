@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.archive.folder import result_data
+from calib_core.cell.found import scanner_frame
 from calib_core.evidence.numbers import quantity, quantity_text
 from calib_core.evidence.text import plain
 from calib_core.frames import RigidTransform
@@ -92,7 +93,7 @@ def _table(result: TurntableResult | ChainResult, truth: dict[str, Any]) -> Iter
         yield f"  {'paper, direction error':22}{f'{error_deg:.4f}°':>46}"
     if isinstance(result, ChainResult):
         tool = result.mount_from_laser
-        off = tool.difference(RigidTransform.from_rounded(truth["tool0_from_laser"], "tool0", "laser"))
+        off = tool.difference(scanner_frame(truth))
         text = f"{np.rad2deg(np.linalg.norm(off[:3])):.3f}° and {np.linalg.norm(off[3:]):.3f} mm"
         yield f"  {'tool, error':22}{text:>46}"
 
@@ -107,7 +108,7 @@ def _angle_deg(one: list[float], other: list[float]) -> float:
 
 def _tcp(result: TcpResult, truth: dict[str, Any]) -> Iterator[str]:
     found = result.mount_from_laser
-    true = RigidTransform.from_rounded(truth["tool0_from_laser"], "tool0", "laser")
+    true = scanner_frame(truth)
     sigmas = np.sqrt(np.diag(np.array(result.covariance)))
     yield f"\ntcp: where the scanner is on the flange — verdict {result.verdict}"
     yield f"  {'':22}{'found ± 95 %':>24}{'truth':>12}{'error':>10}"
@@ -123,8 +124,7 @@ def _rotation(result: TcpResult, found: RigidTransform, true: RigidTransform, si
     sigma_deg = float(np.rad2deg(np.linalg.norm(sigmas)))
     error_deg = float(np.rad2deg(np.linalg.norm(true.difference(found)[:3])))
     yield f"  {'rotation, error':22}{f'{error_deg:.3f}° (expected about {sigma_deg:.3f}°)':>46}"
-    if result.two_step.tool0_from_laser is not None:
-        two = RigidTransform.from_rounded(result.two_step.tool0_from_laser, "tool0", "laser")
+    if (two := result.two_step.placed_scanner) is not None:
         off = true.difference(two)
         text = f"{np.rad2deg(np.linalg.norm(off[:3])):.3f}° and {np.linalg.norm(off[3:]):.3f} mm"
         yield f"  {'two-step, error':22}{text:>46}"

@@ -9,6 +9,7 @@ from calib_core.archive.archive import is_archive, opened
 from calib_core.archive.dates import solved_when
 from calib_core.archive.folder import load_results, load_session
 from calib_core.archive.stored_clouds import media_types
+from calib_core.cell.found import known_scanner
 from calib_core.errors import InputError
 from calib_core.exports.answer import answer_of
 from calib_core.exports.backups import write_into
@@ -72,7 +73,7 @@ def export(options: argparse.Namespace) -> int:
 def _answering_stage(session: Session) -> str:
     """Return the stage whose result is the answer: the whole chain where there are captures for it."""
     known = session.cell.known
-    if known.tool0_from_laser or known.base_from_turntable:
+    if known_scanner(session.cell) or known.base_from_turntable:
         return "tcp"
     solvable = stages_to_solve(session)
     return next((name for name in tool_stages() if name in solvable), "tcp")

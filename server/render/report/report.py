@@ -7,6 +7,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from calib_core import __version__
+from calib_core.cell.found import placed_scanner
 from calib_core.evidence.html import result_html, verdict_words
 from calib_core.evidence.style import STYLE
 from calib_core.exports.workpiece import covariance_in
@@ -151,6 +152,6 @@ def _around_places(text: str) -> list[str]:
 
 def _evidence(session: Session, data: Data) -> list[AnyBlock]:
     for name in _COVARIANCES:
-        if name in data and data.get("tool0_from_laser") is not None:
+        if name in data and placed_scanner(data) is not None:
             covariance_in(data, name)
     return stored_evidence(session, data)
