@@ -2,7 +2,10 @@
 
 from calib_core.cell.layout import Carrier
 from calib_core.cell.walk import Carriers
-from calib_core.records import Capture, Cell, Scanner
+from calib_core.records import Capture, Cell, Scanner, Sphere
+
+_DISTANCE_SIGMA_MM = 0.01
+"""Of a calibrated distance of which nothing is told."""
 
 
 def scanner_mount(cell: Cell, scanner: str | None = None) -> Carrier:
@@ -27,6 +30,18 @@ def arrangement_of(cell: Cell) -> str:
 def other_end(mount: Carrier) -> Carrier:
     """Return what carries a ball of which nothing is told: the robot's other end, from its scanner."""
     return "tool0" if mount == "base" else "base"
+
+
+def told_balls(cell: Cell, carrier: str) -> list[Sphere]:
+    """Return what is told of the balls that a frame carries."""
+    end = other_end(scanner_mount(cell))
+    return [ball for ball in cell.spheres or [] if (ball.on or end) == carrier]
+
+
+def told_distances(cell: Cell) -> tuple[tuple[str, str, float, float], ...]:
+    """Return the told distances of balls: both names, mm, and the standard deviation."""
+    told = cell.sphere_distances or []
+    return tuple((d.between[0], d.between[1], d.mm, d.sigma_mm or _DISTANCE_SIGMA_MM) for d in told)
 
 
 def ball_on_flange(cell: Cell) -> bool:

@@ -120,6 +120,11 @@ class Layout:
         carriers = {carrier for carrier, _ in self.places}
         return max((n for n, axis in enumerate(self.axes) if axis.name in carriers), default=0)
 
+    @property
+    def mountings(self) -> tuple[str, ...]:
+        """The names of the places on that axis."""
+        return tuple(self.places[n][1] for n in self.on_axis(self.table)) if self.axes else ()
+
     @cached_property
     def of_mounts(self) -> np.ndarray:
         """The columns of all mounts."""

@@ -131,6 +131,10 @@ class Walk:
         own = [names.index(carrier) if carrier in names else -1 for carrier, _ in self.layout.places]
         return np.array(own)[self.place]
 
+    def main_place(self, which: np.ndarray) -> int:
+        """Return which place most of some captures (K,) saw."""
+        return int(np.argmax(np.bincount(self.place[which])))
+
     def across_robot(self) -> tuple[FloatArray, FloatArray]:
         """Return what is recorded from what carries the scanner into what carries the ball, (K, 3, 3), (K, 3).
 

@@ -115,14 +115,14 @@ def layout_of(observations: Sequence[SphereObservation], axes: Sequence[MovedAxi
 
 
 def _stops(walk: Walk) -> np.ndarray:
-    """Return which captures of several scanners were taken at one stop of the robot: `ChainData.stop`."""
-    numbers = np.full(len(walk.scanner), -1)
-    if len(walk.layout.mounts) == 1:
+    """Return which captures of several scanners or balls were taken at one stop of the robot: `ChainData.stop`."""
+    numbers, ends = np.full(len(walk.scanner), -1), list(zip(walk.scanner, walk.place, strict=True))
+    if len({*ends}) == 1:
         return numbers
     poses = np.hstack([walk.rotations.reshape(-1, 9), walk.translations, walk.readings])
     _, stop, count = np.unique(poses, axis=0, return_inverse=True, return_counts=True)
     stop = stop.ravel()
-    several = np.array([len(set(walk.scanner[stop == n].tolist())) > 1 for n in range(len(count))])
+    several = np.array([len({ends[k] for k in np.flatnonzero(stop == n)}) > 1 for n in range(len(count))])
     some = several[stop] & (walk.over_robot != 0)
     numbers[some] = np.unique(stop[some], return_inverse=True)[1].ravel()
     return numbers

@@ -235,8 +235,9 @@ class ChainData:
         walk = self.walk
         if len(walk.layout.mounts) == len(walk.layout.places) == 1 and not walk.layout.axes:
             return self
-        place = walk.place[int(np.argmax(walk.scanner == which))]
-        some = self.chosen((walk.scanner == which) & (walk.place == place))
+        own = walk.scanner == which
+        place = walk.main_place(own)
+        some = self.chosen(own & (walk.place == place))
         alone = Layout((walk.layout.mounts[which],), (walk.layout.places[place],))
         kept, zero = some.nuisance_of[0], np.zeros(some.count, dtype=np.int64)
         moved = some.walk.translations + some.walk.readings @ ways

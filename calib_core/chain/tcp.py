@@ -4,6 +4,7 @@ Reads as a table of contents: find a start, fit jointly, reject what does not be
 covariance, residuals, leave-one-out, undetermined directions, and the paper's two steps beside it.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -23,6 +24,7 @@ from calib_core.chain.arm_model import (
     with_poses_of,
 )
 from calib_core.chain.arrays import chain_data, layout_of
+from calib_core.chain.balls import candidates, middle_of
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.incidents import Happened, named_causes
@@ -37,7 +39,7 @@ from calib_core.chain.rejection import Judged, core_of, judge_from, with_more_sp
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.scanner import corrected as without_errors
 from calib_core.chain.sides import ChosenSides, likeliest_sides
-from calib_core.chain.start import Start, centers_of, find_starts
+from calib_core.chain.start import Centers, Start, centers_of, find_starts
 from calib_core.chain.two_step import (
     EQUAL_ORIENTATION_RAD,
     TwoStepAnswer,
@@ -68,7 +70,7 @@ class TcpOptions:
     `arm_terms`: those that observations' `arm_moves` are of; `apply_arm`: the arm's errors are taken out of the
     poses where other poses are predicted better by that, and the tool is that of such poses.
     `taken_at_s`: when captures were taken, by their ids.  `axes`: those that the cell names, with the standard
-    deviations of their readings, rad or mm.
+    deviations of their readings, rad or mm.  `distances`: told ones of balls, by name, with sigmas in mm.
     """
 
     position_sigma_mm: float | None = None
@@ -81,6 +83,13 @@ class TcpOptions:
     axis_sigmas: tuple[float | None, ...] = ()
     arm_terms: tuple[ArmTerm, ...] = ()
     apply_arm: bool = False
+    distances: tuple[tuple[str, str, float, float], ...] = ()
+
+    def distances_of(self, layout: Layout) -> tuple[tuple[int, int, float, float], ...]:
+        """Return the told distances of balls that were seen, by their places."""
+        places = {name: n for n, (_, name) in enumerate(layout.places)}
+        some = [one for one in self.distances if one[0] in places and one[1] in places]
+        return tuple((places[one], places[other], mm, sigma) for one, other, mm, sigma in some)
 
     def sigmas_of(self, layout: Layout) -> list[float | None]:
         """Return what is told of the readings of some of the axes."""
@@ -211,8 +220,9 @@ def solve_tcp(
 
     tell(0.05, "Searching tool, sphere and sides")
     groups = by_scanner(observations)
+    mains = main_balls(observations, groups)
     layout = layout_of(observations, moving_axes(observations, options.axes))
-    ways, starts = _starts(observations, sphere, layout, groups)
+    ways, starts = _starts(observations, sphere, layout, mains)
 
     tell(0.35, "Fitting all captures jointly")
     measured_sigma = pooled_point_sigma(observations, sphere)
@@ -225,7 +235,9 @@ def solve_tcp(
         likeliest_sides(data.of_one_scanner(n, ways), of_scanner, given[:2]) for n, of_scanner in enumerate(starts)
     ]
     chosen, start = every[0], every[0].start
-    state, core, spread = together(data, groups, every, ways)
+    data = replace(data, distances=options.distances_of(layout))
+    state, core, spread = together(data, mains, every, ways)
+    state, core = with_other_balls(data, centers_of(observations, sphere), state, core)
     judged = with_more_spread(judge_from(observations, data, state, core, given), spread)
     held = hold_files(judged, options.apply_scanner)
     arm = None
@@ -302,6 +314,33 @@ def by_scanner(observations: Sequence[SphereObservation]) -> list[np.ndarray]:
     return [np.flatnonzero([other == name for other in names]) for name in dict.fromkeys(names)]
 
 
+def main_balls(observations: Sequence[SphereObservation], groups: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return which observations of each scanner are of the ball that it saw most."""
+    found: list[np.ndarray] = []
+    for some in groups:
+        balls = Counter((observations[k].carriers.ball, observations[k].ball) for k in some)
+        main = balls.most_common(1)[0][0]
+        found.append(np.array([k for k in some if (observations[k].carriers.ball, observations[k].ball) == main]))
+    return found
+
+
+def with_other_balls(
+    data: ChainData, centers: Centers, state: ChainState, core: np.ndarray
+) -> tuple[ChainState, np.ndarray]:
+    """Return a state with the places of balls that no scanner saw most, and captures that agree with it."""
+    places, core, at = state.position.places.copy(), core.copy(), state.position
+    for place in np.flatnonzero(~np.isfinite(places).all(axis=1)):
+        some = np.flatnonzero(data.walk.place == place)
+        n = int(data.walk.scanner[some[0]])
+        own = some[data.walk.scanner[some] == n]
+        both = candidates(centers.chosen(own), at.mount_rotations[n], at.mount_translations[n])
+        places[place], misfit = middle_of(both)
+        core[own] = core_of(misfit)
+    if np.isfinite(at.places).all():
+        return state, core
+    return ChainState.at(data, replace(at, places=places)), core
+
+
 def moving_axes(observations: Sequence[SphereObservation], axes: Sequence[MovedAxis]) -> tuple[MovedAxis, ...]:
     """Return the axes that carry the robot and that moved between captures of the still sphere.
 
@@ -361,9 +400,9 @@ def with_own_sigmas(
 
 def visits_of(data: ChainData) -> FloatArray:
     """Return how often each capture's scanner was at its pose, (K,)."""
-    found = np.ones(data.count)
-    for n in range(len(data.walk.layout.mounts)):
-        own = data.walk.scanner == n
+    found, ends = np.ones(data.count), np.column_stack([data.walk.scanner, data.walk.place])
+    for end in np.unique(ends, axis=0):
+        own = (ends == end).all(axis=1)
         found[own] = visits(data.rotations[own], data.translations[own])
     return found
 
@@ -375,6 +414,7 @@ def together(
     layout, starts = data.walk.layout, [one.start for one in chosen]
     core, spread = np.zeros(data.count, dtype=bool), np.zeros((data.unknowns, data.unknowns))
     centers: list[list[FloatArray]] = [[] for _ in layout.places]
+    unseen = np.full(3, np.nan)
     for n, (some, one) in enumerate(zip(groups, chosen, strict=True)):
         core[some] = core_of(one.start.misfit_mm)
         place = int(data.walk.place[some[0]])
@@ -387,7 +427,7 @@ def together(
     position = Position(
         np.array([start.rotation for start in starts]),
         np.array([start.translation for start in starts]),
-        np.array([np.mean(found, axis=0) for found in centers]),
+        np.array([np.mean(found, axis=0) if found else unseen for found in centers]),
         tuple(AxisState(with_third(way), np.zeros(3)) for way in ways),
     )
     return ChainState.at(data, position), core, spread
@@ -496,7 +536,7 @@ def _paper(
     if judged.data.walk.layout.axes:
         return None, TwoStepAnswer(None, None, None, (), "the robot stands on an axis that moved"), None
     sphere = SphereSize(2 * state.radius_mm, sphere.sigma_mm)
-    used = np.flatnonzero(judged.used & (judged.data.walk.scanner == 0)).tolist()
+    used = np.flatnonzero(judged.used & (judged.data.walk.scanner == 0) & (judged.data.walk.place == 0)).tolist()
     rotations, translations = judged.data.rotations[used], judged.data.translations[used]
     centers = np.array([observations[k].sphere_center_in_laser_mm(sphere, int(sides[k])) for k in used])
     answer = two_step(rotations, translations, centers)

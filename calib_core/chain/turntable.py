@@ -204,7 +204,6 @@ def solve_turntable(
     covariance = with_spread(covariance, spread)
 
     tell(0.8, "Testing the encoder, drawing the paper's circles")
-    mounts = readings_of(observations)[1]
     size = data.walk.layout.axis_and_places(data.walk.layout.table)
     frame = frame_by_rule(state.table, options.direction)
     residuals = table_residuals(observations, data.walk, state, frame)
@@ -215,7 +214,7 @@ def solve_turntable(
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,
         captures=[o.sphere.capture for o in observations],
-        mounts=mounts,
+        mounts=state.walk.layout.mountings,
         used=judged.used,
         squared_distance=judged.squared_distance,
         excess=judged.excess,

@@ -29,7 +29,6 @@ from calib_core.chain.table_judging import EncoderScale, judge_table
 from calib_core.chain.table_moves import table_move_of
 from calib_core.chain.table_patterns import pattern_of
 from calib_core.chain.table_residuals import table_residuals
-from calib_core.chain.table_start import readings_of
 from calib_core.chain.table_tool import with_tool_move
 from calib_core.chain.tcp import (
     Progress,
@@ -182,6 +181,7 @@ def _judge(
     data = chain_data(spheres, sphere, point_sigma, options.priors, layout)
     repeated = visits_of(data.chosen(np.arange(data.count) < still))
     data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))
+    data = replace(data, distances=tcp.options.distances_of(layout))
     data = data.holding(layout.scale(layout.table), not turntable.encoder.applied)
     one, other = tcp.held.state.position, turntable.state.position
     mounts = one.mount_rotations, one.mount_translations
@@ -246,7 +246,6 @@ def _table_part(
     state, count = held.state, len(observations)
     if held.applied:
         observations = corrected_table(observations, held)
-    mounts = readings_of(observations)[1]
     walk = judged.data.walk.chosen(np.arange(judged.data.count) >= judged.data.count - count)
     frame = frame_by_rule(state.table, options.direction)
     residuals = table_residuals(observations, walk, state, frame)
@@ -261,7 +260,7 @@ def _table_part(
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,
         captures=[o.sphere.capture for o in observations],
-        mounts=mounts,
+        mounts=state.walk.layout.mountings,
         used=used,
         squared_distance=judged.squared_distance[-count:],
         excess=judged.excess,

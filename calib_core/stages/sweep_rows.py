@@ -44,6 +44,8 @@ def mark_sweeps(rows: Sequence[_Row], captures: Sequence[Capture]) -> list[_Row]
         if capture.kind == "sweep" and row.profiles is None:
             seen = int(row.points > 0)
             row = row.model_copy(update={"profiles": seen, "profiles_used": int(row.used) * seen})
+        elif capture.kind != "sweep" and row.profiles is not None:  # arcs of several balls
+            row = row.model_copy(update={"profiles": None, "profiles_used": None})
         marked.append(row)
     return marked
 

@@ -17,6 +17,7 @@ CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
         ("positioner", ["tool0_from_laser", "tilt", "turn"]),
         ("rail", ["tool0_from_laser", "rail"]),
         ("slide", ["tool0_from_laser", "slide"]),
+        ("two-tables", ["tool0_from_laser", "one", "two"]),
     ],
 )
 def test_every_edge_is_within_what_is_stated(scenario: str, names: list[str]) -> None:

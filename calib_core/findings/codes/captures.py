@@ -96,6 +96,20 @@ CAPTURE_DUPLICATE = Code(
     usual_causes="A capture that was uploaded twice.",
 )
 
+CAPTURE_OF_NO_BALL = Code(
+    "capture-of-no-ball",
+    "warning",
+    text=Plural(
+        "{captures} is not used: what looks like a ball in it is where none of the cell's balls is.",
+        "{captures} are not used: what looks like a ball in them is where none of the cell's balls is.",
+    ),
+    to_do="Look for a reflection or another round thing there, or capture that ball from at least three poses.",
+    reason="what looks like a ball is where none of the cell's balls is",
+    meaning="Several balls were told apart by where each is; this arc fits none of them.",
+    decided="It lies more than 4 mm from every ball that at least three captures show.",
+    usual_causes="A reflection of a ball, another round thing, or a ball that only one or two captures show.",
+)
+
 CAPTURE_NOT_MEASURED = Code(
     "capture-not-measured",
     "warning",

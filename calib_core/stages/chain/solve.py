@@ -23,7 +23,9 @@ def solve(given: StageInput) -> ChainResult:
     """Return tool and turntable from all captures of both; raises as the two stages do."""
     from calib_core.chain.whole import solve_chain
     from calib_core.stages.chain.result import chain_result
+    from calib_core.stages.tcp.balls import spheres_found
     from calib_core.stages.turntable.play import play_findings
+    from calib_core.stages.turntable.result import balls_on_table
 
     turning = [capture for capture in given.captures if capture.step == "turntable"]
     for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
@@ -57,6 +59,10 @@ def solve(given: StageInput) -> ChainResult:
     result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256, found)
     if result.arm_model is not None and result.arm_model.applied:
         result = result.model_copy(update={"arm_model": _with_controller(given, result.arm_model)})
+    balls = spheres_found(given.session.cell, solution.tcp) + balls_on_table(
+        table.observations, solution.turntable
+    )
+    result = result.model_copy(update={"spheres": balls})
     if given.session.cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
     return with_all_rows(result, given.captures, [*solved.unused, *table.unused])

@@ -1,6 +1,7 @@
 """The tcp stage: every capture of the sphere observed, the joint solve, one row of residuals a capture."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 from calib_core.captures.arm_joints import terms_of, with_arm_moves
@@ -11,6 +12,7 @@ from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.causes.flange import flange_findings
 from calib_core.cell.axes import moved_axes, reading_sigmas
+from calib_core.cell.carriers import told_distances
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.findings import Finding, reasons_of, sentence_of, verdict_of
@@ -42,6 +44,7 @@ def solve(given: StageInput) -> TcpResult:
     MotionError
         If the motions do not determine the answer.
     """
+    from calib_core.stages.tcp.balls import spheres_found
     from calib_core.stages.tcp.result import tcp_result
 
     try:
@@ -53,6 +56,7 @@ def solve(given: StageInput) -> TcpResult:
     if verdict_of(found) == "fail":
         found += _doubts_of_pitch(given)
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256, found)
+    result = result.model_copy(update={"spheres": spheres_found(given.session.cell, solved.solution)})
     return with_all_rows(result, given.captures, solved.unused)
 
 
@@ -122,10 +126,11 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
 def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     from calib_core.chain.arm_model import corrected
     from calib_core.chain.tcp import TcpOptions, solve_tcp
+    from calib_core.stages.tcp.balls import named_by_distances, with_all_balls
 
     cell = given.session.cell
     sphere = sphere_of(cell, [capture for capture in given.captures if not capture.excluded])
-    observed = observe_stage(given)
+    observed = with_all_balls(given, observe_stage(given), sphere)
     options = TcpOptions(
         position_sigma_mm=cell.robot.position_sigma_mm,
         orientation_sigma_rad=cell.robot.orientation_sigma_rad,
@@ -137,15 +142,18 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         axis_sigmas=reading_sigmas(cell),
         taken_at_s=tuple((c.id, c.device_time_s) for c in given.captures if c.device_time_s is not None),
     )
+    seen = observed.observations
     try:
-        solution = solve_tcp(observed.observations, sphere, options, _later(given.progress))
+        solution = solve_tcp(seen, sphere, options, _later(given.progress))
+        if (named := named_by_distances(cell, seen, solution)) is not None:  # whose distances are measurements
+            seen = named
+            solution = solve_tcp(seen, sphere, replace(options, distances=told_distances(cell)))
     except MotionError as error:
         raise error.with_failures(observed.failed) from None
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.captures.frame_uncertainty import with_calibration_uncertainty
 
         solution = with_calibration_uncertainty(given.session, given.read, solution)
-    seen = observed.observations
     if solution.arm is not None and solution.arm.applied:
         seen = corrected(seen, solution.arm)
     return SolvedTcp(solution, seen, sphere, observed.unused)

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.cell.axes import frame_of
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.frames import FloatArray
 from calib_core.records import VarianceComponents
+from calib_core.records.topology import FoundSphere
 from calib_core.stages.axes_found import axes_found
 from calib_core.stages.tcp.result import components, estimated_of_robot
 from calib_core.stages.turntable.record import (
@@ -46,6 +48,7 @@ def turntable_result(
         variance_components=variance_components(solution),
         residuals=table_rows(observations, solution, findings),
         axes=axes_found(solution.state, solution.unknowns_covariance, known="robot"),
+        spheres=balls_on_table(observations, solution),
         **table_fields(observations, solution),
     )
 
@@ -100,6 +103,24 @@ def table_fields(observations: Sequence[TableObservation], table: TurntableSolut
         "axial_rms_mm": _rms(residuals.axial_mm[used]),
         "angle_rms_deg": float(np.rad2deg(_rms(residuals.angle_rad[used]))),
     }
+
+
+def balls_on_table(observations: Sequence[TableObservation], table: TurntableSolution) -> list[FoundSphere]:
+    """Return each mounting's ball on the last axis that carries one, and who saw it."""
+    layout, covariance = table.state.walk.layout, table.covariance.mounts
+    some = [o for o, used in zip(observations, table.used, strict=True) if used]
+    return [
+        FoundSphere.model_validate(
+            {
+                "name": name or "sphere-on-table",
+                "in": frame_of(layout.axes[layout.table].name),
+                "center_mm": place.tolist(),
+                "covariance": covariance[3 * n : 3 * n + 3, 3 * n : 3 * n + 3].tolist(),
+                "captures": list(dict.fromkeys(o.sphere.capture for o in some if o.mount == name)),
+            }
+        )
+        for n, (name, place) in enumerate(zip(table.mounts, table.frame.mounts_mm, strict=True))
+    ]
 
 
 def table_rows(

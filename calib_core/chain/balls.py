@@ -1,0 +1,185 @@
+"""Several balls: which arc is of which ball, found by where a scanner on one mount sees all of them.
+
+Any few arcs of one ball fix the mount about as well as a session of one ball does, and then every arc tells where
+its ball is, on either side of the plane of light.  So mounts are sought from many random few, the one taken by
+which most arcs come together in few places.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+
+import numpy as np
+
+from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.start import Centers, Start, centers_of, find_starts
+from calib_core.chain.start_search import random_few, random_rotations
+from calib_core.frames import FloatArray
+
+_DRAWS = 16_000
+_FEW = 5
+_BEST = 12
+_ALIKE_MM = 1.5
+_TOGETHER_MM = 4.0
+_LEAST = 3
+"""Arcs of a ball; fewer tell nothing of it."""
+_MOST_BALLS = 8
+_NO_MORE = 0.8  # of the arcs: where one ball has so many, the others are stray
+
+
+@dataclass(frozen=True, eq=False)
+class Balls:
+    """Arcs by their balls.
+
+    Attributes
+    ----------
+    ball : (K,) int
+        Which ball each is of, those with most arcs first; −1: of none.
+    centers : (B, 3)
+        Where they are in what carries them, mm.
+    misfit_mm : (K,)
+        How far each arc lies from its ball; infinite for those of none.
+    """
+
+    ball: np.ndarray
+    centers: FloatArray
+    misfit_mm: FloatArray
+
+
+def labelled(
+    observations: Sequence[SphereObservation], sphere: SphereSize, groups: Sequence[np.ndarray]
+) -> list[SphereObservation] | None:
+    """Return the arcs of each scanner's group with the names of their balls; None where one ball explains all.
+
+    The names are `sphere-1`, `sphere-2`, …, in the order of how many arcs each has, and empty for arcs of none.
+    """
+    names, places = [""] * len(observations), list[tuple[str, FloatArray]]()
+    for some in groups:
+        found = balls_of(centers_of([observations[k] for k in some], sphere))
+        if found is None or len(found.centers) < 2 or np.mean(found.ball == 0) > _NO_MORE:
+            return None
+        carrier = observations[some[0]].carriers.ball
+        own = [_place(places, carrier, center) for center in found.centers]
+        for k, n in zip(some, found.ball, strict=True):
+            names[k] = f"sphere-{own[n] + 1}" if n >= 0 else ""
+    return [replace(o, ball=name) for o, name in zip(observations, names, strict=True)]
+
+
+def _place(places: list[tuple[str, FloatArray]], carrier: str, center: FloatArray) -> int:
+    """Return the number of a place among those that scanners before found, or a new one's."""
+    for n, (other, at) in enumerate(places):
+        if other == carrier and np.linalg.norm(at - center) < 2 * _TOGETHER_MM:
+            return n
+    places.append((carrier, center))
+    return len(places) - 1
+
+
+def balls_of(centers: Centers) -> Balls | None:
+    """Return which ball each arc is of by the mount that brings most together; None where none brings enough."""
+    best: Balls | None = None
+    for some in _of_one_ball(centers):
+        start = find_starts(centers.chosen(some))[0]
+        if start.scatter_mm > _ALIKE_MM:
+            continue
+        found = gathered(centers, start)
+        if best is None or _better(found, best):
+            best = found
+    return best
+
+
+def _better(one: Balls, other: Balls) -> bool:
+    many, before = (int((found.ball >= 0).sum()) for found in (one, other))
+    near, there = (float(np.median(found.misfit_mm[found.ball >= 0])) for found in (one, other))
+    return (many, -len(one.centers), -near) > (before, -len(other.centers), -there)
+
+
+def _of_one_ball(centers: Centers) -> list[np.ndarray]:
+    """Return masks (K,) of arcs that a mount has in one place by x and z alone, the largest first."""
+    count = len(centers.measured)
+    if count < _FEW + 1:
+        return []
+    weight = np.ones_like(centers.measured)
+    weight[:, 1] = np.where(centers.open_side, 0.0, centers.height_weight)
+    sought = centers.sought(weight)
+    few, rotations = sought.chosen(random_few(_DRAWS, count, _FEW)), random_rotations(_DRAWS)
+    rotations, linear, misfit = few.refined(rotations, few.linear_unknowns(rotations), 10)
+    fits = np.flatnonzero(few.distances(misfit).max(axis=1) < _ALIKE_MM)
+    fits = fits[np.argsort(few.distances(misfit)[fits].max(axis=1))][:2000]
+    if not len(fits):
+        return []
+    off = sought.distances(sought.misfit(rotations[fits], linear[fits]))
+    order = np.argsort(-(off < 2 * _ALIKE_MM).sum(axis=1), kind="stable")
+    masks: dict[bytes, np.ndarray] = {}
+    for n in order:
+        mask = off[n] < 2 * _ALIKE_MM
+        if mask.sum() > _FEW:
+            masks.setdefault(mask.tobytes(), mask)
+        if len(masks) == _BEST:
+            break
+    return list(masks.values())
+
+
+def gathered(centers: Centers, start: Start) -> Balls:
+    """Return the balls that a mount puts arcs together in, one after the other, the fullest first."""
+    both = candidates(centers, start.rotation, start.translation)
+    ball, misfit = np.full(len(both), -1), np.full(len(both), np.inf)
+    places: list[FloatArray] = []
+    while len(places) < _MOST_BALLS:
+        free = np.flatnonzero(ball < 0)
+        if len(free) < _LEAST:
+            break
+        flat = both[free].reshape(-1, 3)
+        apart = np.linalg.norm(both[free][:, None] - flat[None, :, None], axis=3).min(axis=2)
+        fullest = int(np.argmax((apart < _TOGETHER_MM).sum(axis=0) - 1e-3 * np.median(apart, axis=0)))
+        some = free[apart[:, fullest] < _TOGETHER_MM]
+        if len(some) < _LEAST:
+            break
+        place, own = middle_of(both[some])
+        ball[some], misfit[some] = len(places), own
+        places.append(place)
+    return Balls(ball, np.array(places).reshape(-1, 3), misfit)
+
+
+def candidates(centers: Centers, rotation: FloatArray, translation: FloatArray) -> FloatArray:
+    """Return where each arc's ball may be by a mount, on either side of the plane of light, (K, 2, 3)."""
+    seen = np.repeat(centers.measured[:, None], 2, axis=1)
+    seen[:, 1, 1] *= np.where(centers.open_side, -1.0, 1.0)
+    carried = seen @ rotation.T + translation
+    return np.einsum("kij,ksj->ksi", centers.rotations, carried) + centers.translations[:, None]
+
+
+def middle_of(both: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the place (3,) on which arcs (K, 2, 3), each on either side, agree, and how far each is from it."""
+    flat = both.reshape(-1, 3)
+    place = flat[int(np.argmin(np.median(_nearest(both, flat)[1], axis=1)))]
+    for _ in range(4):
+        chosen, _ = _nearest(both, place[None])
+        place = np.median(chosen[0], axis=0)
+    return place, _nearest(both, place[None])[1][0]
+
+
+def _nearest(both: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the nearer side of each arc to each place, (P, K, 3), and how far it is, (P, K)."""
+    apart = np.linalg.norm(both[None] - places[:, None, None], axis=3)
+    side = np.argmin(apart, axis=2)
+    return both[np.arange(len(both))[None], side], np.min(apart, axis=2)
+
+
+def by_distances(
+    centers: FloatArray, names: Sequence[str], distances: Sequence[tuple[str, str, float, float]]
+) -> list[str] | None:
+    """Return the names of balls by their told distances; None where several namings fit as well, or none does."""
+    costs: list[tuple[float, tuple[str, ...]]] = []
+    for given in permutations(names, len(centers)) if len(names) >= len(centers) else ():
+        place = {name: centers[n] for n, name in enumerate(given)}
+        off = [
+            abs(float(np.linalg.norm(place[one] - place[other])) - mm)
+            for one, other, mm, _ in distances
+            if one in place and other in place
+        ]
+        if off:
+            costs.append((max(off), given))
+    costs.sort(key=lambda one: one[0])
+    if not costs or costs[0][0] > _TOGETHER_MM or (len(costs) > 1 and costs[1][0] < costs[0][0] + 1.0):
+        return None
+    return list(costs[0][1])
