@@ -83,7 +83,7 @@ def moved_by(shots: list[Shot], number: int, world: World, beliefs: Beliefs) -> 
     scanner = [normals[:, 0] * x, normals[:, 2] * z, normals[:, 0] * z, normals[:, 2] * x**2 / half_width]
     sizes = np.array([beliefs.scale, beliefs.scale, beliefs.shear, beliefs.bow])
     light = np.column_stack([square - 0.3, square**2 - 0.15, square**4 - 0.05]) * beliefs.incidence_mm
-    in_base = normals @ (shot.actual[:3, :3] @ world.mount_from_laser[:3, :3]).T
+    in_base = normals @ (shot.actual[:3, :3] @ world.tool0_from_laser[:3, :3]).T
     middle = np.mean([s.actual[:3, 3] for s in shots], axis=0)
     arm = in_base @ (shot.actual[:3, 3] - middle) * beliefs.arm_scale
     when = -1 + 2 * number / max(len(shots) - 1, 1)
@@ -93,7 +93,7 @@ def moved_by(shots: list[Shot], number: int, world: World, beliefs: Beliefs) -> 
 def _information(shot: Shot, world: World, moved: FloatArray | None) -> FloatArray:
     """Return the Fisher information (9 + n, 9 + n) of one capture on rx ry rz tx ty tz cx cy cz, and n beliefs."""
     options = world.options
-    mounting = world.mount_from_laser
+    mounting = world.tool0_from_laser
     arm = shot.actual[:3, :3]
     points = shot.true_points_mm
     in_tool0 = points @ mounting[:3, :3].T + mounting[:3, 3]

@@ -80,7 +80,7 @@ def chain_bound(
 def _information(shot: Shot, world: World, table: TableTruth, size: int, moved: FloatArray | None) -> FloatArray:
     """Return one capture's Fisher information, (size + n, size + n), n of `moved` (N, n)."""
     options = world.options
-    mounting, arm = world.mount_from_laser, shot.actual[:3, :3]
+    mounting, arm = world.tool0_from_laser, shot.actual[:3, :3]
     points = shot.true_points_mm
     in_tool0 = points @ mounting[:3, :3].T + mounting[:3, 3]
     if shot.kind == "center":

@@ -108,7 +108,7 @@ class LiveCell:
         return measure(kind, self.world, moment.actual, moment.sphere_center_in_base_mm, rng)
 
     def _moved_along(self, now_s: float, mm: float, period_s: float, axis: int) -> Moment:
-        along = (self._to.actual @ self.world.mount_from_laser)[:3, axis]
+        along = (self._to.actual @ self.world.tool0_from_laser)[:3, axis]
         by = mm * np.sin(2 * np.pi * now_s / period_s) * along
 
         def moved(matrix: FloatArray) -> FloatArray:

@@ -82,11 +82,11 @@ class Shot:
 class World:
     """The truth of one simulated cell, and its captures.
 
-    Where the robot carries the ball, `mount_from_laser` holds base_from_laser and `sphere_center_in_base_mm` where
+    Where the robot carries the ball, `tool0_from_laser` holds base_from_laser and `sphere_center_in_base_mm` where
     the ball is on the flange.
     """
 
-    mount_from_laser: FloatArray
+    tool0_from_laser: FloatArray
     sphere_center_in_base_mm: FloatArray
     sphere_radius_mm: float
     options: TcpScenario
@@ -97,7 +97,7 @@ class World:
         o = self.options
         scanner_on, ball_on = ("base", "tool0") if o.ball_on_flange else ("tool0", "base")
         return {
-            f"{scanner_on}_from_laser": self.mount_from_laser.tolist(),
+            f"{scanner_on}_from_laser": self.tool0_from_laser.tolist(),
             f"sphere_center_in_{ball_on}_mm": self.sphere_center_in_base_mm.tolist(),
             "sphere_diameter_mm": 2 * self.sphere_radius_mm,
             "base_from_tool0": {s.name: s.actual.tolist() for s in self.shots},
@@ -118,7 +118,7 @@ def build_world(options: TcpScenario, rng: np.random.Generator) -> World:
     mounting = turn([0.0, 0.0, -1.6]) @ turn([0.35, 0.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3))
     diameter = options.sphere_diameter_mm + options.sphere_diameter_sigma_mm * rng.standard_normal()
     world = World(
-        mount_from_laser=pose(mounting, np.array([35.0, -120.0, 140.0]) + rng.uniform(-5, 5, 3)),
+        tool0_from_laser=pose(mounting, np.array([35.0, -120.0, 140.0]) + rng.uniform(-5, 5, 3)),
         sphere_center_in_base_mm=np.array([900.0, 150.0, 420.0]) + rng.uniform(-60, 60, 3),
         sphere_radius_mm=float(diameter) / 2,
         options=options,
@@ -139,7 +139,7 @@ def _before_fixed_scanner(rng: np.random.Generator) -> dict[str, FloatArray]:
     """Return base_from_laser of a scanner that looks at the robot, and where the ball is on the flange."""
     looking_back = turn([0.0, 0.0, 0.5]) @ turn([0.0, -2.0, 0.0]) @ turn(rng.uniform(-0.1, 0.1, 3))
     return {
-        "mount_from_laser": pose(looking_back, np.array([1300.0, -150.0, 700.0]) + rng.uniform(-60, 60, 3)),
+        "tool0_from_laser": pose(looking_back, np.array([1300.0, -150.0, 700.0]) + rng.uniform(-60, 60, 3)),
         "sphere_center_in_base_mm": np.array([25.0, -40.0, 130.0]) + rng.uniform(-10, 10, 3),
     }
 
@@ -184,7 +184,7 @@ def _orientations(nominal: FloatArray, options: TcpScenario, rng: np.random.Gene
 
 def commanded_pose(world: World, rotation: FloatArray, center_in_laser_mm: FloatArray) -> FloatArray:
     """Return the base_from_tool0 that brings the sphere to a place of the laser frame, as a robot reports it."""
-    center_in_tool0 = world.mount_from_laser[:3, :3] @ center_in_laser_mm + world.mount_from_laser[:3, 3]
+    center_in_tool0 = world.tool0_from_laser[:3, :3] @ center_in_laser_mm + world.tool0_from_laser[:3, 3]
     if world.options.ball_on_flange:  # there it is to be in base
         return rounded_pose(pose(rotation, center_in_tool0 - rotation @ world.sphere_center_in_base_mm))
     return rounded_pose(pose(rotation, world.sphere_center_in_base_mm - rotation @ center_in_tool0))
@@ -254,9 +254,9 @@ def measure(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return what a capture sees in L: the sphere's centre, the true points (N, 3), the measured ones (M, 3)."""
     if world.options.ball_on_flange:
-        laser_from_base = back(world.mount_from_laser) @ actual
+        laser_from_base = back(world.tool0_from_laser) @ actual
     else:
-        laser_from_base = back(actual @ world.mount_from_laser)
+        laser_from_base = back(actual @ world.tool0_from_laser)
     center = laser_from_base[:3, :3] @ center_in_base + laser_from_base[:3, 3]
     return center, *_measure(kind, world, center, center_in_base, laser_from_base, rng)
 

@@ -86,7 +86,7 @@ def with_verification(taken: SimulatedSession, options: VerifyScenario, seed: in
         "ball_bar_sigma_mm": 0.005,
     }
     if np.isfinite(options.tool_off_mm):
-        tool = world.mount_from_laser @ pose(np.eye(3), [0.0, options.tool_off_mm, 0.0])
+        tool = world.tool0_from_laser @ pose(np.eye(3), [0.0, options.tool_off_mm, 0.0])
         record["cell"]["known"] = {ON_FLANGE: tool.tolist()}
     truth = {
         **taken.truth,
@@ -135,9 +135,9 @@ def _of_plate(
         looking = around @ tilted
         distance = (world.options.near_mm + world.options.far_mm) / 2
         plate_from_laser = pose(looking, aim - distance * looking[:, 2])
-        commanded = rounded_pose(base_from_plate @ plate_from_laser @ back(world.mount_from_laser))
+        commanded = rounded_pose(base_from_plate @ plate_from_laser @ back(world.tool0_from_laser))
         actual = true_pose(commanded, world.options, rng)
-        seen = back(base_from_plate) @ actual @ world.mount_from_laser
+        seen = back(base_from_plate) @ actual @ world.tool0_from_laser
         name = f"f{number + 1:02d}"
         files[f"captures/{name}.csv"] = profile_csv(_profile(seen, world, options, rng), 1.0)
         captures.append(

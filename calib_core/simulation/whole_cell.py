@@ -57,7 +57,7 @@ def with_scans(calibrated: SimulatedSession, whole: WholeScenario, seed: int) ->
         angle_sigma_rad=table.angle_sigma_rad,
     )
     part, aim_mm = (build_part(), 25.0) if whole.ball is None else (whole.ball, float(whole.ball.center_mm[2]))
-    place = ScanCell(calibrated.world.mount_from_laser, calibrated.table.base_from_turntable)
+    place = ScanCell(calibrated.world.tool0_from_laser, calibrated.table.base_from_turntable)
     # A view from azimuth φ of the part is taken from the robot's side, azimuth 180° of the base.
     azimuths_deg = 360.0 / options.scans * np.arange(options.scans)
     views = zip(view_poses(options.scans, aim_mm=aim_mm), ((180.0 - azimuths_deg) % 360.0).tolist(), strict=True)

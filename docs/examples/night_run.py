@@ -158,7 +158,7 @@ class DriftingCell:
         """Let a day pass: the tool drifts, and one day somebody hits the scanner."""
         assert self._simulated.world is not None
         self._number, self._takes = number, 0
-        tool = self._simulated.world.mount_from_laser.copy()
+        tool = self._simulated.world.tool0_from_laser.copy()
         tool[2, 3] += DRIFT_MM
         if number == self._hit_in:
             tool[:3, 3] += tool[:3, :3] @ HIT_MM
@@ -168,7 +168,7 @@ class DriftingCell:
     def tool0_from_laser(self) -> Any:
         """The truth."""
         assert self._simulated.world is not None
-        return self._simulated.world.mount_from_laser
+        return self._simulated.world.tool0_from_laser
 
     def measure(self) -> Taken:
         """Take all captures; one night the sphere is knocked over during the first run through them."""

@@ -125,11 +125,11 @@ def measured(seed: int, points: int) -> tuple[FloatArray, FloatArray, FloatArray
         own = turn(rng.standard_normal(3) * plan.orientation_rad)
         reported = np.eye(4)
         reported[:3, :3] = rotation
-        reported[:3, 3] = there - rotation @ (made.mount_from_laser @ np.append(seen, 1.0))[:3]
+        reported[:3, 3] = there - rotation @ (made.tool0_from_laser @ np.append(seen, 1.0))[:3]
         for _ in range(3):  # the operator moves until the scanner sees the point there
             reached = field.reached(reported)
             reached[:3, :3] = reached[:3, :3] @ own
-            reported[:3, 3] += there - (reached @ made.mount_from_laser @ np.append(seen, 1.0))[:3]
+            reported[:3, 3] += there - (reached @ made.tool0_from_laser @ np.append(seen, 1.0))[:3]
         reported[:3, 3] += rng.standard_normal(3) * plan.position_mm
         straight_on = float(plan.surface(np.zeros(1), rng)[0])  # the sphere's points err so where light meets it
         x, z = made.scanner(seen[None, [0, 2]] - [0.0, straight_on])[0]

@@ -43,7 +43,7 @@ def one(seed: int, points: int = POINTS) -> Points:
     rng = np.random.default_rng([seed, 80])
     options, errors, covariances, halves = world.options, [], [], []
     shots = [shot for shot in world.shots if shot.table is not None]
-    tool, truth = world.mount_from_laser, table.base_from_turntable
+    tool, truth = world.tool0_from_laser, table.base_from_turntable
     solved_tool, solved_table = known.mount_from_laser.matrix, known.base_from_turntable.matrix
     for _ in range(points):
         shot = shots[rng.integers(len(shots))]

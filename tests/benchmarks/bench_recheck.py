@@ -63,15 +63,15 @@ def changed(simulated: SimulatedSession, step_mm: float, rng: np.random.Generato
     assert world is not None
     direction = rng.normal(size=3)
     shift = step_mm * direction / np.linalg.norm(direction)
-    axis = np.cross(rng.normal(size=3), world.mount_from_laser[:3, 2])
+    axis = np.cross(rng.normal(size=3), world.tool0_from_laser[:3, 2])
     axis *= step_mm / _POINT_MM / np.linalg.norm(axis)
-    turned = world.mount_from_laser.copy()
+    turned = world.tool0_from_laser.copy()
     turned[:3, :3] = (np.eye(3) + _skew(axis)) @ turned[:3, :3]
-    moved = world.mount_from_laser.copy()
+    moved = world.tool0_from_laser.copy()
     moved[:3, 3] += shift
     worlds = (
-        replace(world, mount_from_laser=moved),
-        replace(world, mount_from_laser=turned),
+        replace(world, tool0_from_laser=moved),
+        replace(world, tool0_from_laser=turned),
         replace(world, sphere_center_in_base_mm=world.sphere_center_in_base_mm + shift),
     )
     return {name: replace(simulated, world=one) for name, one in zip(_CHANGES, worlds, strict=True)}

@@ -44,7 +44,7 @@ def errors_over_stated(result: TurntableResult | ChainResult, cell: TroubledTabl
     if alone:
         return errors
     tool = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
-    true_tool = RigidTransform.from_rounded(cell.mount_from_laser, "tool0", "laser")
+    true_tool = RigidTransform.from_rounded(cell.tool0_from_laser, "tool0", "laser")
     six = np.abs(true_tool.difference(tool)) / (1.96 * np.sqrt(np.diag(np.array(result.covariance))))
     return np.concatenate([errors, six])
 

@@ -44,8 +44,8 @@ def outcome(trouble: Trouble, seed: int, told: bool = False) -> Outcome:
 def errors_over_stated(result: TcpResult, cell: Troubled) -> FloatArray:
     """Return the errors of rx … tz, and of a point at the workpiece, over half the width of their 95 % (7,)."""
     found = RigidTransform.from_rounded(result.tool0_from_laser, "tool0", "laser")
-    truth = RigidTransform.from_rounded(cell.mount_from_laser, "tool0", "laser")
-    in_files = RigidTransform.from_rounded(cell.mount_from_laser @ cell.laser_from_files, "tool0", "laser")
+    truth = RigidTransform.from_rounded(cell.tool0_from_laser, "tool0", "laser")
+    in_files = RigidTransform.from_rounded(cell.tool0_from_laser @ cell.laser_from_files, "tool0", "laser")
     six = np.abs(in_files.difference(found)) / (1.96 * np.sqrt(np.diag(np.array(result.covariance))))
     assert result.workpiece is not None
     point = np.array(result.workpiece.point_in_laser_mm)

@@ -37,7 +37,7 @@ def test_bound_agrees_with_differences(name):
     for shot in world.shots:
 
         def residuals(x, shot=shot):
-            chain = moved(shot.actual, x[size : size + 6]) @ moved(world.mount_from_laser, x[:6])
+            chain = moved(shot.actual, x[size : size + 6]) @ moved(world.tool0_from_laser, x[:6])
             if shot.table is None:
                 center = shot.sphere_center_in_base_mm + x[6:9]
             else:

@@ -64,6 +64,15 @@ def again(**fields: Any) -> list[dict[str, Any]]:
     return [*TCP, {**TCP[2], "id": "again", **fields}]
 
 
+def three_balls(shifted_mm: float) -> Case:
+    """Return what a plate's captures say, the fourth of them by a pose that is wrong by so much."""
+    made = simulate("plate", 2)
+    data = made.session.to_json()
+    pose = data["captures"][3]["pose"]
+    data["captures"][3]["pose"] = [pose[0] + shifted_mm, pose[1] - shifted_mm, *pose[2:]]
+    return lambda: solve_stage(parse_session(data), "tcp", made.files.__getitem__).findings
+
+
 def turned_alike() -> list[dict[str, Any]]:
     """Return captures with the orientation of the first."""
     first = np.array(TCP[0]["pose"][3:])
@@ -241,6 +250,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "captures-too-few": (check(TCP[:3]), check()),
     "captures-weak": (check(), not_weak),
     "capture-duplicate": (check(again()), check(again(files=TCP[3]["files"], pose=TCP[3]["pose"])[:-1])),
+    "capture-of-no-ball": (three_balls(35.0), three_balls(0.0)),
     "capture-file-repeated": (check(again(pose=TCP[3]["pose"])), check(again())),
     "pose-convention-likely": (check(pose_convention="quaternion-xyzw"), check()),
     "tilts-too-few": (check(turned_alike()), check()),

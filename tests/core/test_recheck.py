@@ -36,9 +36,9 @@ def again(
     assert simulated.world is not None
     data, files = simulated.session.to_json(), dict(simulated.files)
     for number, shift_mm in enumerate(rounds):
-        tool = simulated.world.mount_from_laser.copy()
+        tool = simulated.world.tool0_from_laser.copy()
         tool[0, 3] += shift_mm
-        moved = replace(simulated, world=replace(simulated.world, mount_from_laser=tool))
+        moved = replace(simulated, world=replace(simulated.world, tool0_from_laser=tool))
         for pose in recheck_plan(simulated.session, results).poses:
             record, own = retake(moved, pose.capture, f"r{number}-{pose.capture}", 7 + number)
             data["captures"].append({**record.to_json(), "step": "recheck"})

@@ -24,7 +24,7 @@ def profiles(seed: int, movement_mm: float, axis: int = 0, exposures: int = EXPO
     rng = np.random.default_rng([seed, 31])
     world = build_world(OPTIONS, rng)
     pose = world.shots[0].commanded
-    along = (pose @ world.mount_from_laser)[:3, axis]
+    along = (pose @ world.tool0_from_laser)[:3, axis]
     centers = [
         world.sphere_center_in_base_mm + along * movement_mm * rng.standard_normal() for _ in range(exposures)
     ]

@@ -107,7 +107,7 @@ def assert_poses_belong_to_their_exposures(client: httpx.Client, session: str, m
     at = interpolate_poses([row["t_s"] for row in track], poses, capture["timestamps_s"])
     assert len(at) == len(capture["files"]) >= 20
     moment = made.cell.at(time.monotonic())
-    tool = RigidTransform(made.cell.world.mount_from_laser, "tool0", "laser")
+    tool = RigidTransform(made.cell.world.tool0_from_laser, "tool0", "laser")
     apart = []
     for name, pose in zip(capture["files"], at, strict=True):
         content = client.get(f"/sessions/{session}/captures/p07/files/{name.rpartition('/')[2]}").content

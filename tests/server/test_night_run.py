@@ -49,7 +49,7 @@ def go_through(address: str, count: int, hit_in: int, knocked_in: int) -> list[A
                 assert (night.did, night.rechecked) == ("approve", True), night
             else:
                 assert night.did == "approve", night
-            assert off_mm(nights.in_force(), cell.mount_from_laser) < 0.5, (number, night)
+            assert off_mm(nights.in_force(), cell.tool0_from_laser) < 0.5, (number, night)
     return done
 
 
