@@ -38,6 +38,11 @@ def told_balls(cell: Cell, carrier: str) -> list[Sphere]:
     return [ball for ball in cell.spheres or [] if (ball.on or end) == carrier]
 
 
+def ball_name(carrier: str) -> str:
+    """Return what a ball is called that nobody named, by what carries it."""
+    return "sphere" if carrier == "base" else "sphere-on-flange"
+
+
 def told_distances(cell: Cell) -> tuple[tuple[str, str, float, float], ...]:
     """Return the told distances of balls: both names, mm, and the standard deviation."""
     told = cell.sphere_distances or []

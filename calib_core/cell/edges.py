@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from calib_core.cell.axes import axes_of, carrier_of_axis, frame_of, readings
-from calib_core.cell.carriers import other_end, scanner_mount
+from calib_core.cell.carriers import ball_name, other_end, scanner_mount
 from calib_core.cell.consistency import require_consistent
 from calib_core.records import Capture, Cell, CellAxis, Scanner, Sphere
 from calib_core.steps import steps_that_show
@@ -127,7 +127,7 @@ def _balls(
     if cell.spheres:
         return
     for end in ends:
-        name = "sphere" if end == "base" else "sphere-on-flange"
+        name = ball_name(end)
         yield Edge("place", name, end, f"ball:{name}")
     carrying = [axis.name for axis in axes if axis.carries == "object"]
     shown = [one for one in captures if one.step in steps_that_show("sphere-on-table")]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.captures.more_arcs import further_arcs
-from calib_core.cell.carriers import told_balls, told_distances
+from calib_core.cell.carriers import ball_name, told_balls, told_distances
 from calib_core.chain.balls import by_distances, labelled
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpSolution, by_scanner
@@ -58,8 +58,7 @@ def with_told_names(cell: Cell, solution: TcpSolution) -> Mapping[tuple[str, str
 def _alone(cell: Cell, carrier: str, name: str) -> str:
     """Return the name of a ball that stands alone on what carries it, or the one by which it was told apart."""
     told = told_balls(cell, carrier)
-    plain = "sphere" if carrier == "base" else "sphere-on-flange"
-    return name or (told[0].name if len(told) == 1 else plain)
+    return name or (told[0].name if len(told) == 1 else ball_name(carrier))
 
 
 def named_by_distances(
