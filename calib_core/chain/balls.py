@@ -101,7 +101,7 @@ def _of_one_ball(centers: Centers) -> list[np.ndarray]:
     weight = np.ones_like(centers.measured)
     weight[:, 1] = np.where(centers.open_side, 0.0, centers.height_weight)
     sought = centers.sought(weight)
-    few, rotations = sought.chosen(random_few(_DRAWS, count, _FEW)), random_rotations(_DRAWS)
+    few, rotations = sought.chosen(random_few(_DRAWS, np.ones(count), _FEW)), random_rotations(_DRAWS)
     rotations, linear, misfit = few.refined(rotations, few.linear_unknowns(rotations), 10)
     fits = np.flatnonzero(few.distances(misfit).max(axis=1) < _ALIKE_MM)
     fits = fits[np.argsort(few.distances(misfit)[fits].max(axis=1))][:2000]

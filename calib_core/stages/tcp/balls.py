@@ -28,7 +28,8 @@ def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) ->
     for o in observed.observations:
         arcs.append(o)
         if single[o.capture] == 1:
-            arcs += further_arcs(given.session, by_id[o.capture], given.read)
+            more = further_arcs(given.session, by_id[o.capture], given.read)
+            arcs += [replace(one, arm_moves=o.arm_moves) for one in more]
     with_more = sum(count > 1 for count in Counter(o.capture for o in arcs).values())
     told = max(len(told_balls(given.session.cell, carrier)) for carrier in {o.carriers.ball for o in arcs} or {""})
     if (with_more < _LEAST_WITH_MORE and told < 2) or not own:
