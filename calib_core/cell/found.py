@@ -47,9 +47,7 @@ def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
     """Return what `placed_scanner` does; raises InputError where there is none."""
     if (found := placed_scanner(result)) is not None:
         return found
-    raise InputError(
-        "the scanner's pose on the flange or in base", "neither", "Solve the stage 'tcp' again.", "tcp"
-    )
+    raise InputError(" or ".join(SCANNER_FRAMES), "neither", "Solve the stage 'tcp' again.", "tcp")
 
 
 def told_by(mount_from_laser: RigidTransform) -> dict[str, Any]:
