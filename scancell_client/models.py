@@ -842,6 +842,7 @@ class MergeResult(Record):
     base_from_turntable: list[list[float]] | None = None
     mesh: str | None
     triangles: int | None = None
+    mesh_open_edges: int | None = None
     low_mm: list[float]
     high_mm: list[float]
     alignment: Alignment | None = None

@@ -1433,6 +1433,7 @@ export interface MergeResult {
   base_from_turntable?: number[][] | null;
   mesh: string | null;
   triangles?: number;
+  mesh_open_edges?: number | null;
   low_mm: number[];
   high_mm: number[];
   alignment?: Alignment | null;
@@ -1443,6 +1444,8 @@ export interface MergeResult {
 export interface MergeSettings {
   voxel_mm?: number;
   mesh?: "poisson" | "grid" | "none";
+  holes?: "leave" | "fill" | null;
+  mesh_tolerance_mm?: number | null;
   registration?: boolean;
   self_calibration?: boolean;
   memory_mb?: number;
@@ -2530,6 +2533,7 @@ export interface StoredMergeResult {
   base_from_turntable?: number[][] | null;
   mesh: string | null;
   triangles?: number;
+  mesh_open_edges?: number | null;
   low_mm: number[];
   high_mm: number[];
   alignment?: Alignment | null;

@@ -39,6 +39,10 @@ class MergeOptions:
     ----------
     voxel_mm : float
     mesh : {"poisson", "grid", "none"}
+    fill_holes : bool
+        Whether the mesh is to be closed (Poisson alone).
+    mesh_tolerance_mm : float, optional
+        How far the mesh may move for fewer triangles.
     registration : bool
         Whether the scans may be moved after the overlap was measured.
     self_calibration : bool
@@ -52,6 +56,8 @@ class MergeOptions:
 
     voxel_mm: float = 0.5
     mesh: Literal["poisson", "grid", "none"] = "poisson"
+    fill_holes: bool = False
+    mesh_tolerance_mm: float | None = None
     registration: bool = False
     self_calibration: bool = False
     clean: CleanOptions = field(default_factory=CleanOptions)

@@ -15,6 +15,7 @@ from calib_core.messages import message
 
 _FEWEST_POINTS = 50
 _MARGIN = 1.1  # of the octree's cube over the points
+_REACH, _REACH_OVER_HOLES = 2.5, 10.0  # voxels from every point
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +84,7 @@ def _points_and_triangles(scan: CleanScan) -> tuple[NDArray[np.float32], NDArray
     return points, triangles[(edges < np.sqrt(2) * scan.reach_mm) & (outward > 0)]
 
 
-def poisson_mesh(cloud: VoxelCloud, voxel_mm: float) -> Mesh:
+def poisson_mesh(cloud: VoxelCloud, voxel_mm: float, over_holes: bool = False) -> Mesh:
     """Return one surface over a merged cloud (screened Poisson, Open3D), without what it invents far from points.
 
     Parameters
@@ -92,6 +93,8 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float) -> Mesh:
         With normals.
     voxel_mm : float
         The cloud's spacing: surface farther than 2.5 of it from every point is cut away.
+    over_holes : bool
+        Whether it may go 10 of it away from points, so that holes of 20 close smoothly.
 
     Raises
     ------
@@ -118,6 +121,8 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float) -> Mesh:
         theirs, depth=depth, scale=scale, n_threads=1
     )
     vertices = np.asarray(surface.vertices)
-    far, _ = KDTree(points).query(vertices, distance_upper_bound=2.5 * voxel_mm)
+    far, _ = KDTree(points).query(
+        vertices, distance_upper_bound=(_REACH_OVER_HOLES if over_holes else _REACH) * voxel_mm
+    )
     surface.remove_vertices_by_mask((~np.isfinite(np.asarray(far))).tolist())
     return Mesh(np.asarray(surface.vertices).astype(np.float32), np.asarray(surface.triangles).astype(np.int32))

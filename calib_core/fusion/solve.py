@@ -11,6 +11,7 @@ from calib_core.frames import FloatArray
 from calib_core.fusion.certainty import surface_sigma_mm
 from calib_core.fusion.crew import Alone, Crew, Extent, MergeOptions, ScanCounts, ScanReport, ScanTask
 from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, turned_round
+from calib_core.fusion.mesh_finish import closed, thinned
 from calib_core.fusion.outward import Outward, View, outward
 from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, SeenBy, joined_patches, overlap
 from calib_core.fusion.register import Registration, register
@@ -264,7 +265,10 @@ def _mesh(grid: Crew, extent: Extent, sheets: Sequence[Mesh], options: MergeOpti
         return None, message("it would need more than the memory allowed. {advice}", advice=to_do)
     try:
         if options.mesh == "grid":
-            return joined(sheets), ""
-        return poisson_mesh(grid.cloud(), options.voxel_mm), ""
+            mesh = joined(sheets)
+        else:
+            mesh = poisson_mesh(grid.cloud(), options.voxel_mm, options.fill_holes)
+            mesh = closed(mesh) if options.fill_holes else mesh
+        return thinned(mesh, options.mesh_tolerance_mm) if options.mesh_tolerance_mm else mesh, ""
     except CalibrationError as error:
         return None, error.reason

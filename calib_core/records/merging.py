@@ -38,18 +38,30 @@ class MergeSettings(WrittenRecord):
     """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile.
 
     `registration` may move each scan, `self_calibration` tool and table alone, by what the scans' overlap says.
+    `holes` of the Poisson mesh are left where they are left out, `fill` makes it watertight; with
+    `mesh_tolerance_mm` it has fewer triangles, none farther off than that.
     `reference` names a mesh file of the session, the part as it should be; `alignment` says how it is laid into
     the cloud (best fit where it is left out), and `tolerance_mm` how far the part may lie off it.
     """
 
     voxel_mm: Positive = 0.5
     mesh: Literal["poisson", "grid", "none"] = "poisson"
+    holes: Literal["leave", "fill"] | None = None
+    mesh_tolerance_mm: Positive | None = None
     registration: bool = False
     self_calibration: bool = False
     memory_mb: Positive = 1000.0
     reference: str | None = None
     alignment: PartAlignment | None = None
     tolerance_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_surface_alone_is_closed(self) -> Self:
+        if self.holes == "fill" and self.mesh == "grid":
+            raise mismatch(
+                "'mesh' 'poisson' with 'holes' 'fill'", "'grid'", "Sheets of scans overlap; take poisson."
+            )
+        return self
 
     @field_validator("reference")
     @classmethod

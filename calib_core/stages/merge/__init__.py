@@ -28,7 +28,7 @@ class Merge(Stage):
         "pose_convention", "scanner.point_sigma_mm", "scanner.z_axis", "scanners", "robot.arm", "arrangement",
         "robot.errors", "axes", "known.frames",
         "merge.voxel_mm", "merge.mesh", "merge.registration", "merge.self_calibration", "merge.memory_mb",
-        "merge.reference", "merge.alignment", "merge.tolerance_mm",
+        "merge.holes", "merge.mesh_tolerance_mm", "merge.reference", "merge.alignment", "merge.tolerance_mm",
     )  # fmt: skip
     after = ("camera", "laser-plane", "tcp", "turntable", "chain")
     guided = ("scan", "merge")

@@ -94,6 +94,9 @@ def _cloud(result: MergeResult) -> list[AnyBlock]:
     ]
     if result.mesh or result.triangles:
         figures.append(Figure(label="Triangles of the mesh", quantity=fixed(result.triangles, 0)))
+    if result.mesh_open_edges is not None:
+        remark = message("watertight") if not result.mesh_open_edges else ""
+        figures.append(Figure(label="Open edges", quantity=fixed(result.mesh_open_edges, 0), remark=remark))
     if result.calibrated_by is not None:
         figures.append(Figure(label="Tool and table from", text=result.calibrated_by))
     return figures

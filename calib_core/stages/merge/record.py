@@ -125,7 +125,8 @@ class MergeResult(Result, ScannerPlaced):
     it was decided which way is out: "told" by `scanner.z_axis`, by captures of the "ball", by "visibility" (who
     sees whom), by a scanner's "rays" that run apart, by the surface's "volume", by the "distance" to the scanner's
     own zero, or "assumed"; `facing` has the figures.  `pose_scatter` is what the overlap says of poses where no
-    calibration tells it.  `alignment` and `deviation` compare the part with its nominal, where one is told.
+    calibration tells it.  `mesh_open_edges` is 0 of a watertight mesh.  `alignment` and `deviation`
+    compare the part with its nominal, where one is told.
     """
 
     stage: Literal["merge"] = "merge"
@@ -150,6 +151,7 @@ class MergeResult(Result, ScannerPlaced):
     base_from_turntable: Matrix4 | None = None
     mesh: str | None
     triangles: int = 0
+    mesh_open_edges: int | None = None
     low_mm: Vector3
     high_mm: Vector3
     alignment: Alignment | None = None

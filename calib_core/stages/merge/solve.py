@@ -22,6 +22,7 @@ from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.crew import Alone, Crew, MergeOptions
 from calib_core.fusion.majority import NO_SCAN, HeaviestScans
+from calib_core.fusion.mesh_finish import open_edges
 from calib_core.fusion.outward import Outward
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.scatter import Scatter
@@ -139,6 +140,8 @@ def plan_merge(given: StageInput) -> MergePlan:
     options = MergeOptions(
         settings.voxel_mm,
         settings.mesh,
+        settings.holes == "fill",
+        settings.mesh_tolerance_mm,
         settings.registration,
         settings.self_calibration,
         most_bytes=int(1e6 * settings.memory_mb),
@@ -348,6 +351,7 @@ def _result(
         base_from_turntable=None if table is None else table.to_rows(),
         mesh=MESH_FILE if solution.mesh else None,
         triangles=len(solution.mesh.triangles) if solution.mesh else 0,
+        mesh_open_edges=open_edges(solution.mesh.triangles) if solution.mesh else None,
         low_mm=solution.extent.low_mm.tolist(),
         high_mm=solution.extent.high_mm.tolist(),
         alignment=against.alignment,
