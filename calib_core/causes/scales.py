@@ -44,6 +44,8 @@ _NEAR, _FINE, _FINEST = np.linspace(-0.2, 0.2, 9), np.linspace(-0.05, 0.05, 11),
 _STARTS, _ITERATIONS = 36, 12
 _ENOUGH, _TOO_LARGE = 0.7, 1.01
 _MUCH_CLOSER = 0.5
+_UNKNOWNS = 8  # of x and z alone: the scanner's rotation and two of its shifts, the sphere's place
+_LOG_ODDS = 7.0  # 1000 : 1 that so much closer is no chance, with so many lengths to choose from
 _DISAGREES = 4  # the power of the share of circles that are no larger than the sphere
 _RIVAL, _PRICE_OF_TWO = 1.5, 1.5
 _LARGEST_SCATTER_MM = 3.0
@@ -96,7 +98,8 @@ def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, 
     if seen is None:
         return []
     found = [*_factors(seen, ratio, told), *(_diameters(seen, told) if ratio == 1 else [])]
-    found = [one for one in found if one.scatter_mm < min(_LARGEST_SCATTER_MM, _MUCH_CLOSER * now)]
+    closer = min(_MUCH_CLOSER, float(np.exp(-_LOG_ODDS / (2 * len(profiles) - _UNKNOWNS))))
+    found = [one for one in found if one.scatter_mm < min(_LARGEST_SCATTER_MM, closer * now)]
     found.sort(key=lambda one: one.price)
     if not found or found[0].is_ordinary:
         return []

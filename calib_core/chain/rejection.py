@@ -37,6 +37,7 @@ _ORDINARY = 7.81  # χ² of 3, 95 %
 # A scanner's own linearity, as a share of the radius, is no reason to reject a capture: near a great circle a
 # tenth of a per cent of the radius is millimetres of y.
 _LINEARITY = 1e-3
+_UNKNOWN_HEIGHT, _LEAST_HEIGHT = 0.5, 0.05  # of the radius
 _MEDIAN_CHI2_3 = 2.366
 _CLEAR_EXCESS = 2.0  # the median over a dozen captures' distances² strays that far by chance,
 _CLEAR_EXCESS_FREEDOM = 18.0  # and farther over few: all of them then move with few degrees of freedom
@@ -221,6 +222,19 @@ def _squared_distances(observations: Sequence[SphereObservation], data: ChainDat
     # Far beyond the sphere the slope would explode; the distance then speaks by x and z.
     rows[profile, 2, 1] = np.clip(-centers[profile, 1] / cut, -10, 10)
     own = np.array([o.center_covariance for o in observations])
-    covariance = data.points_per_independent[:, None, None] * own + rows @ spread @ np.swapaxes(rows, 1, 2)
-    covariance[profile, 2, 2] += (_LINEARITY * radii[profile]) ** 2
+    own = data.points_per_independent[:, None, None] * own
+    own[profile, 2, 2] += (_LINEARITY * radii[profile]) ** 2
+    # Where the others hardly know y, no slope of the circle holds: its height is compared, on the better side.
+    unknown = np.flatnonzero(profile & (spread[:, 1, 1] > (_UNKNOWN_HEIGHT * radii) ** 2))
+    height = np.sqrt(np.maximum(radii**2 - circle_mm**2, (_LEAST_HEIGHT * radii) ** 2))[unknown]
+    rows[unknown, 2] = [0, 1.0, 0]
+    own[unknown, 2] *= (circle_mm[unknown] / height)[:, None]
+    own[unknown, :, 2] *= (circle_mm[unknown] / height)[:, None]
+    covariance = own + rows @ spread @ np.swapaxes(rows, 1, 2)
+    other = off.copy()
+    off[unknown, 2], other[unknown, 2] = height - centers[unknown, 1], -height - centers[unknown, 1]
+    return np.minimum(_squares(off, covariance), _squares(other, covariance))
+
+
+def _squares(off: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.einsum("ki,ki->k", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])

@@ -130,9 +130,14 @@ def fit_with_sigmas(
 
 
 def log_probability(data: ChainData, found: ChainFit, given: GivenSigmas) -> float:
-    """Return how likely a fit's choice of sides is, but for a constant: the density at its most likely sigmas."""
+    """Return how likely a fit's choice of sides is, but for a constant: the density at its most likely sigmas.
+
+    A fit that ended before its minimum is as likely as where it ended, not as its slope promises.
+    """
     free, log_sigmas = _free(given), Believed.of(data).logarithms(found.sigmas)
-    return _Density(data, found.minimum, log_sigmas, given, free)(log_sigmas[free])
+    at = found.minimum.at
+    promised = 0.5 * float(at.gradient @ covariance_of(at.hessian) @ at.gradient)
+    return _Density(data, found.minimum, log_sigmas, given, free)(log_sigmas[free]) - promised
 
 
 def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigmas) -> ChainFit:

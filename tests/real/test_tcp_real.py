@@ -103,3 +103,31 @@ def test_a_great_circle_does_not_hurt(data_folder: Path) -> None:
     assert np.abs(here.difference(there) / sigmas).max() < 1.5
     # The sigmas are estimated anew without it, which moves the variances by a quarter or so.
     assert (np.diag(np.array(whole.covariance)) <= 1.5 * np.diag(np.array(without.covariance))).all()
+
+
+_ACCUSES = {
+    "poses-do-not-fit", "swapped-poses", "shifted-poses", "pose-list-order", "pose-reading", "sphere-diameter",
+            "scaled-profile", "moved-sphere", "changed-tool"}  # fmt: skip
+# Few captures, most of them alike: the first four are translations.  In each of them something was accused once.
+FEW = {
+    "tcp-sphere-80mm": [
+        ("p01", "p02", "p03", "p04", "p06", "p11", "p12"),
+        ("p01", "p02", "p03", "p04", "p06", "p10", "p15"),
+    ],
+    "tcp-sphere-25mm": [("p02", "p03", "p04", "p05", "p06", "p08", "p09")],
+}
+
+
+@pytest.mark.parametrize(("name", "captures"), [(name, some) for name in FEW for some in FEW[name]])
+def test_few_right_captures_are_not_accused_of_anything(
+    data_folder: Path, name: str, captures: tuple[str, ...]
+) -> None:
+    folder = data_folder / name
+    data = json.loads((folder / "session.json").read_text(encoding="utf-8"))
+    data["captures"] = [c for c in data["captures"] if c["id"] in captures]
+    result = solve_stage(parse_session(data), "tcp", lambda file: (folder / file).read_bytes())
+    assert isinstance(result, TcpResult)
+    assert {finding.code for finding in result.findings} & _ACCUSES == set()
+    assert [row.reason for row in result.residuals if not row.used] == []
+    off = np.array(result.tool0_from_laser)[:3, 3] - np.array(solved(folder).tool0_from_laser)[:3, 3]
+    assert np.linalg.norm(off) < 3.5 * np.sqrt(np.diag(np.array(result.covariance))[3:].max())
