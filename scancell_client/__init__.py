@@ -9,7 +9,7 @@ with Scancell("http://127.0.0.1:8000") as api:
     print(result.verdict, result.tool0_from_laser)
 """
 
-from .connection import Event, ProblemError
+from .connection import Event, ProblemError, UnavailableError
 from .scancell import Scancell
 
-__all__ = ["Event", "ProblemError", "Scancell"]
+__all__ = ["Event", "ProblemError", "Scancell", "UnavailableError"]

@@ -19,6 +19,7 @@ _FIRST_WAIT_S: Final = 0.2
 _LONGEST_WAIT_S: Final = 5.0
 _PASSING: Final = (429, 502, 503, 504)
 _NOTHING_DONE: Final = (429, 503)
+_DAMAGED: Final = "urn:scancell:problem:damaged"
 _REMEMBERED: Final = 200
 _REMEMBERED_BYTES: Final = 1_000_000
 
@@ -38,6 +39,10 @@ class ProblemError(Exception):
         super().__init__(details.get("detail", "no details"))
         self.details = dict(details)
         self.status: int = details.get("status", 0)
+
+
+class UnavailableError(ProblemError):
+    """A workbench, or what it rests on, that was still away when the patience ended: ask again later."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,7 @@ class Connection:
         Raises
         ------
         ProblemError
-            If it is refused.
+            If it is refused; `UnavailableError` where the same may be answered later.
         httpx.TransportError
             If the workbench does not answer.
         """
@@ -107,7 +112,7 @@ class Connection:
         if answer.status_code == 404 and method == "DELETE" and repeated:
             return None  # the attempt whose answer got lost has removed it
         if answer.is_error:
-            raise ProblemError(_details(answer))
+            raise problem_of(_details(answer))
         if answer.status_code == 204:
             return None
         is_json = "json" in answer.headers.get("content-type", "")
@@ -140,7 +145,7 @@ class Connection:
             ):
                 if answer.is_error and answer.status_code not in _PASSING:
                     answer.read()
-                    raise ProblemError(_details(answer))
+                    raise problem_of(_details(answer))
                 for event in _parsed(answer.iter_lines()) if answer.is_success else ():
                     failures, after = 0, event.id
                     yield event
@@ -170,9 +175,16 @@ class Connection:
             else:
                 wait_s = _told_to_wait_s(answer.headers.get("retry-after")) or _wait_s(attempt)
                 again = may_repeat or (is_bytes and answer.status_code in _NOTHING_DONE)
-                if answer.status_code not in _PASSING or not again or time.monotonic() + wait_s > ends_s:
+                passes = answer.status_code in _PASSING and _details(answer).get("type") != _DAMAGED
+                if not passes or not again or time.monotonic() + wait_s > ends_s:
                     return answer, attempt > 1
             time.sleep(wait_s)
+
+
+def problem_of(details: Mapping[str, Any]) -> ProblemError:
+    """Return the error that problem details stand for."""
+    passes = details.get("status") in _PASSING and details.get("type") != _DAMAGED
+    return UnavailableError(details) if passes else ProblemError(details)
 
 
 def _details(answer: httpx.Response) -> dict[str, Any]:

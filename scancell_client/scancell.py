@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Self
 from urllib.parse import quote
 
-from .connection import ProblemError
+from .connection import ProblemError, problem_of
 from .models import RESULTS, Record, SessionAnswer
 from .operations import Operations
 
@@ -43,7 +43,7 @@ class Scancell(Operations):
         while job["status"] in ("queued", "running"):
             job = self._ended(job_id)
         if job["status"] != "done":
-            raise ProblemError(job["error"] or {"detail": f"the job was {job['status']}: {job['message']}"})
+            raise problem_of(job["error"] or {"detail": f"the job was {job['status']}: {job['message']}"})
         return job
 
     def results(self, session_id: str) -> dict[str, Any]:

@@ -83,6 +83,9 @@ class Settings(BaseSettings):
     )
     workers: Annotated[int, Field(ge=1, le=64)] = 1
     dask: str | None = Field(default=None, description="tcp://host:8786: a cluster that solves instead.")
+    cluster_patience_s: Annotated[float, Field(ge=0)] = Field(
+        default=60.0, description="A job that waits so long for a cluster without workers is solved here."
+    )
     warm_up: bool = Field(default=True, description="Compile and import what solving needs at start-up.")
     job_timeout_s: Annotated[float, Field(gt=0)] = 3600.0
 

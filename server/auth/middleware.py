@@ -19,7 +19,7 @@ from server.auth.buckets import Buckets
 from server.auth.logins import MACHINE, NOBODY, REMEMBERED_S, Identity, Logins
 from server.auth.refusals import Refusals, too_many
 from server.auth.roles import Role, needed_role
-from server.http.errors import ForbiddenError, LoginError, deny, problem_response, refuse, storage_problem
+from server.http.errors import ForbiddenError, LoginError, deny, refuse, storage_answer
 from server.http.same_origin import is_safe
 from server.settings import Settings, is_loopback
 from server.store.audit import Act, acting
@@ -59,7 +59,7 @@ class AuthMiddleware:
             await refuse(error, scope, receive, send)
             return
         except (OSError, DBAPIError) as error:  # nobody knows who it is while the database is away
-            await deny(problem_response(storage_problem(error)), scope, receive, send)
+            await deny(storage_answer(error), scope, receive, send)
             return
         scope.setdefault("state", {})["identity"] = identity
         acting.set(act)

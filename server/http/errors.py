@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Iterator, Mapping
-from errno import EBUSY, ENOSPC
+from errno import ENOSPC
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, Response
-from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
-from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+from sqlalchemy.exc import DBAPIError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.routing import Match, Mount
@@ -21,6 +20,7 @@ from starlette.websockets import WebSocket
 from calib_core.errors import CalibrationError
 from calib_core.messages import message, templates
 from calib_core.records import input_error_from_details
+from server.store.unavailable import OUTAGES, RETRY_AFTER_S, UnavailableError
 
 log = logging.getLogger("scancell")
 
@@ -40,6 +40,7 @@ _TITLES = templates(
         "login": "Login needed",
         "too-many": "Too many requests",
         "media-type": "Body of another type",
+        "unavailable": "Not available now",
     }
 )
 _TO_DO = templates(
@@ -88,7 +89,7 @@ class TooManyError(CalibrationError):
 
 def catalogue() -> dict[str, str]:
     """Return every type of problem that an answer or a failed job may bear, without its prefix, with its title."""
-    titles = {code: _TITLES[code] for code in _codes(CalibrationError)}
+    titles = {code: _TITLES[code] for code in (*_codes(CalibrationError), "unavailable")}
     return titles | {f"http-{status}": HTTPStatus(status).phrase for status in _TO_DO}
 
 
@@ -128,8 +129,16 @@ def problem_of_status(status: int, got: str, to_do: str = "") -> dict[str, Any]:
     }
 
 
-def storage_problem(error: Exception) -> dict[str, Any]:
+def unavailable(got: str, to_do: str) -> dict[str, Any]:
+    """Return problem details for what may be there again when the same is asked for later."""
+    is_told = {"type": "urn:scancell:problem:unavailable", "title": _TITLES["unavailable"]}
+    return problem_of_status(503, got, to_do) | is_told
+
+
+def storage_problem(error: BaseException) -> dict[str, Any]:
     """Return problem details for a disk or a database that cannot be used."""
+    if isinstance(error, UnavailableError):
+        return unavailable(error.got, error.to_do)
     said = " ".join(str(error.orig if isinstance(error, DBAPIError) else error).split())
     untouched = "then send the request again; what was stored before is untouched."
     if "full" in said or (isinstance(error, OSError) and error.errno == ENOSPC):
@@ -138,17 +147,21 @@ def storage_problem(error: Exception) -> dict[str, Any]:
             "the disk with the data folder is full",
             message("Free space there, {untouched}", untouched=untouched),
         )
-    if isinstance(error, OSError) and error.errno == EBUSY and error.strerror:
-        return problem_of_status(
-            503, error.strerror, "Send it to that one; this one goes on once the other has ended."
-        )
     if "locked" in said:
         to_do = message("End that program, or wait until it is done, {untouched}", untouched=untouched)
-        return problem_of_status(503, message("another program holds the database ({said})", said=said), to_do)
+        return unavailable(message("another program holds the database ({said})", said=said), to_do)
     to_do = message(
         "Check the folder, its disk and its rights, or the database's server, {untouched}", untouched=untouched
     )
-    return problem_of_status(503, message("the data folder cannot be used ({said})", said=said), to_do)
+    if isinstance(error, OSError):
+        return unavailable(message("the data folder cannot be used ({said})", said=said), to_do)
+    return unavailable(message("the database does not answer ({said})", said=said), to_do)
+
+
+def storage_answer(error: BaseException) -> JSONResponse:
+    """Return what a disk, a database or a store that cannot be used says, as the response that says it."""
+    body = storage_problem(error)
+    return problem_response(body, {"Retry-After": str(RETRY_AFTER_S)} if body["status"] == 503 else None)
 
 
 def problem_response(body: Mapping[str, Any], headers: Mapping[str, str] | None = None) -> JSONResponse:
@@ -229,7 +242,7 @@ def install(app: FastAPI) -> None:
     async def storage(request: Request, error: Exception) -> JSONResponse:
         method = request.scope.get("method", "WebSocket")  # of a stream, too: its browser may be cut off
         log.error("storage failed in %s %s", method, request.url.path, exc_info=error)
-        return problem_response(storage_problem(error))
+        return storage_answer(error)
 
     async def cut_off(_: Request, __: Exception) -> JSONResponse:
         return problem_response(problem_of_status(400, "a request whose connection ended before it was whole"))
@@ -244,7 +257,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, validation)
     app.add_exception_handler(HTTPException, http)
     app.add_exception_handler(OSError, storage)
-    for unusable in (OperationalError, InterfaceError, PoolTimeoutError):  # InterfaceError: cut off in the midst
+    for unusable in OUTAGES:
         app.add_exception_handler(unusable, storage)
     app.add_exception_handler(ClientDisconnect, cut_off)
     app.add_exception_handler(Exception, unexpected)

@@ -82,6 +82,11 @@ class DaskPool(Pool):
         return None
 
     @property
+    def is_elsewhere(self) -> bool:
+        """Always: somebody else starts and ends the workers."""
+        return True
+
+    @property
     def takes_jobs(self) -> bool:
         """Whether the scheduler is there."""
         return self._client.status == "running" and not self.is_gone

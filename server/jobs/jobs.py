@@ -1,46 +1,51 @@
 """Solves in worker processes: queued, followed, cancelled, and honest about how they ended."""
 
-import asyncio
 import logging
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from sqlalchemy.exc import DBAPIError
 
-from calib_core.errors import CalibrationError, ConflictError, NotFoundError
-from calib_core.graph.registry import STAGES
-from calib_core.messages import message, with_parts
+from calib_core.errors import ConflictError, NotFoundError
+from calib_core.messages import message
 from calib_core.steps import optics_stages
-from server.http.errors import problem, problem_of_status
+from server.http.errors import problem_of_status, storage_problem
 from server.http.events import Hub, ended_job
 from server.jobs import worker
+from server.jobs.all_stages import AllStages
+from server.jobs.ends import cluster_gone, explained, worker_ended
 from server.jobs.pool import Pool
-from server.jobs.pools import open_pool
+from server.jobs.pools import ProcessPool, open_pool
+from server.jobs.waiting import WaitingJobs
 from server.settings import Settings
 from server.store.calibrations import measure_frames_anew
 from server.store.database import Store
 from server.store.models import Data
 from server.store.provenance import note_replay
-from server.store.sessions import load_session, locked_session
+from server.store.sessions import load_session
 from server.store.solves import (
     REPLAY,
     add_answer,
     add_result,
-    create_job,
     fail_job,
     job_data,
     job_row,
     unfinished_jobs,
     update_job,
 )
+from server.store.unavailable import OUTAGES
 from server.store.unreferenced import remove_unreferenced
 
 log = logging.getLogger("scancell")
+_MOST_TRIES: Final = 5
+_MOST_LOST: Final = 1
+"""How often a job begins anew whose worker on a cluster was killed: perhaps by what the job needs."""
 
 
 @dataclass
@@ -55,6 +60,7 @@ class _Running:
     place: worker.Place | None = None  # of its worker, once it has begun
     ended_by_us: bool = False  # by force: the store knows why already
     timer: threading.Timer | None = field(default=None, repr=False)
+    since_s: float = field(default_factory=time.monotonic)
 
 
 class Jobs:
@@ -65,15 +71,20 @@ class Jobs:
         self._store, self._hub = store, hub
         self._captures_wait = captures_wait
         self._running: dict[str, _Running] = {}
-        self._children: dict[str, str] = {}  # of a job that solves all stages: the one that runs
         self._lock = threading.RLock()
         self._ready: Future[bool] | None = None
         self._pool: Pool | None = None
+        self._here: Pool | None = None  # beside a cluster without workers
+        self._waiting = WaitingJobs(self._hand_on, self._call_back)
+        self._all_stages = AllStages(
+            store, self._waiting, self.submit, lambda job: ended_job(store, hub, job, settings.job_timeout_s)
+        )
 
     def start(self) -> None:
         """Say of jobs that an earlier server left that they ended, and get the workers ready."""
         self._fail_unfinished("the server was restarted while it ran")
         self._pool = self._new_pool()
+        self._waiting.start()
 
     @property
     def ready(self) -> bool:
@@ -115,29 +126,87 @@ class Jobs:
             if job.place is None:
                 self._submit_again(job_id)
             else:
-                self._fail(job_id, _cluster_gone())
+                self._try_again(job_id, cluster_gone())
         gone.close()
 
     def _fail(self, job_id: str, error: Data) -> None:
         with self._store.write() as db:
             fail_job(db, job_id, error)
+        self._waiting.forget(job_id)
+
+    def _wait(self, job_id: str, got: str) -> None:
+        """Have a job wait for what is away, and say so where that can be stored."""
+        self._waiting.add(job_id)
+        with suppress(*OUTAGES), self._store.write() as db:
+            update_job(db, job_id, "queued", message("waits: {why}", why=got), 0.0)
+
+    def _try_again(self, job_id: str, error: Data) -> None:
+        """Have a job begin anew once what it needs is back; one that was tried too often says why it failed."""
+        if self._waiting.tries(job_id) > _MOST_TRIES:
+            self._fail(job_id, error)
+        else:
+            self._wait(job_id, error["got"])
+
+    def _hand_on(self, job_id: str, waited_s: float) -> bool:
+        """Return whether a job that waits need do so no longer: it was handed to workers, or has ended."""
+        pool = self._pool
+        if pool is None or self._files_are_away():
+            return False
+        here = not pool.takes_jobs
+        if here and waited_s < self._settings.cluster_patience_s:
+            return False
+        self._submit_again(job_id, here)
+        return True
+
+    def _files_are_away(self) -> bool:
+        try:
+            return self._store.blobs.trouble() is not None
+        except OSError:
+            return True
+
+    def _call_back(self) -> None:
+        """Solve here what has waited too long for a cluster that has no workers."""
+        pool, now_s = self._pool, time.monotonic()
+        if pool is None or not pool.is_elsewhere or pool.trouble() is None:
+            return
+        with self._lock:
+            late = {
+                job_id: job
+                for job_id, job in self._running.items()
+                if job.pool is pool
+                and job.place is None
+                and now_s - job.since_s > self._settings.cluster_patience_s
+            }
+            for job_id in late:
+                del self._running[job_id]
+        for job_id, job in late.items():
+            job.future.cancel()
+            self._submit_again(job_id, here=True)
 
     def stop(self) -> None:
         """End everything at once; unfinished jobs say so."""
+        self._waiting.stop()
         with self._lock:
-            pool, self._pool = self._pool, None
+            pools, self._pool, self._here = (self._pool, self._here), None, None
             running, self._running = self._running, {}
         for job in running.values():
             _kill(job)
-        if pool is not None:
-            pool.close()
+        for pool in pools:
+            if pool is not None:
+                pool.close()
         try:
             self._fail_unfinished("the server was stopped while it ran")
         except (OSError, DBAPIError):  # the next start says it
             log.exception("what became of the jobs could not be stored")
 
     def submit(self, job_id: str) -> None:
-        """Hand a stored job to the workers."""
+        """Hand a stored job to the workers; it waits while what it needs is away."""
+        try:
+            self._submit(job_id)
+        except OUTAGES as error:
+            self._wait(job_id, storage_problem(error)["got"])
+
+    def _submit(self, job_id: str, here: bool = False) -> None:
         with self._store.read() as db:
             row = job_row(db, job_id)
             if row.status != "queued":  # cancelled meanwhile
@@ -155,12 +224,14 @@ class Jobs:
         with self._lock:
             if self._pool is None:  # the server stops, and says so of its jobs
                 return
-            if not self._pool.takes_jobs:
-                threading.Thread(target=self._fail, args=(job_id, _cluster_gone()), daemon=True).start()
-                return
-            future = self._pool.submit(work)
-            self._running[job_id] = _Running(self._pool, future, solved_from, session, stored.results)
-        future.add_done_callback(lambda done: self._ended(job_id, done))
+            pool = self._pool_here() if here else self._pool
+            future = pool.submit(work) if pool.takes_jobs else None
+            if future is not None:
+                self._running[job_id] = _Running(pool, future, solved_from, session, stored.results)
+        if future is None:
+            self._wait(job_id, cluster_gone()["got"])
+        else:
+            future.add_done_callback(lambda done: self._ended(job_id, done))
 
     def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
         """Have a capture measured on the cluster; None where there is none that takes work."""
@@ -169,34 +240,7 @@ class Jobs:
 
     def submit_all(self, job_id: str, stages: Sequence[str]) -> None:
         """Solve stages one after the other for a stored job, which ends with the last or with one that fails."""
-        threading.Thread(target=self._solve_all, args=(job_id, stages), name="all stages", daemon=True).start()
-
-    def _solve_all(self, job_id: str, stages: Sequence[str]) -> None:
-        try:
-            for number, stage in enumerate(stages):
-                with self._store.write() as db:
-                    if self._pool is None or not update_job(db, job_id, "running", stage, number / len(stages)):
-                        return
-                    child = create_job(db, locked_session(db, job_row(db, job_id).session_id), stage).id
-                with self._lock:
-                    self._children[job_id] = child
-                self.submit(child)
-                ended = asyncio.run(ended_job(self._store, self._hub, child, self._settings.job_timeout_s))
-                if ended["status"] == "failed" and STAGES.get(stage, "stage").is_second_opinion:
-                    continue  # its own job says why
-                if ended["status"] != "done":
-                    error = ended["error"] or problem_of_status(503, f"{stage}: {ended['message']}")
-                    self._fail(job_id, error)  # unless it was cancelled itself
-                    return
-            with self._store.write() as db:
-                update_job(db, job_id, "done", "done", 1.0)
-        except NotFoundError:
-            log.info("job %s went with its session", job_id)
-        except Exception as error:
-            self._fail(job_id, _explain(error))
-        finally:
-            with self._lock:
-                self._children.pop(job_id, None)
+        self._all_stages.begin(job_id, stages)
 
     def cancel(self, job_id: str) -> Data:
         """End a job that waits or runs, and return it.
@@ -222,12 +266,11 @@ class Jobs:
 
     def end(self, job_id: str) -> None:
         """End what a job does, if it still does something; the store is not told."""
+        if (child := self._all_stages.left(job_id)) is not None:
+            with suppress(ConflictError, NotFoundError):  # it has ended by itself, or gone with its session
+                self.cancel(child)
         with self._lock:
-            child = self._children.pop(job_id, None)
             running = self._running.get(job_id)
-            if child is not None:
-                with suppress(ConflictError, NotFoundError):  # it has ended by itself, or gone with its session
-                    self.cancel(child)
             if running is None:
                 return
             has_begun = running.place is not None
@@ -264,7 +307,10 @@ class Jobs:
                 again, running.place = running.place is not None, value
                 if running.ended_by_us:
                     _kill(running)
-                if again:  # a cluster gives a job to another worker when one is killed; here that is told instead
+                if again and running.timer is not None:
+                    running.timer.cancel()
+                # A cluster gives a job to another worker when one is killed, until it has none left.
+                if again and self._waiting.tries(job_id) > _MOST_LOST:
                     threading.Thread(target=self._lost, args=(job_id,), daemon=True).start()
                     return
                 running.timer = threading.Timer(self._settings.job_timeout_s, self._time_out, [job_id])
@@ -287,7 +333,7 @@ class Jobs:
         self.end(job_id)
 
     def _lost(self, job_id: str) -> None:
-        self._fail(job_id, _worker_ended())
+        self._waiting.noting(partial(self._fail, job_id, worker_ended()))
         self.end(job_id)
 
     def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
@@ -298,13 +344,24 @@ class Jobs:
             if running.timer is not None:
                 running.timer.cancel()
         error = CancelledError() if future.cancelled() else future.exception()
-        broken = error is not None and running.pool.is_broken_by(error)
-        if error is not None:
-            ended = _worker_ended() if running.pool.takes_jobs else _cluster_gone()
-            gone = broken or isinstance(error, CancelledError)
-            self._fail(job_id, ended if gone else _explain(error))  # `cancel` has noted it before
-            return
-        solved = future.result()
+        if error is None:
+            self._waiting.noting(partial(self._keep, job_id, running, future.result()))
+        else:
+            self._waiting.noting(partial(self._failed, job_id, running.pool, error))
+
+    def _failed(self, job_id: str, pool: Pool, error: BaseException) -> None:
+        """Have a job begin anew that an outage has ended, or say why it failed; `cancel` has noted it before."""
+        if isinstance(error, OUTAGES):
+            self._try_again(job_id, storage_problem(error))
+        elif not (isinstance(error, CancelledError) or pool.is_broken_by(error)):
+            self._fail(job_id, explained(error))
+        elif pool.is_elsewhere:
+            self._try_again(job_id, worker_ended() if pool.takes_jobs else cluster_gone())
+        else:
+            self._fail(job_id, worker_ended())
+
+    def _keep(self, job_id: str, running: _Running, solved: worker.Solved) -> None:
+        """Store what a job found."""
         with self._store.write() as db:
             if running.solved_from is None:
                 note_replay(db, job_id, running.session, running.results, solved.result, solved.fresh)
@@ -313,16 +370,23 @@ class Jobs:
             former = add_result(db, job_id, solved.result, running.solved_from, solved.outputs)
             row = job_row(db, job_id) if solved.result["stage"] in optics_stages() else None
             wait = row is not None and measure_frames_anew(db, row.session_id, row.stage)
+        self._waiting.forget(job_id)
         if wait:
             self._captures_wait()
         remove_unreferenced(self._store, former)
 
-    def _submit_again(self, job_id: str) -> None:
+    def _pool_here(self) -> Pool:
+        """Return the processes of this server, beside a cluster if there is one."""
+        if self._here is None:
+            self._here = ProcessPool(self._settings, self._listen)
+        return self._here
+
+    def _submit_again(self, job_id: str, here: bool = False) -> None:
         with self._store.write() as db:
             if not update_job(db, job_id, "queued", "waiting for its turn again", 0.0):
                 return
         try:
-            self.submit(job_id)
+            self._submit(job_id, here)
         except NotFoundError:
             log.info("job %s went with its session", job_id)
 
@@ -331,25 +395,3 @@ def _kill(running: _Running) -> None:
     """End the worker that a job runs in."""
     if running.place is not None and (running.future.cancelled() or not running.future.done()):
         running.pool.end_worker(running.place)
-
-
-def _cluster_gone() -> Data:
-    return problem_of_status(
-        503, "the Dask cluster went away", "Run it again once GET /health says that it is back."
-    )
-
-
-def _worker_ended() -> Data:
-    got = "the worker process ended unexpectedly (it was killed, or memory ran out)"
-    return problem_of_status(503, got, "Run it again.")
-
-
-def _explain(error: BaseException) -> Data:
-    if isinstance(error, CalibrationError):
-        return with_parts(problem(error))
-    log.error("a job failed unexpectedly", exc_info=error)
-    return problem_of_status(
-        500,
-        message("an error of the program itself ({name}: {error})", name=type(error).__name__, error=error),
-        "Look into the server's log.",
-    )

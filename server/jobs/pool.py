@@ -37,6 +37,11 @@ class Pool(ABC):
         return None
 
     @property
+    def is_elsewhere(self) -> bool:
+        """Whether its workers are not this server's: they come and go, and jobs begin anew on others."""
+        return False
+
+    @property
     def takes_jobs(self) -> bool:
         """Whether jobs can be submitted."""
         return True

@@ -17,6 +17,7 @@ from server.settings import BlobPlace
 from server.store.blob_places import open_blobs
 from server.store.blobs import Blobs
 from server.store.process_data import Output
+from server.store.unavailable import UnavailableError
 
 if TYPE_CHECKING:
     from calib_core.graph.stage_input import FindCrew
@@ -187,7 +188,7 @@ def started(job_id: str) -> Callable[[float, str], None]:
 
 @cache
 def _opened(place: BlobPlace) -> Blobs:
-    return open_blobs(place)
+    return open_blobs(place, look=False)  # the server has looked
 
 
 def _blobs() -> Blobs:
@@ -223,6 +224,8 @@ class _Outputs:
         """Store one file; raises InputError where there is no room for it."""
         try:
             self.stored[name] = Output(*self._blobs.put_pieces(pieces))
+        except UnavailableError:
+            raise
         except OSError as error:
             got = (error.strerror or type(error).__name__).lower()
             to_do = message("Make room there, then run it again; what was stored before is untouched.")

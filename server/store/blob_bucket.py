@@ -13,9 +13,10 @@ from typing import IO, Any, Final
 from calib_core.errors import DamagedError, InputError, NotFoundError
 from calib_core.messages import message
 from server.store.blobs import YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
+from server.store.unavailable import UnavailableError
 
-_ATTEMPTS: Final = 3
-_TIMEOUT_S: Final = 20
+_ATTEMPTS: Final = 2
+_TIMEOUT_S: Final = 10
 
 
 class BucketBlobs(Blobs):
@@ -40,9 +41,8 @@ class BucketBlobs(Blobs):
             self._folder.mkdir(parents=True, exist_ok=True)
         # Between finding a blob old and its removal, or its renewal: one lock for each first byte.
         self._locks = [threading.Lock() for _ in range(256)]
-        self._client = _client(endpoint)
+        self._client = _client(endpoint, _TIMEOUT_S, _ATTEMPTS)
         self._probing = _client(endpoint, timeout_s=3, attempts=1)
-        self._require_bucket()
 
     def put(self, content: bytes) -> str:
         """Store bytes durably and return their SHA-256."""
@@ -77,7 +77,7 @@ class BucketBlobs(Blobs):
         file = tempfile.SpooledTemporaryFile(1 << 20, dir=self._place())  # noqa: SIM115 (closed below)
         try:
             with _named(self._bucket, digest):
-                self._client.download_fileobj(self._bucket, self._key(digest), file)
+                self._client.download_fileobj(self._bucket, self._key(digest), file, Config=_once())
             require_same(digest, digest_of(file))
         except BaseException:
             file.close()
@@ -118,7 +118,7 @@ class BucketBlobs(Blobs):
                     self._client.delete_object(Bucket=self._bucket, Key=self._key(digest))
 
     def trouble(self) -> str | None:
-        """Return in words why nothing can be stored now, None where it can; raises OSError."""
+        """Return in words why nothing can be stored now, None where it can; raises UnavailableError, OSError."""
         with _named(self._bucket):
             self._probing.head_bucket(Bucket=self._bucket)
         return super().trouble()
@@ -149,7 +149,8 @@ class BucketBlobs(Blobs):
             raise
         return (datetime.now(UTC) - stored["LastModified"]).total_seconds() < limit_s
 
-    def _require_bucket(self) -> None:
+    def require_bucket(self) -> None:
+        """Refuse settings that name no bucket which answers; raises InputError."""
         from botocore.exceptions import ClientError
 
         try:
@@ -164,20 +165,32 @@ class BucketBlobs(Blobs):
 
 @contextmanager
 def _named(bucket: str, digest: str = "") -> Generator[None]:
-    """Tell of a store that does not answer as of a disk that cannot be used; raises OSError, NotFoundError."""
+    """Tell of a store that refuses or does not answer; raises UnavailableError, NotFoundError."""
     from boto3.exceptions import Boto3Error
     from botocore.exceptions import BotoCoreError, ClientError
+    from s3transfer.exceptions import RetriesExceededError
 
     try:
         yield
     except ClientError as error:
         if not _is_absent(error):
-            raise OSError(f"the S3 store refuses bucket {bucket}: {error}") from None
+            got = message("the S3 store refuses bucket {bucket} ({said})", bucket=bucket, said=error)
+            raise UnavailableError(got) from None
         if digest:
             raise missing(digest) from None
         raise
-    except (BotoCoreError, Boto3Error) as error:
-        raise OSError(f"the S3 store of bucket {bucket} does not answer: {error}") from None
+    except (BotoCoreError, Boto3Error, RetriesExceededError) as error:
+        error = getattr(error, "last_exception", error)  # what ended a fetch
+        got = message("the S3 store of bucket {bucket} does not answer ({said})", bucket=bucket, said=error)
+        raise UnavailableError(got) from None
+
+
+@cache
+def _once() -> Any:
+    """Return how files are fetched: the client tries again by itself, and a store that hangs is told soon."""
+    from boto3.s3.transfer import TransferConfig
+
+    return TransferConfig(num_download_attempts=1)
 
 
 def _is_absent(error: Any) -> bool:
@@ -185,7 +198,7 @@ def _is_absent(error: Any) -> bool:
 
 
 @cache  # it may be used by many threads, and takes a quarter of a second to make
-def _client(endpoint: str | None, timeout_s: float = _TIMEOUT_S, attempts: int = _ATTEMPTS) -> Any:
+def _client(endpoint: str | None, timeout_s: float, attempts: int) -> Any:
     try:
         import boto3
         from botocore.config import Config
@@ -195,7 +208,7 @@ def _client(endpoint: str | None, timeout_s: float = _TIMEOUT_S, attempts: int =
     config = Config(
         connect_timeout=timeout_s,
         read_timeout=timeout_s,
-        retries={"max_attempts": attempts, "mode": "standard"},
+        retries={"total_max_attempts": attempts, "mode": "standard"},
         max_pool_connections=32,
         # Other makers' stores need not know Amazon's newer checksums; every content is compared with its SHA-256.
         request_checksum_calculation="when_required",

@@ -9,20 +9,23 @@ from server.store.blobs import Blobs
 _S3 = "s3://"
 
 
-def open_blobs(place: BlobPlace, make: bool = True) -> Blobs:
+def open_blobs(place: BlobPlace, make: bool = True, look: bool = True) -> Blobs:
     """Return the blobs at a place; a folder that is missing is made, where that is wanted.
+
+    `look` asks for the bucket: who knows that it is there goes without, since a store that is away at the
+    moment is no wrong setting.
 
     Raises
     ------
     InputError
         If the place is of no known kind, or there is no such bucket.
     """
-    blobs = _opened(place, make)
+    blobs = _opened(place, make, look)
     blobs.observations = KeptObservations(place.observations)
     return blobs
 
 
-def _opened(place: BlobPlace, make: bool) -> Blobs:
+def _opened(place: BlobPlace, make: bool, look: bool) -> Blobs:
     if place.bucket is None:
         from server.store.blob_folder import FolderBlobs
 
@@ -35,4 +38,7 @@ def _opened(place: BlobPlace, make: bool) -> Blobs:
     from server.store.blob_bucket import BucketBlobs
 
     bucket, _, prefix = place.bucket.removeprefix(_S3).partition("/")
-    return BucketBlobs(bucket, prefix.strip("/"), place.endpoint, place.folder, make)
+    blobs = BucketBlobs(bucket, prefix.strip("/"), place.endpoint, place.folder, make)
+    if look:
+        blobs.require_bucket()
+    return blobs

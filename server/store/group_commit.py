@@ -8,12 +8,12 @@ from itertools import islice
 from queue import SimpleQueue
 from typing import Any
 
-from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import CalibrationError
 from server.store import audit
 from server.store.database import Store
+from server.store.unavailable import OUTAGES
 
 Act = Callable[[Transaction, Sequence[str]], Any]
 _MOST = 64
@@ -81,7 +81,7 @@ class GroupCommit:
         try:
             digests = self._store.blobs.put_all([content for write in writes for content in write.contents])
             outcomes = self._written(writes, iter(digests))
-        except (OSError, OperationalError, InterfaceError) as error:
+        except (OSError, *OUTAGES) as error:
             # No disk, no database: it is so for each of them.
             for write in writes:
                 write.done.set_exception(error)

@@ -4,7 +4,6 @@ import logging
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
-from errno import EBUSY
 from typing import Final
 
 from sqlalchemy import Connection, Engine, text
@@ -17,6 +16,7 @@ from server.settings import Settings
 from server.store.database import Store
 from server.store.engine import engine_of
 from server.store.folder import folder_lock
+from server.store.unavailable import UnavailableError
 from server.store.updates import keep_before_update
 
 log = logging.getLogger("scancell")
@@ -26,7 +26,7 @@ _END_THE_OTHER: Final = message("End the other server, or choose another databas
 _LOOK_S: Final = 2.0
 _LOOK_AGAIN_S: Final = 0.5  # while the lock is gone
 
-_TAKEN_OVER: Final = "another server has taken over the database"
+_TAKEN_OVER: Final = message("another server has taken over the database")
 
 
 class DatabaseLock:
@@ -56,10 +56,12 @@ class DatabaseLock:
         self._connection.close()
 
     def require(self, db: Transaction) -> None:
-        """Refuse a transaction that would write beside another server; raises OSError."""
+        """Refuse a transaction that would write beside another server; raises UnavailableError."""
         db.execute(text("SELECT pg_advisory_xact_lock_shared(:lock)"), {"lock": _WRITING})
         if db.execute(text("SELECT number FROM server_number")).scalar() not in self._own:
-            raise OSError(EBUSY, _TAKEN_OVER)
+            raise UnavailableError(
+                _TAKEN_OVER, message("Send it to that one; this one goes on once the other has ended.")
+            )
 
     def _number(self) -> None:
         """Take the next number, once no other write is under way."""

@@ -44,6 +44,7 @@ class Found:
     jobs: list[str] = field(default_factory=list[str])
     wrong: list[str] = field(default_factory=list[str])
     lost: list[str] = field(default_factory=list[str])
+    done: int = 0
     by_two: int = 0
     healed_s: list[float] = field(default_factory=list[float])
 
@@ -74,7 +75,7 @@ def rows(name: str, times: int) -> list[Row]:
         print(f"    {line}", flush=True)
     done = [sent for sent in found.sent if sent.answer is not None]
     worst = max(found.healed_s)
-    under = f"{len(done)} captures, {found.refused} refused, {len(found.jobs)} solves"
+    under = f"{len(done)} captures, {found.refused} refused, {found.done} of {len(found.jobs)} solves done"
     return [
         Row(f"{name}: outages, and what was acknowledged meanwhile", "", f"{found.outages}; {under}"),
         Row(f"{name}: acknowledged captures lost", "0", f"{len(found.lost)}", not found.lost),
@@ -206,13 +207,9 @@ def _look(client: httpx.Client, found: Found) -> None:
             if time.monotonic() > end_s:
                 break
             time.sleep(0.1)
-        # The truth: the cluster went away, or the job's own worker was killed with it.
-        told = ended["status"] == "done" or (
-            ended["status"] == "failed"
-            and ended["error"]["status"] == 503
-            and ended["error"]["to_do"].startswith("Run it again")
-        )
-        if not told:
+        found.done += ended["status"] == "done"
+        # Or the truth: its workers were killed twice, perhaps by what it needs.
+        if ended["status"] != "done" and (ended["error"] or {}).get("to_do") != "Run it again.":
             found.wrong.append(f"job {job}: {ended}")
 
 
@@ -222,7 +219,7 @@ def _database(folder: Path) -> Iterator[Part]:
     with restartable_postgres() as postgres:
         environment = {"SCANCELL_DATABASE_URL": new_database(postgres.address, "outages")}
         signals = iter([signal.SIGINT, signal.SIGQUIT] * 1000)
-        yield Part(environment, lambda: postgres.end(next(signals)), postgres.start)
+        yield Part(environment, lambda: postgres.end(next(signals)), postgres.start, solves=True)
 
 
 @contextmanager
@@ -262,12 +259,17 @@ def _lock(folder: Path) -> Iterator[Part]:
 
 
 @contextmanager
-def _bucket(folder: Path) -> Iterator[Part]:
-    """The way to the S3 store is cut."""
+def _bucket(how: str, folder: Path) -> Iterator[Part]:
+    """The way to the S3 store is cut, hangs, or answers 503."""
     with running_s3() as s3, gated(s3.removeprefix("http://")) as gate:
         s3_client(s3).create_bucket(Bucket="outages")
         endpoint = f"http://127.0.0.1:{gate.port}"
-        yield Part({"SCANCELL_BLOBS": "s3://outages", "SCANCELL_S3_ENDPOINT": endpoint}, gate.shut, gate.open)
+        yield Part(
+            {"SCANCELL_BLOBS": "s3://outages", "SCANCELL_S3_ENDPOINT": endpoint},
+            getattr(gate, how),
+            gate.open,
+            solves=True,
+        )
 
 
 @contextmanager
@@ -338,7 +340,9 @@ def _log(folder: Path) -> Iterator[Part]:
 PARTS: dict[str, Callable[[Path], Any]] = {
     "PostgreSQL restarted": _database,
     "the lock's connection cut": _lock,
-    "S3 away": _bucket,
+    "S3 away": partial(_bucket, "shut"),
+    "S3 hangs": partial(_bucket, "hang"),
+    "S3 answers 503": partial(_bucket, "refuse"),
     "Dask scheduler restarted": _scheduler,
     "Dask worker killed": _worker,
     "reader of the log hangs": _log,

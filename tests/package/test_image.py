@@ -135,12 +135,34 @@ def test_the_unit_for_systemd_starts_our_command_with_our_settings(tmp_path: Pat
     program, *words = started[1].split()
     require_command([Path(program).name, *words])
     assert words[words.index("--data") + 1].startswith("/var/lib/" + text.split("StateDirectory=")[1].split()[0])
+    _verify("scancell", text, program, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["scheduler", "worker"])
+def test_the_units_of_a_cluster_start_its_commands_and_again_when_they_end(name: str, tmp_path: Path) -> None:
+    from click.testing import CliRunner
+    from distributed.cli import dask_scheduler, dask_worker
+
+    text = (ROOT / "docs" / "examples" / f"scancell-{name}.service").read_text()
+    started = re.search(r"^ExecStart=(\S+) (\w+) (.*)$", text, re.MULTILINE)
+    assert started is not None
+    assert started[2] == name
+    assert "Restart=always" in text
+    known = {"scheduler": dask_scheduler.main, "worker": dask_worker.main}[name]
+    options = {option for parameter in known.params for option in (*parameter.opts, *parameter.secondary_opts)}
+    assert set(re.findall(r"--[\w-]+", started[3])) <= options
+    assert CliRunner().invoke(known, ["--help"]).exit_code == 0
+    settings_in(set(re.findall(r"\$\{(\w+)\}", started[3])))
+    _verify(f"scancell-{name}", text, started[1], tmp_path)
+
+
+def _verify(name: str, text: str, program: str, tmp_path: Path) -> None:
     if _runs(["systemd-analyze", "--version"]):
-        unit = tmp_path / "scancell.service"
+        unit = tmp_path / f"{name}.service"
         # Who verifies looks for the program, the user and what it comes after, which are not on this machine.
         there = text.replace(program, shutil.which("true") or program).replace(
             "User=scancell\nGroup=scancell\n", ""
         )
         unit.write_text(there.replace("network-online.target", "basic.target"))
         done = subprocess.run(["systemd-analyze", "verify", unit], capture_output=True, text=True)
-        assert "scancell.service:" not in done.stderr, done.stderr
+        assert f"{name}.service:" not in done.stderr, done.stderr

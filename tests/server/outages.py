@@ -1,10 +1,11 @@
 """Parts that a server rests on, which go away and come back: databases, buckets, clusters, and the way to them."""
 
+import signal
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,7 +19,7 @@ HEALED_S = 30.0
 
 
 class Gate:
-    """A way to another server that can be shut, as when that one is restarted."""
+    """A way to another server that can be shut, as when that one is restarted, hang, or refuse with 503."""
 
     def __init__(self, target: str) -> None:
         self._host, _, port = target.rpartition(":")
@@ -27,7 +28,21 @@ class Gate:
         self._process: subprocess.Popen[bytes] | None = None
 
     def open(self) -> None:
-        code = _RELAY.format(port=self.port, target=self._target)
+        """Let pass, whatever the way was before."""
+        self._begin(_RELAY.format(port=self.port, target=self._target))
+
+    def refuse(self) -> None:
+        """Answer every request with 503, as a store does that has too much to do."""
+        self._begin(_BUSY.format(port=self.port))
+
+    def hang(self) -> None:
+        """Take connections and bytes, and answer nothing."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+
+    def _begin(self, code: str) -> None:
+        if self._process is not None:
+            self.shut()
         self._process = subprocess.Popen([sys.executable, "-c", code])
         until_there(self.port)
 
@@ -58,10 +73,28 @@ async def main():
     await (await asyncio.start_server(relay, "127.0.0.1", {port})).serve_forever()
 asyncio.run(main())
 """
+_BUSY = """
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+class Busy(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    def refuse(self):
+        said = b"<Error><Code>SlowDown</Code><Message>Reduce your request rate.</Message></Error>"
+        said = b"" if self.command == "HEAD" else said
+        self.send_response(503)
+        self.send_header("Content-Length", str(len(said)))
+        self.send_header("Connection", "close")
+        self.end_headers()
+        self.wfile.write(said)
+        self.close_connection = True
+    do_GET = do_HEAD = do_PUT = do_POST = do_DELETE = refuse
+    def log_message(self, *_):
+        pass
+ThreadingHTTPServer(("127.0.0.1", {port}), Busy).serve_forever()
+"""
 
 
 @contextmanager
-def gated(target: str) -> Iterator[Gate]:
+def gated(target: str) -> Generator[Gate]:
     gate = Gate(target)
     gate.open()
     try:

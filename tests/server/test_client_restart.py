@@ -11,7 +11,9 @@ import pytest
 from kill_load import CELL
 from kill_server import ServerProcess
 
-from scancell_client import ProblemError, Scancell
+from scancell_client import ProblemError, Scancell, UnavailableError
+from server.settings import Settings
+from tests.server.live_server import make_session, serving, upload
 from tests.server.test_captures import arc_csv, record
 
 _CAPTURES = 60
@@ -84,6 +86,21 @@ def test_it_comes_again_when_it_was_told_to() -> None:
             assert all(1.0 <= wait < 1.5 for wait in waits)
         with Scancell(f"http://127.0.0.1:{server.server_port}", patience_s=0, trust_env=False) as api:
             busy.asked.clear()
-            with pytest.raises(ProblemError):
+            with pytest.raises(UnavailableError):
                 api.sessions_change("s", {"name": "cell"}, if_match="1")
         server.shutdown()
+
+
+def test_a_damaged_file_is_told_at_once_and_not_asked_for_again(tmp_path: Path) -> None:
+    with serving(Settings(data=tmp_path, port=0, warm_up=False)) as client:
+        session = make_session(client)
+        assert upload(client, session, record(), arc_csv()).status_code == 201
+        (blob,) = [file for file in (tmp_path / "blobs").rglob("*") if len(file.name) == 64]
+        blob.write_bytes(b"altered")
+        with Scancell(str(client.base_url.copy_with(path="/")), trust_env=False) as api:
+            started = time.monotonic()
+            with pytest.raises(ProblemError) as refused:
+                api.captures_get_file(session, "p01", "p01.csv")
+            assert refused.value.details["type"].endswith(":damaged")
+            assert not isinstance(refused.value, UnavailableError)
+            assert time.monotonic() - started < 30

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 import server.jobs.worker
@@ -99,7 +100,7 @@ def test_a_merge_goes_over_the_workers_and_is_the_same_byte_for_byte(
     assert (here.result["spills"] > 0) == (memory_mb < 10)
 
 
-def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
+def test_jobs_on_the_cluster_are_cancelled_and_begin_anew_once_when_their_worker_is_killed(
     start: Callable[..., Any], cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solve = server.jobs.worker.solve
@@ -113,6 +114,7 @@ def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
             assert client.post(f"/jobs/{job}/cancel").json()["status"] == "cancelled"
         assert_gone(cancelled)
         os.kill(killed, signal.SIGKILL)
+        os.kill(until_elsewhere(client, second, killed), signal.SIGKILL)
         job = wait_for(client, second)
         assert job["status"] == "failed"
         assert "ended unexpectedly" in job["error"]["detail"]
@@ -132,6 +134,15 @@ def test_jobs_on_the_cluster_are_cancelled_and_told_when_their_worker_is_killed(
     with start(dask=cluster) as client:
         stopped = client.get(f"/jobs/{last}").json()
         assert (stopped["status"], stopped["error"]["to_do"]) == ("failed", "The server restarted; run it again.")
+
+
+def until_elsewhere(client: httpx.Client, job: str, before: int) -> int:
+    """Wait until a job runs in another process than before, and return that."""
+    end_s = time.monotonic() + 300
+    while (place := wait_until_it_runs(client, job)) == before:
+        assert time.monotonic() < end_s
+        time.sleep(0.1)
+    return place
 
 
 def assert_gone(process: int) -> None:

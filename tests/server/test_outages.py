@@ -2,6 +2,7 @@
 
 import fcntl
 import termios
+import time
 from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,11 +14,12 @@ from sqlalchemy import text
 
 from calib_core.errors import InputError
 from server.settings import Settings
+from server.store import blob_bucket
 from server.store.database import Store
 from server.store.engine import engine_of
 from server.store.store_lock import store_lock
 from tests.server.live_server import make_session, serving, simulated_session, upload, wait_for
-from tests.server.outages import gated, start_scheduler, start_worker, until_health, until_there
+from tests.server.outages import HEALED_S, gated, start_scheduler, start_worker, until_health, until_there
 from tests.server.postgres import free_port, new_database, running_postgres
 from tests.server.s3 import running_s3, s3_client
 from tests.server.test_captures import arc_csv, record
@@ -112,6 +114,56 @@ def test_a_bucket_that_goes_away_and_comes_back(tmp_path: Path) -> None:
                 )
 
 
+@pytest.mark.parametrize("how", ["refuse", "hang"])
+def test_a_solve_waits_for_a_bucket_and_is_done_by_itself(
+    tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blob_bucket, "_TIMEOUT_S", 2)
+    with running_s3() as s3, gated(s3.removeprefix("http://")) as gate:
+        s3_client(s3).create_bucket(Bucket="outage")
+        place = {"data": tmp_path, "port": 0, "warm_up": False, "blobs": "s3://outage"}
+        with serving(Settings(**place, s3_endpoint=f"http://127.0.0.1:{gate.port}")) as client:
+            other, session = make_session(client), simulated_session(client, captures=14)
+            getattr(gate, how)()
+            until_health(client, "degraded", "files")
+            asked = client.post(f"/sessions/{session}/solve/tcp")
+            assert asked.status_code == 202, asked.text
+            until_waiting(client, asked.json()["id"], "S3")
+            refused = upload(client, other, record(), arc_csv())
+            assert (refused.status_code, refused.json()["type"]) == (503, "urn:scancell:problem:unavailable")
+            assert int(refused.headers["retry-after"]) > 0
+            gate.open()
+            done = wait_for(client, asked.json()["id"])
+            assert (done["status"], done["error"]) == ("done", None)
+            assert client.get(f"/sessions/{session}/results/tcp").json()["verdict"] == "pass"
+
+
+def until_waiting(client: httpx.Client, job: str, said: str) -> None:
+    end_s = time.monotonic() + HEALED_S
+    while not (
+        (found := client.get(f"/jobs/{job}").json())["status"] == "queued"
+        and found["message"].startswith("waits")
+        and said in found["message"]
+    ):
+        assert found["status"] in ("queued", "running"), found
+        assert time.monotonic() < end_s, found
+        time.sleep(0.1)
+
+
+def test_what_a_job_found_is_stored_once_the_database_is_back(place: dict[str, Any]) -> None:
+    address = place["database_url"]
+    with gated(address.partition("@")[2].partition("/")[0]) as gate:
+        through = f"postgresql://scancell@127.0.0.1:{gate.port}/{address.rpartition('/')[2]}"
+        with serving(Settings(**{**place, "database_url": through})) as client:
+            session = simulated_session(client, captures=14)
+            jobs = [client.post(f"/sessions/{session}/solve/{stage}").json()["id"] for stage in ("tcp", "all")]
+            gate.shut()
+            time.sleep(5)  # they are solved meanwhile, as far as they can
+            gate.open()
+            until_health(client, "ready")
+            assert [wait_for(client, job)["status"] for job in jobs] == ["done", "done"]
+
+
 @pytest.mark.parametrize("lacking", [{"database_url": "postgresql://x@127.0.0.1:1/y"}, {"blobs": "s3://nowhere"}])
 def test_a_start_without_database_or_bucket_is_refused_in_words(lacking: dict[str, str], tmp_path: Path) -> None:
     settings = Settings(data=tmp_path, s3_endpoint="http://127.0.0.1:1", **lacking)  # type: ignore[arg-type]
@@ -136,17 +188,32 @@ def test_a_scheduler_that_is_restarted(start: Callable[..., Any]) -> None:
             assert "Dask" in until_health(client, "degraded")["reasons"]["jobs"]
             asked = client.post(f"/sessions/{session}/solve/tcp")
             assert asked.status_code == 202, asked.text
-            failed = wait_for(client, asked.json()["id"])
-            assert (failed["status"], failed["error"]["status"]) == ("failed", 503)
-            assert "Dask" in failed["error"]["detail"]
+            until_waiting(client, asked.json()["id"], "Dask")
             scheduler = start_scheduler(port)
             worker = start_worker(address)
             until_health(client, "ready")
-            assert _solved(client, session)["status"] == "done"
+            assert wait_for(client, asked.json()["id"])["status"] == "done"
     finally:
         for process in (scheduler, worker):
             process.kill()
             process.join()
+
+
+def test_a_job_that_waits_long_for_workers_of_a_cluster_is_solved_here(start: Callable[..., Any]) -> None:
+    port = free_port()
+    scheduler = start_scheduler(port)
+    try:
+        until_there(port)
+        with start(dask=f"tcp://127.0.0.1:{port}", cluster_patience_s=1) as client:
+            session = simulated_session(client, captures=14)
+            assert _solved(client, session)["status"] == "done"  # it has no worker
+            scheduler.kill()
+            scheduler.join()
+            until_health(client, "degraded", "jobs")
+            assert _solved(client, session)["status"] == "done"  # it is gone
+    finally:
+        scheduler.kill()
+        scheduler.join()
 
 
 def _solved(client: httpx.Client, session: str) -> dict[str, Any]:

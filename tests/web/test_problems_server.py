@@ -340,7 +340,7 @@ def test_a_stored_file_was_damaged(
             expect(visitor.page.locator(".answer-card")).to_be_visible()
 
 
-@provokes("http-503")
+@provokes("unavailable")
 def test_another_program_holds_the_database(
     profile: SharedProfile, start: Callable[..., Any], tmp_path: Path, watch: Watch
 ) -> None:
@@ -352,8 +352,8 @@ def test_another_program_holds_the_database(
             with closing(sqlite3.connect(tmp_path / "data" / "scancell.db", isolation_level=None)) as other:
                 other.execute("BEGIN IMMEDIATE")
                 visitor.page.keyboard.press("Space")
-                visitor.told("http-503")
-                visitor.picture("http-503")
+                visitor.told("unavailable")
+                visitor.picture("unavailable")
                 other.execute("ROLLBACK")
             visitor.page.keyboard.press("Space")
             expect(visitor.rows).to_have_count(2)
