@@ -80,9 +80,9 @@ def _body_of(answer: Response) -> dict[str, Any] | None:
 
 
 def require_said(problem: dict[str, Any], where: Locator) -> None:
-    """Require that the page says all of a problem; an HTTP status alone has no need of its own."""
+    """Require that the page says all of a problem; a status alone or an outage has no need of its own."""
     parts = [problem["got"], problem["to_do"]]
-    if not problem["type"].rsplit(":", 1)[1].startswith("http-"):
+    if not problem["type"].rsplit(":", 1)[1].startswith(("http-", "unavailable")):
         parts.append(problem["need"])
     for part in parts:
         assert part
