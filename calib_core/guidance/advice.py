@@ -13,7 +13,7 @@ from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
-from calib_core.guidance.prior import MOST_TAKEN, situation_of
+from calib_core.guidance.prior import MOST_TAKEN, Contradiction, known_of, situation_of
 from calib_core.messages import message
 from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
 from calib_core.steps import steps_that_show, table_stages, tool_stages
@@ -31,7 +31,7 @@ _OF_MEASURED = (
 )  # fmt: skip
 _OF_RESULT = (
     "stage", *SCANNER_FRAMES, "sphere_center_in_base_mm", "variance_components", "workpiece", "stale",
-    "angle_sigma_deg",
+    "angle_sigma_deg", "verdict", "undetermined",
 )  # fmt: skip
 
 
@@ -46,11 +46,17 @@ class Advice:
         What the captures do not determine, by the same rule as a result's `undetermined`.
     next : NextPose or None
         None where there is enough, or no pose is allowed.
+    apart : tuple of str
+        Captures that the others contradict.
+    contradicted : bool
+        Whether no tool lets most captures agree: then there is no figure, and no pose to advise.
     """
 
     meter: Meter
     open_directions: list[str]
     next: NextPose | None
+    apart: tuple[str, ...] = ()
+    contradicted: bool = False
 
     def words(self) -> str:
         """Return ``± 0.9 mm, wanted ± 0.2 mm``."""
@@ -130,15 +136,20 @@ def _told(result: Mapping[str, Any]) -> dict[str, Any]:
 @lru_cache(maxsize=16)
 def _advised(told: str) -> Advice | None:
     session, measured, results = inputs_read(told)
-    situation = situation_of(session, measured, results)
-    return None if situation is None else advice_in(situation, session.cell.wanted_mm, _stated(results))
+    known = known_of(session, measured, results)
+    if isinstance(known, Contradiction):
+        meter = Meter(uncertainty_mm=None, wanted_mm=session.cell.wanted_mm)
+        return Advice(meter, [], None, contradicted=True)
+    return None if known is None else advice_in(known, session.cell.wanted_mm, _stated(results))
 
 
 def _stated(results: Mapping[str, Mapping[str, Any]]) -> float | None:
     """Return the ± (k = 2) at the workpiece that a result states which is up to date."""
     for stage in tool_stages():
         result = results.get(stage)
-        if result is not None and not result.get("stale") and result.get("workpiece"):
+        if result is None or result.get("stale") or result.get("verdict") == "fail":
+            continue
+        if result.get("workpiece"):
             covariance = np.array(result["workpiece"]["covariance"], dtype=float)
             return COVERAGE * float(worst_sigma_mm(covariance))
     return None
@@ -161,11 +172,13 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
     meter = Meter(
         uncertainty_mm=now, wanted_mm=wanted_mm, stated=stated_mm is not None, history=history[-_HISTORY:]
     )
-    if not still_open and now is not None and wanted_mm is not None and now <= wanted_mm:
+    agreed = not still_open and (situation.agreed or stated_mm is not None)
+    apart = situation.apart if stated_mm is None else ()
+    if agreed and now is not None and wanted_mm is not None and now <= wanted_mm:
         return Advice(meter.model_copy(update={"enough": True, "still_needed": 0}), [], None)
     chosen = next_pose(situation)
     if chosen is None:
-        return Advice(meter, still_open, None)
+        return Advice(meter, still_open, None, apart)
     # A stated figure is the better one: what a capture gains is a share of it.
     scale = 1.0 if stated_mm is None or not count else stated_mm / (COVERAGE * after_each[-1])
     update: dict[str, Any] = {"after_next_mm": expanded(chosen.after_mm * scale)}
@@ -175,9 +188,9 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
         update["still_needed"] = None if more is None else max(more, 1)
     else:
         little = chosen.after_mm > _LITTLE * chosen.before_mm
-        enough = not still_open and (count >= _PLENTY or little)
+        enough = agreed and (count >= _PLENTY or little)
         update["still_needed"] = 0 if enough else max(_PLENTY - count, 1)
-    return Advice(meter.model_copy(update={**update, "enough": enough}), still_open, chosen)
+    return Advice(meter.model_copy(update={**update, "enough": enough}), still_open, chosen, apart)
 
 
 def expanded(sigma_mm: float) -> float | None:

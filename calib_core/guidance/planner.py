@@ -32,13 +32,20 @@ class Situation:
     Attributes
     ----------
     taken : sequence of SphereObservation
+        Without those that are `apart`.
     assumed : Assumed
     room : Room
+    agreed : bool
+        Whether enough captures agree with each other through one tool and one sphere.
+    apart : tuple of str
+        Captures that the others contradict.
     """
 
     taken: Sequence[SphereObservation]
     assumed: Assumed
     room: Room
+    agreed: bool = True
+    apart: tuple[str, ...] = ()
 
     def proposed(self, count: int, seed: int = _SEED) -> Candidates:
         """Return poses that a capture could be taken from."""

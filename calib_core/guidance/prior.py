@@ -19,13 +19,14 @@ from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import SIGMAS, Assumed
 from calib_core.guidance.field_of_view import Sight, sight_of
 from calib_core.guidance.planner import Situation
-from calib_core.guidance.scatter import sigmas_seen
+from calib_core.guidance.scatter import GROSS, solved_quickly
 from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, Measured, Session
 from calib_core.steps import tool_stages
 
 _LEAST_SEARCHED = 5  # captures from which tool and sphere are found whatever the motions
 _GOOD_SCATTER_MM = 2.0
+_LEAST_AGREEING = 3  # turned captures that agree, before others may be said to contradict them
 _LEAST_TURN_RAD = np.deg2rad(5.0)
 _NOMINAL_MM, _NOMINAL_DEG = 10.0, 3.0
 MOST_TAKEN = 40  # captures beyond these change no advice, and would only make it slow
@@ -42,6 +43,11 @@ class _Place:
     by_captures: bool = False
 
 
+@dataclass(frozen=True, eq=False)
+class Contradiction:
+    """Captures enough to tell tool and sphere, but none lets them agree: nothing may be promised of them."""
+
+
 def situation_of(
     session: Session,
     measured: Sequence[Measured],
@@ -49,6 +55,20 @@ def situation_of(
     step: str = "tcp",
 ) -> Situation | None:
     """Return what is known of tool, sphere and scanner, None where too little is for a pose to be chosen.
+
+    The arguments are those of `known_of`.
+    """
+    known = known_of(session, measured, results, step)
+    return known if isinstance(known, Situation) else None
+
+
+def known_of(
+    session: Session,
+    measured: Sequence[Measured],
+    results: Mapping[str, Mapping[str, Any]],
+    step: str = "tcp",
+) -> Situation | Contradiction | None:
+    """Return what is known of tool, sphere and scanner, or that the captures contradict each other.
 
     Parameters
     ----------
@@ -77,13 +97,17 @@ def situation_of(
         keep_off = _calibration_poses(session)
         place = _to_verify(cell, seen, sphere, result)
     home = keep_off[0].rotation if keep_off else _home(cell, seen)
+    if isinstance(place, Contradiction):
+        return place
     if place is None or home is None:
         return None
     point = cell.workpiece_in_laser_mm
-    sigmas = sigmas_of(cell, result)
+    sigmas, taken = sigmas_of(cell, result), seen[-MOST_TAKEN:]
+    apart: tuple[str, ...] = ()
     if place.by_captures:
         tool, center = place.mount_from_laser, place.center_in_base_mm
-        sigmas = sigmas_seen(seen[-MOST_TAKEN:], sphere, tool, center, _given(cell), sigmas)
+        quick = solved_quickly(taken, sphere, tool, center, _given(cell), sigmas)
+        sigmas, apart = quick.sigmas, quick.apart
     assumed = Assumed(
         sphere=sphere,
         mount_from_laser=place.mount_from_laser,
@@ -94,7 +118,9 @@ def situation_of(
         tool_sigma_mm=place.tool_sigma_mm,
         tool_sigma_rad=place.tool_sigma_rad,
     )
-    return Situation(seen[-MOST_TAKEN:], assumed, Room(sight, cell.limits, home, keep_off))
+    room = Room(sight, cell.limits, home, keep_off)
+    agreeing = [one for one in taken if one.capture not in apart]
+    return Situation(agreeing, assumed, room, agreed=place.by_captures and not apart, apart=apart)
 
 
 def _calibration_poses(session: Session) -> tuple[RigidTransform, ...]:
@@ -156,7 +182,9 @@ def _given(cell: Cell) -> GivenSigmas:
 def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:
     for stage in tool_stages():
         result = results.get(stage)
-        if result is not None and result.get(ON_FLANGE) and result.get("sphere_center_in_base_mm"):
+        if not result or (result.get("verdict") == "fail" and not result.get("undetermined")):
+            continue  # an answer that does not explain its captures tells no pose
+        if result.get(ON_FLANGE) and result.get("sphere_center_in_base_mm"):
             return result
     return None
 
@@ -218,7 +246,7 @@ def _home(cell: Cell, seen: Sequence[SphereObservation]) -> FloatArray | None:
 
 def _place(
     cell: Cell, seen: Sequence[SphereObservation], sphere: SphereSize, result: Mapping[str, Any] | None
-) -> _Place | None:
+) -> _Place | Contradiction | None:
     if result is not None:
         return _Place(
             scanner_frame(result), np.array(result["sphere_center_in_base_mm"], dtype=float), by_captures=True
@@ -226,22 +254,32 @@ def _place(
     return _searched(seen, sphere) or _by_shifts(seen, sphere) or _by_drawing(cell, seen)
 
 
-def _searched(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | None:
-    """Return tool and sphere as the captures' own centres tell them, where these are enough and agree."""
+def _searched(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | Contradiction | None:
+    """Return tool and sphere as the captures' own centres tell them, where these are enough."""
     from calib_core.chain.start import centers_of, find_start
 
     if len(seen) < _LEAST_SEARCHED:
         return None
     rotations = np.array([o.base_from_tool0.rotation for o in seen])
-    turns = np.linalg.norm(vector_from_rotation(rotations[0].T @ rotations), axis=1)
-    if np.sum(turns > _LEAST_TURN_RAD) < 2:
+    if _turned(rotations) < 2:
         return None
     start = find_start(centers_of(seen, sphere))
     rival = start.rival_scatter_mm
-    if start.scatter_mm > _GOOD_SCATTER_MM or (rival is not None and rival < 2 * start.scatter_mm):
+    if start.scatter_mm > _GOOD_SCATTER_MM:
+        return Contradiction()
+    if rival is not None and rival < 2 * start.scatter_mm:
         return None
+    agree = start.misfit_mm <= GROSS * max(start.scatter_mm, SIGMAS.position_mm)
+    if not agree.all() and _turned(rotations[agree]) < _LEAST_AGREEING:
+        return None  # some tool fits so few whatever they are: which of them are wrong is not known yet
     tool = RigidTransform.of(start.rotation, start.translation, "tool0", "laser")
     return _Place(tool, start.center, by_captures=True)
+
+
+def _turned(rotations: FloatArray) -> int:
+    """Return how many of some orientations differ from the first of them."""
+    turns = np.linalg.norm(vector_from_rotation(rotations[0].T @ rotations), axis=1)
+    return int(np.sum(turns > _LEAST_TURN_RAD))
 
 
 def _by_shifts(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | None:

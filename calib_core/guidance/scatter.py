@@ -5,7 +5,7 @@ assumed an ordinary arm promised 0.28 mm where the result stated 1.3 mm.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -20,19 +20,35 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.design import MOUNTED_MM, TURN_RAD
 
 _LEAST: Final = 5  # captures: three measured values of each, beside nine unknowns
-_GROSS: Final = 6.0  # times the median of the misfits: what a solve will leave out
+GROSS: Final = 6.0  # times the median of the misfits: what a solve will leave out
 _ROUNDS: Final = 2
 
 
-def sigmas_seen(
+@dataclass(frozen=True, eq=False)
+class QuickSolve:
+    """What captures say of each other through one tool and one sphere.
+
+    Attributes
+    ----------
+    sigmas : Sigmas
+        The robot's scatter, averaged over what the captures leave open of it.
+    apart : tuple of str
+        Captures that the others contradict: a solve will leave them out.
+    """
+
+    sigmas: Sigmas
+    apart: tuple[str, ...]
+
+
+def solved_quickly(
     seen: Sequence[SphereObservation],
     sphere: SphereSize,
     mount_from_laser: RigidTransform,
     center_in_base_mm: FloatArray,
     given: GivenSigmas,
     usual: Sigmas,
-) -> Sigmas:
-    """Return the robot's scatter as captures show it, averaged over what they leave open of it.
+) -> QuickSolve:
+    """Return how captures agree, by a fit of their arcs instead of their points.
 
     Parameters
     ----------
@@ -51,11 +67,13 @@ def sigmas_seen(
     data = replace(data, tool_prior=_tool_prior(data, mount_from_laser), pose_scale=repeated)
     start = mount_from_laser.rotation, mount_from_laser.translation_mm, center_in_base_mm
     off = _misfit(seen, ChainState.predicted(data, *start))
-    data = data.chosen(off <= _GROSS * max(float(np.median(off)), usual.position_mm))
+    agree = off <= GROSS * max(float(np.median(off)), usual.position_mm)
+    data = data.chosen(agree)
+    apart = tuple(one.capture for one, fits in zip(seen, agree, strict=True) if not fits)
     if data.count < _LEAST:
-        return usual
+        return QuickSolve(usual, apart)
     found = fit_with_sigmas(data, ChainState.predicted(data, *start), given, rounds=_ROUNDS)
-    return replace(mean_sigmas(data, found, given), axes=usual.axes)
+    return QuickSolve(replace(mean_sigmas(data, found, given), axes=usual.axes), apart)
 
 
 def _tool_prior(data: ChainData, mount_from_laser: RigidTransform) -> ToolPrior:

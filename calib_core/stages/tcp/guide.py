@@ -67,6 +67,8 @@ def _guide(view: GuideView) -> GuideNow | None:
     advice = tcp_advice(session, measured, view.results)
     if result is not None and not result.get("stale"):
         return _reviewed(session.cell, review(result), advice)
+    if advice is not None and (advice.contradicted or advice.apart):
+        return _contradicted(advice)
     if advice is not None:
         return _by_worth(session.cell, advice, again=result is not None)
     motion = motion_of(usable)
@@ -151,6 +153,38 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
         still_needed=more or 1,
         meter=meter,
         **suggested(cell, pose.base_from_tool0, note),
+    )
+
+
+def _contradicted(advice: Advice) -> GuideNow:
+    """Return the solve of captures that do not agree with each other: it says why, and what mends it."""
+    if advice.contradicted:
+        instruction = "The captures contradict each other. Solve the TCP: the result says what is wrong."
+        progress = message("the captures contradict each other")
+    else:
+        instruction = plural(
+            "{apart} contradicts the other captures. Solve the TCP: the result says what is wrong.",
+            "{apart} contradict the other captures. Solve the TCP: the result says what is wrong.",
+            by="apart",
+            apart=Names(advice.apart),
+        )
+        progress = plural(
+            "{count} capture contradicts the others",
+            "{count} captures contradict the others",
+            by="count",
+            count=len(advice.apart),
+        )
+    return GuideNow(
+        step="tcp",
+        stage="tcp",
+        action="solve",
+        instruction=instruction,
+        why="No place of scanner and sphere explains all captures: poses in another order, another convention or "
+        "unit, or a sphere that was moved. More captures do not help before that is mended.",
+        exit="Every capture fits the sphere within its noise, and no direction is left open.",
+        drawing="tcp-solve",
+        progress=progress,
+        meter=advice.meter,
     )
 
 
