@@ -148,6 +148,8 @@ def _is_revised(stage: Stage, data: Mapping[str, dict[str, Any]]) -> bool:
 def _note(session: Session, step: str, status: GuideStatus, *, revised: bool) -> str | None:
     if revised:
         return "the method was revised since; the answer stays valid, solve anew to use the new one"
+    if status == "not-needed" and step == "turntable":
+        return message("the cell tells of no turntable: where there is one, say so in the cell's description")
     if status == "not-needed":
         if session.cell.scanner.kind == "center":
             return message("the scanner delivers centres already")

@@ -1,15 +1,19 @@
 """What the guide promises before a solve beside what the result of the same captures then states.
 
 Simulated cells with scanners and arms of every kind, cut off after so many captures; real sets where they lie
-beside the project.  Both are ± at the workpiece in its worst direction.
+beside the project.  Both are ± at the workpiece in its worst direction.  Of sessions with wrong poses (another
+order, two robots' poses, swaps, other readings) the guide may promise nothing.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from bench_halves import DATA, SETS
+from bench_order import KINDS as ORDERS
+from bench_order import ordered, wrong_order
 from harness import Row
+from wrong_poses import reordered, rewritten, shifted, swapped, wrong_readings
 
 from calib_core.captures.measure import measure_capture
 from calib_core.errors import CalibrationError
@@ -17,8 +21,10 @@ from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray
 from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.prior import situation_of
-from calib_core.records import Session, parse_session
+from calib_core.records import Measured, Session, parse_session
 from calib_core.records.callbacks import ReadFile
+from calib_core.simulation import TcpScenario, simulate_tcp
+from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 from tests.trouble import all_troubles, troubled
@@ -46,7 +52,41 @@ def run(full: bool) -> list[Row]:
     inside = float(np.mean([0.67 <= one <= 1.5 for one in every]))
     rows.append(Row("guide / result, all", "", words(every)))
     rows.append(Row("within 0.67 … 1.5", "≥ 95 %", f"{inside:.1%} of {len(every)}", inside >= 0.95))
-    return [*rows, *real_rows()]
+    return [*rows, *wrong_rows(full), *real_rows()]
+
+
+def wrong_rows(full: bool) -> list[Row]:
+    """Return on how many sessions with wrong poses the guide says "enough", and how many it says to contradict."""
+    said: list[tuple[bool, bool]] = []
+    for seed in range(12 if full else 1):
+        for _, session, measured in wrong_sessions(seed, 8):
+            now = guide(session, measured, {}).current
+            meter = now.meter
+            said.append((meter is not None and meter.enough, "contradict" in now.instruction))
+    enough, told = (sum(each) for each in zip(*said, strict=True))
+    return [
+        Row("wrong poses: the guide says enough", "0", f"{enough} of {len(said)}", enough == 0),
+        Row("wrong poses: it says before a solve that captures contradict", "", f"{told} of {len(said)}"),
+    ]
+
+
+def wrong_sessions(seed: int, readings: int) -> Iterator[tuple[str, Session, list[Measured]]]:
+    """Give a simulated session with its poses wrong in each way, so many of them other readings, by names."""
+    made, other = (simulate_tcp(one, TcpScenario(orientations=7 + 2 * seed % 9)) for one in (seed, seed + 500))
+    right, count = made.session, len(made.session.captures)
+    measured = [measure_capture(right, capture, made.files.__getitem__) for capture in right.captures]
+    draw = np.random.default_rng(seed)
+    for kind in ORDERS:
+        yield kind, ordered(right, wrong_order(kind, count, seed)), measured
+    yield "two swapped", reordered(right, swapped(count, draw)), measured
+    yield "one place on", reordered(right, shifted(count, draw)), measured
+    pairs = enumerate(zip(right.captures, other.session.captures, strict=True))
+    mixed = [mine.model_copy(update={"pose": theirs.pose}) if k % 2 else mine for k, (mine, theirs) in pairs]
+    yield "two robots", right.model_copy(update={"captures": mixed}), measured
+    every = list(wrong_readings())
+    for index in draw.choice(len(every), readings, replace=False):
+        wrong = every[index]
+        yield wrong.name, rewritten(right, wrong.told, wrong.written), measured
 
 
 def ratios(kind: str, seed: int, counts: Sequence[int] = COUNTS) -> list[float]:

@@ -171,11 +171,12 @@ def test_statuses_on_the_way() -> None:
     empty, full = session_of([]), session_of([HOME, *SHIFTS, *TURNS])
     assert statuses(empty) == {
         "camera": "not-needed", "laser-plane": "not-needed", "tcp": "todo",
-        "turntable": "later", "verify": "later", "scan": "later", "merge": "later",
+        "turntable": "not-needed", "verify": "later", "scan": "later", "merge": "later",
     }  # fmt: skip
     assert statuses(full)["tcp"] == "working"
     after = statuses(full, {"tcp": result_of(full)})
-    assert (after["tcp"], after["turntable"], after["verify"], after["merge"]) == ("done", "todo", "todo", "later")
+    wanted = ("done", "not-needed", "todo", "later")
+    assert (after["tcp"], after["turntable"], after["verify"], after["merge"]) == wanted
     assert statuses(full, {"tcp": result_of(full, verdict="fail")})["tcp"] == "failing"
     assert statuses(full, {"tcp": result_of(full, stale=True)})["tcp"] == "stale"
     fewer = session_of([HOME, *SHIFTS, *TURNS[:-1]])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bench_guide import ratios
+from bench_guide import ratios, wrong_sessions
 
 from calib_core.captures.measure import measure_capture
 from calib_core.chain.model import Sigmas
@@ -10,6 +10,7 @@ from calib_core.guidance.design import SIGMAS
 from calib_core.guidance.prior import situation_of
 from calib_core.records import Measured, Robot, Session
 from calib_core.simulation import simulate
+from calib_core.stages.guide import guide
 
 
 def scattered(seed: int, by_mm: float, robot: Robot | None = None) -> tuple[Session, list[Measured]]:
@@ -58,3 +59,22 @@ def test_few_captures_are_believed_of_an_ordinary_arm() -> None:
     few = session.model_copy(update={"captures": session.captures[:4]})
     situation = situation_of(few, measured[:4], {})
     assert situation is None or situation.assumed.sigmas == SIGMAS
+
+
+def test_of_captures_that_contradict_each_other_nothing_is_promised() -> None:
+    for name, session, measured in wrong_sessions(seed=1, readings=2):
+        now = guide(session, measured, {}).current
+        assert now.meter is None or not now.meter.enough, name
+        assert "enough" not in (now.progress or ""), name
+        assert "contradict" in now.instruction, name
+        assert now.action == "solve", name
+
+
+def test_captures_that_agree_are_enough_as_before() -> None:
+    simulated = simulate("tcp", 1)
+    measured = [
+        measure_capture(simulated.session, c, simulated.files.__getitem__) for c in simulated.session.captures
+    ]
+    now = guide(simulated.session, measured, {}).current
+    assert now.meter is not None
+    assert now.meter.enough

@@ -32,6 +32,7 @@ const plain = (name, value, words) => ({
 /** @type {readonly Column[]} */
 const COLUMNS = [
   { name: "id", title: t("column.id"), value: ({ id }) => id, cell: ({ id }) => id },
+  { name: "state", title: t("column.state"), value: (capture, residual) => statusOf(capture, residual)[1], cell: (capture, residual) => status(capture, residual) },
   { name: "table", title: t("column.table"), right: true, value: ({ mount, table_deg }) => number(table_deg) ?? (mount ? "" : null), cell: place },
   { name: "pose", title: t("column.pose"), value: ({ pose, measured }) => pose?.join(" ") ?? (measured.image_size ? null : ""), cell: (capture, residual) => poseCell(capture, residual) },
   { ...plain("zone", ({ measured }) => number(measured.zone), (value) => fixed(value, 2)), hint: t("glossary.words_zone") },
@@ -41,7 +42,6 @@ const COLUMNS = [
   plain("rms", ({ measured }, residual) => number(residual?.surface_rms_mm) ?? number(residual?.line_rms_mm) ?? number(measured.rms_mm), small),
   plain("rms_px", (_, residual) => number(residual?.rms_px), (value) => `${fixed(value, 2)} px`),
   plain("off", (_, residual) => number(residual?.mahalanobis), (value) => `${fixed(value, 1)} σ`),
-  { name: "state", title: t("column.state"), value: (capture, residual) => statusOf(capture, residual)[1], cell: (capture, residual) => status(capture, residual) },
 ];
 
 /**

@@ -159,7 +159,7 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
 def _contradicted(advice: Advice) -> GuideNow:
     """Return the solve of captures that do not agree with each other: it says why, and what mends it."""
     if advice.contradicted:
-        instruction = "The captures contradict each other. Solve the TCP: the result says what is wrong."
+        instruction = message("The captures contradict each other. Solve the TCP: the result says what is wrong.")
         progress = message("the captures contradict each other")
     else:
         instruction = plural(
