@@ -35,6 +35,18 @@ ASK_FOR_REPEAT = (
     "Nothing shows a lag that is always in one direction yet: drive to an earlier pose again from the other side, "
     "let the arm come to rest, and capture the sphere once more."
 )
+_SHIFTS = {
+    (False, False): message("Shift the scanner 30–80 mm in a new direction. Keep its orientation."),
+    (False, True): message(
+        "Shift the scanner 30–80 mm in another direction: all shifts so far are parallel. Keep its orientation."
+    ),
+    (True, False): message("Shift the ball with the flange 30–80 mm in a new direction. Keep its orientation."),
+    (True, True): message(
+        "Shift the ball with the flange 30–80 mm in another direction: all shifts so far are parallel. "
+        "Keep its orientation."
+    ),
+}
+"""What is asked for, by whether the flange carries the ball, and whether the shifts so far are parallel."""
 _OF_BALL = {"tcp-first": "ball-first", "tcp-shift": "ball-shift", "tcp-turn": "ball-turn"}
 """Drawings of a ball that the flange carries."""
 _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
@@ -184,7 +196,6 @@ def _contradicted(advice: Advice) -> GuideNow:
         exit="Every capture fits the sphere within its noise, and no direction is left open.",
         drawing="tcp-solve",
         progress=progress,
-        meter=advice.meter,
     )
 
 
@@ -298,18 +309,16 @@ def _shift(cell: Cell, motion: Motion, home: RigidTransform) -> GuideNow:
     length_mm = float(np.clip((cell.sphere_diameter_mm or 60.0) / 2, 30.0, 60.0))
     pose = next_shift(motion, home, length_mm)
     parallel = count >= LEAST_SHIFTS and not motion.shifts_differ
-    direction = "in another direction: all shifts so far are parallel" if parallel else "in a new direction"
     on_flange = ball_on_flange(cell)
     where = "in base" if on_flange else "on the flange"
     why = message(
         "Two shifts that are not parallel fix the scanner's rotation {place}; a third makes it sure.", place=where
     )
-    move = "Shift the ball with the flange" if on_flange else "Shift the scanner"
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="capture",
-        instruction=message("{move} 30–80 mm {direction}. Keep its orientation.", move=move, direction=direction),
+        instruction=_SHIFTS[on_flange, parallel],
         why=why,
         exit=message(
             "{wanted_shifts} shifts with one orientation, not all parallel; {least_shifts} are the least.",
