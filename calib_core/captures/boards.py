@@ -9,6 +9,7 @@ from calib_core.formats.shared.images import decode_image
 from calib_core.messages import plural
 from calib_core.optics.board import BoardView, find_board
 from calib_core.optics.stripe import StripeCenters, find_stripe
+from calib_core.optics.stripe_looks import StripeLooks, look_again
 from calib_core.records import Board, Capture, Cell
 from calib_core.records.callbacks import ReadFile
 
@@ -94,11 +95,23 @@ def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:
     return seen_once(StripeCenters, capture.files, read, None, lambda: _stripe(capture, read))
 
 
+def stripe_looks(capture: Capture, read: ReadFile) -> StripeLooks:
+    """Return the stripe of a laser-plane capture as it is met in several ways; raises as `stripe_of`."""
+    return seen_once(StripeLooks, capture.files, read, None, lambda: look_again(*_stripe_frames(capture, read)))
+
+
 def _stripe(capture: Capture, read: ReadFile) -> StripeCenters:
+    frame, dark = _stripe_frames(capture, read)
+    return find_stripe(frame, dark=dark)
+
+
+def _stripe_frames(capture: Capture, read: ReadFile) -> tuple[Image, Image | None]:
+    """Return the frame with the stripe, and the one without it that is to be taken off."""
     frame = read_frame(capture, read, -1)
     if len(capture.files) == 1:
-        return find_stripe(frame)
+        return frame, None
     lit = read_frame(capture, read, 0)
-    if lit.shape == frame.shape and float(np.median(frame[::4, ::4])) > 0.5 * float(np.median(lit[::4, ::4])) > 5:
-        return find_stripe(frame, dark=lit)
-    return find_stripe(frame)
+    alike = lit.shape == frame.shape
+    if alike and float(np.median(frame[::4, ::4])) > 0.5 * float(np.median(lit[::4, ::4])) > 5:
+        return frame, lit
+    return frame, None

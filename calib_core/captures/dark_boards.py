@@ -1,5 +1,6 @@
 """Frames that show the stripe alone: where the dark board stands, another frame or the robot's pose tells."""
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +11,7 @@ from calib_core.captures.boards import (
     read_frame,
     relative_pitch_sigma,
     shows_stripe_alone,
+    stripe_looks,
     stripe_of,
 )
 from calib_core.captures.content import shows_board
@@ -19,7 +21,7 @@ from calib_core.optics.board import BoardView, points_in_board_mm
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.hand_eye import HandEye, solve_hand_eye
 from calib_core.optics.hand_eye_frames import CameraDoubt
-from calib_core.optics.laser_plane_solve import PlaneView, board_poses, view_of_known_board
+from calib_core.optics.laser_plane_solve import PlaneView, board_poses, has_plain_line, view_of_known_board
 from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
 from calib_core.poses.numbers import parse_pose
@@ -54,6 +56,12 @@ class PlaneViews:
         MeasurementError
             If the stripe is not seen, or nothing tells where the board stands.
         """
+        found = self._view_of(capture)
+        if has_plain_line(self._camera, found, self._board.margin_mm):
+            return found
+        return replace(found, others=stripe_looks(capture, self._read).stripes)
+
+    def _view_of(self, capture: Capture) -> PlaneView:
         if capture.board_of is not None:
             return self._beside(capture, self._named(capture))
         try:
@@ -163,7 +171,13 @@ class PlaneViews:
                 width_other=size[0],
                 height_other=size[1],
             )
-        return stripe_of(capture, self._read)
+        try:
+            return stripe_of(capture, self._read)
+        except MeasurementError:
+            looks = stripe_looks(capture, self._read).stripes
+            if not looks:
+                raise
+            return looks[0]
 
     def _pose(self, capture: Capture) -> RigidTransform:
         assert capture.pose is not None

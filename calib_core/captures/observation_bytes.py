@@ -23,10 +23,12 @@ def _kinds() -> dict[str, Any]:
     from calib_core.captures.capture_observation import Doubts, Seen
     from calib_core.optics.board import BoardView
     from calib_core.optics.stripe import StripeCenters
+    from calib_core.optics.stripe_looks import StripeLooks
     from calib_core.sphere.arc import ArcFit
     from calib_core.sphere.cloud import SphereFit
 
-    return {kind.__name__: kind for kind in (Seen, Doubts, ArcFit, SphereFit, BoardView, StripeCenters)}
+    kinds = (Seen, Doubts, ArcFit, SphereFit, BoardView, StripeCenters, StripeLooks)
+    return {kind.__name__: kind for kind in kinds}
 
 
 def to_bytes(seen: object) -> bytes:

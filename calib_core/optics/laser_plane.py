@@ -154,35 +154,6 @@ def points_on_board(
     return rays * ((height + raised) / slope)[:, None]
 
 
-def straight_part(points: FloatArray) -> Mask:
-    """Return which points (N, 2) of a plane lie on the one straight line that most of them form.
-
-    The light's trace on a flat board is straight; what is not on it is a reflection, another surface, or a stray.
-    """
-    n = len(points)
-    if n < _LEAST_POINTS_PER_LINE:
-        return np.zeros(n, dtype=bool)
-    rng = np.random.default_rng(0)
-    pairs = rng.integers(0, n, (_TRIALS, 2))
-    a, b = points[pairs[:, 0]], points[pairs[:, 1]]
-    along = b - a
-    length = np.hypot(along[:, 0], along[:, 1])
-    fine = length > 0.2 * float(np.max(np.ptp(points, axis=0)))
-    if not fine.any():
-        return np.zeros(n, dtype=bool)
-    normals = np.stack([-along[fine, 1], along[fine, 0]], axis=1) / length[fine, None]
-    distances = np.abs(normals @ points.T - (normals * a[fine]).sum(axis=1)[:, None])
-    median = np.sort(distances, axis=1)[:, int(0.6 * n)]
-    keep = distances[int(np.argmin(median))] <= 4.0 * float(np.min(median)) + 1e-9
-    for _ in range(5):
-        center = points[keep].mean(axis=0)
-        direction = np.linalg.svd(points[keep] - center, full_matrices=False)[2][0]
-        distance = np.abs((points - center) @ np.array([-direction[1], direction[0]]))
-        scale = 1.4826 * float(np.median(distance[keep])) + 1e-9
-        keep = distance <= _STRAY_SIGMAS * scale
-    return keep
-
-
 def fit_plane(lines: Sequence[BoardLine]) -> PlaneFit:
     """Fit the plane of light through the lines on several boards, robustly.
 

@@ -23,6 +23,7 @@ from calib_core.optics.adjust import (
     shared_vector,
 )
 from calib_core.optics.board import BoardView
+from calib_core.optics.board_lines import LEAST_POINTS, OnBoard, Trace, find_traces
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_start import homographies, poses_from_homographies
 from calib_core.optics.hand_eye import PredictedPose
@@ -33,9 +34,9 @@ from calib_core.optics.laser_plane import (
     oriented_plane,
     plane_covariance_from_inverse,
     points_on_board,
-    straight_part,
 )
 from calib_core.optics.laser_plane_joint import CameraUncertainty, Joint, refine_together
+from calib_core.optics.line_choice import PlacedTrace, choose_traces
 from calib_core.optics.stripe import StripeCenters
 
 FloatArray = NDArray[np.float64]
@@ -43,14 +44,11 @@ Mask = NDArray[np.bool_]
 
 _POSE_HUBER = 2.0
 _LEAST_CORNER_SIGMA_PX = 0.003
-_LEAST_POINTS = 30
 _MOST_CAMERA_SIGMAS = 3.0
 LeftOut = Literal["no-line", "off-plane"]
 """Why a view is left out: no line is seen on its board, or one off the plane of the others."""
 
-_LEAST_SHARE_SEEN = 0.45
-_MOST_WIDTH = 0.03
-_EDGE_WIDTHS = 2.5
+_PLAIN_SHARE = 0.8
 _SPOILED_RMS_RATIO = 6.0
 _SPOILED_SIGMAS = 4.0
 _WEIGHT_OF_UNSEEN = 1e-5  # corners that only stand for a pose say next to nothing of their own
@@ -61,13 +59,14 @@ class PlaneView:
     """One board with the stripe on it.
 
     Where the board is dark and the robot's pose tells where it stands, `known` does so, and `board` holds where
-    its corners would be seen (`view_of_known_board`).
+    its corners would be seen (`view_of_known_board`).  `others` are further ways to see its stripe.
     """
 
     name: str
     board: BoardView
     stripe: StripeCenters
     known: PredictedPose | None = None
+    others: tuple[StripeCenters, ...] = ()
 
 
 def view_of_known_board(
@@ -144,6 +143,7 @@ def solve_plane(
     views: Sequence[PlaneView],
     camera_uncertainty: CameraUncertainty | None = None,
     progress: Callable[[float, str], None] = lambda fraction, message: None,
+    margin_mm: float | None = None,
 ) -> PlaneSolution:
     """Return the plane of light from views of a board with the stripe on it.
 
@@ -154,6 +154,8 @@ def solve_plane(
     camera_uncertainty : CameraUncertainty, optional
         Left out, the camera counts as exact.  With its boards, camera and plane are refined together.
     progress : callable, optional
+    margin_mm : float, optional
+        How far the board's sheet goes on beyond the squares, where that is told.
 
     Raises
     ------
@@ -172,8 +174,13 @@ def solve_plane(
     posed, corner_sigma = _fit_poses(camera, corners, shape)
     poses = posed.poses()[: len(views)]
     progress(0.5, "fitting the plane")
-    on_line = [_on_straight_line(camera, view, pose, shape) for view, pose in zip(views, poses, strict=True)]
-    kept = [view.stripe.selected(mask) for view, mask in zip(views, on_line, strict=True)]
+    traces = _choose_lines(camera, views, poses, shape, margin_mm)
+    kept = [
+        view.stripe.selected(np.zeros(len(view.stripe.row_px), dtype=bool))
+        if trace is None
+        else trace.stripe.selected(trace.clear)
+        for view, trace in zip(views, traces, strict=True)
+    ]
     lines = [_line(camera, v.name, s, p, shape) for v, s, p in zip(views, kept, poses, strict=True)]
     fit = fit_plane(lines)
     reasons = _reasons(views, lines, fit)
@@ -270,60 +277,41 @@ def _on_board(
     return pose.inverse().apply(points_on_board(camera, stripe.pixels, pose, shape))
 
 
-def _on_straight_line(
-    camera: CameraModel, view: PlaneView, pose: RigidTransform, shape: BoardShape | None
-) -> Mask:
-    """Return which centres lie on the one straight line on the board; none where there is no line."""
-    on_board = _on_board(camera, view.stripe, pose, shape)[:, :2]
-    corners = view.board.points_in_board_mm[:, :2]
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    outer_squares_mm = _pitch(corners)
-    with_white_margin_mm = 2.0 * outer_squares_mm
-    for margin_mm in (outer_squares_mm, with_white_margin_mm):
-        straight = _straight_within(on_board, low - margin_mm, high + margin_mm)
-        if _is_line(view.stripe, on_board, straight):
-            break
+def has_plain_line(camera: CameraModel, view: PlaneView, margin_mm: float | None) -> bool:
+    """Return whether a view's first stripe forms a line without gaps on its board: no need to look again."""
+    if view.known is None:
+        (pose,), _ = board_poses(camera, [view.board])
     else:
-        return np.zeros(len(on_board), dtype=bool)
-    clear = straight & _clear_of_edges(on_board, view)
-    return clear if clear.sum() >= _LEAST_POINTS else straight
+        pose = view.known.camera_from_board
+    for trace in find_traces([view.stripe], view.board, _places(camera, pose, None), margin_mm):
+        along = view.stripe.pixels[trace.on_line][:, 0 if view.stripe.axis == "columns" else 1]
+        if trace.is_sure and len(along) > _PLAIN_SHARE * (np.ptp(along) + 1):
+            return True
+    return False
 
 
-def _is_line(stripe: StripeCenters, on_board: FloatArray, straight: Mask) -> bool:
-    """Return whether centres form the line of a laser, not the few of a lit board's patterns that lie in a row.
-
-    A laser's line is thin for its length and is seen in most of the image's columns (rows) that it crosses.
-    """
-    if straight.sum() < _LEAST_POINTS:
-        return False
-    along_px = stripe.pixels[straight][:, 0 if stripe.axis == "columns" else 1]
-    if straight.sum() < _LEAST_SHARE_SEEN * (np.ptp(along_px) + 1):
-        return False
-    length_mm, width_mm = np.linalg.svd(on_board[straight] - on_board[straight].mean(axis=0), compute_uv=False)
-    return bool(width_mm <= _MOST_WIDTH * length_mm)
+def _places(camera: CameraModel, pose: RigidTransform, shape: BoardShape | None) -> OnBoard:
+    """Return what tells where pixels lie on a board, mm."""
+    return lambda pixels: pose.inverse().apply(points_on_board(camera, pixels, pose, shape))[:, :2]
 
 
-def _clear_of_edges(on_board: FloatArray, view: PlaneView) -> Mask:
-    """Return which centres (N,) are clear of the squares' edges, where white draws the light's middle to it."""
-    corners, pixels = view.board.points_in_board_mm[:, :2], view.board.points_px
-    low, high, pitch = corners.min(axis=0), corners.max(axis=0), _pitch(corners)
-    mm_per_px = pitch / max(float(np.median(np.hypot(*np.diff(pixels, axis=0).T))), 1e-6)
-    clearance = min(_EDGE_WIDTHS * view.stripe.width_px * mm_per_px, 0.3 * pitch)
-    from_edge = np.abs((on_board - low) - pitch * np.rint((on_board - low) / pitch))
-    outside = ((on_board < low - 1.2 * pitch) | (on_board > high + 1.2 * pitch)).any(axis=1)
-    return outside | (from_edge > clearance).all(axis=1)
-
-
-def _straight_within(on_board: FloatArray, low: FloatArray, high: FloatArray) -> Mask:
-    near = np.flatnonzero(((on_board > low) & (on_board < high)).all(axis=1))
-    straight = np.zeros(len(on_board), dtype=bool)
-    straight[near] = straight_part(on_board[near])
-    return straight
-
-
-def _pitch(corners: FloatArray) -> float:
-    distances = np.hypot(*(corners[1:] - corners[0]).T)
-    return float(distances.min())
+def _choose_lines(
+    camera: CameraModel,
+    views: Sequence[PlaneView],
+    poses: Sequence[RigidTransform],
+    shape: BoardShape | None,
+    margin_mm: float | None,
+) -> list[Trace | None]:
+    """Return the laser's line on each board, None where none is seen."""
+    placed: list[list[PlacedTrace]] = []
+    for view, pose in zip(views, poses, strict=True):
+        slack = 0.0 if shape is None else float(np.ptp(shape.heights_mm(view.board.points_in_board_mm)))
+        stripes = [view.stripe, *view.others]
+        traces = find_traces(stripes, view.board, _places(camera, pose, shape), margin_mm, slack)
+        points = [points_on_board(camera, t.stripe.pixels[t.on_line], pose, shape) for t in traces]
+        sigma = _pose_sigma_mm(view)
+        placed.append([PlacedTrace.of(t, p, sigma) for t, p in zip(traces, points, strict=True)])
+    return choose_traces(placed)
 
 
 def _line(
@@ -340,13 +328,13 @@ def _line(
 
 def _reasons(views: Sequence[PlaneView], lines: Sequence[BoardLine], fit: PlaneFit) -> list[LeftOut | None]:
     """Return why a view is left out, or None."""
-    enough = [len(line.points_in_camera_mm) >= _LEAST_POINTS for line in lines]
+    enough = [len(line.points_in_camera_mm) >= LEAST_POINTS for line in lines]
     usual = float(np.median([rms for rms, fine in zip(fit.line_rms_mm, enough, strict=True) if fine] or [np.inf]))
     reasons: list[LeftOut | None] = []
     for view, line, rms, inlier in zip(views, lines, fit.line_rms_mm, fit.inliers, strict=True):
         reason: LeftOut | None = None
         limit = max(_SPOILED_RMS_RATIO * max(usual, fit.rms_mm), _SPOILED_SIGMAS * _pose_sigma_mm(view))
-        if len(line.points_in_camera_mm) < _LEAST_POINTS:
+        if len(line.points_in_camera_mm) < LEAST_POINTS:
             reason = "no-line"
         elif rms > limit or (view.known is None and inlier.mean() < 0.3):
             reason = "off-plane"

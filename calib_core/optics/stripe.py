@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.messages import message
+from calib_core.optics.stripe_flanks import flank_centers
 from calib_core.optics.stripe_narrow import NARROW_PX, narrow_sigmas
 from calib_core.optics.stripe_view import Axis, Color, ImageArray, view_of
 
@@ -43,6 +44,8 @@ class StripeOptions:
         A column is double where a second peak rises above this fraction of the first.
     least_centers : int
         Fewer centres than this are no stripe.
+    flanks : bool
+        Whether saturated columns are measured by their flanks, instead of being left out.
     """
 
     axis: Axis | None = None
@@ -52,6 +55,7 @@ class StripeOptions:
     least_snr: float = 7.0
     rivalry: float = 0.6
     least_centers: int = 12
+    flanks: bool = False
 
 
 _USUAL = StripeOptions()
@@ -141,6 +145,8 @@ def find_stripe(
             break
         box = found.width_px  # the search box was too small for so wide a stripe
         codes, found = _measure(view.image, view.saturation, chosen, given_px, box)
+    if chosen.flanks:
+        found = _with_flanks(found, view.image, view.saturation)
     if len(found.column_px) < max(1, chosen.least_centers):
         raise _no_stripe(view.image, view.saturation, codes, chosen)
     if view.axis == "columns":
@@ -177,6 +183,24 @@ def _measure(
         width_px,
         variance**0.5,
         left_out,
+    )
+
+
+def _with_flanks(found: StripeCenters, image: ImageArray, saturation: float) -> StripeCenters:
+    """Return the centres with those of saturated columns, which their flanks tell."""
+    columns, rows, sigma, width_px = flank_centers(image, saturation, found.noise)
+    new = ~np.isin(columns, found.column_px)
+    if not new.any():
+        return found
+    order = np.argsort(np.concatenate([found.column_px, columns[new]]), kind="stable")
+    mostly = int(new.sum()) > len(found.column_px)
+    return replace(
+        found,
+        column_px=np.concatenate([found.column_px, columns[new].astype(float)])[order],
+        row_px=np.concatenate([found.row_px, rows[new]])[order],
+        sigma_px=np.concatenate([found.sigma_px, sigma[new]])[order],
+        amplitude=np.concatenate([found.amplitude, np.full(int(new.sum()), saturation)])[order],
+        width_px=width_px if mostly else found.width_px,
     )
 
 

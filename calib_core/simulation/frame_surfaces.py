@@ -86,7 +86,7 @@ class PlaneSurface:
 
 @dataclass(frozen=True, eq=False)
 class BoardSurface:
-    """A flat calibration board on white; its frame's origin is the first inner corner or circle.
+    """A calibration board on white; its frame's origin is the first inner corner or circle.
 
     Parameters
     ----------
@@ -101,6 +101,10 @@ class BoardSurface:
         Of a ChArUco board's markers; its columns and rows count squares, its origin is the outer corner.
     dictionary : str
         Of its markers, as OpenCV names it.
+    margin_mm : float or None
+        How far its white sheet goes on beyond the squares; None: one and a half pitches.
+    bend_mm : float
+        How far the middle of its rows stands behind (z away from the camera) their ends.
     """
 
     camera_from_board: FloatArray
@@ -111,6 +115,8 @@ class BoardSurface:
     whiteness: float = 0.9
     marker_mm: float = 7.0
     dictionary: str = "DICT_4X4_100"
+    margin_mm: float | None = None
+    bend_mm: float = 0.0
 
     def points_on_board_mm(self) -> FloatArray:
         """Return the inner corners or circles' centres (N, 3) in the board's frame, row by row."""
@@ -125,14 +131,27 @@ class BoardSurface:
     def meet(self, rays: FloatArray) -> Hit:
         """Return where rays meet the board and its white margin."""
         hit = PlaneSurface(self.camera_from_board).meet(rays)
+        if self.bend_mm:
+            hit = self._bent(rays, hit)
         on_board = self._on_board(hit)
         corners = self.points_on_board_mm()[:, :2]
-        margin = (1.0 + _MARGIN_PITCHES) * self.pitch_mm
+        beyond = _MARGIN_PITCHES * self.pitch_mm if self.margin_mm is None else self.margin_mm
+        margin = self.pitch_mm + beyond
         inside = np.ones(on_board.shape[:2], dtype=bool)
         for k in (0, 1):
             along = on_board[..., k]
             inside &= (along > corners[:, k].min() - margin) & (along < corners[:, k].max() + margin)
         return Hit(np.where(inside, hit.depth_mm, np.inf), hit.points_mm, hit.normals)
+
+    def _bent(self, rays: FloatArray, hit: Hit) -> Hit:
+        """Return where rays meet the bent sheet: the plane moved to its height where they met it before."""
+        m, x = self.camera_from_board, self.points_on_board_mm()[:, 0]
+        middle, half = (x.min() + x.max()) / 2, np.ptp(x) / 2
+        for _ in range(4):
+            height = self.bend_mm * (1 - ((self._on_board(hit)[..., 0] - middle) / half) ** 2)
+            depth = (m[:3, 2] @ m[:3, 3] + np.nan_to_num(height)) / (rays @ m[:3, 2])
+            hit = Hit(np.where(np.isfinite(hit.depth_mm), depth, np.inf), depth[..., None] * rays, hit.normals)
+        return hit
 
     def white(self, hit: Hit, blur_px: FloatArray) -> FloatArray:
         """Return the pattern, its edges blurred across by the image's blur laid on the board."""

@@ -11,7 +11,7 @@ from calib_core.optics.board import BoardView
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.laser_plane import BoardLine, fit_plane, plane_findings, rotation_sigma_deg, straight_part
+from calib_core.optics.laser_plane import BoardLine, fit_plane, plane_findings, rotation_sigma_deg
 from calib_core.optics.laser_plane_joint import CameraUncertainty
 from calib_core.optics.laser_plane_solve import PlaneView, solve_plane
 from calib_core.optics.stripe import StripeCenters
@@ -213,12 +213,3 @@ def test_lines_close_together_are_warned_of_and_spread_ones_are_not() -> None:
     spread = [line(on_plane(z), str(z)) for z in (200, 230, 260, 300)]
     assert plane_findings(fit_plane(spread), spread, 0.01) == []
     assert "±1.00°" in plane_findings(fit_plane(spread), spread, 0.5)[0].text
-
-
-def test_the_straight_part_of_a_bent_trace() -> None:
-    x = np.linspace(0, 100, 300)
-    y = np.where(x < 70, 0.1 * x, 7 + 0.6 * (x - 70)) + np.random.default_rng(1).normal(0, 0.02, 300)
-    keep = straight_part(np.column_stack([x, y]))
-    assert keep[x < 69].mean() > 0.97
-    assert not keep[x > 72].any()
-    assert not straight_part(np.zeros((5, 2))).any()

@@ -80,7 +80,8 @@ def solve_laser_plane(
         given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
 
     try:
-        solution = solve_plane(camera, views, _uncertainty(given, camera_result, boards.lent), tell)
+        known = _uncertainty(given, camera_result, boards.lent)
+        solution = solve_plane(camera, views, known, tell, board_of(given.session.cell).margin_mm)
     except MotionError as error:
         raise error.with_failures(failed) from None
     return _result(given, solution, failed, camera_result)

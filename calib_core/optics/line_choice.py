@@ -1,0 +1,111 @@
+"""Which of the lines that the boards offer lie in one plane: the plane of light's."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.frames import FloatArray
+from calib_core.optics.board_lines import Trace
+
+_MOST_PAIRS = 3000
+_LEAST_VIEWS = 3
+_MOST_VIEWS = 0.7
+_OFF_SHARE = 0.003  # of the distance: boards' poses are off by less
+_DOUBTFUL_WEIGHT = 0.2
+_MOST_WEIGHT = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedTrace:
+    """A line on a board with where its ends are in the camera's frame, and how far off the plane these may be."""
+
+    trace: Trace
+    ends_mm: FloatArray
+    off_mm: float
+
+    @classmethod
+    def of(cls, trace: Trace, points_mm: FloatArray, pose_sigma_mm: float) -> "PlacedTrace":
+        """Return the trace whose points (N, 3) on the line are given."""
+        center = points_mm.mean(axis=0)
+        direction = np.linalg.svd(points_mm - center, full_matrices=False)[2][0]
+        low, high = np.percentile((points_mm - center) @ direction, [5, 95])
+        off = _OFF_SHARE * float(np.linalg.norm(center)) + 4 * pose_sigma_mm
+        return cls(trace, center + np.outer([low, high], direction), off)
+
+    @property
+    def weight(self) -> float:
+        """How much it counts."""
+        return min(-self.trace.log_chance, _MOST_WEIGHT) * (_DOUBTFUL_WEIGHT if self.trace.is_doubtful else 1.0)
+
+
+def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
+    """Return each view's line: of those in one plane with the others' the first, else the surest one."""
+    every = [(number, placed) for number, view in enumerate(views) for placed in view]
+    agrees = _in_one_plane(every, len(views))
+    chosen: list[Trace | None] = [None] * len(views)
+    for (number, placed), fits in zip(every, agrees, strict=True):
+        here = chosen[number]
+        if fits and (here is None or (placed.trace.is_sure and not here.is_sure)):
+            chosen[number] = placed.trace
+    found = [one for one in chosen if one is not None]
+    sure = sum(one.is_sure for one in found)
+    # Patterns of many boards lie in some plane by chance: doubtful lines count beside sure ones, or where most agree.
+    supported = len(found) >= _LEAST_VIEWS and (sure >= len(found) / 2 or len(found) >= _MOST_VIEWS * len(views))
+    for number, view in enumerate(views):
+        others = [one.trace for one in view if one.trace.is_sure]
+        if not supported:
+            chosen[number] = None
+        if chosen[number] is None and others:
+            chosen[number] = min(others, key=lambda one: one.log_chance)
+    return chosen
+
+
+def _in_one_plane(every: Sequence[tuple[int, PlacedTrace]], views: int) -> np.ndarray:
+    """Return which lines (T,) lie in the plane that most of the views' evidence agrees on."""
+    if len({number for number, _ in every}) < _LEAST_VIEWS:
+        return np.zeros(len(every), dtype=bool)
+    owner = np.array([number for number, _ in every])
+    ends = np.array([placed.ends_mm for _, placed in every])
+    off = np.array([placed.off_mm for _, placed in every])
+    weight = np.array([placed.weight for _, placed in every])
+    first, second = _pairs(owner)
+    best, best_score = np.zeros(len(every), dtype=bool), 0.0
+    for start in range(0, len(first), 200):
+        some = slice(start, start + 200)
+        four = np.concatenate([ends[first[some]], ends[second[some]]], axis=1)
+        normals, distances = _planes(four)
+        away = np.abs(np.einsum("tek,pk->pte", ends, normals) - distances[:, None, None]).max(axis=2)
+        fits = away <= off
+        own = fits[np.arange(len(four)), first[some]] & fits[np.arange(len(four)), second[some]]
+        scores = np.zeros((len(four), views))
+        for trace in range(len(every)):
+            np.maximum(scores[:, owner[trace]], fits[:, trace] * weight[trace], out=scores[:, owner[trace]])
+        total = scores.sum(axis=1) * own
+        place = int(np.argmax(total))
+        if total[place] > best_score:
+            best, best_score = fits[place], float(total[place])
+    for _ in range(2):
+        if best.sum() < 2:
+            break
+        normals, distances = _planes(ends[best].reshape(1, -1, 3))
+        best = np.abs(ends @ normals[0] - distances[0]).max(axis=1) <= off
+    return best
+
+
+def _pairs(owner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of lines of different views, some of them where there are many."""
+    first, second = np.triu_indices(len(owner), 1)
+    apart = owner[first] != owner[second]
+    first, second = first[apart], second[apart]
+    if len(first) > _MOST_PAIRS:
+        some = np.random.default_rng(0).choice(len(first), _MOST_PAIRS, replace=False)
+        first, second = first[some], second[some]
+    return first, second
+
+
+def _planes(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the planes' normals (P, 3) and distances (P,) nearest to points (P, N, 3)."""
+    centers = points.mean(axis=1)
+    normals = np.linalg.svd(points - centers[:, None], full_matrices=False)[2][:, 2]
+    return normals, (normals * centers).sum(axis=1)
