@@ -50,7 +50,7 @@ def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
             chosen[number] = placed.trace
     found = [one for one in chosen if one is not None]
     sure = sum(one.is_sure for one in found)
-    # Patterns of many boards lie in some plane by chance: doubtful lines count beside sure ones, or where most agree.
+    # Patterns of many boards lie in some plane by chance: doubtful lines count beside sure ones, or where most do.
     supported = len(found) >= _LEAST_VIEWS and (sure >= len(found) / 2 or len(found) >= _MOST_VIEWS * len(views))
     for number, view in enumerate(views):
         others = [one.trace for one in view if one.trace.is_sure]
