@@ -20,10 +20,12 @@ OnBoard = Callable[[FloatArray], FloatArray]
 """From pixels (N, 2) to places (N, 2) on the board, mm."""
 
 LEAST_POINTS = 12
-SURE_LOG_CHANCE = -12.0  # squares of 25 real boards without a laser came to -6.9
+# What else a board shows (its squares, tape, reflections) lies alike over a square at most: a line is sure where
+# chance would lay so many squares' worth of centres into one less than once in a thousand frames.
+_SURE_LOG_CHANCE = -3.0
 _UNSURE_LOG_CHANCE = -1.5
 _TRIALS = 600
-_NEIGHBOURS = 5.0  # centres beside each other that err alike, as on one reflection
+_NEIGHBOURS = 5.0  # centres beside each other that err alike at least
 _LEAST_REACH_PX = 0.75
 _STRAY_SIGMAS = 4.0
 _LEAST_LENGTH_PITCHES = 1.5
@@ -49,6 +51,10 @@ class Trace:
         Which of them form it, and which of these have no edge of the pattern beside their peak.
     log_chance : float
         Decimal logarithm of how many such lines centres thrown at random would give.
+    log_chance_by_squares : float
+        The same where what a square shows is thrown as one.
+    room_mm : float
+        How wide the part of the sheet is on which it was looked for.
     is_doubtful : bool
         Whether it may be the board's pattern, or lies far beside the squares: the other boards' plane must agree.
     """
@@ -57,12 +63,14 @@ class Trace:
     on_line: Mask
     clear: Mask
     log_chance: float
+    log_chance_by_squares: float
+    room_mm: float
     is_doubtful: bool
 
     @property
     def is_sure(self) -> bool:
         """Whether it is a laser's line, whatever the other boards say."""
-        return self.log_chance < SURE_LOG_CHANCE and not self.is_doubtful
+        return self.log_chance_by_squares < _SURE_LOG_CHANCE and not self.is_doubtful
 
 
 def find_traces(
@@ -121,8 +129,8 @@ class _Grid:
         """Return the square (N, 2) in which each place lies; all beyond the outermost squares are one."""
         last = np.rint((self.high - self.low) / self.pitch).astype(int)
         cells = np.floor((places - self.low) / self.pitch).astype(int)
-        outside = ((cells < -1) | (cells > last)).any(axis=1)
-        return np.where(outside[:, None], last + 9, cells)
+        outside = np.any((cells < -1) | (cells > last), axis=1, keepdims=True)
+        return np.where(outside, last + 9, cells)
 
 
 def _regions_mm(grid: _Grid, margin_mm: float | None) -> list[float]:
@@ -137,7 +145,7 @@ def _trace(
 ) -> Trace | None:
     places = on_board(stripe.pixels)
     low, high = grid.low - beyond_mm, grid.high + beyond_mm
-    near = np.flatnonzero(np.asarray((places > low) & (places < high)).all(axis=1))
+    near = np.flatnonzero(np.all((places > low) & (places < high), axis=1))
     if len(near) < LEAST_POINTS:
         return None
     spread_px = np.maximum(3.0 * np.median(stripe.sigma_px[near]), _LEAST_REACH_PX)
@@ -151,12 +159,17 @@ def _trace(
     length = float(np.ptp(places[on_line], axis=0).max())
     if length < _LEAST_LENGTH_PITCHES * grid.pitch.min():
         return None
-    log_chance = _log_chance(len(near), count, 2 * reach / float((high - low).min()))
+    room = float((high - low).min())
+    share = 2 * reach / room
+    log_chance = _log_chance(len(near) / _NEIGHBOURS, count / _NEIGHBOURS, share)
+    square_px = max(_NEIGHBOURS, float(grid.pitch.min()) / grid.mm_per_px)
+    by_squares = _log_chance(len(near) / square_px, count / square_px, share)
     if log_chance > _UNSURE_LOG_CHANCE:
         return None
     wide = stripe.width_px * grid.mm_per_px > _WIDE * float(grid.pitch.min())
     doubtful = wide or _is_pattern(places[on_line], grid)
-    return Trace(stripe, on_line, on_line & _clear(stripe, places, on_line, grid, on_board), log_chance, doubtful)
+    clear = on_line & _clear(stripe, places, on_line, grid, on_board)
+    return Trace(stripe, on_line, clear, log_chance, by_squares, room, doubtful)
 
 
 def _straight(places: FloatArray, reach: float) -> Mask:
@@ -185,18 +198,17 @@ def _straight(places: FloatArray, reach: float) -> Mask:
     return keep
 
 
-def _log_chance(count: int, on_line: int, share: float) -> float:
+def _log_chance(count: float, on_line: float, share: float) -> float:
     """Return the decimal logarithm of how many lines with so many of `count` centres chance would give.
 
-    Each line takes two centres to be laid; the others fall onto it with a chance of `share` each.
+    The centres are independent.  Each line takes two to be laid; the others fall onto it with a chance of `share`.
     """
     from scipy.special import betainc
 
-    n, k = count / _NEIGHBOURS, on_line / _NEIGHBOURS
-    if k <= 2:
+    if on_line <= 2:
         return 0.0
-    tail = float(betainc(k - 2, max(n - k, 1e-9) + 1, min(share, 0.999)))
-    return float(np.log10(max(n * n / 2, 1.0)) + np.log10(max(tail, 1e-300)))
+    tail = float(betainc(on_line - 2, max(count - on_line, 1e-9) + 1, min(share, 0.999)))
+    return float(np.log10(max(count**2 / 2, 1.0)) + np.log10(max(tail, 1e-300)))
 
 
 def _is_pattern(places: FloatArray, grid: _Grid) -> bool:

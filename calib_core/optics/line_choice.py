@@ -10,7 +10,7 @@ from calib_core.optics.board_lines import Trace
 
 _MOST_PAIRS = 3000
 _LEAST_VIEWS = 3
-_MOST_VIEWS = 0.7
+_LOG_CHANCE = -3.0  # one session in a thousand takes what no laser laid
 _OFF_SHARE = 0.003  # of the distance: boards' poses are off by less
 _DOUBTFUL_WEIGHT = 0.2
 _MOST_WEIGHT = 30.0
@@ -18,11 +18,18 @@ _MOST_WEIGHT = 30.0
 
 @dataclass(frozen=True, eq=False)
 class PlacedTrace:
-    """A line on a board with where its ends are in the camera's frame, and how far off the plane these may be."""
+    """A line on a board with where its ends are in the camera's frame, and how far off the plane these may be.
+
+    Attributes
+    ----------
+    chance : float
+        How often a line that lies anywhere on the sheet is in a given plane.
+    """
 
     trace: Trace
     ends_mm: FloatArray
     off_mm: float
+    chance: float
 
     @classmethod
     def of(cls, trace: Trace, points_mm: FloatArray, pose_sigma_mm: float) -> "PlacedTrace":
@@ -31,7 +38,8 @@ class PlacedTrace:
         direction = np.linalg.svd(points_mm - center, full_matrices=False)[2][0]
         low, high = np.percentile((points_mm - center) @ direction, [5, 95])
         off = _OFF_SHARE * float(np.linalg.norm(center)) + 4 * pose_sigma_mm
-        return cls(trace, center + np.outer([low, high], direction), off)
+        both_ends = min(2 * off / trace.room_mm, 1.0) ** 2
+        return cls(trace, center + np.outer([low, high], direction), off, both_ends)
 
     @property
     def weight(self) -> float:
@@ -50,8 +58,11 @@ def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
             chosen[number] = placed.trace
     found = [one for one in chosen if one is not None]
     sure = sum(one.is_sure for one in found)
-    # Patterns of many boards lie in some plane by chance: doubtful lines count beside sure ones, or where most do.
-    supported = len(found) >= _LEAST_VIEWS and (sure >= len(found) / 2 or len(found) >= _MOST_VIEWS * len(views))
+    # Patterns of many boards lie in some plane by chance: lines that are not sure count where chance does not
+    # explain that so many agree.
+    supported = len(found) >= _LEAST_VIEWS and (
+        sure >= len(found) / 2 or _log_chance_of_plane(views, len(found)) < _LOG_CHANCE
+    )
     for number, view in enumerate(views):
         others = [one.trace for one in view if one.trace.is_sure]
         if not supported:
@@ -59,6 +70,21 @@ def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
         if chosen[number] is None and others:
             chosen[number] = min(others, key=lambda one: one.log_chance)
     return chosen
+
+
+def _log_chance_of_plane(views: Sequence[Sequence[PlacedTrace]], agreeing: int) -> float:
+    """Return the decimal logarithm of how many planes in which so many views agree chance would give.
+
+    Two views' lines lay one; each further view has a line in it as often as its lines' chances say.
+    """
+    from scipy.special import betainc
+
+    lines = np.array([len(view) for view in views])
+    pairs = (lines.sum() ** 2 - (lines**2).sum()) / 2
+    share = float(np.mean([1 - np.prod([1 - one.chance for one in view]) for view in views if view]))
+    others, more = int((lines > 0).sum()) - 2, agreeing - 2
+    tail = float(betainc(more, others - more + 1, min(share, 0.999)))
+    return float(np.log10(max(pairs, 1.0)) + np.log10(max(tail, 1e-300)))
 
 
 def _in_one_plane(every: Sequence[tuple[int, PlacedTrace]], views: int) -> np.ndarray:
