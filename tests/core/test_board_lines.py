@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from calib_core.errors import MotionError
 from calib_core.optics.stripe_flanks import flank_centers
 from calib_core.stages.laser_plane.solve import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
@@ -31,6 +32,26 @@ def test_lines_that_a_person_sees_are_used_and_as_well_known_as_stated(kind: str
         row.reason or "" for row in result.residuals if not row.used and "chessboard" not in (row.reason or "")
     ]
     assert len(dropped) <= 1
+    assert sigmas(one, result) < 3
+
+
+def test_boards_without_the_laser_take_no_line() -> None:
+    off = frozenset({0, 2, 5})
+    result = solved(one := stripe_set("speckled", 3, laser_off=off))
+    assert [row.used for row in result.residuals if row.capture in {f"l{k + 1:02d}" for k in off}] == [False] * 3
+    assert sum(row.used for row in result.residuals) >= 4
+    assert sigmas(one, result) < 3
+    dark = stripe_set("clean", 4, boards=5, laser_off=frozenset(range(5)))
+    with pytest.raises(MotionError, match="on at least two boards"):
+        solved(dark)
+
+
+def test_the_line_beside_the_squares_is_found_on_the_sheet() -> None:
+    one = stripe_set("beside", 2)
+    result = solved(one)
+    seen = [row for row in result.residuals if "chessboard" not in (row.reason or "")]
+    assert len(seen) >= 5
+    assert all(row.used for row in seen)
     assert sigmas(one, result) < 3
 
 
