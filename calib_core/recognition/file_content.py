@@ -11,17 +11,12 @@ from calib_core.recognition.number_rows import rows_in
 from calib_core.recognition.pose_rows import poses_in
 from calib_core.recognition.storage import look_at_storage
 from calib_core.recognition.taken import GivenFile, Look, PoseList, Reason, TakenFor, nothing, preview_of
+from calib_core.robots.compiled import compiled
 from calib_core.robots.registry import BRANDS
 from calib_core.robots.text import decoded
 
 _IMAGES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _OFFICE = (b"xl/worksheets", b"word/document", b"ppt/slides", b"content.xml")
-_COMPILED = {
-    ".tp": ("A compiled FANUC program", "export it as a listing, .ls (ASCII)."),
-    ".vr": ("FANUC's variables in binary", "save them as a listing, .va (ASCII)."),
-    ".sv": ("FANUC's system variables in binary", "save them as a listing, .va (ASCII)."),
-    ".pc": ("A compiled KAREL program", "its source tells more."),
-}
 _MOST_POSE_BYTES = 4_000_000
 _SURE = 0.5
 _LEAST_POINTS = 8
@@ -37,10 +32,8 @@ def look_at(file: GivenFile) -> Look:
         return nothing("empty")
     if is_system_file(file.name):
         return nothing("system")
-    ending = f".{file.name.rpartition('.')[2].lower()}" if "." in file.name else ""
-    if ending in _COMPILED and not looks_like_text(file.head):
-        what, to_do = _COMPILED[ending]
-        return nothing("compiled", what=what, to_do=to_do)
+    if (known := compiled(file.name, file.head)) is not None:
+        return nothing("compiled", what=known[0], to_do=known[1])
     if file.data.startswith(b"PK\x03\x04"):
         return _zip(file)
     if file.head.startswith(_IMAGES):

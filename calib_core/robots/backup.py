@@ -7,6 +7,7 @@ from calib_core.formats.shared.xml_file import unzipped
 from calib_core.formats.zip_files import opened_files
 from calib_core.messages import message
 from calib_core.robots.brand import Brand
+from calib_core.robots.compiled import compiled, is_listed
 from calib_core.robots.controller_file import ControllerFile, Found, Skipped
 from calib_core.robots.file_hints import NOTHING_TOLD, Told
 from calib_core.robots.registry import BRANDS
@@ -43,6 +44,7 @@ def read_controller_files(
     if not opened:
         raise InputError("a controller's file", "none", "Give a program, a data list or a backup.")
     where = next(iter(files))
+    _set_aside(opened, damaged, where)
     named = brand or ("table" if told.columns or told.convention else None)
     chosen = (BRANDS.get(named, "brand") if named else brand_of(opened, where)).telling(told)
     if not chosen.reads:
@@ -72,6 +74,26 @@ def read_controller_files(
     from calib_core.robots.joint_check import asked
 
     return asked(read, told.arm)
+
+
+def _set_aside(opened: dict[str, bytes], named: dict[str, str], where: str) -> None:
+    """Take out what is compiled; it is named unless a listing of the same stands beside it.
+
+    Raises
+    ------
+    InputError
+        If nothing else is there.
+    """
+    names = {name.lower() for name in opened}
+    said = ""
+    for name, data in list(opened.items()):
+        if (known := compiled(name, data)) is not None:
+            said = message("{what}: {to_do}", what=message(known[0]), to_do=message(known[1]))
+            del opened[name]
+            if not is_listed(name, names):
+                named[name] = said
+    if not opened:
+        raise InputError("files in text (ASCII)", "what only the controller reads", said, where)
 
 
 def _is_of(brand: Brand, data: bytes, name: str) -> bool:

@@ -192,3 +192,33 @@ DTX = """<?xml version="1.0" encoding="utf-8"?>
   </Datas>
 </Database>
 """
+DTX_6 = """<?xml version="1.0" encoding="utf-8" ?>
+<dataList xmlns="DataNameSpace">
+  <boolSection />
+  <frameSection>
+    <frame name="world" public="false"><fFather alias="" name="" fatherIndex="0" />
+      <valueFrame index="0"><tfValue x="0" y="0" z="0" rx="0" ry="0" rz="0" /></valueFrame></frame>
+    <frame name="fTable" public="false"><fFather alias="" name="world" fatherIndex="0" />
+      <valueFrame index="0"><tfValue x="0" y="0" z="0" rx="0" ry="0" rz="0" /></valueFrame>
+      <valueFrame index="1"><tfValue x="600" y="0" z="-465" rx="0" ry="0" rz="0" /></valueFrame></frame>
+  </frameSection>
+  <jointSection>
+    <joint name="jA" public="false"><valueJoint index="0">
+      <jointValue j1="0" j2="10" j3="0" j4="0" j5="0" j6="0" /></valueJoint></joint>
+  </jointSection>
+  <pointSection>
+    <point name="pA" public="false"><pFather alias="" name="fTable" fatherIndex="1" />
+      <valuePoint index="0"><tpValue x="1" y="2" z="3" rx="0" ry="0" rz="0" />
+        <cpValue shoulder="ssame" elbow="esame" wrist="wsame" /></valuePoint></point>
+    <point name="pB" public="false"><pFather alias="" name="fLost" fatherIndex="0" />
+      <valuePoint index="0"><tpValue x="1" y="2" z="3" rx="0" ry="0" rz="0" /></valuePoint></point>
+  </pointSection>
+  <toolSection>
+    <tool name="flange" public="false"><tFather alias="" name="" fatherIndex="0" />
+      <valueTool index="0"><ttValue x="0" y="0" z="0" rx="0" ry="0" rz="0" /></valueTool></tool>
+    <tool name="tTool" public="false"><tFather alias="" name="flange" fatherIndex="0" />
+      <valueTool index="0"><ttValue x="-5.972" y="209.431" z="55.323" rx="0" ry="0" rz="90" />
+        <io alias="io" name="valve1" ioIndex="0" open="0" close="0" /></valueTool></tool>
+  </toolSection>
+</dataList>
+"""

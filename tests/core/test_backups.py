@@ -10,7 +10,7 @@ import pytest
 from calib_core.errors import InputError
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.registry import BRANDS
-from tests.core.robot_dialects import CONFIG
+from tests.core.robot_dialects import CONFIG, LS
 
 STARTS = {
     "abb": "MODULE a\n", "kuka": "DEFDAT X\n", "fanuc": "/PROG A\n", "ur": "p[1,2,3,4,5,6]\n",
@@ -79,3 +79,24 @@ def test_a_backup_of_thousands_of_files_is_read_quickly() -> None:
     read = read_controller_files({**files, "$config.dat": CONFIG.encode()})
     assert len(read.tools) == 2
     assert time.process_time() - begun < 2.0 * len(files) / 100
+
+
+def test_what_is_compiled_is_named_with_what_to_do_unless_its_listing_stands_beside_it() -> None:
+    binary = b"\x00\x01\x02\xff" * 300
+    read = read_controller_files(
+        {
+            "A.LS": LS.encode(),
+            "A.TP": binary,
+            "B.TP": binary,
+            "SYSVARS.VR": binary,
+            "SYSVARS.VA": b"",
+            "X.SV": binary,
+        }
+    )
+    assert read.poses
+    named = {skipped.file: skipped.reason for skipped in read.skipped}
+    assert "export it as a listing, .ls" in named["B.TP"]
+    assert ".va" in named["X.SV"]
+    assert named.keys() & {"A.TP", "SYSVARS.VR"} == set()
+    with pytest.raises(InputError, match=r"only the controller reads.*\.va"):
+        read_controller_files({"POSREG.VR": binary})

@@ -22,6 +22,7 @@ from tests.core.robot_dialects import (
     CONFIG,
     DAT,
     DTX,
+    DTX_6,
     JBI,
     LS,
     RAPID,
@@ -167,6 +168,11 @@ def test_staubli() -> None:
     assert "fLost[0]" in reasons(found, 11)
     assert pose(found, "jA[0]").joints_deg == (0, 10, 0, 0, 0, 0)
     assert found.tools[0].pose == (-5.972, 209.431, 55.323, 0, 0, 90)
+    sixth = read(a__dtx=DTX_6)
+    np.testing.assert_allclose(placed(sixth, "pA[0]"), [601, 2, -462], atol=1e-9)
+    assert "fLost[0]" in reasons(sixth, 20)
+    assert pose(sixth, "jA[0]").joints_deg == (0, 10, 0, 0, 0, 0)
+    assert [(tool.name, tool.pose) for tool in sixth.tools] == [("tTool[0]", found.tools[0].pose)]
     hostile = DTX.replace("<Database", '<!DOCTYPE a [<!ENTITY b "c">]><Database', 1)
     with pytest.raises(InputError, match="entity"):
         read(a__dtx=hostile)

@@ -24,7 +24,7 @@ class Staubli(Brand):
     conventions = (CONVENTION,)
     rank = 6
     endings = (".dtx", ".pjx", ".pgx")
-    marks = r"staubli\.com/robotics/VAL3|ProjectNameSpace"
+    marks = r"staubli\.com/robotics/VAL3|(?:Project|Data|Program)NameSpace"
     flange = frozenset({"flange", "flange[0]"})
     base = frozenset({"world", "world[0]"})
     definitions = "the .dtx data of the application"

@@ -1,7 +1,8 @@
 """Stäubli VAL 3: tools, frames, points and joints of .dtx data, and the moves of .pgx programs.
 
 Tools stand in another tool or in the flange, points and frames in another frame or in the world, by `fatherId`;
-an attribute that is left out is 0.
+an attribute that is left out is 0.  Version 6 of VAL 3 writes the same in elements of its own: a `<point>` with
+its father, and a value for each index.
 """
 
 import re
@@ -17,6 +18,8 @@ from calib_core.robots.controller_file import Found, Frame, Taught
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")
 _MOVE = re.compile(r"\bmove[jlc]\s*\(([^()]*)\)", re.IGNORECASE)
+_VALUES = {"valueFrame": "tfValue", "valueTool": "ttValue", "valuePoint": "tpValue", "valueJoint": "jointValue"}
+"""Of version 6: what holds a value of an index, and the element in it with the numbers."""
 _ROOTS = {"", "flange", "flange[0]", "world", "world[0]"}
 
 
@@ -33,11 +36,25 @@ def find(data: bytes, name: str) -> Found:
     """Return what stands in a .dtx or .pgx file."""
     found = Found(name)
     entries: list[_Entry] = []
+    values: list[Element] = []
+    fathers: dict[int, str] = {}
     for element in elements(data, name):
         if element.name == "Value" and element.path and element.path[-1].name == "Data":
             _value(element, element.path[-1], entries, found)
-        elif element.name == "Code":
+        elif len(element.path) > 1 and _VALUES.get(element.path[-1].name) == element.name:
+            fathers.setdefault(element.path[-2].start, "")
+            values.append(element)
+        elif element.name in ("fFather", "tFather", "pFather") and element.path:
+            named = element.attributes
+            father = f"{named.get('name', '')}[{named.get('fatherIndex', '0')}]" if named.get("name") else ""
+            fathers[element.path[-1].start] = father
+        elif element.name in ("Code", "code"):
             _moves(element.text, found)
+    for element in values:
+        index, around = element.path[-1], element.path[-2]
+        entry = f"{around.attributes.get('name', '?')}[{index.attributes.get('index', '0')}]"
+        if entry.lower() not in _ROOTS:
+            _add(around.name, entry, element, fathers[around.start], entries, found)
     chains = {entry.name.lower(): entry for entry in entries if entry.kind in ("tool", "frame")}
     for entry in entries:
         try:
@@ -49,9 +66,12 @@ def find(data: bytes, name: str) -> Found:
 
 def _value(element: Element, around: Element, entries: list[_Entry], found: Found) -> None:
     kind = re.sub(r"(rx|Rx|RX2?|rs|Rs)$", "", around.attributes.get("type", ""))
-    if kind not in ("tool", "frame", "point", "joint"):
-        return
-    name = f"{around.attributes.get('name', '?')}[{element.attributes.get('key', '0')}]"
+    if kind in ("tool", "frame", "point", "joint"):
+        name = f"{around.attributes.get('name', '?')}[{element.attributes.get('key', '0')}]"
+        _add(kind, name, element, element.attributes.get("fatherId", ""), entries, found)
+
+
+def _add(kind: str, name: str, element: Element, father: str, entries: list[_Entry], found: Found) -> None:
     try:
         if kind == "joint":
             joints = tuple(number(element.attributes.get(f"j{i}", "0")) for i in range(1, 7))
@@ -61,7 +81,7 @@ def _value(element: Element, around: Element, entries: list[_Entry], found: Foun
     except ValueError as error:
         found.skip(element.line, explained(f"{name}", error))
         return
-    entries.append(_Entry(kind, name, pose, element.attributes.get("fatherId", ""), element.line))
+    entries.append(_Entry(kind, name, pose, father, element.line))
 
 
 def _sort_in(entry: _Entry, chains: dict[str, _Entry], found: Found) -> None:
