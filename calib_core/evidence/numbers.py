@@ -30,6 +30,14 @@ def quantity(value: float | None, unit: str = "", sigma: float | None = None) ->
     )
 
 
+def rms(value: float | None, unit: str) -> Quantity:
+    """Return a root mean square: of some ten captures it is known to a tenth, so two digits, three after a 1."""
+    shown = quantity(value, unit)
+    if shown.value is None or f"{abs(shown.value):e}"[0] == "1":
+        return shown
+    return shown.model_copy(update={"decimals": max(shown.decimals - 1, 0)})
+
+
 def plus_minus(sigma: float, unit: str) -> Quantity:
     """Return an expanded uncertainty alone: ± 0.08 mm."""
     return quantity(None, unit, sigma)

@@ -5,7 +5,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from calib_core.evidence.numbers import decimals_of, fixed, number_text, plus_minus, quantity, same_decimals
+from calib_core.evidence.numbers import (
+    decimals_of,
+    fixed,
+    number_text,
+    plus_minus,
+    quantity,
+    rms,
+    same_decimals,
+)
 from calib_core.evidence.words import by_cause, captures_text
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import AtWorkpiece, at_workpiece
@@ -322,7 +330,7 @@ def two_step_blocks(result: Any) -> list[AnyBlock]:
         )
     )
     rows += [
-        Row(cells=[label, quantity(getattr(result, field), "mm"), quantity(getattr(two, field), "mm"), None])
+        Row(cells=[label, rms(getattr(result, field), "mm"), rms(getattr(two, field), "mm"), None])
         for field, label in (
             ("center_scatter_rms_mm", "Scatter of the sphere's centres, RMS"),
             ("surface_rms_mm", "Points off the sphere, RMS"),

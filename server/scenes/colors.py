@@ -34,6 +34,7 @@ VIRIDIS: tuple[Rgb, ...] = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201
 DIVERGING: tuple[Rgb, ...] = ((20, 70, 190), (95, 145, 225), (172, 172, 172), (232, 125, 95), (190, 20, 35))
 
 _ROBUST = 0.98
+_FAINT = 0.65  # the grey's share where a colour steps back behind the picked capture's
 
 
 def residual_limit_mm(residuals_mm: Sequence[FloatArray]) -> float:
@@ -52,6 +53,18 @@ def residual_limit_mm(residuals_mm: Sequence[FloatArray]) -> float:
 def diverging_colors(residuals_mm: FloatArray, limit_mm: float) -> NDArray[np.uint8]:
     """Return the colours (N, 3) of residuals (N,); beyond the limit the end colours stand."""
     return _between(residuals_mm, -limit_mm, limit_mm, DIVERGING)
+
+
+def faint(color: Rgb) -> Rgb:
+    """Return a colour that steps back behind that of the picked capture, on a white and on a black ground."""
+    pairs = zip(color, DIVERGING[2], strict=True)
+    red, green, blue = (round((1 - _FAINT) * own + _FAINT * grey) for own, grey in pairs)
+    return red, green, blue
+
+
+def faint_colors(colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the same for colours (N, 3)."""
+    return ((1 - _FAINT) * colors + _FAINT * np.array(DIVERGING[2])).round().astype(np.uint8)
 
 
 def height_colors(heights_mm: FloatArray, low_mm: float, high_mm: float) -> NDArray[np.uint8]:

@@ -9,12 +9,22 @@ from server.scenes import nodes
 from server.scenes.answers import answers
 from server.scenes.arm import arm
 from server.scenes.cloud_layers import merged_layer
-from server.scenes.colors import LIGHT, REJECTED, SPHERE, USED, WAITING, Rgb, diverging_colors
+from server.scenes.colors import (
+    LIGHT,
+    REJECTED,
+    SPHERE,
+    USED,
+    WAITING,
+    Rgb,
+    diverging_colors,
+    faint,
+    faint_colors,
+)
 from server.scenes.display_options import Look
 from server.scenes.field_layer import field
 from server.scenes.ghost import ghost
 from server.scenes.interim_layers import so_far, table_so_far
-from server.scenes.light_sheet import fan_of_profile
+from server.scenes.light_sheet import body_of_scanner, fan_of_profile
 from server.scenes.many_captures import MANY, frames_of_all, light_of_all, named, points_of_all
 from server.scenes.markers import cross
 from server.scenes.nodes import Node
@@ -63,15 +73,20 @@ def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
 
 
 def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
-    """Draw flange and laser frames at every capture and what joins them; rejected ones are crossed out."""
+    """Draw flange and scanner at every capture and what joins them; rejected ones are crossed out.
+
+    The picked one is large and bright, the rest then faint.
+    """
     for capture in one_by_one(facts, look):
-        color = _STATE_COLOR[capture.state]
-        grow = 1.6 if capture.id == look.picked else 1.0
+        behind = look.picked not in (None, capture.id)
+        color = faint(_STATE_COLOR[capture.state]) if behind else _STATE_COLOR[capture.state]
+        grow = 1.6 if capture.id == look.picked else 0.75 if behind else 1.0
         flange = capture.base_from_tool0
         yield nodes.axes(f"/frames/{capture.id}/flange", flange, 36.0 * grow, color)
         laser = facts.base_from_laser(capture)
         if laser is not None:
             yield nodes.axes(f"/frames/{capture.id}/laser", laser, 24.0 * grow, color)
+            yield from _scanner(capture, laser, color, 0.2 if behind else 0.9 if grow > 1 else 0.5)
             joint = np.array([[flange.translation_mm, laser.translation_mm]])
             yield nodes.lines(f"/frames/{capture.id}/tool", joint, color, 3.0 if grow > 1 else 1.2)
         if capture.state == "rejected":
@@ -80,6 +95,14 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
             yield nodes.lines(f"/frames/{capture.id}/cross", sign, REJECTED, 4.0 if picked else 2.0)
     if len(look.shown(facts)) > MANY:
         yield from frames_of_all(facts, look.shown(facts))
+
+
+def _scanner(capture: CaptureFacts, laser: RigidTransform, color: Rgb, opacity: float) -> Iterator[Node]:
+    """Draw a small scanner where the light comes from, as far as the capture tells."""
+    points = capture.points_in_laser_mm
+    body = body_of_scanner(points) if capture.kind == "profile" and len(points) >= 2 else None
+    if body is not None:
+        yield nodes.surface(f"/frames/{capture.id}/scanner", laser, *body, color, opacity)
 
 
 def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
@@ -112,6 +135,8 @@ def residual_points(facts: SceneFacts, look: Look) -> Iterator[Node]:
             colors = np.tile(np.array(one, dtype=np.uint8), (len(cloud), 1))
         else:
             colors = diverging_colors(residuals, look.limit_mm)
+        if look.picked not in (None, capture.id):
+            colors = faint_colors(colors)
         center = capture.sphere_center_in_base_mm
         origin = cloud.mean(axis=0) if center is None else center
         grow = 1.8 if capture.id == look.picked else 1.0
@@ -133,7 +158,7 @@ def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
         text = capture.id
         if capture.state == "rejected":
             text = f"✕ {capture.id}" + (f" · {capture.reason}" if capture.id == look.picked else "")
-        size = 1.3 if capture.id == look.picked else crowded
+        size = 1.3 if capture.id == look.picked else crowded if look.picked is None else 0.75
         above = capture.base_from_tool0.translation_mm + np.array([0.0, 0.0, 14.0])
         yield nodes.label(f"/labels/{capture.id}", above, text, size)
 

@@ -14,7 +14,7 @@ from calib_core.archive.stored_results import stored_results
 from calib_core.captures.contradictions import not_measured
 from calib_core.errors import MeasurementError
 from calib_core.evidence.html import blocks_html, result_html
-from calib_core.evidence.numbers import number_text, quantity, quantity_text
+from calib_core.evidence.numbers import number_text, quantity, quantity_text, rms
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import blocks_text, plain, result_text
 from calib_core.evidence.words import captures_text
@@ -276,3 +276,10 @@ def test_a_plot_of_any_numbers_is_drawn_within_its_frame(values, shape):
     for mark in root.iter("circle"):
         assert 0 <= float(mark.attrib["cx"]) <= 760
         assert 0 <= float(mark.attrib["cy"]) <= 240
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [(0.0750, "0.075"), (0.0432, "0.043"), (0.1251, "0.125"), (43.3, "43")]
+)
+def test_a_root_mean_square_shows_what_it_is_known_to(value: float, shown: str) -> None:
+    assert quantity_text(rms(value, "mm")) == f"{shown}\u202fmm"

@@ -130,11 +130,21 @@ def test_one_more_capture_changes_nothing_but_itself() -> None:
     assert before.keys() <= after.keys()
 
 
-def test_picking_a_capture_touches_its_own_nodes_and_dims_the_other_light() -> None:
+def test_picking_a_capture_lights_it_up_and_dims_the_others() -> None:
     facts = scene_facts(make_cell().scene())
     touched = changed(drawn(facts), drawn(facts, "p03"))
     others = {f"/light/{c.id}" for c in facts.captures if c.id != "p03"}
-    assert {n for n in touched if "p03" not in n and not n.startswith("/arm/")} == others | {"/uncertainty/tool"}
+    rest = {n for n in touched if "p03" not in n and not n.startswith("/arm/")} - {"/uncertainty/tool"}
+    assert others <= rest
+    assert {name.split("/")[1] for name in rest} == {"light", "frames", "points", "labels"}
+    before, after = drawn(facts), drawn(facts, "p03")
+    assert all(after[n].arguments["opacity"] < before[n].arguments["opacity"] for n in rest if "scanner" in n)
+    clouds = [name for name in rest if name.startswith("/points/")]
+    off_grey = [
+        sum(float(np.abs(one[name].arguments["colors"] - 172.0).sum()) for name in clouds)
+        for one in (before, after)
+    ]
+    assert 0 < off_grey[1] < 0.5 * off_grey[0]
     assert {"/points/p03", "/frames/p03/flange", "/labels/p03", "/light/p03"} <= touched
 
 

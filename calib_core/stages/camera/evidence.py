@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from calib_core.evidence.numbers import number_text, quantity
+from calib_core.evidence.numbers import number_text, quantity, rms
 from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.camera_result import CameraResult
@@ -42,7 +42,7 @@ _LABELS: Final = {
 def evidence(_session: Session, result: CameraResult) -> list[AnyBlock]:
     """Return the camera told in blocks, the answer first."""
     return [
-        Figure(label="Reprojection, RMS", quantity=quantity(result.reprojection_rms_px, "px"), headline=True),
+        Figure(label="Reprojection, RMS", quantity=rms(result.reprojection_rms_px, "px"), headline=True),
         Figure(label="Model", text=MODELS[result.model]),
         captures_used(result),
         *_parameters(result),

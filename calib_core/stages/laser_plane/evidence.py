@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from calib_core.evidence.numbers import plus_minus, quantity
+from calib_core.evidence.numbers import plus_minus, quantity, rms
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot
@@ -46,7 +46,7 @@ def evidence(session: Session, result: LaserPlaneResult) -> list[AnyBlock]:
             label="Distance from the camera",
             quantity=quantity(plane.distance_mm, "mm", result.distance_sigma_mm),
         ),
-        Figure(label="Stripes off the plane, RMS", quantity=quantity(result.plane_rms_mm, "mm")),
+        Figure(label="Stripes off the plane, RMS", quantity=rms(result.plane_rms_mm, "mm")),
         *([_stripes(rows)] if rows else []),
         frame_block(
             session.cell.pose_convention,

@@ -3,7 +3,7 @@
 from math import hypot
 from typing import Final
 
-from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
+from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms
 from calib_core.evidence.words import counted
 from calib_core.messages import message
 from calib_core.records import Session
@@ -39,8 +39,8 @@ def _headline(result: MergeResult) -> list[AnyBlock]:
         found.append(
             Figure(
                 label="Scans lie apart, RMS",
-                quantity=quantity(result.overlap_rms_mm, "mm"),
-                limit=None if expected is None else quantity(expected, "mm"),
+                quantity=rms(result.overlap_rms_mm, "mm"),
+                limit=None if expected is None else rms(expected, "mm"),
                 limit_label="expected",
                 headline=True,
             )
@@ -55,19 +55,19 @@ def _apart(result: MergeResult) -> list[AnyBlock]:
         Figure(
             title="How far scans lie apart",
             label="Measured before any registration, RMS",
-            quantity=quantity(result.overlap_rms_mm, "mm"),
+            quantity=rms(result.overlap_rms_mm, "mm"),
         ),
         Figure(
             label="Expected from noise and calibration, RMS",
-            quantity=quantity(result.expected_overlap_rms_mm, "mm"),
+            quantity=rms(result.expected_overlap_rms_mm, "mm"),
         ),
     ]
     if result.registered_overlap_rms_mm is not None:
         blocks += [
-            Figure(label="After registration, RMS", quantity=quantity(result.registered_overlap_rms_mm, "mm")),
+            Figure(label="After registration, RMS", quantity=rms(result.registered_overlap_rms_mm, "mm")),
             Figure(
                 label="Registration moved the scans by, RMS",
-                quantity=quantity(result.registration_shift_rms_mm, "mm"),
+                quantity=rms(result.registration_shift_rms_mm, "mm"),
             ),
         ]
     blocks.append(Figure(label="Places compared", quantity=fixed(result.overlap_pairs, 0)))
@@ -120,7 +120,7 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
         Figure(
             title="Against the nominal",
             label="Deviation, RMS",
-            quantity=quantity(off.rms_mm, "mm"),
+            quantity=rms(off.rms_mm, "mm"),
             limit=sigma,
             limit_label="standard uncertainty of a deviation",
         ),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity
+from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms
 from calib_core.frames import RigidTransform
 from calib_core.messages import message
 from calib_core.records import Session
@@ -92,9 +92,9 @@ def axis_figures(result: TableLike) -> list[AnyBlock]:
             quantity=quantity(1e6 * scale.error, "ppm", 1e6 * scale.sigma),
             remark="accounted for" if scale.applied else "not accounted for",
         ),
-        Figure(label="Sphere off its circle, across, RMS", quantity=quantity(result.radial_rms_mm, "mm")),
-        Figure(label="Sphere off its circle, along, RMS", quantity=quantity(result.axial_rms_mm, "mm")),
-        Figure(label="Sphere off its circle, around, RMS", quantity=quantity(result.angle_rms_deg, "°")),
+        Figure(label="Sphere off its circle, across, RMS", quantity=rms(result.radial_rms_mm, "mm")),
+        Figure(label="Sphere off its circle, along, RMS", quantity=rms(result.axial_rms_mm, "mm")),
+        Figure(label="Sphere off its circle, around, RMS", quantity=rms(result.angle_rms_deg, "°")),
     ]
 
 
@@ -172,7 +172,7 @@ def circles(result: TableLike) -> list[AnyBlock]:
                 cells=[
                     message("Off the circle, {name}, RMS", name=name),
                     None,
-                    quantity(circle.circle_rms_mm, "mm"),
+                    rms(circle.circle_rms_mm, "mm"),
                     None,
                 ]
             ),
@@ -180,7 +180,7 @@ def circles(result: TableLike) -> list[AnyBlock]:
                 cells=[
                     message("Off its plane, {name}, RMS", name=name),
                     None,
-                    quantity(circle.plane_rms_mm, "mm"),
+                    rms(circle.plane_rms_mm, "mm"),
                     None,
                 ]
             ),

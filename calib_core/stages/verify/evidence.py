@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from calib_core.evidence.numbers import fixed, quantity
+from calib_core.evidence.numbers import fixed, quantity, rms
 from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Figure, Quantity, Row, Table
@@ -48,8 +48,8 @@ def _scatter(result: VerifyResult) -> list[AnyBlock]:
     return [
         Figure(
             label="Held-out scatter of the sphere's centre, RMS",
-            quantity=quantity(scatter, "mm"),
-            limit=None if expected is None else quantity(expected, "mm"),
+            quantity=rms(scatter, "mm"),
+            limit=None if expected is None else rms(expected, "mm"),
             limit_label="expected",
             headline=headline,
         )
