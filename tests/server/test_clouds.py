@@ -149,7 +149,7 @@ def until(client: httpx.Client, job: str, words: str) -> dict[str, Any]:
 
 def test_a_merge_is_cancelled_at_once_leaves_nothing_and_runs_again(start: Callable[..., Any]) -> None:
     with start() as client:
-        session = scanned_session(client, pitch_mm=0.05, mesh="poisson", voxel_mm=0.1)
+        session = scanned_session(client, pitch_mm=0.08, mesh="poisson", voxel_mm=0.12)
         job = client.post(f"/sessions/{session}/solve/merge").json()["id"]
         running = until(client, job, "Building the mesh")
         assert (running["status"], running["progress"]) == ("running", pytest.approx(0.84, abs=0.01))
