@@ -35,7 +35,7 @@ def turn(vector: np.ndarray) -> np.ndarray:
 
 def look_from(out: np.ndarray, distance_mm: float) -> np.ndarray:
     """A pose of L that looks along −out at the middle."""
-    side = np.cross([0.0, 0.0, 1.0], out) if abs(out[2]) < 0.99 else np.array([1.0, 0.0, 0.0])
+    side = np.cross([0.0, 0.0, 1.0], out) if abs(out[2]) < 0.99 else np.array([1.0, 0.0, 0.0]) - out[0] * out
     side /= np.linalg.norm(side)
     pose = np.eye(4)
     pose[:3, :3] = np.column_stack([side, np.cross(-out, side), -out])
