@@ -16,6 +16,7 @@ from calib_core.frames import FloatArray
 from calib_core.optics.board_corners import fitted_corners
 from calib_core.optics.board_refusal import (
     grey_eight_bit,
+    largest_chessboard,
     refuse_flat_image,
     refuse_second_board,
     shrunk,
@@ -97,7 +98,10 @@ def find_board(image: Image, board: Board) -> BoardView:
     else:
         grid = find_circles(grey, board, points_in_board_mm(board))
     if grid is None:
-        raise why_not_found(grey, board)
+        seen = largest_chessboard(grey) if board.kind == "chessboard" and _has_bright_areas(grey) else None
+        grid = _as_told(grey, seen, board)
+        if grid is None:
+            raise why_not_found(grey, board, seen)
     ambiguous = board.kind != "chessboard" or (board.columns + board.rows) % 2 == 0
     grid = _oriented(grid, grey, board)
     points = grid.reshape(-1, 2)
@@ -153,6 +157,13 @@ def _find_chessboard(grey: NDArray[np.uint8], board: Board) -> FloatArray | None
     if not found:
         return None
     return _refined(grey, np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2))
+
+
+def _as_told(grey: NDArray[np.uint8], seen: FloatArray | None, board: Board) -> FloatArray | None:
+    """Return a chessboard found without its size where it is of the told one, as strongly distorted ones are."""
+    if seen is None or {*seen.shape[:2]} != {board.rows, board.columns}:
+        return None
+    return _refined(grey, seen if seen.shape[0] == board.rows else seen.transpose(1, 0, 2))
 
 
 def _refined(grey: NDArray[np.uint8], grid: FloatArray) -> FloatArray:

@@ -79,8 +79,8 @@ def refuse_flat_image(grey: Grey) -> None:
     )
 
 
-def why_not_found(grey: Grey, board: Board) -> MeasurementError:
-    """Return the likeliest reason why the board was not found."""
+def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> MeasurementError:
+    """Return the likeliest reason why the board was not found; `seen` is another chessboard, or a part of this."""
     need = message(
         "the whole {kind} board of {columns} × {rows} {names}",
         kind=board.kind,
@@ -106,10 +106,15 @@ def why_not_found(grey: Grey, board: Board) -> MeasurementError:
         return MeasurementError(
             need, "a blurred frame without a sharp edge", "Focus the lens, hold the board still, or expose less."
         )
-    if board.kind == "chessboard" and (seen := _partial_chessboard(grey)):
-        columns, rows = seen
+    if seen is not None:
+        rows, columns = seen.shape[:2]
         if columns * rows > board.columns * board.rows or (columns > board.columns and rows >= board.rows):
             to_do = message("Check columns and rows in cell.board: count inner corners, not squares.")
+        elif _ends_in_frame(seen, grey):
+            to_do = message(
+                "If nothing hides a part of the board, cell.board tells too many: count its inner corners, not "
+                "squares."
+            )
         else:
             to_do = message("Bring the whole board into the frame, without shadows, glare or fingers on it.")
         return MeasurementError(
@@ -150,9 +155,24 @@ def _sharpest_edge(grey: Grey, contrast: float) -> float:
     return float(np.percentile(slopes, 99.8)) / max(contrast, 1.0)
 
 
-def _partial_chessboard(grey: Grey) -> tuple[int, int] | None:
-    """Return columns and rows of the largest chessboard to be found, at least 3 × 3."""
+def largest_chessboard(grey: Grey) -> FloatArray | None:
+    """Return the corners (rows, columns, 2) of the largest chessboard to be found, at least 3 × 3."""
     import cv2
 
-    found, _, meta = cv2.findChessboardCornersSBWithMeta(shrunk(grey)[0], (3, 3), cv2.CALIB_CB_LARGER)
-    return (int(meta.shape[1]), int(meta.shape[0])) if found else None
+    small, factor = shrunk(grey)
+    found, corners, meta = cv2.findChessboardCornersSBWithMeta(small, (3, 3), cv2.CALIB_CB_LARGER)
+    if not found:
+        return None
+    grid = np.asarray(corners, dtype=float).reshape(*meta.shape[:2], 2)
+    return (grid + 0.5) * factor - 0.5
+
+
+def _ends_in_frame(grid: FloatArray, grey: Grey) -> bool:
+    """Return whether a further row and column on every side would be in the frame, too."""
+    last, height, width = np.array(grid.shape[:2]) - 1, *grey.shape
+    for row, column in ((0, 0), (0, last[1]), (last[0], 0), (last[0], last[1])):
+        inward = grid[min(max(row, 1), last[0] - 1), min(max(column, 1), last[1] - 1)]
+        outside = 2 * grid[row, column] - inward
+        if not (0 <= outside[0] < width and 0 <= outside[1] < height):
+            return False
+    return True

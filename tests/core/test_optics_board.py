@@ -168,6 +168,23 @@ def test_wrong_counts_are_told_from_a_covered_board() -> None:
         find_board(render(CHESS), Board(kind="chessboard", columns=8, rows=5, pitch_mm=10.0))
 
 
+@pytest.mark.parametrize(("columns", "rows"), [(9, 7), (10, 6), (10, 7), (11, 6)])
+def test_a_board_told_too_large_that_is_seen_whole_is_not_asked_into_the_frame(columns: int, rows: int) -> None:
+    with pytest.raises(MeasurementError, match=r"9 × 6 inner corners.*tells too many"):
+        find_board(render(CHESS), Board(kind="chessboard", columns=columns, rows=rows, pitch_mm=10.0))
+    cut = render(CHESS)[:, 170:]
+    with pytest.raises(MeasurementError, match=r"inner corners.*whole board into the frame"):
+        find_board(np.ascontiguousarray(cut), CHESS)
+
+
+def test_a_chessboard_that_is_found_without_its_size_alone_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing = False, None
+    monkeypatch.setattr(cv2, "findChessboardCornersSB", lambda *_args, **_options: nothing)
+    monkeypatch.setattr(cv2, "findChessboardCorners", lambda *_args, **_options: nothing)
+    view = find_board(render(CHESS, TILTED), CHESS)
+    assert np.sqrt(((view.points_px - truth(CHESS, TILTED)) ** 2).mean()) < 0.1
+
+
 def test_a_mirrored_charuco_is_named() -> None:
     with pytest.raises(MeasurementError, match="mirror"):
         find_board(np.ascontiguousarray(render(CHARUCO)[:, ::-1]), CHARUCO)
