@@ -691,6 +691,7 @@ class ChainResult(Record):
     axes: list[FoundAxis] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
+    up_to_shift: UpToShift | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -805,6 +806,7 @@ class MergeResult(Record):
     turned_deg: dict[str, float] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
+    up_to_shift: UpToShift | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -889,6 +891,7 @@ class TcpResult(Record):
     axes: list[FoundAxis] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
+    up_to_shift: UpToShift | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -935,6 +938,7 @@ class TurntableResult(Record):
     axes: list[FoundAxis] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
+    up_to_shift: UpToShift | None = None
     base_from_turntable: list[list[float]]
     axis_direction_in_base: list[float]
     axis_point_in_base_mm: list[float]
@@ -980,6 +984,7 @@ class VerifyResult(Record):
     turned_deg: dict[str, float] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
+    up_to_shift: UpToShift | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -1096,6 +1101,7 @@ class TwoStep(Record):
     """The paper's two-step answer, beside the joint one."""
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
+    up_to_shift: UpToShift | None = None
     sphere_center_in_base_mm: list[float] | None = None
     sphere_center_in_tool0_mm: list[float] | None = None
     surface_rms_mm: float | None = None
@@ -1110,6 +1116,17 @@ class Undetermined(Record):
     """A direction of the answer that the motions do not fix."""
     direction: list[float]
     description: str
+
+
+class UpToShift(Record):
+    """Scanner and table up to one shift of both, by a machine that did not turn enough to tell more."""
+    directions: list[list[float]]
+    tool0_from_laser: list[list[float]] | None = None
+    base_from_laser: list[list[float]] | None = None
+    base_from_turntable: list[list[float]] | None = None
+    covariance: list[list[float]]
+    turntable_covariance: list[list[float]] | None = None
+    cross_covariance: list[list[float]] | None = None
 
 
 class VarianceComponents(Record):

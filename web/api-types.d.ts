@@ -554,6 +554,7 @@ export interface ChainResult {
   axes?: FoundAxis[];
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -1396,6 +1397,7 @@ export interface MergeResidual {
 export interface MergeResult {
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2374,6 +2376,7 @@ export interface StoredChainResult {
   axes?: FoundAxis[];
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2496,6 +2499,7 @@ export interface StoredMergeResult {
   turned_deg?: Record<string, number>;
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2594,6 +2598,7 @@ export interface StoredTcpResult {
   axes?: FoundAxis[];
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2639,6 +2644,7 @@ export interface StoredTurntableResult {
   axes?: FoundAxis[];
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   base_from_turntable: number[][];
   axis_direction_in_base: number[];
   axis_point_in_base_mm: number[];
@@ -2683,6 +2689,7 @@ export interface StoredVerifyResult {
   turned_deg?: Record<string, number>;
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2834,6 +2841,7 @@ export interface TcpResult {
   axes?: FoundAxis[];
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   method: string;
   method_revision?: number;
   software: string;
@@ -2975,6 +2983,7 @@ export interface TurntableResult {
   axes?: FoundAxis[];
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   base_from_turntable: number[][];
   axis_direction_in_base: number[];
   axis_point_in_base_mm: number[];
@@ -3022,6 +3031,7 @@ export interface TwoResults {
 export interface TwoStep {
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   sphere_center_in_base_mm?: number[] | null;
   sphere_center_in_tool0_mm?: number[] | null;
   surface_rms_mm?: number | null;
@@ -3035,6 +3045,16 @@ export interface TwoStep {
 export interface Undetermined {
   direction: number[];
   description: string;
+}
+
+export interface UpToShift {
+  directions: number[][];
+  tool0_from_laser?: number[][] | null;
+  base_from_laser?: number[][] | null;
+  base_from_turntable?: number[][] | null;
+  covariance: number[][];
+  turntable_covariance?: number[][] | null;
+  cross_covariance?: number[][] | null;
 }
 
 export interface VarianceComponents {
@@ -3092,6 +3112,7 @@ export interface VerifyResidual {
 export interface VerifyResult {
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
+  up_to_shift?: UpToShift | null;
   method: string;
   method_revision?: number;
   software: string;

@@ -9,7 +9,7 @@ from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.records import Cell
-from calib_core.records.base import Matrix4, Record
+from calib_core.records.base import Matrix4, OpenMatrix4, Record, Rows, Vector3
 
 _MOUNTS: Final[tuple[Carrier, ...]] = ("tool0", "base")
 ON_FLANGE: Final = "tool0_from_laser"
@@ -18,29 +18,62 @@ SCANNER_FRAMES: Final = (ON_FLANGE, "base_from_laser")
 """The fields of records that have a scanner's pose; one of both is told."""
 
 
-class ScannerPlaced(Record):
-    """Where the scanner is on what carries it: on the flange, or in base where it stands still."""
+class UpToShift(Record):
+    """Scanner and table up to one shift of both, by a machine that did not turn enough to tell more.
 
+    The scanner's place along `directions`, in the frame of what carries it, is not determined.  Here it is as if
+    one component for each of them were zero: all that scanner and table are used for together does not depend on
+    it.  The other fields are those of the result by the same names, with numbers in place of null.
+    """
+
+    directions: list[Vector3]
     tool0_from_laser: Matrix4 | None = None
     base_from_laser: Matrix4 | None = None
+    base_from_turntable: Matrix4 | None = None
+    covariance: Rows
+    turntable_covariance: Rows | None = None
+    cross_covariance: Rows | None = None
+
+
+class ScannerPlaced(Record):
+    """Where the scanner is on what carries it: on the flange, or in base where it stands still.
+
+    Components that are not determined are null, and `up_to_shift` then has what is known all the same.
+    """
+
+    tool0_from_laser: OpenMatrix4 | None = None
+    base_from_laser: OpenMatrix4 | None = None
+    up_to_shift: UpToShift | None = None
 
     @property
     def placed_scanner(self) -> RigidTransform | None:
         """The scanner's pose on what carries it, where it has one."""
-        return placed_scanner(self.model_dump(include={*SCANNER_FRAMES}))
+        return placed_scanner(self.model_dump(include={*SCANNER_FRAMES, "up_to_shift"}))
 
     @property
     def mount_from_laser(self) -> RigidTransform:
         """The scanner's pose on what carries it; raises InputError where it has none."""
-        return scanner_frame(self.model_dump(include={*SCANNER_FRAMES}))
+        return scanner_frame(self.model_dump(include={*SCANNER_FRAMES, "up_to_shift"}))
 
 
 def placed_scanner(result: Mapping[str, Any]) -> RigidTransform | None:
     """Return the scanner's pose on what carries it, of a result as JSON data; None where it has none."""
+    told = as_used(result)
     for mount in _MOUNTS:
-        if (rows := result.get(f"{mount}_from_laser")) is not None:
+        if (rows := told.get(f"{mount}_from_laser")) is not None:
             return RigidTransform.from_rounded(rows, mount, "laser")
     return None
+
+
+def as_used(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a result as JSON data with numbers for what is open, as scanner and table are used together."""
+    told = result.get("up_to_shift")
+    return {**result, **{name: value for name, value in told.items() if value is not None}} if told else result
+
+
+def placed_table(result: Mapping[str, Any]) -> RigidTransform:
+    """Return the table's frame in base, of a result as JSON data, beside the scanner's."""
+    return RigidTransform.from_rounded(as_used(result)["base_from_turntable"], "base", "turntable")
 
 
 def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:

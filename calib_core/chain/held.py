@@ -16,6 +16,7 @@ from calib_core.chain.likelihood import ChainLinearisation, fit, linearised_at
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import COUNT, NAMES, incidence_shapes
+from calib_core.chain.without_turns import without_exact
 from calib_core.frames import FloatArray, skew
 
 _SIGNIFICANT = 4.0
@@ -153,7 +154,9 @@ def hold_files(judged: Judged, apply: bool) -> Held:
         by_lengths = _off(lengths.state, held.state, held.active, len(held.covariance))
         more = held.covariance + np.outer(by_lengths, by_lengths)
         held = replace(held, covariance=more, by_lengths=by_lengths)
-    return replace(held, half_width_mm=judged.data.half_width_mm, arm=_arm(judged, held.applied))
+    covariance = without_exact(judged.data, held.covariance)
+    arm = _arm(judged, held.applied)
+    return replace(held, covariance=covariance, half_width_mm=judged.data.half_width_mm, arm=arm)
 
 
 def _with_poses_as_told(held: Held) -> Held:

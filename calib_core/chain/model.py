@@ -124,6 +124,8 @@ class ChainData:
     arm_columns, arm_means : (K, 3, p), (p,), or None
         How the balls move in L by one standard deviation of each term of the arm's own errors, beyond what the
         poses are corrected by; and what is believed of these (`chain.arm_model`).
+    exact : tuple of int
+        Columns of the first mount that are held, as no motion tells them (`without_turns`).
     """
 
     rotations: FloatArray
@@ -155,6 +157,7 @@ class ChainData:
     tool_prior: ToolPrior | None = None
     arm_columns: FloatArray | None = None
     arm_means: FloatArray | None = None
+    exact: tuple[int, ...] = ()
 
     @property
     def count(self) -> int:
@@ -253,7 +256,7 @@ class ChainData:
             nuisance_of=np.tile(np.arange(len(kept)), (some.count, 1)),
             kinds=self.kinds[kept],
             stop=zero - 1,
-            held=alone.fixed.copy(),
+            held=np.isin(np.arange(alone.unknowns), self.exact) | alone.fixed,
             distances=(),
         )
 

@@ -51,6 +51,7 @@ from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.chain.undetermined import OpenDirection, open_directions
 from calib_core.chain.unmodelled import Unmodelled, unmodelled_of
 from calib_core.chain.warm_up import WarmUp, warm_up_of
+from calib_core.chain.without_turns import OpenShifts, open_shifts
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray, with_third
 from calib_core.messages import Value, plural
@@ -120,6 +121,8 @@ class TcpSolution:
     excess : float
         By how much the captures scatter more than the sigmas say (variance ratio).
     undetermined, weak : lists of OpenDirection
+    shifts : OpenShifts
+        Along which the scanner's place is open, as nothing turned.
     two_step : Answer or None
         The paper's method on the same captures.
     two_step_covariance : (6, 6) or None
@@ -170,6 +173,7 @@ class TcpSolution:
     excess: float
     undetermined: list[OpenDirection]
     weak: list[OpenDirection]
+    shifts: OpenShifts
     two_step: Answer | None
     two_step_covariance: FloatArray | None
     two_step_answer: TwoStepAnswer
@@ -230,6 +234,9 @@ def solve_tcp(
     observations = with_own_sigmas(observations, sphere, options.point_sigma_mm)
     data = chain_data(observations, sphere, point_sigma, options.priors, layout)
     data = replace(data, pose_scale=visits_of(data))
+    shifts = open_shifts(data)
+    data = shifts.holding(data)
+    starts = [[shifts.start_at_zero(one) for one in of_scanner] for of_scanner in starts]
     given = options.position_sigma_mm, options.orientation_sigma_rad, *options.sigmas_of(layout)
     every = [
         likeliest_sides(data.of_one_scanner(n, ways), of_scanner, given[:2]) for n, of_scanner in enumerate(starts)
@@ -287,6 +294,7 @@ def solve_tcp(
         excess=judged.excess,
         undetermined=open_directions(held.by_motions),
         weak=open_directions(held.by_motions, tolerance=0.2),
+        shifts=shifts,
         two_step=paper,
         two_step_covariance=paper_covariance,
         two_step_answer=paper_answer,
@@ -465,16 +473,6 @@ def _require_motion(observations: Sequence[SphereObservation]) -> None:
             ),
             "Record the robot's pose anew at each capture: shift the scanner twice, then tilt it three times.",
         )
-    raise MotionError(
-        "at least three orientations of the scanner, about axes that are not parallel",
-        plural(
-            "{count} capture with one orientation: they fix the scanner's rotation, but nothing of its position",
-            "{count} captures with one orientation: they fix the scanner's rotation, but nothing of its position",
-            by="count",
-            count=count,
-        ),
-        "Tilt the flange by 10 to 30° about two different axes and capture the sphere again.",
-    )
 
 
 def pooled_point_sigma(observations: Sequence[SphereObservation], sphere: SphereSize) -> float | None:

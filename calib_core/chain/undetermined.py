@@ -40,6 +40,8 @@ class OpenDirection:
     @property
     def told(self) -> str:
         """Its axis, with how far it is open (k = 2)."""
+        if np.isinf(self.sigma):
+            return self.axis
         return f"{self.axis} (±{_degrees(2 * self.sigma) if self.is_rotation else _millimetres(2 * self.sigma)})"
 
     @property
@@ -83,6 +85,14 @@ def open_directions(covariance: FloatArray, tolerance: float = 1.0) -> list[Open
             direction = np.concatenate([np.zeros(3), _signed(axis)])
             found.append(OpenDirection(direction, sigma, _axis_name(axis), _across(axis)))
     return found
+
+
+def without_turns(directions: FloatArray) -> list[OpenDirection]:
+    """Return directions (m, 3) of the position along which nothing is known, as nothing turned across them."""
+    return [
+        OpenDirection(np.concatenate([np.zeros(3), _signed(v)]), np.inf, _axis_name(v), _across(v))
+        for v in directions
+    ]
 
 
 def _degrees(angle_rad: float) -> str:

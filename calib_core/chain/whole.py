@@ -181,6 +181,7 @@ def _judge(
     data = chain_data(spheres, sphere, point_sigma, options.priors, layout)
     repeated = visits_of(data.chosen(np.arange(data.count) < still))
     data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))
+    data = tcp.shifts.holding(data)
     data = replace(data, distances=tcp.options.distances_of(layout))
     data = data.holding(layout.scale(layout.table), not turntable.encoder.applied)
     one, other = tcp.held.state.position, turntable.state.position

@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_results import require_result
 from calib_core.captures.certificate_dates import overdue_certificates
-from calib_core.cell.found import scanner_frame
+from calib_core.cell.found import placed_table, scanner_frame
 from calib_core.errors import ConflictError, InputError
 from calib_core.findings import Finding, findings_in, judgement, worst_of
 from calib_core.findings.codes.faults import FAULT_CODES
@@ -73,6 +73,11 @@ class Answer:
     of_moment: tuple[str, ...] = ()
     decided_before: tuple[DecidedBefore, ...] = ()
     provenance: tuple[str, ...] = ()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the motions leave open where scanner and table are."""
+        return bool(self.results.get(self.stage, {}).get("up_to_shift"))
 
     @property
     def tool(self) -> RigidTransform:
@@ -157,8 +162,20 @@ class Answer:
         """Raise NotUsableError where the answer has faults of its own that are not allowed."""
         refuse_faults(self.faults, allow, self.stage)
 
+    def require_placed(self) -> None:
+        """Raise ConflictError where the motions leave open where scanner and table are."""
+        if self.is_open:
+            raise ConflictError(
+                "a scanner whose position on the flange is determined",
+                "one whose position the motions leave open",
+                "Tilt the flange by 10 to 30° about two axes and capture again, or measure the position.",
+                self.stage,
+            )
+
 
 def _worst(covariance: FloatArray) -> float:
+    if not np.isfinite(covariance).all():  # some of it is not determined
+        return float("nan")
     return float(np.sqrt(max(float(np.linalg.eigvalsh(covariance)[-1]), 0.0)))
 
 
@@ -207,7 +224,7 @@ def answer_of(
     table_covariance = None if table is None else np.array(table[covariance_name], dtype=float)[:6, :6]
     turntable = None
     if table is not None:
-        turntable = RigidTransform.from_rounded(table["base_from_turntable"], "base", "turntable")
+        turntable = placed_table(table)
     decided = decision if "verify" not in stale or decision in NOT_CONFIRMED else None
     of_others = [*parts, *(["verify"] if decided is not None else [])]
     return Answer(

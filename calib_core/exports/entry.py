@@ -44,6 +44,8 @@ class Export:
         What begins a line that the other program does not read: an answer with faults is marked in one.
     proof : Proof, optional
         What proved that the other program takes it; None for the project's own forms.
+    open_too : bool
+        Whether it can say that a position is not determined.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Export:
     patch: Patch | None = None
     comment: str = "#"
     proof: Proof | None = "manual only"
+    open_too: bool = False
 
     def describe(self) -> dict[str, Any]:
         """Return the entry as JSON data, with the JSON Schema of its settings."""

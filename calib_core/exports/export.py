@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_clouds import media_types
-from calib_core.cell.found import SCANNER_FRAMES, scanner_frame
+from calib_core.cell.found import SCANNER_FRAMES, placed_table, scanner_frame
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.controller import POSES, for_poses
@@ -87,6 +87,8 @@ def write_export(
         chosen = entry.settings.model_validate(told)
     except ValidationError as error:
         raise input_error(error, settings, message("settings of '{name}'", name=name)) from None
+    if not entry.open_too:
+        answer.require_placed()
     answer = answer.of_scanner(getattr(chosen, "of_scanner", None))
     if backup is None:
         content = marked(entry.write(answer, chosen), answer, entry)
@@ -130,12 +132,12 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
         name: result[name],
         "covariance": result["covariance"],
         "covariance_order": list(_ORDER),
-        "standard_deviation": dict(zip(_ORDER, sigmas.tolist(), strict=True)),
+        "standard_deviation": {k: v if np.isfinite(v) else None for k, v in zip(_ORDER, sigmas, strict=True)},
         "confidence_95": result.get("confidence_95", {}),
         "undetermined": result.get("undetermined", []),
         "frames": result.get("frames", []),
         "pose_convention": session.cell.pose_convention,
-        "conventions": {name: _in_convention(name, frame, covariance[:6, :6]) for name in CONVENTIONS},
+        **_used(result, frame, covariance),
     }
 
 
@@ -160,13 +162,14 @@ def table_frames(results: Mapping[str, Record | Mapping[str, Any]]) -> dict[str,
         if result is not None:
             data = result_data(result) if isinstance(result, Record) else result
             found[stage] = {name: data[name] for name in _TABLE_FIELDS if name in data}
-            frame = RigidTransform.from_rounded(data["base_from_turntable"], "base", "turntable")
+            frame = placed_table(data)
             covariance = np.array(data.get("turntable_covariance") or data["covariance"], dtype=float)
-            found[stage]["conventions"] = {name: _in_convention(name, frame, covariance) for name in CONVENTIONS}
+            found[stage] |= _used(data, frame, covariance)
             if stage == "chain":
                 tool = scanner_frame(data)
                 own = np.array(data["covariance"], dtype=float)
-                found[stage]["tool_conventions"] = {name: _in_convention(name, tool, own) for name in CONVENTIONS}
+                if not data.get("up_to_shift"):
+                    found[stage]["tool_conventions"] = {n: _in_convention(n, tool, own) for n in CONVENTIONS}
     return found
 
 
@@ -195,6 +198,13 @@ def tool_number_sigmas(convention: str, tool: RigidTransform, covariance: FloatA
     # A table's frame has five degrees of freedom: a variance of zero may come out a rounding error below it.
     variances = np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian)
     return np.sqrt(np.maximum(variances, 0.0)).tolist()
+
+
+def _used(result: Mapping[str, Any], frame: RigidTransform, covariance: FloatArray) -> dict[str, Any]:
+    """Return a frame in every convention; where its position is open, what holds of scanner and table together."""
+    if result.get("up_to_shift"):
+        return {"up_to_shift": result["up_to_shift"]}
+    return {"conventions": {name: _in_convention(name, frame, covariance[:6, :6]) for name in CONVENTIONS}}
 
 
 def _in_convention(name: str, tool: RigidTransform, covariance: FloatArray) -> dict[str, Any]:

@@ -10,6 +10,5 @@ def _write(answer: Answer, settings: Settings) -> str:
     return frames_json(answer, settings)
 
 
-EXPORT = Export(
-    "json", "JSON: tool and table in every pose convention", "application/json", ".json", _write, proof=None
-)
+_TITLE = "JSON: tool and table in every pose convention"
+EXPORT = Export("json", _TITLE, "application/json", ".json", _write, proof=None, open_too=True)

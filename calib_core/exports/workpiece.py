@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from calib_core.cell.found import carriers_found, scanner_frame
+from calib_core.cell.found import as_used, carriers_found, placed_table, scanner_frame
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.guidance.budget import together
@@ -66,6 +66,8 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
         If a frame or a covariance of the result is none.
     """
     stage = result.get("stage")
+    if result.get("up_to_shift"):  # where in base a point lies is not determined
+        return []
     found: list[AtWorkpiece] = []
     if stage in tool_stages():
         point = seen_in_laser_mm(session, result)
@@ -102,7 +104,7 @@ def point_jacobian(frame: RigidTransform, point_mm: FloatArray) -> FloatArray:
 
 def covariance_in(result: Mapping[str, Any], name: str) -> FloatArray:
     """Return a covariance (6, 6) out of a stored result; raises InputError where it is none."""
-    rows = result.get(name) or []
+    rows = as_used(result).get(name) or []
     square = len(rows) >= 6 and all(len(row) >= 6 for row in rows[:6])
     covariance = np.array([row[:6] for row in rows[:6]], dtype=float) if square else np.full((6, 6), np.nan)
     whole = name.startswith("cross") or (square and _is_covariance(covariance))
@@ -143,7 +145,7 @@ def _poses(session: Session, named: set[str], steps: Sequence[str]) -> dict[str,
 
 
 def _on_the_table(result: Mapping[str, Any], mount: Mapping[str, Any]) -> AtWorkpiece:
-    table = RigidTransform.from_rounded(result["base_from_turntable"], "base", "turntable")
+    table = placed_table(result)
     covariance = covariance_in(result, "turntable_covariance" if result["stage"] == "chain" else "covariance")
     point = np.array(mount["center_in_turntable_mm"], dtype=float)
     return _known("table", mount["mount"], point, table.rotation, point_jacobian(table, point), covariance)
@@ -160,7 +162,7 @@ def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any])
     if not poses:
         return None
     carriers, tool = carriers_found(result), scanner_frame(result)
-    table = RigidTransform.from_rounded(result["base_from_turntable"], "base", "turntable")
+    table = placed_table(result)
     for name in ("covariance", "turntable_covariance", "cross_covariance"):
         covariance_in(result, name)
     known = Calibrated.of(result, [0.0, 0.0, 0.0])

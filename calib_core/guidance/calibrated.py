@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.cell.found import on_flange, scanner_frame
+from calib_core.cell.found import as_used, on_flange, placed_table, scanner_frame
 from calib_core.chain.model import Sigmas
 from calib_core.chain.scanner import NAMES
 from calib_core.errors import InputError
@@ -68,6 +68,7 @@ class Calibrated:
         InputError
             If its covariances are none, or nothing says where the scanner sees the workpiece.
         """
+        result = as_used(result)
         scanner: Any = result.get("scanner")
         if isinstance(scanner, str):
             scanner = (result.get("scanner_errors") or {}).get(scanner)
@@ -105,7 +106,7 @@ class Calibrated:
         mount = scanner_frame(result)
         return cls(
             mount_from_laser=mount,
-            base_from_turntable=None if table is None else RigidTransform.from_rounded(table, "base", "turntable"),
+            base_from_turntable=None if table is None else placed_table(result),
             direction=int(result.get("direction") or 1),
             nuisances=names,
             covariance=covariance,

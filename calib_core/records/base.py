@@ -1,13 +1,16 @@
 """What records are made of: names, numbers with limits, a frozen base that keeps fields it does not know."""
 
+from math import isnan, nan
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    PlainSerializer,
     StringConstraints,
     ValidationError,
 )
@@ -36,6 +39,17 @@ Matrix4 = Annotated[
     list[Annotated[list[Finite], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)
 ]
 Rows = list[list[float]]
+Open = Annotated[
+    float,
+    BeforeValidator(lambda number: nan if number is None else number),
+    PlainSerializer(lambda number: None if isnan(number) else number, return_type=float | None),
+]
+"""A number that is not determined where it is null: NaN inside."""
+OpenVector3 = Annotated[list[Open], Field(min_length=3, max_length=3)]
+OpenMatrix4 = Annotated[
+    list[Annotated[list[Open], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)
+]
+OpenRows = list[list[Open]]
 
 
 def mismatch(need: str, got: str, to_do: str) -> ValueError:

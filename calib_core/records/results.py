@@ -5,7 +5,7 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from calib_core.records.base import Matrix4, Record, Rows, Vector3, Verdict
+from calib_core.records.base import Matrix4, OpenMatrix4, OpenRows, Record, Rows, Vector3, Verdict
 from calib_core.records.causes import RootCause
 from calib_core.records.evidence import AnyBlock
 from calib_core.records.findings import Finding
@@ -27,8 +27,8 @@ class FoundFrame(Record):
     into: str
     outof: str
     scanner: str | None = None
-    matrix: Matrix4
-    covariance: Rows | None = None
+    matrix: OpenMatrix4
+    covariance: OpenRows | None = None
 
 
 class Result(Record):

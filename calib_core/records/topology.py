@@ -10,9 +10,10 @@ from calib_core.records.base import (
     Kind,
     Matrix4,
     NotNegative,
+    OpenRows,
+    OpenVector3,
     Positive,
     Record,
-    Rows,
     Vector3,
     WrittenRecord,
     mismatch,
@@ -113,8 +114,8 @@ class _Carried(Record):
 class FoundSphere(_Carried):
     """Where a ball's centre is `in` what carries it, its covariance (3, 3) in mm², and who saw it."""
 
-    center_mm: Vector3
-    covariance: Rows
+    center_mm: OpenVector3
+    covariance: OpenRows
     captures: list[str] = Field(default_factory=list[str])
 
 
@@ -129,11 +130,11 @@ class FoundAxis(_Carried):
 
     kind: Literal["rotary", "linear"]
     axis_direction: Vector3
-    axis_point_mm: Vector3 | None = None
+    axis_point_mm: OpenVector3 | None = None
     direction: Literal[1, -1] = 1
     scale: float = 1.0
     scale_sigma: float | None = None
-    covariance: Rows
+    covariance: OpenRows
 
 
 class TopologyFields(Record):

@@ -18,7 +18,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.keys import Graph
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Finding, Finite, Matrix4, Record, Session, Severity, Verdict
-from calib_core.records.base import Rows
+from calib_core.records.base import Open, Rows
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.policy import Equipment
@@ -70,7 +70,7 @@ class SessionAnswer(Record):
     tool0_from_laser: AnsweredFrame | None
     base_from_laser: AnsweredFrame | None = None
     base_from_turntable: AnsweredFrame | None
-    position_sigma_mm: float
+    position_sigma_mm: Open
     rotation_sigma_deg: float
     budget: Any = None
     decision: str | None = None
@@ -195,12 +195,16 @@ def _frame(convention: str, frame: RigidTransform, covariance: FloatArray) -> An
 
 
 def _scanner(convention: str, answer: Answer, mount: Carrier) -> AnsweredFrame | None:
+    if answer.is_open:
+        return None
     if answer.mount_from_laser.into != mount:
         return None
     return _frame(convention, answer.mount_from_laser, answer.tool_covariance)
 
 
 def _table(convention: str, answer: Answer) -> AnsweredFrame | None:
+    if answer.is_open:
+        return None
     if answer.base_from_turntable is None or answer.table_covariance is None:
         return None
     return _frame(convention, answer.base_from_turntable, answer.table_covariance)

@@ -2,14 +2,15 @@
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.cell.carriers import scanner_mount, scanner_names
-from calib_core.errors import NotFoundError
+from calib_core.cell.found import as_used
+from calib_core.errors import ConflictError, NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform, skew
 from calib_core.graph.registry import STAGES, stages
@@ -77,12 +78,12 @@ def session_frames(
     told = None
     if asked is not None:
         told = _between_scanners(_Solved(results, stale), *asked)
-        told = told or _asked(f"{asked[0]}_from_{asked[1]}", graph.find(*asked))
+        told = told or _asked(f"{asked[0]}_from_{asked[1]}", _determined(graph.find(*asked), results))
     return SessionFrames(
         session=session.name,
         capture=capture,
         scanner=_scanner(session, _named(session, capture)),
-        edges=[_listed(edge) for edge in graph.edges],
+        edges=[_listed(edge, results) for edge in graph.edges],
         asked=told,
     )
 
@@ -139,9 +140,9 @@ class _Solved:
         """Return the transform that a stage's result has under a name."""
         into, _, outof = name.partition("_from_")
         frames = (cast(Frame, into), cast(Frame, outof))
-        result = self.results[stage]
-        transform = RigidTransform.from_rounded(result[name], *frames)
-        known = np.array(result[STAGES.get(stage).frames[name]], dtype=float)[:6, :6]
+        used = as_used(self.results[stage])
+        transform = RigidTransform.from_rounded(used[name], *frames)
+        known = np.array(used[STAGES.get(stage).frames[name]], dtype=float)[:6, :6]
         return FrameEdge(*frames, "solved", stage, transform, known, scanner, stage in self.stale)
 
 
@@ -261,13 +262,31 @@ def _optics(session: Session, solved: _Solved, stage: str, name: str) -> list[Fr
 def _shared(session: Session, solved: _Solved) -> dict[tuple[str, str], FloatArray]:
     """Return what tool and table share where one stage gives both."""
     stage = solved.first(tool_stages())
-    shared = None if stage is None else solved.results[stage].get("cross_covariance")
+    shared = None if stage is None else as_used(solved.results[stage]).get("cross_covariance")
     if shared is None:
         return {}
     return {(f"{scanner_mount(session.cell)}_from_laser", "base_from_turntable"): np.array(shared, dtype=float)}
 
 
-def _listed(edge: FrameEdge) -> ListedFrame:
+def _is_open(edge: FrameEdge, results: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Return whether the motions leave open where a scanner or table is."""
+    return edge.outof in ("laser", "turntable") and bool(results.get(edge.source, {}).get("up_to_shift"))
+
+
+def _determined(found: FoundTransform, results: Mapping[str, Mapping[str, Any]]) -> FoundTransform:
+    """Return what was found; raises ConflictError where it needs scanner or table alone and that is open."""
+    if sum(_is_open(edge, results) for edge in found.through) == 1:
+        raise ConflictError(
+            "a transform that the motions determine",
+            "one that they leave open",
+            "Tilt the flange by 10 to 30° about two axes and capture again, or measure the position.",
+        )
+    return found
+
+
+def _listed(edge: FrameEdge, results: Mapping[str, Mapping[str, Any]]) -> ListedFrame:
+    if _is_open(edge, results):
+        edge = replace(edge, state="sought", transform=None, covariance=None)
     return ListedFrame(
         name=edge.name,
         state=edge.state,

@@ -238,6 +238,10 @@ def frames_of(stage: str) -> Iterator[tuple[str, Frame, Frame, str]]:
         yield name, cast(Frame, into), cast(Frame, outof), covariance
 
 
+def _is_placed(one: Compared, name: str) -> bool:
+    return one.record.get(name) is not None and not one.record.get("up_to_shift")
+
+
 def _frame_differences(left: Compared, right: Compared) -> Iterator[FrameDifference]:
     for name, poses, known, point in shared_frames(left, right):
         yield frame_difference(name, poses, known[0] + known[1], point)
@@ -249,8 +253,8 @@ def shared_frames(
     """Give the frames of two results of a stage: name, poses, covariances, a point of the workpiece."""
     both = (left, right)
     for name, into, outof, covariance in frames_of(left.record["stage"]):
-        if any(one.record.get(name) is None for one in both):
-            continue  # one scanner stands still, the other is on the flange
+        if not all(_is_placed(one, name) for one in both):
+            continue  # one scanner stands still, the other is on the flange; or its position is open
         first, second = (RigidTransform.from_rounded(one.record[name], into, outof) for one in both)
         points = [point for one in both if (point := workpiece_point(name, one)) is not None]
         point = np.asarray(np.mean(points, axis=0)) if points else np.zeros(3)
@@ -268,7 +272,7 @@ def differences_from_truth(found: Compared, truth: Mapping[str, Any]) -> list[Fr
     """
     differences: list[FrameDifference] = []
     for name, into, outof, covariance in frames_of(found.record["stage"]):
-        if name not in truth:
+        if name not in truth or not _is_placed(found, name):
             continue
         poses = tuple(RigidTransform.from_rounded(rows[name], into, outof) for rows in (found.record, truth))
         stated = np.asarray(covariance_in(found.record, covariance))

@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from pydantic import Field
 
-from calib_core.cell.found import scanner_frame
+from calib_core.cell.found import as_used, placed_table, scanner_frame
 from calib_core.errors import InputError
 from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
@@ -315,7 +315,7 @@ def _within(session: SolvedSession) -> DriftWithin | None:
 
 def _tool_point(session: SolvedSession, answer: Mapping[str, Any], point: FloatArray) -> Measured:
     """Return where a point of L lies on the flange."""
-    tool = scanner_frame(answer)
+    answer, tool = as_used(answer), scanner_frame(answer)
     follows = np.hstack([-tool.rotation @ skew(point), np.eye(3)])
     covariance = follows @ np.array(answer["covariance"], dtype=float) @ follows.T
     return Measured(session, tool.apply(point), _regular(covariance))
@@ -343,10 +343,10 @@ def _table(session: SolvedSession) -> _Table | None:
     found = chain or table
     if found is None or found.get("verdict") == "fail" or "base_from_turntable" not in found:
         return None
+    found, frame = as_used(found), placed_table(found)
     covariance = found.get("turntable_covariance") if chain else found.get("covariance")
     if covariance is None:
         return None
-    frame = RigidTransform.from_rounded(found["base_from_turntable"], "base", "turntable")
     return frame, np.array(covariance, dtype=float)
 
 

@@ -87,6 +87,23 @@ def frame_block(
     )
 
 
+def open_frame(session: Session, frame: RigidTransform, title: str) -> Note:
+    """Return how a frame is turned, in the session's convention, where its position is open."""
+    convention = CONVENTIONS[session.cell.pose_convention]
+    if convention.form == "matrix":
+        numbers = ", ".join(f"{value:.6f}" for value in frame.rotation.ravel())
+    else:
+        values = tool_numbers(convention.name, RigidTransform(frame.matrix, "tool0", "laser"))[3:]
+        labels = convention.numbers.split()[3:]
+        numbers = ", ".join(f"{label} = {value:.4f}" for label, value in zip(labels, values, strict=True))
+    text = message(
+        "Orientation ({convention}): {numbers}. Its position is not determined: no turn tells it.",
+        convention=convention.name,
+        numbers=numbers,
+    )
+    return Note(title=title, text=text)
+
+
 def _frame_numbers(
     name: str, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None
 ) -> Iterator[FrameNumber]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.cell.found import placed_table
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Result, Session
 from calib_core.stages.chain.record import ChainResult
@@ -94,7 +95,7 @@ def _solved(result: ChainResult | TurntableResult) -> TableFacts:
     scale = 1.0 + result.encoder_scale.error if result.encoder_scale.applied else 1.0
     rows = [row for row in result.residuals if isinstance(row, TurntableResidual)]
     return TableFacts(
-        RigidTransform.from_rounded(result.base_from_turntable, "base", "turntable"),
+        placed_table(result.model_dump()),
         result.direction * scale,
         {mount.mount: np.array(mount.center_in_turntable_mm) for mount in result.mounts},
         tuple(result.circles),

@@ -73,6 +73,11 @@ def three_balls(shifted_mm: float) -> Case:
     return lambda: solve_stage(parse_session(data), "tcp", made.files.__getitem__).findings
 
 
+def of_scenario(scenario: str) -> Case:
+    made = simulate(scenario, 1)
+    return lambda: solve_stage(made.session, "tcp", made.files.__getitem__).findings
+
+
 def turned_alike() -> list[dict[str, Any]]:
     """Return captures with the orientation of the first."""
     first = np.array(TCP[0]["pose"][3:])
@@ -251,6 +256,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "captures-weak": (check(), not_weak),
     "capture-duplicate": (check(again()), check(again(files=TCP[3]["files"], pose=TCP[3]["pose"])[:-1])),
     "capture-of-no-ball": (three_balls(35.0), three_balls(0.0)),
+    "tool-position-without-turns": (of_scenario("gantry"), of_scenario("tcp")),
     "capture-file-repeated": (check(again(pose=TCP[3]["pose"])), check(again())),
     "pose-convention-likely": (check(pose_convention="quaternion-xyzw"), check()),
     "tilts-too-few": (check(turned_alike()), check()),

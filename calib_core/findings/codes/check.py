@@ -157,7 +157,7 @@ CONVENTION_LIKELY = Code(
 
 TOO_FEW_TILTS = Code(
     "tilts-too-few",
-    "error",
+    "warning",
     text=Plural(
         "The flange was tilted {count} time; at least {least} tilts of 10 to 30° about axes that are not parallel are "
         "needed: they fix the scanner's position.",
@@ -168,7 +168,7 @@ TOO_FEW_TILTS = Code(
     to_do="Tilt the flange and capture the sphere again.",
     meaning="Poses of one orientation leave the scanner's place on the flange open.",
     decided="Orientations that differ by 5° or more are counted.",
-    usual_causes="A robot that was only shifted.",
+    usual_causes="A robot that was only shifted, or a machine of few axes, which cannot tilt.",
     fixed=True,
 )
 

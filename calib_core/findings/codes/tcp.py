@@ -26,6 +26,19 @@ ROTATION_OPEN = Code(
     fixed=True,
 )
 
+POSITION_WITHOUT_TURNS = Code(
+    "tool-position-without-turns",
+    "warning",
+    text="The scanner's position on the flange is not determined along {axes}: the machine did not turn about an axis "
+    "across it.",
+    to_do="Where scanner and table are used together it is not needed. For the position itself, tilt the flange about "
+    "{across} and capture again, or measure it.",
+    meaning="A machine of few axes, as a gantry, moves scanner and ball alike when the scanner is mounted elsewhere: "
+    "nothing that it sees tells where. All else is determined and given.",
+    decided="All poses have one orientation, or turn about one axis, to 0.06°.",
+    usual_causes="A gantry, a Cartesian machine or a SCARA; or the captures with tilts are still missing.",
+)
+
 POSITION_OPEN = Code(
     "tool-position-undetermined",
     "error",

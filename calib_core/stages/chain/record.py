@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from calib_core.records.base import Rows
+from calib_core.records.base import OpenRows
 from calib_core.stages.tcp.record import TcpResidual, ToolResult
 from calib_core.stages.turntable.record import TableFields, TurntableResidual
 
@@ -15,6 +15,6 @@ class ChainResult(ToolResult, TableFields):
     """
 
     stage: Literal["chain"] = "chain"
-    turntable_covariance: Rows
-    cross_covariance: Rows
+    turntable_covariance: OpenRows
+    cross_covariance: OpenRows
     residuals: list[TcpResidual | TurntableResidual]

@@ -26,6 +26,7 @@ def solve(given: StageInput) -> ChainResult:
     from calib_core.stages.tcp.balls import spheres_found
     from calib_core.stages.turntable.play import play_findings
     from calib_core.stages.turntable.result import balls_on_table
+    from calib_core.stages.undetermined_places import without_open_places
 
     turning = [capture for capture in given.captures if capture.step == "turntable"]
     for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
@@ -65,6 +66,7 @@ def solve(given: StageInput) -> ChainResult:
     result = result.model_copy(update={"spheres": balls})
     if given.session.cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
+    result = without_open_places(result, solved.solution.shifts)
     return with_all_rows(result, given.captures, [*solved.unused, *table.unused])
 
 

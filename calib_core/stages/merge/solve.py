@@ -13,7 +13,7 @@ from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
-from calib_core.cell.found import known_scanner, no_scanner, told_by
+from calib_core.cell.found import as_used, known_scanner, no_scanner, told_by
 from calib_core.errors import InputError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import merge as codes
@@ -209,16 +209,17 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
         scatter = (parts.position_sigma_mm, parts.orientation_sigma_rad)
         if result.verdict == "fail":
             findings.append(codes.CALIBRATION_FAILED(stage=result.stage))
+    used = as_used(result.model_dump()) if result is not None else {}
     if isinstance(result, TurntableResult | ChainResult):
-        table, direction, angle_deg = result.base_from_turntable, result.direction, result.angle_sigma_deg
+        table, direction, angle_deg = used["base_from_turntable"], result.direction, result.angle_sigma_deg
         scale += result.encoder_scale.error if result.encoder_scale.applied else 0.0
         # The turntable's covariance holds the tool's share where there is no joint one.
-        covariance[6:, 6:] = getattr(result, "turntable_covariance", result.covariance)
+        covariance[6:, 6:] = used.get("turntable_covariance", used["covariance"])
     if isinstance(result, TcpResult | ChainResult):
-        covariance[:6, :6] = result.covariance
+        covariance[:6, :6] = used["covariance"]
     if isinstance(result, ChainResult):
-        covariance[:6, 6:] = result.cross_covariance
-        covariance[6:, :6] = np.transpose(result.cross_covariance)
+        covariance[:6, 6:] = used["cross_covariance"]
+        covariance[6:, :6] = np.transpose(used["cross_covariance"])
     base_from_turntable = None if table is None else RigidTransform.from_rounded(table, "base", "turntable")
     assert tool is not None, "the caller has seen to it"
     placement = Placement(tool, base_from_turntable, direction, scale)

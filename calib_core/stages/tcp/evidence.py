@@ -2,6 +2,8 @@
 
 from typing import Final
 
+import numpy as np
+
 from calib_core.cell.found import on_flange
 from calib_core.evidence.numbers import fixed, plus_minus, quantity
 from calib_core.exports.workpiece import turned_deg
@@ -16,6 +18,7 @@ from calib_core.stages.evidence_parts import (
     label_of,
     left_out,
     noise_table,
+    open_frame,
     pose_sigmas,
     provenance,
     residual_plot,
@@ -71,6 +74,11 @@ def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:
 
 def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
     """Return how well the tool's position and orientation are known."""
+    if result.up_to_shift is not None:
+        turns = np.array(result.covariance, dtype=float)[:3, :3]
+        worst_deg = float(np.rad2deg(np.sqrt(np.linalg.eigvalsh(turns)[-1])))
+        quantity_deg = plus_minus(worst_deg, "°")
+        return [Figure(label="Scanner's orientation", quantity=quantity_deg, remark="worst direction")]
     position_mm, orientation_deg = pose_sigmas(result.covariance)
     return [
         Figure(label="Scanner's position", quantity=plus_minus(position_mm, "mm"), remark="worst direction"),
@@ -80,6 +88,8 @@ def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
 
 def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
     """Return the scanner's frame on the flange, or in base, to be typed into the controller."""
+    if result.up_to_shift is not None:
+        return open_frame(session, result.mount_from_laser, "Scanner on the flange")
     title = "Scanner on the flange" if on_flange(result.mount_from_laser) else "Scanner in base"
     return frame_block(
         session.cell.pose_convention, result.mount_from_laser, result.covariance, id="tool", title=title
@@ -106,6 +116,8 @@ def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:
 
 def sphere_figures(result: TcpResult | ChainResult) -> list[AnyBlock]:
     """Return where the sphere is."""
+    if result.up_to_shift is not None:
+        return []
     names = ("x", "y", "z")
     values = zip(names, result.sphere_center_mm, strict=True)
     where = "in base" if result.sphere_center_in_base_mm is not None else "on the flange"

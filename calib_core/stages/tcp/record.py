@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.cell.found import ScannerPlaced
-from calib_core.records.base import Record, Rows, Vector3
+from calib_core.records.base import OpenRows, Record, Rows, Vector3
 from calib_core.records.results import (
     ArmErrorsFound,
     ArmModelFound,
@@ -99,10 +99,10 @@ class ToolResult(Result, ScannerPlaced, TopologyFields):
     `scanner_errors` has what was found of each; `frames` has all.
     """
 
-    covariance: Rows
+    covariance: OpenRows
     sphere_center_in_base_mm: Vector3 | None = None
     sphere_center_in_tool0_mm: Vector3 | None = None
-    sphere_center_covariance: Rows
+    sphere_center_covariance: OpenRows
     surface_rms_mm: float
     leave_one_out_surface_rms_mm: float | None
     center_scatter_rms_mm: float

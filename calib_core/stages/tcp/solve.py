@@ -46,6 +46,7 @@ def solve(given: StageInput) -> TcpResult:
     """
     from calib_core.stages.tcp.balls import spheres_found
     from calib_core.stages.tcp.result import tcp_result
+    from calib_core.stages.undetermined_places import without_open_places
 
     try:
         solved = solve_tcp_captures(given)
@@ -57,6 +58,7 @@ def solve(given: StageInput) -> TcpResult:
         found += _doubts_of_pitch(given)
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256, found)
     result = result.model_copy(update={"spheres": spheres_found(given.session.cell, solved.solution)})
+    result = without_open_places(result, solved.solution.shifts)
     return with_all_rows(result, given.captures, solved.unused)
 
 

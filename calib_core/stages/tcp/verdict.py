@@ -11,7 +11,7 @@ from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, named
 from calib_core.chain.repeated import repeats
 from calib_core.chain.tcp import TcpSolution
-from calib_core.chain.undetermined import OpenDirection
+from calib_core.chain.undetermined import OpenDirection, without_turns
 from calib_core.findings import Finding
 from calib_core.findings.code import Code
 from calib_core.findings.codes import tcp as codes
@@ -58,7 +58,12 @@ def _misfit(solution: TcpSolution) -> list[Finding]:
 
 
 def _undetermined(solution: TcpSolution) -> list[Finding]:
-    return _open(solution.undetermined, codes.ROTATION_OPEN, codes.POSITION_OPEN)
+    found = _open(solution.undetermined, codes.ROTATION_OPEN, codes.POSITION_OPEN)
+    if some := without_turns(solution.shifts.directions):
+        across = sorted({axis for one in some for axis in one.across.split(", ")})
+        axes = ", ".join(one.axis for one in some)
+        found.append(codes.POSITION_WITHOUT_TURNS(axes=axes, across=", ".join(across)))
+    return found
 
 
 def _open(directions: Sequence[OpenDirection], rotation: Code, position: Code) -> list[Finding]:

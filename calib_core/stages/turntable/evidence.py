@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.cell.found import placed_table
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms
-from calib_core.frames import RigidTransform
 from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
@@ -17,6 +17,7 @@ from calib_core.stages.evidence_parts import (
     frame_block,
     left_out,
     noise_table,
+    open_frame,
     provenance,
     residual_plot,
     residual_table,
@@ -60,6 +61,8 @@ def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
 
 def axis_sigmas(result: TableLike) -> list[AnyBlock]:
     """Return how well the axis is known."""
+    if result.up_to_shift is not None:
+        return [Figure(label="Axis, direction", quantity=plus_minus(result.axis_direction_sigma_deg, "°"))]
     return [
         Figure(label="Axis, place", quantity=plus_minus(result.axis_point_sigma_mm, "mm")),
         Figure(label="Axis, direction", quantity=plus_minus(result.axis_direction_sigma_deg, "°")),
@@ -68,7 +71,9 @@ def axis_sigmas(result: TableLike) -> list[AnyBlock]:
 
 def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequence[float]]) -> AnyBlock:
     """Return the table's frame in the robot's base at angle zero; z is the axis."""
-    frame = RigidTransform.from_rounded(result.base_from_turntable, "base", "turntable")
+    if result.up_to_shift is not None:
+        return open_frame(session, placed_table(result.model_dump()), "Turntable in the robot's base")
+    frame = placed_table(result.model_dump())
     return frame_block(
         session.cell.pose_convention, frame, covariance, id="table", title="Turntable in the robot's base"
     )
@@ -78,12 +83,13 @@ def axis_figures(result: TableLike) -> list[AnyBlock]:
     """Return the axis, how the angles count, and how far the sphere is off its circles."""
     sigmas = np.sqrt(np.maximum(np.diag(np.array(result.axis_point_covariance, dtype=float)), 0.0))
     direction = direction_text(result.axis_direction_in_base, float(np.deg2rad(result.axis_direction_sigma_deg)))
-    decimals = plus_minus(float(sigmas.max()), "mm").decimals
-    point = ", ".join(number_text(value, decimals) for value in result.axis_point_in_base_mm)
+    known = [k for k, sigma in enumerate(sigmas) if np.isfinite(sigma)]
+    decimals = plus_minus(float(np.nanmax([*sigmas, 0.0])), "mm").decimals
+    point = ", ".join(number_text(result.axis_point_in_base_mm[k], decimals) for k in known)
     scale = result.encoder_scale
     return [
         Figure(title="Axis", label="Direction in base", text=direction),
-        Figure(label="A point on it, in base", text=f"({point})\u202fmm"),
+        *([Figure(label="A point on it, in base", text=f"({point})\u202fmm")] if len(known) == 3 else []),
         Figure(
             label="Angles count", text=message("right-handed") if result.direction == 1 else message("left-handed")
         ),

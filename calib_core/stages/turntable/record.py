@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.cell.found import ScannerPlaced
-from calib_core.records.base import Matrix4, Record, Rows, Vector3
+from calib_core.records.base import Open, OpenMatrix4, OpenRows, OpenVector3, Record, Rows, Vector3
 from calib_core.records.results import CaptureResidual, Result, Undetermined, VarianceComponents
 from calib_core.records.topology import TopologyFields
 
@@ -69,14 +69,14 @@ class TableFields(Record):
     deviation of the angle between true and stated axis.
     """
 
-    base_from_turntable: Matrix4
+    base_from_turntable: OpenMatrix4
     axis_direction_in_base: Vector3
-    axis_point_in_base_mm: Vector3
+    axis_point_in_base_mm: OpenVector3
     direction: Literal[1, -1]
     axis_direction_covariance: Rows
-    axis_point_covariance: Rows
+    axis_point_covariance: OpenRows
     axis_direction_sigma_deg: float
-    axis_point_sigma_mm: float
+    axis_point_sigma_mm: Open
     mounts: list[TableMount]
     circles: list[TableCircle] = Field(default_factory=list)
     circles_axis_direction_in_base: Vector3 | None = None
@@ -91,7 +91,7 @@ class TurntableResult(Result, TableFields, ScannerPlaced, TopologyFields):
     """The turntable, with its evidence; the scanner's pose that it rests on is on the flange or in base."""
 
     stage: Literal["turntable"] = "turntable"
-    covariance: Rows
+    covariance: OpenRows
     undetermined: list[Undetermined] = Field(default_factory=list)
     variance_components: VarianceComponents
     residuals: list[TurntableResidual]

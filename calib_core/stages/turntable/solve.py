@@ -11,6 +11,7 @@ from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.cell.axes import axis_of_mounts, moved_axes, names_axes, reading_sigmas
 from calib_core.cell.found import known_scanner, no_scanner
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.chain.without_turns import open_shifts
 from calib_core.errors import InputError, MotionError
 from calib_core.findings import Finding, judged, verdict_of
 from calib_core.findings.codes import turntable as codes
@@ -62,6 +63,10 @@ def solve(given: StageInput) -> TurntableResult:
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256, found)
     if cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
+    if tool.held is not None:
+        from calib_core.stages.undetermined_places import without_open_places
+
+        result = without_open_places(result, open_shifts(tool.held.data))
     return with_all_rows(result, given.captures, table.unused)
 
 

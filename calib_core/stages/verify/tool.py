@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.cell.found import as_used
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.record import ToolResult
 
@@ -32,7 +33,7 @@ class Tool:
         parts = answer.variance_components
         return cls(
             answer.mount_from_laser,
-            np.array(answer.covariance, dtype=float),
+            np.array(as_used(answer.model_dump())["covariance"], dtype=float),
             parts.position_sigma_mm,
             parts.orientation_sigma_rad,
         )

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, read_stored_ply
+from calib_core.cell.found import placed_table
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.deviation import mesh_deviations, sphere_deviations
 from calib_core.simulation.part import build_part
@@ -32,7 +33,7 @@ def merge_lines(
     """
     part = build_part()
     into_truth = RigidTransform.from_rounded(truth["base_from_turntable"], "base", "turntable").inverse()
-    frame = RigidTransform.from_rounded(chain.base_from_turntable, "base", "turntable")
+    frame = placed_table(chain.model_dump())
     yield f"\nmerge: {result.scanned_points:,} points as one cloud and a mesh — verdict {result.verdict}"
     yield f"  {'':22}{'found':>24}{'truth':>12}{'error':>10}"
     for name, file in (("cloud", CLOUD_FILE), ("mesh", MESH_FILE)):

@@ -1,0 +1,93 @@
+"""Machines of few axes: what is determined is solved, what is not has no number."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import calib_core as cc
+from calib_core.archive.folder import result_data
+from calib_core.cell.found import placed_scanner, placed_table
+from calib_core.errors import ConflictError
+from server.cli import main
+from tests.topology_errors import distances
+
+CHI2 = {2: 18.4, 3: 21.1}  # 99.99 %
+
+
+def test_a_gantry_knows_the_scanners_rotation_and_has_no_number_for_its_position() -> None:
+    simulated, truth = cc.simulate("gantry", 1)
+    data = result_data(simulated.run()["tcp"])
+    json.dumps(data, allow_nan=False)
+    assert data["verdict"] == "warn"
+    assert [row[3] for row in data["tool0_from_laser"]] == [None, None, None, 1.0]
+    assert data["sphere_center_in_base_mm"] is None
+    assert data["workpiece"] is None
+    assert len(data["undetermined"]) == 3
+    true = np.array(truth["tool0_from_laser"])[:3, :3]
+    found = np.array([row[:3] for row in data["tool0_from_laser"][:3]])
+    turn = true.T @ found
+    off = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    covariance = np.array([row[:3] for row in data["covariance"][:3]], dtype=float)
+    assert off @ np.linalg.solve(covariance, off) < CHI2[3]
+
+
+def test_a_gantry_with_a_table_knows_the_scanner_in_the_tables_frame() -> None:
+    simulated, truth = cc.simulate("gantry-turntable", 1)
+    result = simulated.run()["chain"]
+    data = result_data(result)
+    assert data["axis_point_in_base_mm"] == [None, None, None]
+    *_, (name, squared, freedom, _) = distances(result.model_copy(update={"frames": []}), truth)
+    assert name == "table"
+    assert squared < CHI2[freedom]
+    scanner, table = placed_scanner(data), placed_table(data)
+    assert scanner is not None
+    true_table, true_tool = np.array(truth["base_from_turntable"]), np.array(truth["tool0_from_laser"])
+    rotation = simulated_orientation(simulated)
+    axis_off = (rotation @ scanner.translation_mm - table.translation_mm) - (
+        rotation @ true_tool[:3, 3] - true_table[:3, 3]
+    )
+    axis = true_table[:3, 2]
+    assert np.linalg.norm(np.cross(axis, axis_off)) < 0.5  # along it the origin is a matter of rule
+
+
+def simulated_orientation(simulated: cc.OpenSession) -> np.ndarray:
+    """Return the one orientation (3, 3) in which a gantry holds its flange."""
+    from calib_core.captures.content import pose_of
+
+    return pose_of(simulated.record.cell, simulated.record.captures[0]).rotation
+
+
+def test_an_open_position_is_no_tool_of_a_controller() -> None:
+    simulated, _ = cc.simulate("scara", 1)
+    result = simulated.run()["tcp"]
+    assert result.tool0_from_laser is not None
+    assert sum(np.isnan(row[3]) for row in result.tool0_from_laser) == 2
+    with pytest.raises(ConflictError, match="motions leave open"):
+        simulated.export("fanuc", allow=["stale", "fail", "not-replayed"])
+    told = json.loads(simulated.export("json", allow=["stale", "fail", "not-replayed"]))
+    assert "conventions" not in told
+    assert told["up_to_shift"]["tool0_from_laser"][3] == [0.0, 0.0, 0.0, 1.0]
+
+
+def test_a_gantrys_scanner_and_table_are_used_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    simulated, truth = cc.simulate("gantry-turntable", 2)
+    simulated.run()
+    folder, capture = str(simulated.save(tmp_path / "session")), simulated.record.captures[-1]
+    assert main(["check", folder]) == 0
+    assert main(["export", folder, "--format", "json", "--allow", "not-replayed"]) == 0
+    assert main(["report", folder, "--out", str(tmp_path / "report.html")]) == 0
+    assert main(["archive", "pack", folder, "--out", str(tmp_path / "a.zip")]) == 0
+    assert main(["archive", "replay", str(tmp_path / "a.zip")]) == 0
+    capsys.readouterr()
+    assert main(["frames", folder, "tool0", "laser"]) != 0
+    assert "leave open" in capsys.readouterr().err
+    assert main(["frames", folder, "turntable", "laser", "--capture", capture.id, "--json"]) == 0
+    asked = json.loads(capsys.readouterr().out)["asked"]
+    turn = simulated_orientation(simulated) @ np.array(truth["tool0_from_laser"])[:3, :3]
+    true = np.array(truth["base_from_turntable"])[:3, :3].T @ turn
+    found, sigmas = np.array(asked["matrix"])[:3, :3], np.sqrt(np.diag(asked["covariance"]))
+    off = np.arccos(np.clip((found[2] * true[2]).sum(), -1, 1))  # the axis in the scanner's frame
+    assert off < 5 * np.linalg.norm(sigmas[:3])
+    assert (sigmas > 0).all()
