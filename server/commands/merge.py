@@ -32,6 +32,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--voxel-mm", type=float, default=0.5, metavar="V", help="edge of a voxel (default 0.5)")
     meshes = ("poisson", "grid", "none")
     parser.add_argument("--mesh", choices=meshes, default="poisson", help="the mesh (default poisson)")
+    parser.add_argument("--fill-holes", action="store_true", help="make the mesh watertight")
+    thinner = "fewer triangles, none farther off than this"
+    parser.add_argument("--mesh-tolerance-mm", type=float, metavar="T", help=thinner)
     parser.add_argument("--reference", type=Path, metavar="FILE", help="the part as it should be: STL, PLY, OBJ")
     methods = ("best-fit", "none")
     parser.add_argument("--align", choices=methods, help="how it is laid into the cloud (default best-fit)")
@@ -51,6 +54,7 @@ def _run(options: argparse.Namespace) -> int:
     files = {f"captures/{k:03d}-{path.name}": path for k, path in enumerate(options.files)}
     captures = list(_captures(files, options.poses))
     merge: dict[str, Any] = {"voxel_mm": options.voxel_mm, "mesh": options.mesh, "registration": options.register}
+    merge |= {"holes": "fill" if options.fill_holes else None, "mesh_tolerance_mm": options.mesh_tolerance_mm}
     if options.reference is not None:
         name = f"reference{options.reference.suffix.lower()}"
         files[name] = options.reference

@@ -26,9 +26,11 @@ def test_an_e57_of_several_scans_is_merged_by_its_own_poses(tmp_path: Path, caps
         )
     file.close()
     out = tmp_path / "out"
-    status = main(["merge", str(tmp_path / "part.e57"), "--mesh", "none", "--out", str(out), "--json"])
+    asked = ["--voxel-mm", "0.8", "--fill-holes", "--mesh-tolerance-mm", "0.1"]
+    status = main(["merge", str(tmp_path / "part.e57"), *asked, "--out", str(out), "--json"])
     told = json.loads(capsys.readouterr().out)["results"]["merge"]
     assert (status, told["normals_outward"]) == (0, "visibility")
     assert told["overlap_pairs"] > 500
+    assert (told["mesh_open_edges"], told["triangles"] > 1000) == (0, True)
     assert (out / "clouds" / "merged.ply").stat().st_size > 10_000
     assert json.loads((out / "results" / "merge.json").read_text())["points"] == told["points"]
