@@ -1,4 +1,4 @@
-"""Twelve moments of the scene in the real Chromium: how much of the view the subject fills, labels, the legend."""
+"""Thirteen moments of the scene in the real Chromium: how much of the view the subject fills, labels, the legend."""
 
 import tempfile
 from pathlib import Path
@@ -13,7 +13,7 @@ from tests.web.moments import LEAST_FILL, MOMENTS, Album
 
 
 def run(full: bool) -> list[Row]:
-    """Return one row a moment; in full all twelve, otherwise those of the TCP."""
+    """Return one row a moment; in full all of them, otherwise those of the TCP."""
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)

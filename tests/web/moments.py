@@ -128,11 +128,18 @@ def _compare_with_the_part(client: httpx.Client, page: Page, session: str) -> No
     page.locator("sc-merged", has_text="Distance to the reference mesh").wait_for()
 
 
+def _pick_one(_client: httpx.Client, page: Page, _session: str) -> None:
+    """Pick a capture in the table, which lights up in the scene."""
+    page.get_by_role("tab", name="Measure").click()
+    page.get_by_role("button", name="p04", exact=True).click()
+
+
 MOMENTS: dict[str, Told] = {
     "empty": Told("tcp", "0 captures", "tcp", []),
     "capture-1": Told("tcp", "1 captures", "tcp", ["frames", "ghost"]),
     "capture-5": Told("tcp", "5 captures", "tcp", ["frames", "ghost"]),
     "tcp": Told("tcp", "tcp", "tcp.result", ["sphere"]),
+    "picked": Told("tcp", "tcp", "tcp", ["frames"], _pick_one),
     "tcp-rejected": Told("tcp-moved-sphere", "tcp", "tcp.result", ["sphere"]),
     "camera": Told("frames-tcp", "camera", "camera.result", ["boards"]),
     "laser-plane": Told("frames-tcp", "laser-plane", "laser-plane.result", ["boards"]),

@@ -50,13 +50,15 @@ export class GuideElement extends StateElement {
     const current = state.guide?.current.step ?? "";
     const open = said(this.#open(told?.status) ?? "") || undefined;
     const usable = told?.status === "done" && state.resultOf(state.step)?.verdict === "warn";
+    // Back to what is done nobody is sent.
+    const asks = state.guide?.steps.find((one) => one.step === current)?.status !== "done";
     return [
       h("p", { class: "guide-progress" }, stepName(state, state.step)),
       h("h1", {}, open ?? t(usable ? "guide.mend" : told?.status === "later" ? "guide.later" : told?.status === "not-needed" || told?.status === "known" ? "guide.not_needed" : "guide.nothing")),
       h("p", { class: "soft" }, told?.note ? said(told.note) : ""),
       state.step === "recheck" && repeated(state.id),
       // Where the main button leads on, once is enough.
-      nextStep(state) === null && current !== state.step && h("button", { type: "button", onclick: () => state.open(null) }, t("guide.go_on", { step: stepName(state, current) })),
+      asks && nextStep(state) === null && current !== state.step && h("button", { type: "button", onclick: () => state.open(null) }, t("guide.go_on", { step: stepName(state, current) })),
     ].filter((part) => part instanceof Node);
   }
 }
