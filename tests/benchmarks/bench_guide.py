@@ -107,7 +107,7 @@ def ratios(kind: str, seed: int, counts: Sequence[int] = COUNTS) -> list[float]:
 def promises(session: Session, read: ReadFile) -> tuple[float | None, float | None, TcpResult]:
     """Return ± at the workpiece, mm, as the guide says it before the solve and after, and the result.
 
-    None where the guide does not know yet where tool and sphere are.
+    None where the guide does not know yet where tool and sphere are, or says that captures contradict each other.
     """
     result = solve_stage(session, "tcp", read)
     assert isinstance(result, TcpResult)
@@ -115,7 +115,8 @@ def promises(session: Session, read: ReadFile) -> tuple[float | None, float | No
     said: list[float | None] = []
     for results in ({}, {"tcp": result.to_json()}):
         situation = situation_of(session, measured, results)
-        design = None if situation is None else Design(situation.taken, situation.assumed)
+        silent = situation is None or (situation.apart and not results)
+        design = None if situation is None or silent else Design(situation.taken, situation.assumed)
         said.append(None if design is None else uncertainty_mm(design.workpiece(range(len(design)))))
     return said[0], said[1], result
 

@@ -1,4 +1,4 @@
-"""Thirteen moments of the scene in the real Chromium: how much of the view the subject fills, labels, the legend."""
+"""Moments of the scene in the real Chromium: how much of the view the subject fills, labels, the legend."""
 
 import tempfile
 from pathlib import Path

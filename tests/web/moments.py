@@ -129,7 +129,9 @@ def _compare_with_the_part(client: httpx.Client, page: Page, session: str) -> No
 
 
 def _pick_one(_client: httpx.Client, page: Page, _session: str) -> None:
-    """Pick a capture in the table, which lights up in the scene."""
+    """Pick a capture in the table, which lights up in the scene, once that is there."""
+    page.wait_for_timeout(8000)
+    scene_frame(page)
     page.get_by_role("tab", name="Measure").click()
     page.get_by_role("button", name="p04", exact=True).click()
 

@@ -140,7 +140,11 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
         )
     )
     better = (
-        message("after it the workpiece is known to {after_next_mm}", after_next_mm=amount(meter.after_next_mm))
+        message("by it alone the workpiece is not determined yet")
+        if meter.after_next_mm is None
+        else message(
+            "after it the workpiece is known to {after_next_mm}", after_next_mm=amount(meter.after_next_mm)
+        )
         if meter.uncertainty_mm is None
         else message(
             "at the workpiece from {uncertainty_mm} to {after_next_mm}",
