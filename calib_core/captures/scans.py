@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.captures.content import pose_of, read_as
 from calib_core.captures.stripe_frames import read_profile_frame
 from calib_core.captures.sweep import IMAGES, read_sweep, sweep_poses
+from calib_core.cell.carriers import scanner_mount
 from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
@@ -128,7 +129,7 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
     if first.kind == "center":
         raise InputError("points of the object", "a capture of kind 'center'", "Give it another step.", first.id)
     if first.kind == "cloud":
-        poses, points, organised = [pose_of(session.cell, first)], *_cloud(first, read)
+        poses, points, organised = [poses_of(session, group)[0][1]], *_cloud(first, read)
         captures = [first]
     else:
         poses, captures, points = _profiles(session, group, read)
@@ -144,10 +145,14 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
 
 
 def poses_of(session: Session, group: ScanGroup) -> list[tuple[Capture, RigidTransform]]:
-    """Return each profile's capture and base_from_tool0, one for a cloud."""
+    """Return each profile's capture and where what carries the scanner is in base, one for a cloud."""
     pairs: list[tuple[Capture, RigidTransform]] = []
+    still = scanner_mount(session.cell) == "base"
     for capture in group.captures:
-        if capture.kind == "sweep":
+        if still:  # wherever the robot is
+            count = len(capture.files) if capture.kind == "sweep" else 1
+            pairs += [(capture, RigidTransform.identity("base", "base"))] * count
+        elif capture.kind == "sweep":
             pairs += [(capture, pose) for pose in sweep_poses(session.cell, capture)]
         else:
             pairs.append((capture, pose_of(session.cell, capture)))

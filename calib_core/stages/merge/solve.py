@@ -13,7 +13,7 @@ from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
-from calib_core.cell.found import as_used, known_scanner, no_scanner, told_by
+from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange, told_by
 from calib_core.errors import InputError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import merge as codes
@@ -224,6 +224,8 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
     assert tool is not None, "the caller has seen to it"
     placement = Placement(tool, base_from_turntable, direction, scale)
     by: str = "known" if result is None else result.stage
+    if not on_flange(tool):  # no robot moves it
+        scatter = (0.0, 0.0)
     arm = getattr(result, "arm_model", None)
     return _Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(findings), arm)
 
