@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.captures.content import pose_of, read_as
 from calib_core.captures.stripe_frames import read_profile_frame
 from calib_core.captures.sweep import IMAGES, read_sweep, sweep_poses
-from calib_core.cell.carriers import scanner_mount
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
@@ -147,7 +147,7 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
 def poses_of(session: Session, group: ScanGroup) -> list[tuple[Capture, RigidTransform]]:
     """Return each profile's capture and where what carries the scanner is in base, one for a cloud."""
     pairs: list[tuple[Capture, RigidTransform]] = []
-    still = scanner_mount(session.cell) == "base"
+    still = ball_on_flange(session.cell)
     for capture in group.captures:
         if still:  # wherever the robot is
             count = len(capture.files) if capture.kind == "sweep" else 1

@@ -107,6 +107,8 @@ CELL: dict[str, tuple[Any, set[str]]] = {
     "verification.changes": ([{"at": "then", "field": "tool_mm", "captures": 1}], {"verify"}),
     "merge.voxel_mm": (0.7, {"merge"}),
     "merge.mesh": ("none", {"merge"}),
+    "merge.holes": ("fill", {"merge"}),
+    "merge.mesh_tolerance_mm": (0.3, {"merge"}),
     "merge.registration": (True, {"merge"}),
     "merge.self_calibration": (True, {"merge"}),
     "merge.memory_mb": (500.0, {"merge"}),
@@ -154,6 +156,7 @@ SPHERES, PLACED = ("p1", "t1", "v1", "r1"), ("p1", "t1", "v1", "r1", "s1")
 CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
     "environment": ({"ball_c": 24.0}, NONE),
     "excluded_because": ({"who": "me", "when": "2026-11-23T22:00:00+00:00", "why": "bumped"}, NONE),
+    "included_because": ({"who": "me", "when": "2026-11-23T22:05:00+00:00", "why": "good after all"}, NONE),
     "taken": ("2026-11-23T22:00:00+00:00", NONE),
     "id": ("x9", tuple(READ_BY)),
     "kind": ("cloud", tuple(READ_BY)),
