@@ -41,6 +41,12 @@ class PoseLines:
         text = self._stream.first(_line)
         if text is None:
             return None
+        if (
+            not text.replace("\t", " ").isprintable() or not text.isascii()
+        ):  # numbers on both sides would run together
+            raise InputError(
+                "a pose a line", repr(text[:60]), "Look at the line's wiring and speed: bytes came damaged."
+            )
         rows = parse_pose_lines(self._settings.convention, text)
         if len(rows) != 1 or rows[0].pose is None:
             got = rows[0].problem if rows and rows[0].problem else repr(text[:60])
@@ -56,7 +62,7 @@ def _line(received: bytes) -> tuple[str, bytes] | None:
     line, end, rest = received.partition(b"\n")
     if not end and len(line) > _LONGEST:
         raise InputError("lines of poses", "4 KiB without an end of line", "End each with CR LF.")
-    return (line.decode("ascii", errors="replace").replace('"', " ").strip(), rest) if end else None
+    return (line.decode("latin-1").replace('"', " ").strip(), rest) if end else None
 
 
 SOURCE = Source(
