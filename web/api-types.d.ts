@@ -274,6 +274,14 @@ export interface BudgetPart {
   shared: boolean;
 }
 
+export interface ByTemperature {
+  of: string;
+  per_k: number;
+  uncertainty: number;
+  chance: number;
+  found: boolean;
+}
+
 export interface CameraByRobot {
   views: number;
   pitch_factor: number;
@@ -771,6 +779,13 @@ export interface Devices {
   waits_for: string;
 }
 
+export interface DriftForecast {
+  limit_mm: number;
+  sessions: number;
+  earliest_sessions: number;
+  date?: string | null;
+}
+
 export interface DriftPoint {
   session: string;
   name: string;
@@ -780,6 +795,8 @@ export interface DriftPoint {
   limit: number | null;
   flagged: boolean;
   level: number;
+  outlier?: boolean;
+  environment?: Environment | null;
 }
 
 export interface DriftSeries {
@@ -788,6 +805,7 @@ export interface DriftSeries {
   unit: "mm" | "deg";
   points: DriftPoint[];
   trend?: DriftTrend | null;
+  temperature?: ByTemperature | null;
 }
 
 export interface DriftTrend {
@@ -796,6 +814,9 @@ export interface DriftTrend {
   chance: number;
   sessions: number;
   found: boolean;
+  cusum?: number;
+  cusum_limit?: number;
+  forecast?: DriftForecast | null;
 }
 
 export interface DriftWithin {

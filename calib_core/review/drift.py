@@ -7,7 +7,7 @@ alarm in fewer than 2 %; from there on the series has a new level.
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -15,23 +15,35 @@ from pydantic import Field
 
 from calib_core.cell.found import as_used, placed_table, scanner_frame
 from calib_core.errors import InputError
-from calib_core.estimation import chance_of
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
-from calib_core.messages import message
+from calib_core.messages import message, sentences
 from calib_core.records import Finite, Record
+from calib_core.records.policy import Environment
+from calib_core.review.drift_trend import (
+    ByTemperature,
+    DriftTrend,
+    Measured,
+    SolvedSession,
+    by_temperature,
+    forecast,
+    said_by_temperature,
+    said_trend,
+    trend_of,
+)
 from calib_core.steps import tool_stages
 
 FALSE_ALARM: Final = 6e-4
-FALSE_TREND: Final = 0.012
 _LEAST_SIGMA: Final = 1e-9
-_LEAST_OF_TREND: Final = 4
+_OF_TOOL: Final = ("tool", "verification")
+"""The figures that the limit of the tool's error holds for."""
 
 
 class DriftPoint(Record):
     """One session in a series: how far its figure lies from the mean of those before, ± `uncertainty` (k = 2).
 
     `limit` is the control limit in the direction of the change, null for the first of a level.  `level` counts the
-    levels: a flagged session begins another.
+    levels: a flagged session begins another, unless the next one is back at the level before: then it is an
+    `outlier`.  `environment` are the temperatures that its session tells.
     """
 
     session: str
@@ -42,29 +54,22 @@ class DriftPoint(Record):
     limit: Finite | None
     flagged: bool
     level: int
-
-
-class DriftTrend(Record):
-    """A straight line through the sessions since the last step: its slope a session, ± `uncertainty` (k = 2).
-
-    `chance` is how often sessions without a trend show as much; `found` where that is rare.
-    """
-
-    per_session: Finite
-    uncertainty: Finite
-    chance: Finite
-    sessions: int
-    found: bool
+    outlier: bool = False
+    environment: Environment | None = None
 
 
 class DriftSeries(Record):
-    """A figure over a cell's sessions, the oldest first; `trend` is that since the last step."""
+    """A figure over a cell's sessions, the oldest first; `trend` is that since the last step.
+
+    `temperature` is how it follows the first of arm's, air's and sphere's temperature that enough sessions tell.
+    """
 
     figure: Literal["tool", "tool-orientation", "axis", "axis-direction", "verification"]
     title: str
     unit: Literal["mm", "deg"]
     points: list[DriftPoint]
     trend: DriftTrend | None = None
+    temperature: ByTemperature | None = None
 
 
 class DriftWithin(Record):
@@ -83,7 +88,7 @@ class DriftWithin(Record):
 class CellDrift(Record):
     """A cell's sessions over time; `flags` has a sentence for each change that is larger than its uncertainty.
 
-    `trends` has one for each figure that creeps: a warning, no fault.
+    `trends` has one for each figure that creeps or follows a temperature: a warning, no fault.
 
     `left_out` says which sessions do not count, and why; `within` how far each drifted while it was captured.
     """
@@ -93,35 +98,6 @@ class CellDrift(Record):
     trends: list[str] = Field(default_factory=list[str])
     left_out: dict[str, str] = Field(default_factory=dict[str, str])
     within: list[DriftWithin] = Field(default_factory=list[DriftWithin])
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedSession:
-    """A session of a cell: its latest results as JSON data, when they were solved, and which of them are stale."""
-
-    session: str
-    name: str
-    date: str
-    results: Mapping[str, Mapping[str, Any]]
-    stale: frozenset[str] = frozenset()
-
-    def of(self, stage: str) -> Mapping[str, Any] | None:
-        """Return a stage's result, None without one that its captures and its cell still give."""
-        return None if stage in self.stale else self.results.get(stage)
-
-    @property
-    def answer(self) -> Mapping[str, Any] | None:
-        """The whole chain or, without one, the tool."""
-        return self.of("chain") or self.of("tcp")
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """A figure of one session: its value (n,) and covariance (n, n)."""
-
-    session: SolvedSession
-    value: FloatArray
-    covariance: FloatArray
 
 
 def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
@@ -156,30 +132,45 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
     ]
     series = [one for one in found if one.points]
     flags = [said for one in series for said in _flags(one)]
-    trends = [said for one in series if (said := _creeping(one))]
+    trends = [said for one in series for said in _trends(one)]
     return CellDrift(series=series, flags=flags, trends=trends, left_out=left_out, within=within)
 
 
-def charted(measured: Sequence[Measured]) -> list[tuple[float, float, float | None, bool, int]]:
-    """Return change, its uncertainty (k = 2), limit, whether it is flagged, and the level, of each in order."""
-    from scipy.special import chdtri  # late: it brings what takes a third of a second
+@dataclass(frozen=True)
+class Charted:
+    """A session on the chart: its change from the mean of its level, ± (k = 2), control limit, and what it is."""
 
-    rows: list[tuple[float, float, float | None, bool, int]] = []
-    before = _Level()
+    change: float
+    uncertainty: float
+    limit: float | None
+    flagged: bool
+    level: int
+    outlier: bool = False
+
+
+def charted(measured: Sequence[Measured]) -> list[Charted]:
+    """Return the chart of a figure's sessions in order.
+
+    A flagged session begins a new level.  Where the next one lies at the level before it and not at its own, it
+    was an outlier, and that level goes on without it.
+    """
+    rows: list[Charted] = []
+    level, earlier = _Level(), None
     for one in measured:
         if not rows:
-            rows.append((0.0, 2 * _worst(one.covariance), None, False, 1))
-            before.add(one)
+            rows.append(Charted(0.0, 2 * _worst(one.covariance), None, False, 1))
+            level.add(one)
             continue
-        mean, covariance = before.mean()
-        change, spread = one.value - mean, one.covariance + covariance
-        length, squared = float(np.linalg.norm(change)), float(change @ np.linalg.solve(spread, change))
-        crossed = float(chdtri(len(change), FALSE_ALARM))
-        limit = (length / np.sqrt(squared) if squared > 0 else _worst(spread)) * np.sqrt(crossed)
-        flagged = squared > crossed
-        rows.append((length, 2 * _worst(spread), float(limit), flagged, rows[-1][4] + flagged))
-        before = _Level() if flagged else before
-        before.add(one)
+        change, uncertainty, limit, crosses = level.held_against(one)
+        back = earlier.held_against(one) if earlier is not None and crosses else None
+        if back is not None and earlier is not None and not back[3]:
+            rows[-1] = replace(rows[-1], outlier=True)
+            rows.append(Charted(*back[:3], False, rows[-1].level - 1))
+            level, earlier = earlier, None
+        else:
+            rows.append(Charted(change, uncertainty, limit, crosses, rows[-1].level + crosses))
+            level, earlier = (_Level(), level) if crosses else (level, None)
+        level.add(one)
     return rows
 
 
@@ -195,6 +186,17 @@ class _Level:
         self._information = self._information + information
         self._weighed = self._weighed + information @ one.value
 
+    def held_against(self, one: Measured) -> tuple[float, float, float, bool]:
+        """Return a session's change from the mean, its ±, the control limit that way, and whether it is beyond."""
+        from scipy.special import chdtri  # late: it brings what takes a third of a second
+
+        mean, covariance = self.mean()
+        change, spread = one.value - mean, one.covariance + covariance
+        length, squared = float(np.linalg.norm(change)), float(change @ np.linalg.solve(spread, change))
+        crossed = float(chdtri(len(change), FALSE_ALARM))
+        limit = (length / np.sqrt(squared) if squared > 0 else _worst(spread)) * np.sqrt(crossed)
+        return length, 2 * _worst(spread), float(limit), bool(squared > crossed)
+
     def mean(self) -> tuple[FloatArray, FloatArray]:
         covariance: FloatArray = np.asarray(np.linalg.inv(self._information), dtype=np.float64)
         return covariance @ self._weighed, covariance
@@ -205,82 +207,54 @@ def _worst(covariance: FloatArray) -> float:
 
 
 def _series(figure: Any, title: str, unit: Literal["mm", "deg"], measured: Sequence[Measured]) -> DriftSeries:
+    chart = charted(measured)
     points = [
         DriftPoint(
             session=one.session.session,
             name=one.session.name,
             date=one.session.date,
-            change=change,
-            uncertainty=uncertainty,
-            limit=limit,
-            flagged=flagged,
-            level=level,
+            environment=one.session.environment,
+            **asdict(row),
         )
-        for one, (change, uncertainty, limit, flagged, level) in zip(measured, charted(measured), strict=True)
+        for one, row in zip(measured, chart, strict=True)
     ]
-    since = [one for one, point in zip(measured, points, strict=True) if point.level == points[-1].level]
-    return DriftSeries(figure=figure, title=title, unit=unit, points=points, trend=trend_of(since))
-
-
-def trend_of(measured: Sequence[Measured]) -> DriftTrend | None:
-    """Return a straight line through sessions by generalised least squares; None of fewer than four.
-
-    Its slope's squared length in sigmas is of as many degrees of freedom as the figure has.
-    """
-    count = len(measured)
-    if count < _LEAST_OF_TREND:
-        return None
-    size = len(measured[0].value)
-    information, weighed = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
-    for place, one in enumerate(measured):
-        design = np.hstack([np.eye(size), (place - (count - 1) / 2) * np.eye(size)])
-        known = np.linalg.inv(one.covariance)
-        information += design.T @ known @ design
-        weighed += design.T @ known @ one.value
-    covariance: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    slope, spread = (covariance @ weighed)[size:], covariance[size:, size:]
-    chance = chance_of(float(slope @ np.linalg.solve(spread, slope)), size)
-    length = float(np.linalg.norm(slope))
-    return DriftTrend(
-        per_session=length,
-        uncertainty=2 * _worst(spread),
-        chance=chance,
-        sessions=count,
-        found=chance < FALSE_TREND,
+    now = chart[-1].level if chart else 0
+    since = [one for one, row in zip(measured, chart, strict=True) if row.level == now and not row.outlier]
+    trend = trend_of(since)
+    if trend is not None and figure in _OF_TOOL:
+        trend = trend.model_copy(update={"forecast": forecast(trend, since)})
+    return DriftSeries(
+        figure=figure, title=title, unit=unit, points=points, trend=trend, temperature=by_temperature(since)
     )
 
 
-def _creeping(series: DriftSeries) -> str:
-    """Return what is said of a trend, nothing where there is none."""
-    trend = series.trend
-    if trend is None or not trend.found:
-        return ""
-    unit, digits = ("mm", 3) if series.unit == "mm" else ("°", 4)
-    return message(
-        "{title} creeps by {per_session:.{digits}f} ± {uncertainty:.{digits}f} {unit} a session over "
-        "{sessions} sessions.",
-        title=series.title,
-        per_session=trend.per_session,
-        uncertainty=trend.uncertainty,
-        unit=unit,
-        digits=digits,
-        sessions=trend.sessions,
+def _trends(series: DriftSeries) -> list[str]:
+    told = (
+        said_trend(series.title, series.unit, series.trend),
+        said_by_temperature(series.title, series.unit, series.temperature),
     )
+    return [said for said in told if said]
 
 
 def _flags(series: DriftSeries) -> list[str]:
     unit, digits = ("mm", 2) if series.unit == "mm" else ("°", 3)
+    back = message("The session after it was back where the cell had been: an outlier.")
     return [
-        message(
-            "{title} changed by {change:.{digits}f} ± {uncertainty:.{digits}f} {unit} with session "
-            "{p}: more than uncertainty explains (limit {limit:.{digits}f} {unit}).",
-            title=series.title,
-            change=p.change,
-            uncertainty=p.uncertainty,
-            unit=unit,
-            digits=digits,
-            p=p.name or p.session,
-            limit=p.limit,
+        sentences(
+            [
+                message(
+                    "{title} changed by {change:.{digits}f} ± {uncertainty:.{digits}f} {unit} with session "
+                    "{p}: more than uncertainty explains (limit {limit:.{digits}f} {unit}).",
+                    title=series.title,
+                    change=p.change,
+                    uncertainty=p.uncertainty,
+                    unit=unit,
+                    digits=digits,
+                    p=p.name or p.session,
+                    limit=p.limit,
+                ),
+                back if p.outlier else "",
+            ]
         )
         for p in series.points
         if p.flagged and p.limit is not None

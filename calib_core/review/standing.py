@@ -56,12 +56,24 @@ def serials_of(equipment: Iterable[Equipment | Mapping[str, Any]]) -> dict[str, 
 
 
 def changed_equipment(before: Mapping[str, str], now: Mapping[str, str]) -> frozenset[str]:
-    """Return what has another serial number, each as "kind name: serial → serial"."""
-    return frozenset(
-        " → ".join(sorted((f"{name} {before[name]}", f"{name} {serial}")))
-        for name, serial in now.items()
-        if name in before and before[name] != serial
-    )
+    """Return what was replaced, each as "kind name serial → kind name serial".
+
+    A piece has another serial number under its name; or one of its kind is gone where another has come, however
+    both are named.
+    """
+    renamed = {name for name in now if name in before and before[name] != now[name]}
+    pairs = [(name, name) for name in sorted(renamed)]
+    gone = [name for name in before if name not in renamed and before[name] not in now.values()]
+    for new in (name for name in now if name not in renamed and now[name] not in before.values()):
+        old = next((name for name in gone if _kind(name) == _kind(new)), None)
+        if old is not None:
+            gone.remove(old)
+            pairs.append((old, new))
+    return frozenset(" → ".join(sorted((f"{a} {before[a]}", f"{b} {now[b]}"))) for a, b in pairs)
+
+
+def _kind(name: str) -> str:
+    return name.split(" ", 1)[0]
 
 
 def _is_overdue(answer: Mapping[str, Any], policy: Policy, now: datetime) -> bool:

@@ -10,7 +10,9 @@ from server.console.command import NOT_ACCEPTED, OK, Command, server_argument
 from server.console.output import print_result
 
 if TYPE_CHECKING:
-    from calib_core.review.drift import CellDrift, SolvedSession
+    from calib_core.records.policy import Environment
+    from calib_core.review.drift import CellDrift
+    from calib_core.review.drift_trend import SolvedSession
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,14 +68,16 @@ def _solved(path: Path) -> tuple["SolvedSession", str | None]:
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.graph.keys import Graph
-    from calib_core.review.drift import SolvedSession
+    from calib_core.review.drift_trend import SolvedSession
 
     with opened(path) as folder:
         session, read = load_session(folder)
         results = stored_results(folder)
         stale = Graph.stale_of(session, read, results)
         date = solved_when(folder, results, unpacked=is_archive(path))
-    return SolvedSession(str(path), session.name or path.name, date, results, stale), session.cell.id
+    name, limit_mm = session.name or path.name, session.cell.verification.tool_mm
+    found = SolvedSession(str(path), name, date, results, stale, limit_mm, session.environment)
+    return found, session.cell.id
 
 
 def _text(found: "CellDrift") -> str:
@@ -82,7 +86,8 @@ def _text(found: "CellDrift") -> str:
         lines.append(f"{series.title}, {series.unit} (change from the mean of those before, k = 2)")
         for point in series.points:
             limit = "" if point.limit is None else f"  limit {point.limit:.4f}"
-            mark = "  CHANGED" if point.flagged else ""
+            mark = "  OUTLIER" if point.outlier else "  CHANGED" if point.flagged else ""
+            mark += _temperatures(point.environment)
             lines.append(f"  {point.name:<24} {point.change:10.4f} ± {point.uncertainty:.4f}{limit}{mark}")
     if found.within:
         lines.append("Drift within each session, mm (first capture to last, k = 2)")
@@ -94,6 +99,11 @@ def _text(found: "CellDrift") -> str:
     lines += found.trends
     lines += [f"{session}: {why}" for session, why in found.left_out.items()]
     return "\n".join(lines)
+
+
+def _temperatures(told: "Environment | None") -> str:
+    known = told.to_json() if told is not None else {}
+    return "".join(f"  {name.removesuffix('_c')} {value:g} °C" for name, value in known.items())
 
 
 def _unchanged(found: "CellDrift") -> list[str]:

@@ -9,8 +9,9 @@ from calib_core.archive.seals import sealed
 from calib_core.errors import ConflictError, NotFoundError
 from calib_core.messages import message
 from calib_core.moment import now
+from calib_core.records.policy import Environment
 from calib_core.review.answer import SessionAnswer, cell_id_of
-from calib_core.review.drift import SolvedSession
+from calib_core.review.drift_trend import SolvedSession
 from server.store.audit import note_change
 from server.store.database import record_event
 from server.store.models import Data, ReleaseRow, SessionRow
@@ -45,12 +46,24 @@ def cell_sessions(db: Transaction, cell: str, most: int = 100) -> list[SolvedSes
     """Return a cell's newest sessions with their latest results, the oldest first; raises NotFoundError."""
     newest = cell_history(db, cell)["sessions"][:most]
     stale = stale_stages(db, [session["id"] for session in newest])
-    return [
-        SolvedSession(
-            s["id"], s["name"], s["created"], latest_results(db, s["id"]), stale.get(s["id"], frozenset())
-        )
-        for s in reversed(newest)
-    ]
+    found = [_solved_session(db, session, stale.get(session["id"], frozenset())) for session in newest[::-1]]
+    return sorted(found, key=lambda one: one.date)
+
+
+def _solved_session(db: Transaction, session: Data, stale: frozenset[str]) -> SolvedSession:
+    """Return a session as drift takes it; neither an import nor solving it once more makes it new."""
+    results, record = latest_results(db, session["id"]), db.get_one(SessionRow, session["id"]).record
+    solved = (results.get("chain") or results.get("tcp") or {}).get("solved")
+    told = record.get("environment")
+    return SolvedSession(
+        session["id"],
+        session["name"],
+        min(solved or session["created"], session["created"]),
+        results,
+        stale,
+        limit_mm=(record["cell"].get("verification") or {}).get("tool_mm"),
+        environment=Environment.model_validate(told) if told else None,
+    )
 
 
 def sessions_of_cell(db: Transaction, cell: str) -> list[str]:

@@ -7,7 +7,8 @@ from harness import Row
 from calib_core.chain.warm_up import WarmUp
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform, skew
-from calib_core.review.drift import Measured, SolvedSession, charted
+from calib_core.review.drift import charted
+from calib_core.review.drift_trend import Measured, SolvedSession
 from calib_core.simulation.motion import pose
 from calib_core.stages.pipeline import stage_input
 from calib_core.stages.tcp.solve import solve_tcp_captures
@@ -81,7 +82,7 @@ def solved(cells: range, sessions: int) -> list[Row]:
     alarms, found = 0, 0
     for number in cells:
         series = [session_point(1000 * number + k) for k in range(sessions)]
-        alarms += any(row[3] for row in charted(series))
+        alarms += any(row.flagged for row in charted(series))
         found += _is_found(series, 2 * sessions // 3, np.random.default_rng([number, 61]))
     return _rows(f"{len(cells)} cells, {sessions} solved sessions", alarms, found, len(cells))
 
@@ -93,7 +94,7 @@ def drawn(count: int, kinds: list[FloatArray]) -> list[Row]:
         rng = np.random.default_rng([number, 62])
         picked = [kinds[rng.integers(len(kinds))] for _ in range(_SESSIONS)]
         series = [measured(rng.multivariate_normal(np.zeros(3), c), c) for c in picked]
-        alarms += any(row[3] for row in charted(series))
+        alarms += any(row.flagged for row in charted(series))
         found += _is_found(series, _STEP_AT, rng)
     return _rows(f"{count} series of {_SESSIONS} sessions", alarms, found, count)
 
@@ -110,12 +111,12 @@ def _rows(what: str, alarms: int, found: int, count: int) -> list[Row]:
 def _is_found(series: list[Measured], at: int, rng: np.random.Generator) -> bool:
     """Return whether a step at a session is flagged there; its length is of the stated ± of that difference."""
     direction = rng.normal(size=3)
-    step = 5 * charted(series)[at][1] / 2 * direction / np.linalg.norm(direction)
+    step = 5 * charted(series)[at].uncertainty / 2 * direction / np.linalg.norm(direction)
     stepped = [
         Measured(one.session, one.value + (step if k >= at else 0.0), one.covariance)
         for k, one in enumerate(series[: at + 1])
     ]
-    return charted(stepped)[at][3]
+    return charted(stepped)[at].flagged
 
 
 def session_point(seed: int) -> Measured:

@@ -5,7 +5,8 @@ from bench_drift import measured, session_point
 from harness import Row
 
 from calib_core.frames import FloatArray
-from calib_core.review.drift import Measured, charted, trend_of
+from calib_core.review.drift import charted
+from calib_core.review.drift_trend import Measured, trend_of
 
 _LONG, _STEP_AT, _FOUND_BEFORE_MM = 60, 20, 0.3
 
@@ -24,7 +25,7 @@ def run(full: bool) -> list[Row]:
 def histories(count: int, kinds: list[FloatArray], arm: str) -> list[Row]:
     """Return what is told of long histories: cells that creep, that make a step, and that stay as they are."""
     quiet = [_history(kinds, [number, 63]) for number in range(count)]
-    steps = sum(any(row[3] for row in charted(history)) for history in quiet)
+    steps = sum(any(row.flagged for row in charted(history)) for history in quiet)
     trends = sum(_trend_begins(history) is not None for history in quiet)
     rows = [
         Row(f"{arm}, {count} quiet histories of {_LONG}: false steps", "≤ 2.5 %", f"{steps / count:.1%}",
@@ -111,4 +112,4 @@ def _finds_step(history: list[Measured], step_mm: float, seed: int) -> bool:
     way = np.random.default_rng([seed, 65]).normal(size=3)
     last = history[_STEP_AT]
     moved = measured(last.value + step_mm * way / np.linalg.norm(way), last.covariance)
-    return charted([*history[:_STEP_AT], moved])[-1][3]
+    return charted([*history[:_STEP_AT], moved])[-1].flagged

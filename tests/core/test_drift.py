@@ -9,7 +9,9 @@ import pytest
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform, rotation_from_vector
-from calib_core.review.drift import CellDrift, SolvedSession, cell_drift
+from calib_core.records.policy import Environment
+from calib_core.review.drift import CellDrift, cell_drift
+from calib_core.review.drift_trend import SolvedSession
 
 SPREAD = np.diag([1e-4, 1e-4, 1e-4, 0.03, 0.02, 0.05]) ** 2
 
@@ -92,3 +94,53 @@ def test_an_answer_that_is_out_of_date_does_not_count_and_the_tool_stands_in_for
 def test_a_session_that_is_named_twice_is_refused() -> None:
     with pytest.raises(InputError, match="s1 2 times"):
         cell_drift([session(0), session(1), session(1)])
+
+
+def test_a_session_that_was_off_alone_is_an_outlier_and_its_level_goes_on() -> None:
+    off = (0.0, 0.0, 0.0, 0.0, 0.5, 0.0)
+    found = cell_drift([session(k, off if k == 6 else (0.0,) * 6) for k in range(12)])
+    points = found.series[0].points
+    assert [p.session for p in points if p.flagged] == [p.session for p in points if p.outlier] == ["s6"]
+    assert [p.level for p in points] == [1] * 6 + [2] + [1] * 5
+    assert "an outlier" in found.flags[0]
+    trend = found.series[0].trend
+    assert trend is not None
+    assert trend.sessions == 11
+
+
+def test_a_creep_is_told_with_its_sum_and_the_day_on_which_it_meets_the_limit() -> None:
+    off = [(0.0, 0.0, 0.0, 0.0, 0.005 * k, 0.0) for k in range(20)]
+    dates = [f"2026-05-{k + 1:02}T06:00:00.000Z" for k in range(20)]
+    cells = [replace(session(k, off[k]), date=dates[k], limit_mm=0.3) for k in range(20)]
+    found = cell_drift(cells)
+    trend = found.series[0].trend
+    assert trend is not None
+    assert trend.found
+    assert trend.cusum > 0
+    assert trend.forecast is not None
+    assert trend.forecast.sessions == pytest.approx(0.3 / 0.005 - 19, abs=20)
+    assert trend.forecast.earliest_sessions < trend.forecast.sessions
+    assert trend.forecast.date is not None
+    assert trend.forecast.date[:7] in ("2026-06", "2026-07")
+    (said,) = (one for one in found.trends if one.startswith("Scanner at"))
+    assert "reaches the limit of 0.3 mm" in said
+    quiet = cell_drift([replace(session(k), limit_mm=0.5) for k in range(12)])
+    assert quiet.trends == []
+    assert quiet.series[0].trend is not None
+    assert quiet.series[0].trend.forecast is None
+
+
+def test_what_follows_the_temperature_of_the_arm_is_told_beside_it() -> None:
+    warm = [float(20 + (7 * k) % 10) for k in range(10)]
+    cells = [
+        replace(session(k, (0.0, 0.0, 0.0, 0.0, 0.016 * (t - 20), 0.0)), environment=Environment(arm_c=t))
+        for k, t in enumerate(warm)
+    ]
+    found = cell_drift(cells)
+    tool = found.series[0]
+    assert [p.environment.arm_c if p.environment else None for p in tool.points] == warm
+    assert tool.temperature is not None
+    assert tool.temperature.per_k == pytest.approx(0.016, abs=tool.temperature.uncertainty)
+    assert any("follows the arm's temperature: 0.0" in said for said in found.trends)
+    assert found.series[2].temperature is not None
+    assert not found.series[2].temperature.found

@@ -4,17 +4,19 @@ from dataclasses import replace
 from typing import Any
 
 import bench_recheck
+import numpy as np
 import pytest
 
 import calib_core as cc
 from calib_core.errors import MotionError
 from calib_core.library.opened import in_memory
-from calib_core.records import Measured, Session, parse_session
+from calib_core.records import Measured, Session, Verification, parse_session
 from calib_core.simulation import SimulatedSession, retake, simulate
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import run
+from calib_core.stages.recheck.capability import capability
 from calib_core.stages.recheck.guide import recheck_plan
-from calib_core.stages.recheck.record import RecheckResult
+from calib_core.stages.recheck.record import RecheckResult, RecheckRound
 
 
 def test_changes_are_found_and_false_alarms_are_rare() -> None:
@@ -96,3 +98,28 @@ def test_captures_from_other_poses_are_refused_with_what_to_do(solved: Any) -> N
         run(parse_session(data, "session"), files.__getitem__, "recheck")
     with pytest.raises(MotionError, match="Solve the TCP first"):
         recheck_plan(session, {})
+
+
+def test_capability_is_that_of_the_rounds_against_the_tolerance(solved: Any) -> None:
+    rng = np.random.default_rng(8)
+    offset = np.array([0.02, 0.0, 0.0])
+    changes = rng.normal(size=(400, 3)) * [0.004, 0.01, 0.005] + offset
+    plain = {"change_mm": 0.0, "uncertainty_mm": 0.1, "chance": 0.5, "changed": "nothing", "sentence": ""}
+    rounds = [
+        RecheckRound.model_validate({**plain, "captures": ["r"], "change_in_laser_mm": list(one)})
+        for one in changes
+    ]
+    repeatability, bias, cg, cgk = capability(rounds, 1.0)
+    assert repeatability == pytest.approx(0.01, rel=0.1)
+    assert bias == pytest.approx(0.02, rel=0.1)
+    assert cg == pytest.approx(0.1 / (3 * 0.01), rel=0.1)
+    assert cgk == pytest.approx(0.1 / (3 * 0.01), rel=0.1)  # y is the worst axis, and has no bias
+
+    session, files = again(solved, [0.0, 0.0, 0.0])
+    limited = session.model_copy(
+        update={"cell": session.cell.model_copy(update={"verification": Verification(tool_mm=0.4)})}
+    )
+    result = run(limited, files.__getitem__, "recheck")["recheck"]
+    tables = [block for block in result.evidence if block.kind == "table" and block.id == "capability"]
+    assert len(tables) == 1
+    assert "± 0.4 mm" in tables[0].caption

@@ -22,7 +22,7 @@ export function drift(sessions) {
     const last = tool.points.at(-1);
     const words = t("start.drift", { count: tool.points.length, change: small(last?.change ?? 0), limit: small(last?.limit ?? 0) });
     const within = found?.within?.find(({ session }) => session === newest.id);
-    const flag = found?.flags?.at(-1);
+    const flag = found?.flags?.at(-1) ?? found?.trends?.at(-1);
     const changed = flag ? said(flag) : (within?.found && within.sentence ? said(within.sentence) : undefined);
     holder.replaceChildren(line(tool, changed ?? words), h("span", { class: changed ? "small number changed" : "soft small number" }, `${small(last?.change ?? 0)}\u00a0±\u00a0${small(last?.uncertainty ?? 0)}`));
   });
