@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.frames import FloatArray, nearest_rotation, vector_from_rotation
+from calib_core.messages import message
 
 # Two orientations count as equal within this angle: robots repeat an orientation far better, people never mean so
 # small a change.  What is left of it is not neglected below.
@@ -140,19 +141,23 @@ def _missing_translations(
     lengths = np.linalg.norm(shifts, axis=1)
     shifts = shifts[lengths > _LEAST_SHIFT_MM]
     if len(shifts) == 0:
-        return "no pure translation: two captures with the same orientation, 30 to 80 mm apart, are needed"
+        return message(
+            "no pure translation: two captures with the same orientation, 30 to 80 mm apart, are needed"
+        )
     values = np.linalg.svd(shifts / np.linalg.norm(shifts, axis=1)[:, None], compute_uv=False)
     if len(shifts) < 2 or values[1] < _PARALLEL * values[0]:
-        return "all pure translations are parallel: one more in another direction is needed"
+        return message("all pure translations are parallel: one more in another direction is needed")
     return None
 
 
 def _missing_orientations(rotations: FloatArray) -> str | None:
     span = orientation_span(rotations)
     if span[0] < EQUAL_ORIENTATION_RAD:
-        return "one orientation only: at least three orientations, about axes that are not parallel, are needed"
+        return message(
+            "one orientation only: at least three orientations, about axes that are not parallel, are needed"
+        )
     if span[1] < EQUAL_ORIENTATION_RAD:
-        return "all orientations differ about one axis only: one more about another axis is needed"
+        return message("all orientations differ about one axis only: one more about another axis is needed")
     return None
 
 

@@ -260,7 +260,7 @@ def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
         rows.append(Row(cells=[_at(words[place.of], place.where), at, *shown]))
     if not rows:
         return []
-    heads = [Column(label="Known by", align="left"), Column(label="At", unit="mm")]
+    heads = [Column(label="Known by", align="left"), Column(label="Point", unit="mm")]
     heads += [Column(label=label, unit="mm") for label in ("x", "y", "z", "Worst direction")]
     return [
         Table(

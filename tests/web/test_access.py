@@ -71,7 +71,10 @@ def test_a_token_is_made_used_and_revoked_by_keyboard(page: Page, served, axe: s
     log = page.get_by_role("region", name="Log")
     expect(log.locator("tbody tr").first).to_contain_text("DELETE /api/v1/tokens/")
     expect(log).to_contain_text("one who may admin")
+    client.put("/cells/seen/policy", json={"four_eyes": True}, headers=bearer(tokens["admin"])).raise_for_status()
     page.reload()
+    log.get_by_text("What changed").first.click()
+    expect(log).to_contain_text("four_eyes: – → true")
     expect(table.locator("tr", has_text=name)).to_contain_text("revoked")
     expect(page.locator("body")).not_to_contain_text(token)
 

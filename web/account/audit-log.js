@@ -44,11 +44,25 @@ export class AuditLogElement extends HTMLElement {
 }
 
 /** @param {AuditEntry} entry */
-function line({ at, who, role, method, path, address, outcome }) {
+function line({ at, who, role, method, path, address, outcome, change }) {
   return h("tr", {},
     h("td", { class: "number" }, h("time", { datetime: at }, when(at))), h("td", {}, `${who} `, h("span", { class: "soft" }, role)),
-    h("td", { class: "mono" }, `${method} ${path}`), h("td", { class: "number" }, address),
+    h("td", { class: "mono" }, `${method} ${path}`, change && changed(change)), h("td", { class: "number" }, address),
     h("td", {}, mark(outcome === "done" ? "pass" : "fail", t(`audit.${outcome}`))));
+}
+
+/** What a request changed, field by field. @param {NonNullable<AuditEntry["change"]>} change */
+function changed({ before, after }) {
+  const [was, is] = [fieldsOf(before), fieldsOf(after)];
+  const names = [...new Set([...was.keys(), ...is.keys()])].filter((name) => was.get(name) !== is.get(name));
+  return h("details", {}, h("summary", { class: "small" }, t("audit.changed")), h("ul", { class: "small" }, ...names.map((name) => h("li", {}, `${name}: ${was.get(name) ?? "–"} → ${is.get(name) ?? "–"}`))));
+}
+
+/** @param {unknown} value @param {string} [path] @returns {Map<string, string>} */
+function fieldsOf(value, path = "") {
+  if (value === null || value === undefined) return new Map();
+  if (typeof value !== "object" || Array.isArray(value)) return new Map([[path, JSON.stringify(value)]]);
+  return new Map(Object.entries(value).flatMap(([name, one]) => [...fieldsOf(one, path ? `${path}.${name}` : name)]));
 }
 
 customElements.define("sc-audit-log", AuditLogElement);

@@ -35,8 +35,8 @@ export function pieceFields(ids, piece) {
     kind.value = known.kind || "sphere";
     for (const name of TEXTS) /** @type {HTMLInputElement} */ (texts.get(name)).value = String(known[name] ?? "");
     for (const name of OF_CERTIFICATE) /** @type {HTMLInputElement} */ (texts.get(name)).value = String(known.certificate?.[name] ?? "").slice(0, name === "issued" || name === "due" ? 10 : undefined);
-    expansion.value = inField(known.expansion_per_k == null ? null : Number((known.expansion_per_k / PER_K).toPrecision(6)));
-    reference.value = inField(known.reference_c ?? null);
+    expansion.value = String(inField(known.expansion_per_k == null ? null : Number((known.expansion_per_k / PER_K).toPrecision(6))));
+    reference.value = String(inField(known.reference_c ?? null));
   };
   put();
   const named = (/** @type {(typeof TEXTS)[number] | (typeof OF_CERTIFICATE)[number]} */ name) => field(`${ids}-${name}`, t(`equipment.${name}`), /** @type {HTMLInputElement} */ (texts.get(name)));
