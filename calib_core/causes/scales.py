@@ -99,7 +99,7 @@ def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, 
         return []
     found = [*_factors(seen, ratio, told), *(_diameters(seen, told) if ratio == 1 else [])]
     closer = min(_MUCH_CLOSER, float(np.exp(-_LOG_ODDS / (2 * len(profiles) - _UNKNOWNS))))
-    found = [one for one in found if one.scatter_mm < min(_LARGEST_SCATTER_MM, closer * now)]
+    found = [one for one in found if one.scatter_mm < _LARGEST_SCATTER_MM and one.price < closer * now]
     found.sort(key=lambda one: one.price)
     if not found or found[0].is_ordinary:
         return []
@@ -241,6 +241,7 @@ def _factors(seen: SeenArcs, ratio: float, told: SphereSize) -> list[_Lengths]:
         x, z = float(scales[0]) * ratio, float(scales[1])
         scatter = seen.scatter_mm(float(scales[0]), z, told, turned[0])
         price = 1.0 if ratio == 1 or not axes.all() else _PRICE_OF_TWO
+        price *= 1 / min(1.0, np.sqrt(x * z))  # what is made smaller scatters less, right or wrong
         found.append(_Lengths(x, z, told.diameter_mm, True, scatter, price * scatter))
     return found
 
