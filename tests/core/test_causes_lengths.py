@@ -104,3 +104,12 @@ def test_the_stage_says_first_that_its_profiles_are_scaled(still: SimulatedSessi
     again = run(mended, files.__getitem__, "tcp")["tcp"]
     assert again.verdict != "fail"
     assert again.causes == []
+
+
+def test_captures_that_turn_alone_are_not_called_too_large() -> None:
+    """Any scale fits them: made smaller they scatter less, and that says nothing."""
+    cell = simulate("tcp-rotation-only", 1)
+    result = run(cell.session, cell.files.__getitem__, "tcp")["tcp"]
+    found = {finding.code for finding in result.findings}
+    assert "scaled-profile" not in found
+    assert "tool-rotation-undetermined" in found
