@@ -49,6 +49,7 @@ _LOG_ODDS = 7.0  # 1000 : 1 that so much closer is no chance, with so many lengt
 _DISAGREES = 4  # the power of the share of circles that are no larger than the sphere
 _RIVAL, _PRICE_OF_TWO = 1.5, 1.5
 _LARGEST_SCATTER_MM = 3.0
+_AS_GOOD_AS_ARMS_MM = 0.15  # lengths that err by more than the ordinary leave three times as much
 _MOST_ROUNDER = 0.7
 
 
@@ -95,7 +96,7 @@ def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, 
     as_told = SeenArcs.of(session, profiles, points, 1.0)
     now = as_told.scatter_mm(1.0, 1.0, told) if as_told is not None else np.inf
     seen = as_told if ratio == 1 else SeenArcs.of(session, profiles, points, ratio)
-    if seen is None:
+    if seen is None or (ratio == 1 and now < _AS_GOOD_AS_ARMS_MM):
         return []
     found = [*_factors(seen, ratio, told), *(_diameters(seen, told) if ratio == 1 else [])]
     closer = min(_MUCH_CLOSER, float(np.exp(-_LOG_ODDS / (2 * len(profiles) - _UNKNOWNS))))

@@ -36,7 +36,7 @@ def half_alike(count: int) -> list[Row]:
         off = np.array(result.tool0_from_laser)[:3, 3] - cell.tool0_from_laser[:3, 3]
         near += bool(np.linalg.norm(off) < _SIGMAS * np.sqrt(np.trace(np.array(result.covariance)[3:, 3:])))
         accused += {finding.code for finding in result.findings} & ACCUSES
-    return _rows(f"half of 14 poses alike, {count} simulated cells", count, near, accused)
+    return _rows("half of 14 poses alike, simulated cells", count, near, accused)
 
 
 def subsets(name: str, count: int) -> list[Row]:
@@ -52,14 +52,14 @@ def subsets(name: str, count: int) -> list[Row]:
         off = np.array(one.tool0_from_laser)[:3, 3] - np.array(whole.tool0_from_laser)[:3, 3]
         near += bool(np.linalg.norm(off) < _SIGMAS * np.sqrt(np.trace(np.array(one.covariance)[3:, 3:])))
         accused += {finding.code for finding in one.findings} & ACCUSES
-    return _rows(f"{name}: {count} halves and subsets", count, near, accused)
+    return _rows(f"{name}: halves and subsets", count, near, accused)
 
 
 def _rows(what: str, count: int, near: int, accused: Sequence[str]) -> list[Row]:
-    told, share = ", ".join(sorted(set(accused))) or "none", near / count
+    told = f"{len(accused)} of {count}" + "".join(f", {code}" for code in sorted(set(accused)))
     return [
-        Row(f"{what}: right within their ±", "≥ 99 %", f"{share:.1%}", share >= 0.99),
-        Row(f"{what}: something accused that is right", "none", f"{len(accused)} ({told})", not accused),
+        Row(f"{what}: right within their ±", "≥ 99 %", f"{near} of {count}", near >= 0.99 * count),
+        Row(f"{what}: something accused that is right", "none", told, not accused),
     ]
 
 
