@@ -18,6 +18,12 @@ CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
         ("rail", ["tool0_from_laser", "rail"]),
         ("slide", ["tool0_from_laser", "slide"]),
         ("two-tables", ["tool0_from_laser", "one", "two"]),
+        ("tilt", ["tool0_from_laser", "tilt"]),
+        ("positioner-geared", ["tool0_from_laser", "tilt", "turn"]),
+        (
+            "two-scanners-turntable",
+            ["tool0_from_laser", "tool0_from_laser", "laser:left_from_laser:right", "table"],
+        ),
     ],
 )
 def test_every_edge_is_within_what_is_stated(scenario: str, names: list[str]) -> None:
