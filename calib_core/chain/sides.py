@@ -14,7 +14,7 @@ from calib_core.chain.leave_one_out import WithoutOne
 from calib_core.chain.likelihood import ChainLinearisation, fit, spheres_of, without_scanner_errors
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.start import Start
-from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, log_probability
+from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, is_settled, log_probability
 from calib_core.frames import FloatArray
 
 _NEAR = 0.2  # of the radius: farther from the middle the robust start has decided rightly
@@ -70,6 +70,8 @@ def likeliest_sides(data: ChainData, starts: Sequence[Start], sigmas: GivenSigma
     for start in (best, *rivals):
         state = ChainState.predicted(data, start.rotation, start.translation, start.center)
         fitted = fit_with_sigmas(voting, state, sigmas, rounds=2)
+        if start is not best and not is_settled(fitted):
+            continue
         sides = fitted.minimum.at.centers_in_laser[:, 1] > 0
         likely = log_probability(voting, fitted, sigmas) - _log_binomial(data.count, int(sides.sum()))
         # Of starts that end alike the one on which the centres agree best is kept.

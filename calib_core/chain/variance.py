@@ -32,6 +32,7 @@ _POSITION, _ORIENTATION = (0.1, 3.0, 0.002, 50.0), (1.5e-4, 3.0, 2e-6, 2e-2)
 _READING = {"rotary": (1e-4, 3.0, 1e-6, 2e-2), "linear": (0.03, 3.0, 0.001, 50.0)}
 _ALIKE = ((0.03, 3.0, 1e-3, 50.0), (7e-5, 3.0, 1e-6, 2e-2), (1.0, 1.6, 0.3, 3.0))
 _IMPOSSIBLE = -1e12
+_SETTLED = 0.5  # of the log-likelihood
 _MOST_CAPTURES = 60  # from so many the amplitudes are known well enough
 
 _TIED = np.linalg.inv([[1.0, 0.8], [0.8, 1.0]])  # inverse of the prior's correlation
@@ -130,14 +131,15 @@ def fit_with_sigmas(
 
 
 def log_probability(data: ChainData, found: ChainFit, given: GivenSigmas) -> float:
-    """Return how likely a fit's choice of sides is, but for a constant: the density at its most likely sigmas.
-
-    A fit that ended before its minimum is as likely as where it ended, not as its slope promises.
-    """
+    """Return how likely a fit's choice of sides is, but for a constant: the density at its most likely sigmas."""
     free, log_sigmas = _free(given), Believed.of(data).logarithms(found.sigmas)
+    return _Density(data, found.minimum, log_sigmas, given, free)(log_sigmas[free])
+
+
+def is_settled(found: ChainFit) -> bool:
+    """Return whether a fit ended at a minimum: of one that ran away the slope promises more than it can hold."""
     at = found.minimum.at
-    promised = 0.5 * float(at.gradient @ covariance_of(at.hessian) @ at.gradient)
-    return _Density(data, found.minimum, log_sigmas, given, free)(log_sigmas[free]) - promised
+    return 0.5 * float(at.gradient @ covariance_of(at.hessian) @ at.gradient) < _SETTLED
 
 
 def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigmas) -> ChainFit:

@@ -129,5 +129,11 @@ def test_few_right_captures_are_not_accused_of_anything(
     assert isinstance(result, TcpResult)
     assert {finding.code for finding in result.findings} & _ACCUSES == set()
     assert [row.reason for row in result.residuals if not row.used] == []
-    off = np.array(result.tool0_from_laser)[:3, 3] - np.array(solved(folder).tool0_from_laser)[:3, 3]
-    assert np.linalg.norm(off) < 3.5 * np.sqrt(np.diag(np.array(result.covariance))[3:].max())
+    here, there = np.array(result.tool0_from_laser), np.array(solved(folder).tool0_from_laser)
+    assert np.arccos((np.trace(here[:3, :3].T @ there[:3, :3]) - 1) / 2) < np.deg2rad(2)
+    # The first of these turn about one axis alone: nothing is stated of the place then.
+    if np.isfinite(here[:3, 3]).all():
+        sigma_mm = np.sqrt(np.diag(np.array(result.covariance))[3:].max())
+        assert np.linalg.norm(here[:3, 3] - there[:3, 3]) < 3.5 * sigma_mm
+    else:
+        assert "tool-position-without-turns" in {finding.code for finding in result.findings}
