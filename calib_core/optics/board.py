@@ -163,6 +163,8 @@ def _as_told(grey: NDArray[np.uint8], seen: FloatArray | None, board: Board) -> 
     """Return a chessboard found without its size where it is of the told one, as strongly distorted ones are."""
     if seen is None or {*seen.shape[:2]} != {board.rows, board.columns}:
         return None
+    if seen.min() < 0 or (seen.reshape(-1, 2).max(axis=0) > [grey.shape[1] - 1, grey.shape[0] - 1]).any():
+        return None  # the search foretells corners beyond the frame's edge
     return _refined(grey, seen if seen.shape[0] == board.rows else seen.transpose(1, 0, 2))
 
 
