@@ -175,6 +175,7 @@ def test_a_robot_that_goes_away_is_told_of_and_resumed(client: httpx.Client, liv
 
 def test_a_stopped_scanner_takes_no_captures(client: httpx.Client, live: Any) -> None:
     made, session = live
+    until(lambda: devices(client, session)["scanner"]["readings"] > 10)  # fewer are no stream, which could end
     made.blind.set()
     until(lambda: status(client, session, "scanner") == "silent")
     assert_problem(client.post(f"/sessions/{session}/live/capture", json={}), 409, "stand")

@@ -6,13 +6,14 @@
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
 import httpx
 from PIL import Image
-from playwright.sync_api import Browser, Frame, Page, sync_playwright
+from playwright.sync_api import Browser, Error, Frame, Page, sync_playwright
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
@@ -85,8 +86,9 @@ def scene_frame(page: Page) -> Frame:
     """Return the scene's frame once it tells the story of the page's step."""
     for _ in range(300):
         for frame in page.frames:
-            if "/viewers/" in frame.url and frame.evaluate("() => !!window.scancellScene?.layers()"):
-                return frame
+            with suppress(Error):  # it is being loaded: the step's own scene comes
+                if "/viewers/" in frame.url and frame.evaluate("() => !!window.scancellScene?.layers()"):
+                    return frame
         page.wait_for_timeout(200)
     raise AssertionError("the scene does not tell its story")
 

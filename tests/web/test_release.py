@@ -145,6 +145,10 @@ def test_limits_are_set_before_the_first_capture(
     limits.get_by_label("Probing form, limit in mm").fill("0.35")
     assert violations(page, axe, "sc-limits") == []
     limits.get_by_role("button", name="Change limits").press("Enter")
+    asked = page.get_by_role("dialog")
+    asked.get_by_role("textbox").fill("the part became coarser")
+    asked.get_by_role("textbox").press("Enter")
     expect(limits.locator("dl > div", has_text="Probing form, limit in mm")).to_have_text(re.compile("0.35$"))
     (kept,) = client.get(f"/sessions/{session}").json()["cell"]["verification"]["changes"]
     assert (kept["field"], kept["before_mm"], kept["after_mm"], kept["captures"]) == ("form_mm", 0.2, 0.35, 1)
+    assert kept["why"] == "the part became coarser"
