@@ -242,7 +242,7 @@ def _factors(seen: SeenArcs, ratio: float, told: SphereSize) -> list[_Lengths]:
         x, z = float(scales[0]) * ratio, float(scales[1])
         scatter = seen.scatter_mm(float(scales[0]), z, told, turned[0])
         price = 1.0 if ratio == 1 or not axes.all() else _PRICE_OF_TWO
-        price *= 1 / min(1.0, np.sqrt(x * z))  # what is made smaller scatters less, right or wrong
+        price /= min(1.0, np.sqrt(x * z))  # what is made smaller scatters less, right or wrong
         found.append(_Lengths(x, z, told.diameter_mm, True, scatter, price * scatter))
     return found
 

@@ -124,13 +124,6 @@ class Walk:
         """Rotations and translations."""
         return self.rotations, self.translations
 
-    @property
-    def axis_of_place(self) -> np.ndarray:
-        """Which axis carries each capture's ball itself, (K,); −1: none."""
-        names = [axis.name for axis in self.layout.axes]
-        own = [names.index(carrier) if carrier in names else -1 for carrier, _ in self.layout.places]
-        return np.array(own)[self.place]
-
     def main_place(self, which: np.ndarray) -> int:
         """Return which place most of some captures (K,) saw."""
         return int(np.argmax(np.bincount(self.place[which])))
