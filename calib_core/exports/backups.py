@@ -6,6 +6,7 @@ from typing import Any
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.export import write_export
+from calib_core.exports.registry import export_named
 from calib_core.formats.zip_files import opened_files, with_file_replaced
 from calib_core.messages import message
 
@@ -35,6 +36,8 @@ def write_into(
         return write_export(answer, name, allow, settings, data)[0]
 
     answer.require_usable(allow)
+    if suits := export_named(name).suits:
+        suits(opened_files(backup))
     if len(backup) == 1:
         ((file, data),) = backup.items()
         if not data.startswith(b"PK\x03\x04"):

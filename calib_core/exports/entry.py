@@ -1,6 +1,6 @@
 """An export: the answer of a calibration in another program's syntax."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,6 +40,8 @@ class Export:
         The robot brand that it belongs to, or empty.
     patch : callable, optional
         (backup, answer, settings) to the backup with one entry changed and every other byte as it was.
+    suits : callable, optional
+        Takes a backup's files; raises InputError where one of them says that it cannot take the entry.
     comment : str
         What begins a line that the other program does not read: an answer with faults is marked in one.
     proof : Proof, optional
@@ -59,6 +61,7 @@ class Export:
     comment: str = "#"
     proof: Proof | None = "manual only"
     open_too: bool = False
+    suits: Callable[[Mapping[str, bytes]], None] | None = None
 
     def describe(self) -> dict[str, Any]:
         """Return the entry as JSON data, with the JSON Schema of its settings."""

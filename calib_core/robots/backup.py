@@ -68,7 +68,7 @@ def read_controller_files(
             damaged[name] = str(error)
     for name, reason in damaged.items():
         found.append(Found(name, skipped=[Skipped(1, reason, name)]))
-    read = resolved(chosen, found, as_written)
+    read = resolved(chosen, chosen.together(found), as_written)
     if told.arm is None:
         return read
     from calib_core.robots.joint_check import asked

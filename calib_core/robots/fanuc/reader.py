@@ -15,7 +15,7 @@ _FRAMES = re.compile(r"\bUF\s*:\s*(\w+)\s*,\s*UT\s*:\s*(\w+)", re.IGNORECASE)
 _FIELD = re.compile(r"\b([A-Z]\d?)\s*=\s*([^\s,]+)\s*([A-Za-z]*)")
 _VARIABLE = re.compile(r"^\[\*(\w+)\*\](\$?\w+)[^\n]*$", re.MULTILINE)
 _ENTRY = re.compile(r"^[ \t]*\[\s*(\d+)\s*,\s*(\d+)\s*\]\s*=[ \t]*(?:'([^']*)')?", re.MULTILINE)
-_COMPONENT = re.compile(r"\b(J\d|[XYZWPRE]\d?)\s*[:=]\s*([^\s,]+)(?:\s*(mm|deg|in)\b)?")
+_COMPONENT = re.compile(r"\b(J\d|[XYZWPRE]\d?)\s*[:=]\s*([^\s,]+)(?:\s*(mm|[cmu]?m|in(?:ch(?:es)?)?|deg|rad)\b)?")
 _SETS = re.compile(
     r"^[ \t]*\d+:\s*(?:PR\[(\d+)[^\],]*\]\s*=\s*[LJ]POS|PR\[(\d+)[^\],]*,\s*([1-6])\]\s*=\s*(\(?"
     + NUMBER

@@ -1,7 +1,13 @@
 """Stäubli: VAL 3 data and programs."""
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
+
+if TYPE_CHECKING:
+    from calib_core.robots.controller_file import Found
 
 CONVENTION = Convention(
     "staubli",
@@ -28,6 +34,12 @@ class Staubli(Brand):
     flange = frozenset({"flange", "flange[0]"})
     base = frozenset({"world", "world[0]"})
     definitions = "the .dtx data of the application"
+
+    def together(self, found: "Sequence[Found]") -> "Sequence[Found]":
+        """Return lengths in mm: the project file states the unit of the data beside it."""
+        from calib_core.robots.staubli.units import in_millimetres
+
+        return in_millimetres(found)
 
 
 BRAND = Staubli()

@@ -2,7 +2,7 @@
 
 Tools stand in another tool or in the flange, points and frames in another frame or in the world, by `fatherId`;
 an attribute that is left out is 0.  Version 6 of VAL 3 writes the same in elements of its own: a `<point>` with
-its father, and a value for each index.
+its father, and a value for each index.  The unit stands in the project file (.pjx): see `units.py`.
 """
 
 import re
@@ -15,6 +15,7 @@ from calib_core.frames import RigidTransform
 from calib_core.messages import explained, message
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
+from calib_core.robots.staubli.units import unit_of
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")
 _MOVE = re.compile(r"\bmove[jlc]\s*\(([^()]*)\)", re.IGNORECASE)
@@ -48,6 +49,8 @@ def find(data: bytes, name: str) -> Found:
             named = element.attributes
             father = f"{named.get('name', '')}[{named.get('fatherIndex', '0')}]" if named.get("name") else ""
             fathers[element.path[-1].start] = father
+        elif (unit := unit_of(element)) is not None:
+            found.mm_per_unit = unit
         elif element.name in ("Code", "code"):
             _moves(element.text, found)
     for element in values:

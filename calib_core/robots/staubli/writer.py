@@ -13,6 +13,7 @@ from calib_core.exports.writing import (
     provenance,
     replaced,
 )
+from calib_core.robots.staubli.units import require_millimetres
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")
 _HEAD = """<?xml version="1.0" encoding="utf-8"?>
@@ -70,5 +71,5 @@ def _put(text: str, kind: str, pose: list[float], settings: NamedSettings, answe
 
 EXPORT = Export(
     "staubli", "Stäubli VAL 3: tool and frame (.dtx)", "application/xml", ".dtx", write, NamedSettings, "staubli",
-    patched_by("staubli", _put),
+    patched_by("staubli", _put), suits=require_millimetres,
 )  # fmt: skip

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from calib_core.poses.conventions import CONVENTIONS
 
 OTHERS = ("name", "tool", "frame", "table", "-", *(f"j{k}" for k in range(1, 8)))
-_UNIT = re.compile(r"[\s_]*[\[(]?(mm|deg|rad|°|m)[\])]?$", re.IGNORECASE)
+_UNIT = re.compile(
+    r"(?:[\s_]*[\[(]?(mm|deg|rad|°|m)|[\s_]*[\s_\[(](in|inch|inches|cm|um|µm|ft))[\])]?$", re.IGNORECASE
+)
 _NAMES = {
     "name": "name", "id": "name", "file": "name", "capture": "name", "tool": "tool", "frame": "frame",
     "table": "table", "table_deg": "table", "turntable": "table", "parent": "parent", "child": "child",
@@ -23,7 +25,7 @@ def plain(head: str) -> str:
 def unit_of(head: str) -> str:
     """Return the unit in a column's name, or nothing."""
     found = _UNIT.search(head.strip().strip('"'))
-    return found[1].lower() if found and found[0] != head.strip() else ""
+    return (found[1] or found[2]).lower() if found and found[0] != head.strip() else ""
 
 
 def roles_of(heads: Sequence[str], convention: str | None = None) -> list[str]:

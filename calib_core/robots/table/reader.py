@@ -11,7 +11,7 @@ from calib_core.poses.numbers import convention_named
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
 from calib_core.robots.file_hints import Told
 from calib_core.robots.table.columns import OTHERS, roles_of, unit_of
-from calib_core.robots.table.units import Scale, scale_of
+from calib_core.robots.table.units import UNITS, Scale, scale_of
 from calib_core.robots.text import Source, source_of
 
 _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(?:[eE][-+]?[0-9]+)?")
@@ -119,7 +119,7 @@ def _unit_stated(head: Sequence[str], roles: Sequence[str], convention: str, whe
     places = {units[axis] for axis in "xyz"}
     angles = {unit.replace("°", "deg") for role, unit in units.items() if role not in ("x", "y", "z")} - {""}
     right = "rad" if known.form == "rotation-vector" else "deg"
-    if len(places) > 1 or not places <= {"", "mm", "m"}:
+    if len(places) > 1 or not places <= {"", *UNITS}:
         got = " and ".join(unit or "none" for unit in sorted(places))
         raise InputError("one unit for x, y and z in the header", got, "Correct the header.", where)
     if angles - {right} and known.form != "quaternion":

@@ -10,6 +10,8 @@ from calib_core.poses.conventions import CONVENTIONS
 
 _NEAREST_MM, _FARTHEST_MM = 20.0, 8000.0
 _MM = {"mm": 1.0, "m": 1000.0}
+UNITS = {**_MM, "cm": 10.0, "um": 0.001, "µm": 0.001, **dict.fromkeys(("in", "inch", "inches"), 25.4)}
+"""The mm of each unit that a header may state."""
 
 
 class Scale(NamedTuple):
@@ -31,8 +33,8 @@ def scale_of(convention: str, unit: str, places: Sequence[Sequence[float]], wher
         If neither says it.
     """
     known = CONVENTIONS[convention]
-    if unit in _MM:
-        return Scale(_MM[unit] / known.mm_per_unit, "")
+    if unit in UNITS:
+        return Scale(UNITS[unit] / known.mm_per_unit, "")
     if known.brands != "any" or not places:
         return Scale(1.0, "")
     lengths = [math.dist(place, (0.0, 0.0, 0.0)) for place in places]
