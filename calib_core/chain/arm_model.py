@@ -20,7 +20,7 @@ from calib_core.chain.likelihood import NoiseShapes, linearised_at
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction
 from calib_core.chain.observations import SphereObservation
 from calib_core.estimation import maximum
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray
 
 _MOST_CAPTURES = 60  # scales and held-out errors are known well enough from so many
 _MOST_SOLVED = 200
@@ -135,38 +135,6 @@ def moved_walk(walk: Walk, moves: FloatArray, values: FloatArray) -> Walk:
     """Return the ways with the robot's poses corrected by the arm's terms."""
     poses = [corrected_pose(*one, values) for one in zip(walk.rotations, walk.translations, moves, strict=True)]
     return replace(walk, rotations=np.array([r for r, _ in poses]), translations=np.array([t for _, t in poses]))
-
-
-def corrected(observations: Sequence[SphereObservation], model: ArmModel) -> list[SphereObservation]:
-    """Return observations with poses corrected by a model; those whose joints are not known stay as they are."""
-    found: list[SphereObservation] = []
-    for one in observations:
-        if one.arm_moves is not None:
-            moves, pose = one.arm_moves[:, model.kept], one.base_from_tool0
-            moved = corrected_pose(pose.rotation, pose.translation_mm, moves, model.values)
-            one = replace(one, base_from_tool0=RigidTransform.of(*moved, "base", "tool0"), arm_moves=moves)
-        found.append(one)
-    return found
-
-
-def with_open_arm(
-    data: ChainData, state: ChainState, observations: Sequence[SphereObservation], model: ArmModel
-) -> ChainData:
-    """Return the captures of corrected observations, with what is left open of the arm as unknowns they share."""
-    none = np.zeros((6, len(model.terms)))
-    moves = np.array([none if one.arm_moves is None else one.arm_moves for one in observations])
-    scales = np.array([term.sigma for term in model.terms])
-    columns = arm_columns(data, state, ArmInput(model.terms, moves), np.arange(data.count)) * scales
-    return replace(data, arm_columns=columns, arm_means=-model.values / scales)
-
-
-def with_poses_of(data: ChainData, observations: Sequence[SphereObservation]) -> ChainData:
-    """Return the same captures with the poses of some observations of them."""
-    rotations = np.array([one.base_from_tool0.rotation for one in observations])
-    translations = np.array([one.base_from_tool0.translation_mm for one in observations])
-    walk = replace(data.walk, rotations=rotations, translations=translations)
-    rotations, translations = walk.across_robot()
-    return replace(data, walk=walk, rotations=rotations, translations=translations)
 
 
 @dataclass(frozen=True, eq=False)

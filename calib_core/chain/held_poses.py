@@ -42,4 +42,9 @@ def as_told(data: ChainData, state: ChainState, sigmas: Sigmas) -> tuple[ChainSt
         return None
     step = share * state.step_to(best.state)
     scanner = state.scanner + share * (best.state.scanner - state.scanner)
-    return replace(state, position=state.position.moved(data.walk.layout, step), scanner=scanner), step
+    shared = state.shared
+    if data.arm_means is not None and shared is not None and best.state.shared is not None:
+        many, shared = len(data.arm_means), shared.copy()  # the arm's own errors move along
+        shared[-many:] += share * (best.state.shared[-many:] - shared[-many:])
+    position = state.position.moved(data.walk.layout, step)
+    return replace(state, position=position, scanner=scanner, shared=shared), step

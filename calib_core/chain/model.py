@@ -260,6 +260,14 @@ class ChainData:
             distances=(),
         )
 
+    def unlikely(self, shared: FloatArray) -> FloatArray:
+        """Return how far errors that captures share (L,) are from what is believed, in standard deviations."""
+        if self.arm_means is None:
+            return shared
+        off = shared.copy()
+        off[len(shared) - len(self.arm_means) :] -= self.arm_means  # the last ones
+        return off
+
     def own(self, values: FloatArray) -> FloatArray:
         """Return each capture's eight (K, 8) of the nuisances' values (N,)."""
         return values[self.nuisance_of]
@@ -435,10 +443,7 @@ def prior(data: ChainData, state: ChainState, shared: int) -> tuple[float, Float
         gradient[width:last] = off / sigmas
         diagonal[width:last] = 1 / sigmas**2
     if state.shared is not None and shared:
-        off = state.shared
-        if data.arm_means is not None:  # the last that are shared
-            off = off.copy()
-            off[shared - len(data.arm_means) :] -= data.arm_means
+        off = data.unlikely(state.shared)
         cost += 0.5 * float(off @ off)
         gradient[last:] = off
         diagonal[last:] = 1.0

@@ -47,7 +47,7 @@ class Scores:
         inverse = np.linalg.pinv(reduced[:, :3, :3], hermitian=True)
         misfit = float(np.einsum("ki,kij,kj->", own, inverse, own))
         if state.shared is not None:
-            misfit += float(state.shared @ state.shared)
+            misfit += float(np.sum(data.unlikely(state.shared) ** 2))
         if data.tool_prior is None:
             misfit += float(np.sum((state.scanner[data.active] / data.nuisance_sigmas[data.active]) ** 2))
         else:

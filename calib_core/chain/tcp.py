@@ -15,14 +15,8 @@ from calib_core.arms.errors import ArmTerm
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import Answer, answer_of
-from calib_core.chain.arm_model import (
-    ArmModel,
-    arm_input,
-    arm_model_of,
-    corrected,
-    with_open_arm,
-    with_poses_of,
-)
+from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
+from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.balls import candidates, middle_of
 from calib_core.chain.effective import with_effective_points
@@ -259,6 +253,8 @@ def solve_tcp(
             again = judge_from(observations, moved, judged.fit.state, judged.used, given)
             judged = with_more_spread(again, spread)
             held = hold_files(judged, options.apply_scanner)
+            arm, observations, judged, held = settled(arm, observations, judged, held)
+            data = with_poses_of(data, observations)
 
     tell(0.7, "Leaving out each capture in turn")
     state = held.state

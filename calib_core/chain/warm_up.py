@@ -14,7 +14,6 @@ import numpy as np
 
 from calib_core.chain.incidents import by_mount, by_place
 from calib_core.chain.likelihood import without_pose_errors
-from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged
 from calib_core.estimation import covariance_of
@@ -202,7 +201,8 @@ def _scores(judged: Judged, used: np.ndarray) -> list[_Scores]:
     misfit = float(np.einsum("ki,kij,kj->", rest[used], inverse, rest[used]))
     misfit -= float(pull[others] @ covariance @ pull[others])
     # What is believed of shared pose errors and of the scanner is part of it: they take up scatter, too.
-    believed = np.concatenate([state.scanner[data.active] / data.nuisance_sigmas[data.active], _shared(state)])
+    shared = np.empty(0) if state.shared is None else data.unlikely(state.shared)
+    believed = np.concatenate([state.scanner[data.active] / data.nuisance_sigmas[data.active], shared])
     misfit += float((believed**2)[others[data.unknowns :]].sum())
     found: list[_Scores] = []
     moves: list[tuple[Moved, FloatArray]] = [
@@ -223,10 +223,6 @@ def _scores(judged: Judged, used: np.ndarray) -> list[_Scores]:
             )
         )
     return found
-
-
-def _shared(state: ChainState) -> FloatArray:
-    return np.empty(0) if state.shared is None else state.shared
 
 
 def _best(scores: _Scores, at: FloatArray) -> _Drift:

@@ -13,7 +13,7 @@ import numpy as np
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import answer_of
 from calib_core.chain.arm_errors import ArmErrors
-from calib_core.chain.arm_model import with_open_arm
+from calib_core.chain.arm_open import settled, with_open_arm
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
@@ -125,6 +125,14 @@ def solve_chain(
 
     tell(0.8, "Comparing with the stages' own answers")
     unmoved = hold_files(judged, tcp.options.apply_scanner)
+    if tcp.arm is not None and tcp.arm.applied:
+        spheres = [*tcp_observations, *(o.placed for o in table_observations)]
+        arm, spheres, judged, unmoved = settled(tcp.arm, spheres, judged, unmoved)
+        tcp, tcp_observations = replace(tcp, arm=arm), spheres[: len(tcp_observations)]
+        table_observations = [
+            replace(o, sphere=replace(o.sphere, base_from_tool0=seen.base_from_tool0))
+            for o, seen in zip(table_observations, spheres[len(tcp_observations) :], strict=True)
+        ]
     held = with_tool_move(unmoved, turntable.tool_move, len(tcp_observations))
     held = _with_mirror([*tcp_observations, *(o.placed for o in table_observations)], judged, held, options)
     covariance = held.covariance

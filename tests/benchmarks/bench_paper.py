@@ -128,6 +128,17 @@ def merged(scans: list[Shot], answer: Answer) -> np.ndarray:
     return np.concatenate(parts)
 
 
+def spread_over_table(cell: PaperCell, answer: Answer) -> float:
+    """RMS distance of the ball's centre, as each scan has it on the table, from their mean."""
+    point, direction = answer.axis
+    ways = [told @ answer.tool for told in answer.poses]
+    places = [(way @ [*shot.center_mm, 1.0])[:3] - point for shot, way in zip(cell.scans, ways, strict=True)]
+    on_table = np.array(
+        [turn(-shot.angle_rad * direction) @ place for shot, place in zip(cell.scans, places, strict=True)]
+    )
+    return float(np.sqrt(np.mean(np.sum((on_table - on_table.mean(axis=0)) ** 2, axis=1))))
+
+
 def ball_of(points: np.ndarray) -> tuple[np.ndarray, float]:
     """Centre and radius by least squares of distances."""
     center, radius = points.mean(axis=0), RADIUS_MM
@@ -141,7 +152,7 @@ def ball_of(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def errors_of(cell: PaperCell, answer: Answer) -> list[float]:
-    """Tool's turn in degrees and place, axis in degrees, the ball's diameter and centre, the part's deviation."""
+    """Tool (deg, mm), axis (deg), the ball's diameter and centre, the deviation, the spread over the table."""
     turned = answer.tool[:3, :3].T @ cell.tool[:3, :3]
     angle = float(np.rad2deg(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1))))
     axis = float(np.rad2deg(np.linalg.norm(np.cross(answer.axis[1], cell.axis_direction))))
@@ -150,7 +161,10 @@ def errors_of(cell: PaperCell, answer: Answer) -> list[float]:
     there = cell.axis_point_mm + cell.on_table_mm[0]
     deviation = float(np.sqrt(np.mean((np.linalg.norm(points - center, axis=1) - RADIUS_MM) ** 2)))
     place = float(np.linalg.norm(answer.tool[:3, 3] - cell.tool[:3, 3]))
-    return [angle, place, axis, 2 * (radius - RADIUS_MM), float(np.linalg.norm(center - there)), deviation]
+    return [
+        angle, place, axis, 2 * (radius - RADIUS_MM), float(np.linalg.norm(center - there)), deviation,
+        spread_over_table(cell, answer),
+    ]  # fmt: skip
 
 
 def run(full: bool) -> list[Row]:
@@ -169,6 +183,15 @@ def run(full: bool) -> list[Row]:
             figure = f"{rms[0]:.3f}°, {rms[1]:.2f} mm; {rms[2]:.3f}°; {rms[3]:.2f}, {rms[4]:.2f}; {rms[5]:.2f} mm"
             what = f"{said}: {name}: tool; axis; diameter, centre; deviation"
             rows.append(Row(what, "–", figure))
+    spread = float(found["arm", "whole chain, the arm known"][6] / found["arm", "whole chain"][6])
+    rows.append(
+        Row(
+            f"{kinds['arm']}: spread of the ball over the table, the arm known / whole chain",
+            "≤ 0.6",
+            f"{spread:.2f} ×",
+            spread <= 0.6,
+        )
+    )
     by, differences, whole = (
         "two steps by positions, two heights", "two steps by differences, two heights", "whole chain"
     )  # fmt: skip

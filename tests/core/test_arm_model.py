@@ -4,6 +4,7 @@ import contextlib
 import csv
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from calib_core.simulation.arm_cell import ArmCell, held_out_rms_mm, simulate_ar
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 from server.cli import main
+from tests.benchmarks import bench_paper, paper_cell
 
 
 def solved(session: Session) -> TcpResult:
@@ -102,6 +104,14 @@ def test_a_right_arm_keeps_its_answer() -> None:
     assert applied.base_from_laser == covered.base_from_laser == without.base_from_laser
     assert without.arm_model is None
     assert "arm-errors-not-better" in codes_of(applied)
+
+
+def test_a_turntable_cells_answer_tells_the_poses_that_belong_to_it() -> None:
+    cell = paper_cell.simulate(0, "arm")
+    answer = bench_paper.solved(cell, "chain", arm_known=True)
+    as_told = replace(answer, poses=[shot.told for shot in cell.scans])
+    assert bench_paper.spread_over_table(cell, answer) < 0.15
+    assert bench_paper.spread_over_table(cell, as_told) > 0.3
 
 
 def test_exports_give_the_answer_for_the_controllers_poses() -> None:

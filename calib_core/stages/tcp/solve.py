@@ -126,7 +126,7 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
 
 
 def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
-    from calib_core.chain.arm_model import corrected
+    from calib_core.chain.arm_open import corrected
     from calib_core.chain.tcp import TcpOptions, solve_tcp
     from calib_core.stages.tcp.balls import named_by_distances, with_all_balls
 

@@ -124,7 +124,7 @@ def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress:
 
 
 def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
-    from calib_core.chain.arm_model import corrected
+    from calib_core.chain.arm_open import corrected
     from calib_core.chain.table_angles import with_found_angles
     from calib_core.chain.turntable import solve_turntable
 
