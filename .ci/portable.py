@@ -12,6 +12,7 @@ import zipfile
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+import kernels
 import wheelhouse
 
 _PACKAGES = "packages"
@@ -32,8 +33,9 @@ Start.cmd         the workbench in the browser; its window ends it
 scancell.cmd      the command line, as in: scancell.cmd run FOLDER
 data              what you capture; it is made at the first start
 
-Nothing else on this computer is changed: to remove it, remove this folder. The first start compiles the numerical
-kernels, up to some minutes, once. To update, put the new version's folder beside this one and move `data` into it.
+Nothing else on this computer is changed: to remove it, remove this folder. At the first start the numerical
+kernels are compiled for this processor, some minutes, while the workbench is used. To update, put the new folder
+beside this one and move `data` into it.
 """
 _NEEDLESS = re.compile(r"(^|/)(__pycache__|tests?)/|\.(pyi|lib|pdb|h)$")
 
@@ -72,8 +74,8 @@ def install(wheels: list[Path], into: Path) -> None:
                 (into / place).write_bytes(archive.read(name))
 
 
-def make(python_zip: Path, out: Path, house: Path | None) -> Path:
-    """Write the portable zip; `house` is a wheelhouse for Windows, else one is made."""
+def make(python_zip: Path, out: Path, house: Path | None, compiled: Path | None = None) -> Path:
+    """Write the portable zip; `house` is a wheelhouse for Windows, else one is made; `compiled` holds kernels."""
     with tempfile.TemporaryDirectory() as temporary:
         top = Path(temporary) / "scancell"
         version = unpack(python_zip, top / "python")
@@ -81,6 +83,9 @@ def make(python_zip: Path, out: Path, house: Path | None) -> Path:
             sorted(house.glob("*.whl")) if house else wheelhouse.make("windows", version, Path(temporary) / "w")
         )
         install(wheels, top / _PACKAGES)
+        for file in kernels.files_of(compiled) if compiled else []:
+            (top / _PACKAGES / kernels.FOLDER).mkdir(exist_ok=True)
+            shutil.copy(file, top / _PACKAGES / kernels.FOLDER)
         own = next(wheel.name.split("-")[1] for wheel in wheels if wheel.name.startswith("scancell-"))
         for name, text in {"Start.cmd": _START, "scancell.cmd": _COMMAND, "README.txt": _README}.items():
             (top / name).write_bytes(text.replace("{version}", own).replace("\n", "\r\n").encode())
@@ -95,8 +100,12 @@ def main() -> None:
     parser.add_argument("python_zip", type=Path)
     parser.add_argument("out", type=Path, help="the folder to write it to")
     parser.add_argument("--wheelhouse", type=Path, help="one for Windows that is there already")
+    where = (
+        "packages\\calib_core\\kernels\\__pycache__ of this zip, after `scancell warm --any-processor` on Windows"
+    )
+    parser.add_argument("--kernels", type=Path, help=f"brought along: {where}")
     options = parser.parse_args()
-    made = make(options.python_zip, options.out, options.wheelhouse)
+    made = make(options.python_zip, options.out, options.wheelhouse, options.kernels)
     print(f"{made}: {made.stat().st_size / 1e6:.0f} MB")
 
 

@@ -1,7 +1,8 @@
 """What a release is made of, and tried: `make release OUT=dist [PYTHON_ZIP=…] [SIGNING_KEY=…] [IMAGE_TOOL=…]`.
 
-Both wheels, the portable zip where Windows' Python is given, the image where podman or docker is named, a list of
-parts (CycloneDX), notes of one page, and the SHA-256 of each; all are read again, and the wheel solves a session.
+The wheels, one of them with compiled kernels for this Python, the portable zip where Windows' Python is given, the
+image where podman or docker is named, a list of parts (CycloneDX), notes of one page, and the SHA-256 of each; all
+are read again, and the wheel solves a session.
 SIGNING_KEY is an ssh key with which the list of SHA-256 is signed: who has its public half checks it by
 `ssh-keygen -Y verify`.
 """
@@ -10,6 +11,7 @@ import argparse
 import hashlib
 import json
 import os
+import platform
 import re
 import subprocess
 import sys
@@ -22,6 +24,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 import clean_environment
+import kernels
 import portable
 import wheelhouse
 
@@ -147,15 +150,34 @@ def check(folder: Path) -> None:
     assert json.loads((folder / PARTS).read_text(encoding="utf-8"))["components"]
 
 
+_DROPPED = ("PYTHONPATH", "NUMBA_CACHE_DIR")
+
+
+def _ran(programs: Path, *words: str) -> bytes:
+    environment = {name: value for name, value in os.environ.items() if name not in _DROPPED}
+    command = [str(programs / "scancell"), *words]
+    return subprocess.run(command, cwd=programs, env=environment, capture_output=True, check=True).stdout
+
+
 def try_out(wheel: Path, parts: dict[str, Any]) -> None:
-    """Install the wheel where nothing else is, look for parts that are not listed, and solve a session."""
+    """Install a wheel where nothing else is, look for parts that are not listed, and solve a session."""
     with tempfile.TemporaryDirectory() as folder:
         programs = clean_environment.make(Path(folder) / "environment", wheel)
         assert unlisted(parts, clean_environment.installed(programs)) == []
-        environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        if not wheel.name.endswith("-any.whl"):
+            assert json.loads(_ran(programs, "warm", "--any-processor", "--json"))["compiled"] == 0
         for words in (["--version"], ["simulate", "tcp", "--seed", "3", "--out", "cell"], ["run", "cell"]):
-            command = [str(programs / "scancell"), *words]
-            subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=True)
+            _ran(programs, *words)
+
+
+def wheel_with_kernels(wheel: Path) -> Path:
+    """Compile the kernels with this Python, where the wheel is installed alone; write the wheel that has them."""
+    tag = f"cp{sys.version_info[0]}{sys.version_info[1]}-none-manylinux_2_28_x86_64"
+    with tempfile.TemporaryDirectory() as folder:
+        programs = clean_environment.make(Path(folder) / "environment", wheel)
+        _ran(programs, "warm", "--any-processor")
+        (compiled,) = Path(folder).glob(f"environment/lib/*/site-packages/{kernels.FOLDER}")
+        return kernels.with_kernels(wheel, compiled, tag)
 
 
 def image(out: Path, version: str, tool: str) -> None:
@@ -169,15 +191,27 @@ def image(out: Path, version: str, tool: str) -> None:
 
 
 def make(
-    out: Path, python_zip: Path | None, key: Path | None, house: Path | None, image_tool: str | None = None
+    out: Path,
+    python_zip: Path | None,
+    key: Path | None,
+    house: Path | None,
+    image_tool: str | None = None,
+    compiled: Path | None = None,
+    *,
+    compiles: bool = True,
 ) -> Path:
-    """Make all parts of a release in a folder, and read them again; return the wheel."""
+    """Make all parts of a release in a folder, and read them again; return the wheel that this Python installs.
+
+    `compiled` holds kernels for the portable zip; `compiles`: whether there is a wheel with this Python's.
+    """
     out.mkdir(parents=True, exist_ok=True)
     wheel = wheelhouse.build(out)
     wheelhouse.build(out, wheelhouse.ROOT / "scancell_client")
     parts = list_of_parts(wheel)
+    if compiles and (sys.platform, platform.machine()) == ("linux", "x86_64"):
+        wheel = wheel_with_kernels(wheel)
     if python_zip is not None:
-        portable.make(python_zip, out, house)
+        portable.make(python_zip, out, house, compiled)
         parts["components"].append(part_of_python(python_zip))
     if image_tool is not None:
         image(out, parts["metadata"]["component"]["version"], image_tool)
@@ -197,10 +231,12 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--python-zip", type=Path, help="the embeddable Python of Windows: the portable zip too")
     parser.add_argument("--wheelhouse", type=Path, help="one for Windows that is there already")
+    parser.add_argument("--kernels", type=Path, help="compiled for the portable zip: see portable.py")
     parser.add_argument("--signing-key", type=Path, help="an ssh key")
     parser.add_argument("--image-tool", help="podman or docker: the image too")
     options = parser.parse_args()
-    wheel = make(options.out, options.python_zip, options.signing_key, options.wheelhouse, options.image_tool)
+    given = (options.python_zip, options.signing_key, options.wheelhouse, options.image_tool, options.kernels)
+    wheel = make(options.out, *given)
     try_out(wheel, list_of_parts(wheel))
     for path in sorted(options.out.iterdir()):
         print(f"{path.stat().st_size / 1e6:8.1f} MB  {path.name}")

@@ -1,20 +1,29 @@
-"""Where the compiled kernels are kept, when they are compiled anew, and who is told of it.
+"""Where the compiled kernels are kept, for which processor, when they are compiled anew, and who is told of it.
 
 numba keeps the machine code of a kernel under the hash of its own file.  The code of kernels that it calls is
 linked into it, so a change of theirs would leave it stale; here the hash covers what a kernel imports too.
+
+An image, a portable zip or a wheel may bring kernels for any x86-64 processor of the last ten years (`BASELINE`).
+A process takes them until all are there for the machine's own, which are compiled beside and faster.
 Imported alone this module brings no numba.
 """
 
 import hashlib
+import os
 import re
+import sys
 import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 KERNELS = Path(__file__).resolve().parent / "kernels"
 _IMPORT = re.compile(r"^from calib_core\.kernels\.(\w+) import", re.MULTILINE)
+
+BASELINE = "x86-64-v3"
+"""What kernels that are brought along are compiled for: its instructions are those of Haswell and Zen."""
+_BASELINE_FEATURES = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 
 on_compiling: list[Callable[[], object]] = []
 """Called before a kernel is compiled, in the thread that waits for it."""
@@ -22,13 +31,14 @@ on_compiling: list[Callable[[], object]] = []
 
 def set_up() -> None:
     """Make numba keep kernels under the hash of all that they are made of, and tell of compiling; idempotent."""
-    from numba.core import event
+    from numba.core import config, event
     from numba.core.caching import CacheImpl
 
     places = CacheImpl._locator_classes  # pyright: ignore[reportPrivateUsage]
     if places[0].__name__.startswith("_Kernels"):
         return
     places[:0] = _places()
+    take_brought_along(config)
 
     class Tell(event.Listener):
         def on_start(self, event: Any) -> None:
@@ -40,6 +50,60 @@ def set_up() -> None:
             pass
 
     event.register("numba:compile", Tell())
+
+
+def compile_for(processor: Literal["own", "baseline"]) -> None:
+    """Compile for the machine's own processor, or any, whatever is there already: before kernels are imported."""
+    global _asked
+    _asked = processor
+
+
+_asked: Literal["own", "baseline"] | None = None
+
+
+def take_brought_along(config: Any) -> None:
+    """Have numba load and compile for any processor where asked to, or where its own kernels are not ready."""
+    if config.CPU_NAME is not None:  # NUMBA_CPU_NAME
+        return
+    if _asked == "baseline" or (_asked is None and not _noted(None) and _noted(BASELINE) and _has_baseline()):
+        config.CPU_NAME, config.CPU_FEATURES = BASELINE, ""
+
+
+def _has_baseline() -> bool:
+    import llvmlite.binding
+
+    features = llvmlite.binding.get_host_cpu_features()
+    return all(features.get(name) for name in _BASELINE_FEATURES)
+
+
+def all_are_compiled() -> bool:
+    """Return whether a process that asks for nothing else finds all kernels, its own or those brought along."""
+    return _noted(None) or (_noted(BASELINE) and _has_baseline())
+
+
+def own_are_compiled() -> bool:
+    """Return whether all kernels are there for this machine's processor."""
+    return _noted(None)
+
+
+def _noted(processor: str | None) -> bool:
+    file = stamp_file(processor)
+    return file is not None and file.exists()
+
+
+def stamp_file(processor: str | None = None) -> Path | None:
+    """Return the file that says that all kernels are there for a processor; None where none can be kept."""
+    import llvmlite.binding
+    import numba
+
+    digest = hashlib.sha256()
+    for source in sorted(KERNELS.glob("*.py")):
+        digest.update(source.read_bytes())
+    processor = processor or llvmlite.binding.get_host_cpu_name()
+    digest.update(f"{numba.__version__} {sys.version_info[:2]} {sys.platform} {processor}".encode())
+    place = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(place) if place else KERNELS / "__pycache__"
+    return folder / f"all-{digest.hexdigest()[:16]}.compiled" if os.access(folder, os.W_OK) else None
 
 
 def _places() -> list[Any]:

@@ -14,21 +14,30 @@ def _run(options: argparse.Namespace) -> int:
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor, as_completed
 
+    from calib_core.compiled import BASELINE
     from server.jobs.kernels import PARTS, compiled_for, note_that_all_are_compiled
 
     started, compiled = time.monotonic(), 0
+    processor = "baseline" if options.any_processor else "own"
     processes = ProcessPoolExecutor(min(2, os.cpu_count() or 1), multiprocessing.get_context("spawn"))
     with progress_bar(options, says_why=False) as progress, processes:
         progress(0.0, "compiling the kernels")
-        parts = as_completed([processes.submit(compiled_for, part) for part in PARTS])
+        parts = as_completed([processes.submit(compiled_for, part, processor) for part in PARTS])
         for done, part in enumerate(parts, 1):
             compiled += part.result()
             progress(done / len(PARTS), f"compiling the kernels, {compiled} done")
-    note_that_all_are_compiled()
+    note_that_all_are_compiled(BASELINE if options.any_processor else None)
     seconds = time.monotonic() - started
     text = f"{compiled} kernels compiled in {seconds:.0f} s" if compiled else "all kernels were compiled already"
     print_result(options, text, {"compiled": compiled, "seconds": round(seconds, 1)})
     return OK
 
 
-COMMAND = Command("warm", "compile the kernels, so that no first run waits for it", "installation", run=_run)
+def _arguments(parser: argparse.ArgumentParser) -> None:
+    why = "for any x86-64 processor since 2015, to bring along with an image, a wheel or a portable folder"
+    parser.add_argument("--any-processor", action="store_true", help=why)
+
+
+COMMAND = Command(
+    "warm", "compile the kernels, so that no first run waits for it", "installation", _arguments, run=_run
+)

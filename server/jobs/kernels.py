@@ -1,16 +1,13 @@
 """Compiling the kernels: what each part of the work needs, all of them, and whether all of them are there."""
 
-import hashlib
 import os
-import sys
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any, Final, Literal
 
-from calib_core.compiled import KERNELS, on_compiling
+from calib_core.compiled import all_are_compiled, compile_for, on_compiling, own_are_compiled, stamp_file
 from server.jobs.child_processes import ignoring_interrupts
 
 _OTHERS: Final = "16 bits, E57, depths"
@@ -24,8 +21,13 @@ OF_SCANS: Final = "part"
 """The part that has what merging scans needs, and little else."""
 
 
-def compiled_for(part: str) -> int:
-    """Run one part in this process; return how many kernels were compiled for it."""
+def compiled_for(part: str, processor: Literal["own", "baseline"] | None = None) -> int:
+    """Run one part in this process; return how many kernels were compiled for it.
+
+    For a `processor` it must be the first in its process.
+    """
+    if processor is not None:
+        compile_for(processor)
     compiled: list[str] = []
 
     def count() -> None:
@@ -80,7 +82,7 @@ def _run_others() -> None:
 @contextmanager
 def compiling_beside(part: str) -> Generator[None]:
     """Compile what a part needs in another process while something else is done, unless all kernels are there."""
-    if _all_are_compiled():
+    if all_are_compiled():
         yield
         return
     process = get_context("spawn").Process(target=compiled_for, args=(part,), daemon=True, name="kernels")
@@ -93,29 +95,9 @@ def compiling_beside(part: str) -> Generator[None]:
         process.join()
 
 
-def _all_are_compiled() -> bool:
-    file = stamp_file()
-    return file is not None and file.exists()
-
-
-def stamp_file() -> Path | None:
-    """Return the file that says that all kernels are compiled for this machine; None where none can be kept."""
-    import llvmlite.binding
-    import numba
-
-    digest = hashlib.sha256()
-    for source in sorted(KERNELS.glob("*.py")):
-        digest.update(source.read_bytes())
-    cpu = llvmlite.binding.get_host_cpu_name()
-    digest.update(f"{PARTS} {numba.__version__} {sys.version_info[:2]} {cpu}".encode())
-    place = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(place) if place else KERNELS / "__pycache__"
-    return folder / f"all-{digest.hexdigest()[:16]}.compiled" if os.access(folder, os.W_OK) else None
-
-
-def note_that_all_are_compiled() -> None:
+def note_that_all_are_compiled(processor: str | None = None) -> None:
     """Leave word for later starts."""
-    file = stamp_file()
+    file = stamp_file(processor)
     if file is not None:
         file.touch()
 
@@ -129,10 +111,10 @@ def _compile_all() -> None:
     threading.Thread(target=end_with_the_server, daemon=True).start()
     if hasattr(os, "nice"):  # not on Windows
         os.nice(19)
-    if _all_are_compiled():
+    if own_are_compiled():
         return
     for part in PARTS:
-        compiled_for(part)
+        compiled_for(part, "own")
     note_that_all_are_compiled()
 
 
@@ -145,9 +127,9 @@ class KernelCompiler:
 
     @property
     def state(self) -> Literal["ready", "compiling"]:
-        """Whether kernels are still being compiled: what needs one meanwhile takes some seconds longer."""
+        """Whether kernels are being compiled that are not there at all: what needs one takes seconds longer."""
         process = self._process
-        return "compiling" if process is not None and process.is_alive() else "ready"
+        return "compiling" if process is not None and process.is_alive() and not all_are_compiled() else "ready"
 
     def start(self) -> None:
         """Begin."""
@@ -158,6 +140,11 @@ class KernelCompiler:
         ):  # without it each kernel is compiled when it is needed first
             process.start()
             self._process = process
+
+    def wait(self) -> None:
+        """Wait until all are there."""
+        if self._process is not None:
+            self._process.join()
 
     def stop(self) -> None:
         """End; what was compiled is kept."""

@@ -14,6 +14,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / ".ci"))
 
+import kernels  # noqa: E402
 import portable  # noqa: E402
 import release  # noqa: E402
 import wheelhouse  # noqa: E402
@@ -58,7 +59,7 @@ def test_a_release_is_hashed_and_signed_and_read_again(tmp_path: Path) -> None:
         pytest.skip("no ssh-keygen here")
     key, out = tmp_path / "key", tmp_path / "dist"
     subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
-    release.make(out, None, key, None)
+    release.make(out, None, key, None, compiles=False)
     names = {path.name for path in out.iterdir()}
     assert {"SHA256SUMS", "SHA256SUMS.sig", "NOTES.md", "parts.cdx.json"} <= names
     wheels = {path.name for path in out.glob("*.whl")}
@@ -89,7 +90,10 @@ def test_the_portable_folder_finds_its_packages_and_starts(python_zip: Path, whe
     house = tmp_path / "house"
     house.mkdir()
     shutil.copy(wheel, house)
-    made = portable.make(python_zip, tmp_path / "out", house)
+    compiled = tmp_path / "compiled"
+    compiled.mkdir()
+    (compiled / "a.nbc").touch()
+    made = portable.make(python_zip, tmp_path / "out", house, compiled)
     assert re.fullmatch(r"scancell-[\d.]+-windows-x64\.zip", made.name)
     with zipfile.ZipFile(made) as archive:
         names = archive.namelist()
@@ -100,7 +104,27 @@ def test_the_portable_folder_finds_its_packages_and_starts(python_zip: Path, whe
     assert "\n" not in start.replace("\r\n", "")
     assert "scancell/packages/server/web/index.html" in names
     assert "scancell/packages/calib_core/kernels/__init__.py" in names
-    assert not any("__pycache__" in name for name in names)
+    brought = [name for name in names if "__pycache__" in name and not name.endswith("/")]
+    assert brought == ["scancell/packages/calib_core/kernels/__pycache__/a.nbc"]
+
+
+def test_kernels_are_brought_along_by_a_wheel_of_one_python(wheel: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "compiled"
+    folder.mkdir()
+    with pytest.raises(SystemExit, match="need compiled kernels"):
+        kernels.files_of(folder)
+    for name in ("a.nbi", "a.1.nbc", "all-0.compiled", "b.pyc"):
+        (folder / name).write_bytes(name.encode())
+    given = Path(shutil.copy(wheel, tmp_path))
+    made = kernels.with_kernels(given, folder, "cp312-none-win_amd64")
+    assert re.fullmatch(r"scancell-[\d.]+-cp312-none-win_amd64\.whl", made.name)
+    with zipfile.ZipFile(given) as before, zipfile.ZipFile(made) as after:
+        brought = set(after.namelist()) - set(before.namelist())
+        assert brought == {f"{kernels.FOLDER}/{name}" for name in ("a.nbi", "a.1.nbc", "all-0.compiled")}
+        (record,) = (name for name in after.namelist() if name.endswith("/RECORD"))
+        lines = after.read(record).decode().splitlines()
+        assert {line.split(",")[0] for line in lines} == set(after.namelist())
+        assert "Tag: cp312-none-win_amd64\n" in after.read(record.replace("RECORD", "WHEEL")).decode()
 
 
 def test_another_zip_is_no_python_of_windows(tmp_path: Path) -> None:

@@ -1,12 +1,14 @@
 """Kernels are compiled behind the served page; once all are there, no start does it again."""
 
-import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import httpx
 import pytest
+from llvmlite.binding import get_host_cpu_features
 
-from server.jobs.kernels import KernelCompiler, compiled_for, note_that_all_are_compiled, stamp_file
+from calib_core.compiled import BASELINE, all_are_compiled, stamp_file, take_brought_along
+from server.jobs.kernels import KernelCompiler, compiled_for, note_that_all_are_compiled
 
 
 def test_what_is_compiled_is_noted_where_it_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -18,13 +20,30 @@ def test_what_is_compiled_is_noted_where_it_is_kept(tmp_path: Path, monkeypatch:
     assert file.exists()
     compiler = KernelCompiler()
     compiler.start()
-    assert compiler.state == "compiling"  # the process looks
-    end_s = time.monotonic() + 60
-    while compiler.state == "compiling" and time.monotonic() < end_s:
-        time.sleep(0.1)
-    assert compiler.state == "ready"
+    assert compiler.state == "ready"  # while the process looks
+    compiler.wait()
     assert [one.name for one in tmp_path.iterdir()] == [file.name]  # and compiles nothing
     compiler.stop()
+
+
+def test_kernels_that_are_brought_along_serve_until_the_processors_own_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+
+    def taken() -> str | None:
+        config = SimpleNamespace(CPU_NAME=None, CPU_FEATURES=None)
+        take_brought_along(config)
+        return config.CPU_NAME
+
+    assert taken() is None
+    assert not all_are_compiled()
+    note_that_all_are_compiled(BASELINE)
+    able = all(get_host_cpu_features().get(name) for name in ("avx2", "fma"))
+    assert (taken() == BASELINE) == able == all_are_compiled()
+    note_that_all_are_compiled()
+    assert taken() is None
+    assert all_are_compiled()
 
 
 def test_what_is_compiled_is_counted() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.windows.windows_python import ROOT, Figure, here, outside, python
+from tests.windows.windows_python import ROOT, Figure, here, outside, python, ran
 
 sys.path.insert(0, str(ROOT / ".ci"))
 
@@ -34,13 +34,26 @@ def python_zip(into: Path) -> Path:
     return into
 
 
+def compiled(program: list[str], place: Path) -> Path:
+    """Compile the kernels with that Python, for any processor; return where they lie."""
+    ran(program, place, "warm", "--any-processor")
+    asked = [python(), "-c", "import calib_core.compiled; print(calib_core.compiled.KERNELS)"]
+    done = subprocess.run(asked, env=outside(), capture_output=True, text=True, check=True)
+    return here(done.stdout.strip()) / "__pycache__"
+
+
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="nothing here takes the network away")
 def test_it_starts_without_a_network_from_a_path_with_a_space_and_shows_the_demo(
-    tmp_path: Path, figure: Figure
+    program: list[str], place: Path, tmp_path: Path, figure: Figure
 ) -> None:
     given, house = (os.environ.get(name) for name in ("WINDOWS_PORTABLE", "WINDOWS_WHEELHOUSE"))
-    wheels = Path(house) if house else None
-    made = Path(given) if given else portable.make(python_zip(tmp_path / "python.zip"), tmp_path / "out", wheels)
+    if given:
+        made = Path(given)
+    else:
+        wheels = Path(house) if house else None
+        made = portable.make(
+            python_zip(tmp_path / "python.zip"), tmp_path / "out", wheels, compiled(program, place)
+        )
     size_mb = made.stat().st_size / 1e6
     folder = tmp_path / "Meßzelle ü 4"
     with zipfile.ZipFile(made) as archive:
