@@ -12,7 +12,7 @@ from server.live.standstill import Rest, Rules
 from server.sources.device import Sample
 
 _STRIPE_MOVED_MM, _STRIPE_STOOD_MM = 0.5, 0.02
-_ROBOT_MOVED_MM = 3.0
+_ROBOT_MOVED_MM, _JOINT_TURNED_DEG = 3.0, 0.5
 _MOST_ARCS = 2000
 
 
@@ -52,19 +52,26 @@ class Agreement:
 
     def see(self, exposure: Exposure) -> None:
         """Take what the scanner saw; what may have been exposed before the robot stood says nothing."""
-        if exposure.arc is not None and exposure.frame.host_time_s > self._since_s + self._rules.latency_s:
+        late = exposure.frame.host_time_s <= self._since_s + self._rules.latency_s
+        if exposure.arc is not None and exposure.frame.fresh and not late:
             self._arcs.append(exposure.arc)
 
     def contradiction(self, now: Rest) -> str:
         """Return what speaks against a standstill's pose or exposures, "" where nothing does.
 
-        A stripe that moved while robot and table stood shows a pose that is not fresh; a pure translation that
-        left the stripe where it was, exposures that are not.
+        A stripe that moved or a joint that turned while robot and table stood shows a pose that is not fresh; a
+        pure translation that left the stripe where it was, exposures that are not.
         """
         arc = now.chosen.arc
         assert arc is not None
         if self._stands is None or now.robot is None:
             return ""
+        turned_deg = _turned_deg(self._stands, now.robot)
+        if turned_deg > _JOINT_TURNED_DEG:
+            return message(
+                "a joint turned by {turned_deg:.1f}° while the robot's pose stood. Is the pose still being sent?",
+                turned_deg=turned_deg,
+            )
         moved_mm = max((_apart_mm(arc, other) for other in self._arcs), default=0.0)
         if moved_mm > _STRIPE_MOVED_MM:
             return message(
@@ -115,3 +122,10 @@ def _way_mm(before: Rest, now: Rest) -> float:
         if rest.robot and rest.robot.base_from_tool0
     ]
     return float(np.linalg.norm(places[1] - places[0]))
+
+
+def _turned_deg(one: Sample, other: Sample) -> float:
+    """Return how far the joint that turned most has turned; arms of more joints may turn them and stand."""
+    if one.joints_deg is None or other.joints_deg is None or not len(one.joints_deg) == len(other.joints_deg) == 6:
+        return 0.0
+    return float(np.abs(np.subtract(one.joints_deg, other.joints_deg)).max())

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.messages import message
-from server.sources.device import Clock, Sample
+from server.sources.device import Clock, Reading, Sample
 
 STANDS_S = 0.35
 """A clock that has not advanced for longer stands; poses further apart are not joined either (`Rules.gap_s`)."""
@@ -40,14 +40,14 @@ class Freshness:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._last: Sample | None = None
-        self._before_last: Sample | None = None
+        self._last: Reading | None = None
+        self._before_last: Reading | None = None
         self._advanced_s = 0.0
         self._least_apart_s = np.inf
         self._least_at_s = 0.0
 
-    def judge(self, sample: Sample) -> Judged:
-        """Take the next reading of a robot or table, and say whether it is new."""
+    def judge(self, sample: Reading) -> Judged:
+        """Take the next reading, and say whether it is new."""
         jumped = _jump(self._before_last, self._last, sample)
         self._before_last, before, self._last = self._last, self._last, sample
         stamp_s = sample.device_time_s
@@ -74,7 +74,7 @@ class Freshness:
             ),
         )
 
-    def _lag(self, sample: Sample) -> str:
+    def _lag(self, sample: Reading) -> str:
         """Return how much later than at best a reading arrived, where that is too late for a capture."""
         assert sample.device_time_s is not None
         apart_s = sample.host_time_s - sample.device_time_s
@@ -90,8 +90,10 @@ class Freshness:
         )
 
 
-def _differ(one: Sample, other: Sample) -> bool:
+def _differ(one: Reading, other: Reading) -> bool:
     """Return whether two readings tell another pose or angle."""
+    if not isinstance(one, Sample) or not isinstance(other, Sample):
+        return False
     if one.table_deg != other.table_deg:
         return True
     if one.base_from_tool0 is None or other.base_from_tool0 is None:
@@ -99,7 +101,7 @@ def _differ(one: Sample, other: Sample) -> bool:
     return not np.array_equal(one.base_from_tool0.matrix, other.base_from_tool0.matrix)
 
 
-def _jump(before: Sample | None, last: Sample | None, sample: Sample) -> str:
+def _jump(before: Reading | None, last: Reading | None, sample: Reading) -> str:
     """Return what is said of a flange that is at two places at once: two programs tell a pose each."""
     if last is None or (way_mm := _way_mm(last, sample)) < _LEAST_JUMP_MM:
         return ""
@@ -112,7 +114,9 @@ def _jump(before: Sample | None, last: Sample | None, sample: Sample) -> str:
     )
 
 
-def _way_mm(one: Sample, other: Sample) -> float:
+def _way_mm(one: Reading, other: Reading) -> float:
+    if not isinstance(one, Sample) or not isinstance(other, Sample):
+        return 0.0
     if one.base_from_tool0 is None or other.base_from_tool0 is None:
         return 0.0
     return float(np.linalg.norm(other.base_from_tool0.translation_mm - one.base_from_tool0.translation_mm))

@@ -4,14 +4,14 @@ import logging
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from calib_core.errors import CalibrationError
 from calib_core.messages import message
 from server.live.freshness import STANDS_S, Freshness
 from server.live.plausibility import nonsense
-from server.sources.device import Description, Device, Reading, Sample, Triggered, host_now_s
+from server.sources.device import Description, Device, Frame, Reading, Sample, Triggered, host_now_s
 from server.sources.source import Source
 
 log = logging.getLogger("scancell")
@@ -176,19 +176,25 @@ class Link:
             before = reading
             self._count()
             self._set("live", "")
-            if self._is_new(reading):
+            if isinstance(reading, Frame):
+                self._take(self.name, self._dated(reading))
+            elif self._is_new(reading):
                 self._take(self.name, reading)
 
-    def _is_new(self, reading: Reading) -> bool:
-        """Return whether a reading tells something new; what is not fresh ends what came before it."""
-        if not isinstance(reading, Sample):
+    def _dated(self, frame: Frame) -> Frame:
+        """Return an exposure, marked where it is not fresh: standstills need it so, recordings do not."""
+        judged = self._freshness.judge(frame)
+        if judged.why or judged.is_new:
+            self._why = judged.why
+        if judged.is_new:
             self._new_s = self._last_s
-            return True
+        return replace(frame, fresh=not self._why)
+
+    def _is_new(self, reading: Sample) -> bool:
+        """Return whether a reading tells something new; what is not fresh ends what came before it."""
         judged = self._freshness.judge(reading)
-        if judged.why and self._last_s - self._told_s > _TELL_AGAIN_S:
-            self._told_s = self._last_s
-            log.warning("device %s: %s", self.name, judged.why)
         if judged.why:
+            self._warn(judged.why)
             self._lost(self.name)
         if judged.why or judged.is_new:
             self._why = judged.why
@@ -219,11 +225,17 @@ class Link:
         self._set("lost", problem)
         self._lost(self.name)
 
+    def _warn(self, problem: str) -> None:
+        """Write into the log what is wrong, now and then: a stream may come and go many times a second."""
+        if host_now_s() - self._told_s > _TELL_AGAIN_S:
+            self._told_s = host_now_s()
+            log.warning("device %s: %s", self.name, problem)
+
     def _set(self, status: Status, problem: str) -> None:
         if status != self._status:
             self._since_s = host_now_s()
             if status in ("lost", "nonsense"):
-                log.warning("device %s: %s", self.name, problem)
+                self._warn(problem)
         self._status, self._problem = status, problem
 
 

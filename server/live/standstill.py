@@ -75,6 +75,8 @@ def stood_still(
         return "the robot or the table has told nothing since the exposures"
     if len({exposure.frame.content for exposure in newest}) < len(newest):
         return "the scanner repeats one exposure"
+    if not all(exposure.frame.fresh for exposure in newest):
+        return "the scanner's exposures are not fresh"
     arcs = [exposure.arc for exposure in newest if exposure.arc is not None]
     if len(arcs) < len(newest):
         return next(exposure.problem for exposure in newest if exposure.arc is None)

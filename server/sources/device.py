@@ -62,12 +62,15 @@ class Frame:
     content : bytes
     device_time_s : float, optional
         When it was exposed, by the device's own clock.
+    fresh : bool
+        Whether it arrived as soon as by that clock it can: else it may show where the robot was.
     """
 
     host_time_s: float
     name: str
     content: bytes
     device_time_s: float | None = None
+    fresh: bool = True
 
 
 Reading = Sample | Frame

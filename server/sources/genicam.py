@@ -196,5 +196,6 @@ SOURCE = Source(
     GenicamSettings,
     connect=GenicamCamera,
     delivers=("scanner",),
+    clock="every-reading",
     extra="genicam",
 )

@@ -163,4 +163,5 @@ SOURCE = Source(
     GocatorSettings,
     connect=Gocator,
     delivers=("scanner",),
+    clock="every-reading",
 )

@@ -17,7 +17,9 @@ from server.sources.tcp_stream import TcpStream
 _READ = 0
 _WAIT_S = 1.0
 _NAMES = ("$POS_ACT", "$TOOL", "$BASE", "$AXIS_ACT", "$ROB_STOPPED", "$ACT_TOOL", "$ACT_BASE")
-_LETTERS = "XYZABC"
+_FRAME, _AXES = "X Y Z A B C", "A1 A2 A3 A4 A5 A6"
+_FIELD = r"\s*[A-Z]\d?\s+(?:[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|'B[01]+')\s*"
+_STRUCTURE = re.compile(rf"\s*\{{(?:\s*\w+\s*:)?({_FIELD}(?:,{_FIELD})*)\}}\s*")
 
 
 class KukaVarProxySettings(Settings):
@@ -48,13 +50,13 @@ class KukaVarProxy:
         told = {name: self.variable(name) for name in _NAMES}
         base, tool, at = (_frame(told[name], name) for name in ("$BASE", "$TOOL", "$POS_ACT"))
         pose = base.matrix @ at.matrix @ tool.inverse().matrix
-        axes = _numbers(told["$AXIS_ACT"])
+        axes = _numbers(told["$AXIS_ACT"], "$AXIS_ACT")
         axis = self._settings.table_axis
         return Sample(
             host_now_s(),
             None,
             RigidTransform.from_rounded(pose.tolist(), "base", "tool0"),
-            tuple(axes[f"A{k}"] for k in range(1, 7) if f"A{k}" in axes) or None,
+            tuple(axes[name] for name in _AXES.split() if name in axes) or None,
             axes.get(axis) if axis else None,
             told["$ROB_STOPPED"].strip().upper() != "TRUE",
             int(told["$ACT_TOOL"]) if told["$ACT_TOOL"].strip().isdigit() else None,
@@ -72,6 +74,8 @@ class KukaVarProxy:
         if number != self._number or size < 3:
             raise ConnectionError(message("the answer is to another question"))
         (length,) = struct.unpack(">H", answer[1:3])
+        if length > size - 3:
+            raise ConnectionError(message("the answer is shorter than it says"))
         return answer[3 : 3 + length].decode("latin-1")
 
     def close(self) -> None:
@@ -79,17 +83,24 @@ class KukaVarProxy:
         self._stream.close()
 
 
-def _numbers(text: str) -> dict[str, float]:
-    """Return the numbers of a structure such as ``{E6POS: X 1.0, Y 2.0, …}``."""
-    found = re.findall(r"\b([A-Z]\d?)\s+([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)", text.partition(":")[2] or text)
-    return {name: float(value) for name, value in found}
+def _numbers(text: str, name: str, wanted: str = "") -> dict[str, float]:
+    """Return the numbers of a structure such as ``{E6POS: X 1.0, Y 2.0, …}``, that must be whole.
+
+    Raises
+    ------
+    InputError
+        If anything in it is not what a controller writes: a gateway that loses bytes would tell another place.
+    """
+    whole = _STRUCTURE.fullmatch(text)
+    fields = dict(part.split() for part in whole[1].split(",")) if whole else {}
+    if not set(wanted.split()) <= set(fields):
+        raise InputError("a frame in {name}", repr(text[:60]), "Check that the program runs.", name, name=name)
+    return {key: float(value) for key, value in fields.items() if not value.startswith("'")}
 
 
 def _frame(text: str, name: str) -> RigidTransform:
-    numbers = _numbers(text)
-    if not set(_LETTERS) <= set(numbers):
-        raise InputError("a frame in {name}", repr(text[:60]), "Check that the program runs.", name, name=name)
-    return parse_pose("kuka", [numbers[letter] for letter in _LETTERS])
+    numbers = _numbers(text, name, _FRAME)
+    return parse_pose("kuka", [numbers[letter] for letter in _FRAME.split()])
 
 
 SOURCE = Source(

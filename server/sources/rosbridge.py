@@ -94,6 +94,7 @@ class Rosbridge:
         self._tf = TfChain(settings.base_frame, settings.flange_frame)
         self._table_deg: float | None = None
         self._joints_deg: tuple[float, ...] | None = None
+        self._joints_s: float | None = None
         # A message that was not asked for, or is too large, ends the connection.
         self._bridge: Any = connect(settings.url, open_timeout=2, close_timeout=1, max_size=_LARGEST, proxy=None)
         self._by_tf = not settings.pose_topic and not settings.arm
@@ -157,6 +158,8 @@ class Rosbridge:
     def _joints(self, message: dict[str, Any]) -> Sample | None:
         values = dict(zip(message["name"], message["position"], strict=True))
         chosen = self._settings
+        if {chosen.table_joint, *chosen.joints} & set(values):
+            self._joints_s = _seconds(message["header"]) or None
         if chosen.table_joint in values:
             self._table_deg = float(values[chosen.table_joint]) * _DEG
         if chosen.joints and set(chosen.joints) <= set(values):
@@ -166,7 +169,9 @@ class Rosbridge:
         return None
 
     def _sample(self, pose: RigidTransform, stamp_s: float) -> Sample:
-        return Sample(host_now_s(), stamp_s or None, pose, self._joints_deg, self._table_deg)
+        """Return a sample as old as its oldest part: joints and table may stand still while the pose goes on."""
+        oldest_s = stamp_s if self._joints_s is None else min(stamp_s, self._joints_s)
+        return Sample(host_now_s(), oldest_s or None, pose, self._joints_deg, self._table_deg)
 
     def close(self) -> None:
         """Close the connection."""

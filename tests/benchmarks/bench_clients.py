@@ -24,6 +24,7 @@ _TSCONFIG = {
     },
     "files": ["walk.ts"],
 }
+_TOLD_LINES = 4
 _JAVA = "library=native,useJakartaEe=true,openApiNullable=false,hideGenerationTimestamp=true"
 
 
@@ -35,15 +36,20 @@ def run(full: bool) -> Iterator[Row]:
         walks |= {"openapi-generator, Java": _java, "openapi-generator, Go": _go}
     with tempfile.TemporaryDirectory() as temporary, served(Path(temporary) / "data") as (address, _):
         folder = Path(temporary)
-        document = httpx.get(f"{address}/openapi.json", trust_env=False).text
+        document = httpx.get(f"{address}/openapi.json", trust_env=False, timeout=120).text
         (folder / "openapi.json").write_text(document, encoding="utf-8")
         _do(folder, sys.executable, "-m", "server.cli", "simulate", "tcp", "--seed", "7", "--out", "cell")
         for name, walk in walks.items():
             try:
                 walk(folder, address)
             except (subprocess.CalledProcessError, FileNotFoundError) as error:
-                said = (getattr(error, "output", "") or str(error)).strip().splitlines()[-1:]
-                yield Row(f"{name}: the walk of docs/rest.md", "no hand edits", " ".join(said)[:200], False)
+                said = (getattr(error, "output", "") or str(error)).strip().splitlines()[-_TOLD_LINES:]
+                yield Row(
+                    f"{name}: the walk of docs/rest.md",
+                    "no hand edits",
+                    " ".join(" ".join(said).split())[-200:],
+                    False,
+                )
             else:
                 yield Row(f"{name}: the walk of docs/rest.md", "no hand edits", "walked", True)
 

@@ -1,10 +1,11 @@
-"""A robot's source with a fault between controller and workbench: what is told goes on, what it says is wrong."""
+"""A device's stream with a fault between it and the workbench: what is told goes on, what it says is wrong."""
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from calib_core.frames import RigidTransform
 from server.sources.device import Clock, Description, Sample, host_now_s
@@ -17,55 +18,39 @@ _EVERY_S, _LATE_S = 0.02, 1.0
 
 @dataclass
 class Wire:
-    """What lies between: a fault that can be switched on while the robot goes on."""
+    """What lies between: a fault that can be switched on while the device goes on."""
 
     fault: Fault | None = None
 
 
-class FaultyRobot:
-    """Tells where a robot stands, fifty times a second, through a wire with a fault.
+class FaultyStream:
+    """What comes out of a wire with a fault: readings with `host_time_s` and `device_time_s`, one at each call.
 
     Parameters
     ----------
-    pose_now : callable
-        base_from_tool0 as the controller would tell it.
-    clock : Clock
-        "every-reading" stamps each reading, "on-change" the last change, "none" nothing.
+    now : callable
+        The reading as the device tells it.
     wire : Wire
     """
 
-    def __init__(self, pose_now: Callable[[], RigidTransform], clock: Clock, wire: Wire) -> None:
-        self._pose_now, self._clock, self._wire = pose_now, clock, wire
-        self._changed: tuple[str, float] | None = None
-        self._told: deque[Sample] = deque(maxlen=500)
+    def __init__(self, now: Callable[[], Any], wire: Wire) -> None:
+        self._now, self._wire = now, wire
+        self._told: deque[Any] = deque(maxlen=500)
         self._began_s: float | None = None
-        self._next: Iterator[Sample] = self._through()
+        self._through = self._readings()
+        self._lock = threading.Lock()
 
-    def describe(self) -> Description:
-        return Description("a robot behind a faulty wire", "mm, degrees", "abb", "flange in base", ("pose",))
+    def __call__(self) -> Any:
+        with self._lock:
+            return next(self._through)
 
-    def close(self) -> None:
-        pass
-
-    def read(self) -> Sample | None:
-        time.sleep(_EVERY_S)
-        return replace(next(self._next), host_time_s=host_now_s())
-
-    def _now(self) -> Sample:
-        pose, now_s = self._pose_now(), host_now_s()
-        if self._clock == "on-change":
-            seen = repr(pose.matrix.tolist())
-            if self._changed is None or self._changed[0] != seen:
-                self._changed = seen, now_s
-            stamp_s = self._changed[1]
-        else:
-            stamp_s = now_s if self._clock == "every-reading" else None
-        self._told.append(Sample(now_s, stamp_s, pose))
+    def _fresh(self) -> Any:
+        self._told.append(self._now())
         return self._told[-1]
 
-    def _through(self) -> Iterator[Sample]:
+    def _readings(self) -> Iterator[Any]:
         while True:
-            fresh, before = self._now(), self._wire.fault
+            fresh, before = self._fresh(), self._wire.fault
             if before is None:
                 self._began_s = None
                 yield fresh
@@ -79,9 +64,9 @@ class FaultyRobot:
                     yield replace(kept, device_time_s=fresh.device_time_s)
                 case "late":
                     due_s = fresh.host_time_s - min(_LATE_S, fresh.host_time_s - self._began_s)
-                    yield next(s for s in reversed(self._told) if s.host_time_s <= due_s)
+                    yield next((s for s in reversed(self._told) if s.host_time_s <= due_s), kept)
                 case "reordered":
-                    later = self._now()
+                    later = self._fresh()
                     yield later
                     yield fresh
                 case "duplicated":
@@ -96,13 +81,46 @@ class FaultyRobot:
                     yield replace(fresh, device_time_s=None if moved is None else moved - slow_s)
 
 
-def source_of(pose_now: Callable[[], RigidTransform], clock: Clock, wire: Wire) -> Source:
+def samples(pose_now: Callable[[], RigidTransform], clock: Clock) -> Callable[[], Sample]:
+    """Return what a controller tells of its flange, with stamps by its kind of clock."""
+    changed: list[tuple[str, float]] = []
+
+    def now() -> Sample:
+        pose, now_s = pose_now(), host_now_s()
+        if clock == "none":
+            return Sample(now_s, None, pose)
+        seen = repr(pose.matrix.tolist())
+        if clock == "every-reading" or not changed or changed[0][0] != seen:
+            changed[:] = [(seen, now_s)]
+        return Sample(now_s, changed[0][1], pose)
+
+    return now
+
+
+class FaultyRobot:
+    """Tells where a robot stands, fifty times a second, through a wire with a fault."""
+
+    def __init__(self, told: Callable[[], Sample]) -> None:
+        self._told = told
+
+    def describe(self) -> Description:
+        return Description("a robot behind a faulty wire", "mm, degrees", "abb", "flange in base", ("pose",))
+
+    def close(self) -> None:
+        pass
+
+    def read(self) -> Sample | None:
+        time.sleep(_EVERY_S)
+        return replace(self._told(), host_time_s=host_now_s())
+
+
+def source_of(told: Callable[[], Sample], clock: Clock) -> Source:
     """Return the source of such a robot, as the workbench connects one."""
     return Source(
         f"faulty-{clock}",
         "A robot behind a faulty wire",
         "Tells a pose fifty times a second.",
-        connect=lambda _: FaultyRobot(pose_now, clock, wire),
+        connect=lambda _: FaultyRobot(told),
         delivers=("robot",),
         clock=clock,
     )

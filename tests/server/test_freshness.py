@@ -6,12 +6,19 @@ from typing import Any
 import bench_freshness
 import numpy as np
 import pytest
-from faulty_robot import Fault
+from faulty_robot import FAULTS, Fault
 
 from calib_core.frames import RigidTransform
+from calib_core.sphere.arc import fit_arc
+from calib_core.sphere.standstill import standstill
+from server.live.agreement import Agreement
+from server.live.exposures import Exposure
 from server.live.freshness import Freshness
-from server.sources.device import Clock, Sample
+from server.live.standstill import Rest, Rules
+from server.sources.device import Clock, Frame, Sample
 from server.sources.rosbridge import TfChain
+from tests.server.connected_device import connected
+from tests.server.test_live_robot_sources import SENT, bridge, stamp
 
 
 def pose(x_mm: float) -> RigidTransform:
@@ -77,16 +84,68 @@ def test_two_publishers_and_a_change_without_a_stamp_are_told() -> None:
     assert "time stamp does not" in found[-1]
 
 
-@pytest.mark.parametrize(
-    ("clock", "fault"),
-    [("every-reading", "freeze"), ("on-change", "freeze"), ("none", "late"), ("none", "two publishers")],
-)
-def test_no_capture_has_a_wrong_pose_whatever_stands_between_controller_and_workbench(
-    clock: Clock, fault: Fault
-) -> None:
-    found = bench_freshness.trial(clock, fault, 2)
+EACH: dict[str, Fault] = {
+    "every-reading": "freeze",
+    "on-change": "freeze",
+    "none": "two publishers",
+    "pose-lines": "reordered",
+    "ur-rtde": "slow clock",
+    "rosbridge": "two publishers",
+    "opcua": "stale",
+    "abb-rws": "late",
+    "kukavarproxy": "freeze",
+    "fanuc-curpos": "duplicated",
+    "gocator": "late",
+}
+"""One fault a source and one source a fault; `scancell bench freshness` tries all of them."""
+
+
+def test_every_source_and_every_fault_is_tried() -> None:
+    assert set(EACH) == set(bench_freshness.WAYS)
+    assert set(EACH.values()) == set(FAULTS)
+
+
+@pytest.mark.parametrize("way", EACH)
+def test_no_capture_has_a_wrong_pose_whatever_stands_between_controller_and_workbench(way: str) -> None:
+    found = bench_freshness.trial(way, EACH[way], 2)
     assert found.wrong == 0
-    assert found.said
+    assert found.said or EACH[way] in ("duplicated", "reordered")  # which tell no wrong pose
+
+
+def test_an_exposure_that_arrives_late_is_marked() -> None:
+    watch = Freshness("every-reading")
+    told = [Frame(host_s, "a.csv", b"", host_s - (1.0 if host_s > 101.0 else 0.0)) for host_s in at_50_hz(3.0)]
+    found = [watch.judge(frame) for frame in told]
+    assert not any(judged.why for judged in found[:50])
+    assert "late" in found[-1].why
+
+
+def test_joints_that_turn_while_the_pose_stands_contradict_it() -> None:
+    x = np.linspace(-12.0, 12.0, 60)
+    points = np.column_stack([x, 200.0 - np.sqrt(20.0**2 - x**2)])
+    arc = fit_arc(points + np.random.default_rng(3).normal(0.0, 0.005, points.shape), 80.0, "away")
+    still = standstill([[arc] * 3])
+    assert still is not None
+    agreement = Agreement(Rules())
+
+    def rest(turned_deg: float) -> Rest:
+        sample = Sample(100.0, None, pose(0.0), (0.0, turned_deg, 0.0, 0.0, 0.0, 0.0))
+        agreement.tell(sample)
+        return Rest(sample, None, (Exposure(Frame(101.0, "a.csv", b""), points, arc),), still)
+
+    assert agreement.contradiction(rest(0.0)) == ""
+    assert agreement.contradiction(rest(0.1)) == ""
+    assert "a joint turned by 20.0°" in agreement.contradiction(rest(20.0))
+
+
+def test_joints_of_ros_that_stand_make_the_sample_as_old_as_they_are() -> None:
+    joints = {"header": stamp(8), "name": ["a1"], "position": [0.5]}
+    still = {"header": stamp(9), "pose": SENT["/pose"]["pose"]}
+    with bridge({"/joint_states": joints, "/pose": still}) as url:
+        device = connected("rosbridge", url=url, pose_topic="/pose", joints=["a1"])
+        readings = [found for _ in range(4) if (found := device.read()) is not None]
+        device.close()
+    assert [reading.device_time_s for reading in readings] == [8.5]
 
 
 def test_a_healthy_source_is_captured_at_every_place() -> None:

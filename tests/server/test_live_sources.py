@@ -165,6 +165,21 @@ def test_kuka_variables_give_the_flange_in_the_base() -> None:
     assert (found.table_deg, found.moving, found.active_tool, found.active_frame) == (45.5, False, 1, 3)
 
 
+@pytest.mark.parametrize("said", ["{E6POS: X 121\xff.5", "{E6POS: X 10.5.2", "{E6POS: X 1 0.5", "{E6POS: XX 10.5"])
+def test_kuka_variables_of_which_a_byte_is_lost_are_refused(said: str) -> None:
+    rest = ", Y 0.0, Z 0.0, A 0.0, B 0.0, C 0.0, S 2, T 35}"
+    for at in (said + rest, "{E6POS: X 10.5" + rest[:-1], "X 10.5" + rest):
+        told = VARIABLES | {"$POS_ACT": at}
+        server = KukaVarProxyServer(lambda name, told=told: told.get(name, ""))
+        device = connected("kukavarproxy", host="127.0.0.1", port=server.port)
+        try:
+            with pytest.raises(InputError, match=r"a frame in \$POS_ACT"):
+                device.read()
+        finally:
+            device.close()
+            server.stop()
+
+
 def exposure() -> tuple[bytes, str, float]:
     image = np.random.default_rng(3).integers(0, 255, (48, 64), dtype=np.uint8)
     return cv2.imencode(".jpg", image)[1].tobytes(), "image/jpeg", 7.25

@@ -37,8 +37,8 @@ def require_millimetres(files: Mapping[str, bytes]) -> None:
     """Raise InputError if an application that a tool is put into counts in inches."""
     for name, data in files.items():
         if name.lower().endswith(".pjx") and _INCHES in data:
-            to_do = (
-                "Set millimeterUnit to true in the controller, save the application again, or export a .dtx alone."
+            to_do = message(
+                "Change the application to millimetres in the controller and save it anew, or export a .dtx alone."
             )
             raise InputError(
                 "an application in millimetres", "one in inches (millimeterUnit is false)", to_do, name

@@ -1,0 +1,211 @@
+"""Sources of the workbench before devices that tell, in their own protocols, what a faulty wire lets through."""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import StringIO
+from typing import Any
+
+import numpy as np
+from faulty_robot import FaultyStream, Wire, samples
+
+from calib_core.frames import RigidTransform
+from calib_core.robots import to_pose
+from server.simulated_cell.gocator_server import GocatorServer
+from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
+from server.simulated_cell.opcua_server import OpcUaServer
+from server.simulated_cell.rtde_server import RtdeServer
+from server.sources.device import Sample, host_now_s
+from tests.server.live_rig import LineServer, Rig
+from tests.server.test_live_robot_sources import CURPOS, page, web_server
+
+Settings = dict[str, Any]
+Told = Callable[[], Sample]
+_HOME_DEG = (10.0, -80.0, 95.0, 5.0, 60.0, -15.0)
+_EVERY_S = 0.02
+
+
+def numbers(sample: Sample, convention: str) -> list[float]:
+    """Return a reading's pose as a controller writes it."""
+    assert sample.base_from_tool0 is not None
+    return list(to_pose(convention, sample.base_from_tool0))
+
+
+@contextmanager
+def _stopped(server: Any, **settings: Any) -> Iterator[Settings]:
+    try:
+        yield settings
+    finally:
+        server.stop()
+
+
+def _lines(told: Told):
+    server = LineServer(lambda: (" ".join(map(str, numbers(told(), "abb"))) + "\r\n").encode())
+    return _stopped(server, host="127.0.0.1", port=server.port, convention="abb")
+
+
+def _rtde(told: Told):
+    def outputs(_: float) -> Mapping[str, tuple[float, ...]]:
+        sample = told()
+        return {
+            "timestamp": (sample.device_time_s or 0.0,),
+            "actual_q": tuple(np.deg2rad(_HOME_DEG)),
+            "actual_TCP_pose": tuple(numbers(sample, "ur")),
+            "actual_TCP_speed": (0.0,) * 6,
+        }
+
+    server = RtdeServer(outputs)
+    return _stopped(server, host="127.0.0.1", port=server.port)
+
+
+def _variables(told: Told):
+    zero = "{FRAME: X 0.0, Y 0.0, Z 0.0, A 0.0, B 0.0, C 0.0}"
+
+    def variable(name: str) -> str:
+        if name != "$POS_ACT":
+            told_of = {"$TOOL": zero, "$BASE": zero, "$ROB_STOPPED": "TRUE", "$ACT_TOOL": "0", "$ACT_BASE": "0"}
+            return told_of.get(name, "{E6AXIS: A1 0.0, A2 0.0, A3 0.0, A4 0.0, A5 0.0, A6 0.0}")
+        pairs = zip("XYZABC", numbers(told(), "kuka"), strict=True)
+        return "{E6POS: " + ", ".join(f"{letter} {value:.6f}" for letter, value in pairs) + ", S 2, T 35}"
+
+    server = KukaVarProxyServer(variable)
+    return _stopped(server, host="127.0.0.1", port=server.port)
+
+
+def _opcua(told: Told):
+    server = OpcUaServer(lambda: {"Pose": numbers(told(), "quaternion-xyzw")})
+    return _stopped(server, url=server.url, pose=["ns=2;s=Pose"])
+
+
+class _Pages(dict[str, str]):
+    """Pages that are written when they are asked for."""
+
+    def __init__(self, written: Mapping[str, Callable[[], str]]) -> None:
+        super().__init__()
+        self._written = written
+
+    def items(self) -> Any:
+        return ((start, _Late(write)) for start, write in self._written.items())
+
+
+@dataclass
+class _Late:
+    write: Callable[[], str]
+
+    def encode(self, encoding: str) -> bytes:
+        return self.write().encode(encoding)
+
+
+@contextmanager
+def _rws(told: Told) -> Iterator[Settings]:
+    def robtarget() -> str:
+        names = ("x", "y", "z", "q1", "q2", "q3", "q4")
+        return page("ms-robtargets", **dict(zip(names, numbers(told(), "abb"), strict=True)))
+
+    unit = "/rw/motionsystem/mechunits/ROB_1"
+    joints = page("ms-jointtarget", **{f"rax_{k}": 0.0 for k in range(1, 7)})
+    pages = {
+        f"{unit}/robtarget": robtarget,
+        f"{unit}/jointtarget": lambda: joints,
+        "/logout": str,
+        "/rw/system": str,
+    }
+    with web_server(_Pages(pages)) as (port, _):
+        yield {"url": f"http://127.0.0.1:{port}"}
+
+
+@contextmanager
+def _fanuc(told: Told) -> Iterator[Settings]:
+    def curpos() -> str:
+        pairs = zip("XYZWPR", numbers(told(), "fanuc"), strict=True)
+        world = "CFG: N U T, 0, 0, 0\n" + "".join(f"{k}: {v:9.2f}\r\n" for k, v in pairs)
+        return CURPOS.format(tool=0, world=world)
+
+    with web_server(_Pages({"/MD/CURPOS.DG": curpos})) as (port, _):
+        yield {"host": "127.0.0.1", "port": port}
+
+
+@contextmanager
+def _ros(told: Told) -> Iterator[Settings]:
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.server import serve
+
+    def talk(peer: Any) -> None:
+        peer.recv()
+        while True:
+            time.sleep(_EVERY_S)
+            sample = told()
+            place = numbers(sample, "ros")
+            seconds = sample.device_time_s or 0.0
+            stamp = {"sec": int(seconds), "nanosec": round(seconds % 1 * 1e9)}
+            position, turn = dict(zip("xyz", place[:3], strict=True)), dict(zip("xyzw", place[3:], strict=True))
+            said = {"header": {"stamp": stamp}, "pose": {"position": position, "orientation": turn}}
+            try:
+                peer.send(json.dumps({"op": "publish", "topic": "/pose", "msg": said}))
+            except ConnectionClosed:
+                return
+
+    with serve(talk, "127.0.0.1", 0) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield {"url": f"ws://127.0.0.1:{server.socket.getsockname()[1]}", "pose_topic": "/pose"}
+        server.shutdown()
+        thread.join(5)
+
+
+ROBOTS = {
+    "pose-lines": _lines,
+    "ur-rtde": _rtde,
+    "rosbridge": _ros,
+    "opcua": _opcua,
+    "abb-rws": _rws,
+    "kukavarproxy": _variables,
+    "fanuc-curpos": _fanuc,
+}
+"""Devices by the name of the source that reads them."""
+
+
+@dataclass(frozen=True)
+class _Seen:
+    host_time_s: float
+    device_time_s: float
+    points: np.ndarray
+
+
+def _gocator(rig: Rig, wire: Wire):
+    rng = np.random.default_rng(5)
+
+    def seen() -> _Seen:
+        now_s = host_now_s()
+        text = rig.cell.profile(now_s, rng).decode()
+        return _Seen(now_s, now_s, np.genfromtxt(StringIO(text), delimiter=",", skip_header=1)[:, :2])
+
+    stream = FaultyStream(seen, wire)
+
+    def expose() -> tuple[np.ndarray, float]:
+        told = stream()
+        return told.points, told.device_time_s
+
+    server = GocatorServer(expose)
+    return _stopped(server, host="127.0.0.1", port=server.port)
+
+
+SCANNERS = {"gocator": _gocator}
+
+
+@contextmanager
+def device(name: str, rig: Rig, wire: Wire) -> Generator[Settings]:
+    """Serve a device behind a faulty wire; give the settings with which its source reads it."""
+    if name in SCANNERS:
+        with SCANNERS[name](rig, wire) as settings:
+            yield settings
+        return
+
+    def pose_now() -> RigidTransform:
+        return RigidTransform.from_rounded(rig.cell.at(time.monotonic()).reported.tolist(), "base", "tool0")
+
+    with ROBOTS[name](FaultyStream(samples(pose_now, "every-reading"), wire)) as settings:
+        yield settings
