@@ -42,7 +42,7 @@ sys.dont_write_bytecode = False
 
 refuse_changes_of_open_files()
 
-settings.register_profile("scancell", deadline=None, derandomize=True, database=None)
+settings.register_profile("scancell", deadline=None, derandomize=True, database=None, max_examples=40)
 settings.load_profile("scancell")
 
 # From a quarter of a minute on: begun last, they would keep one process busy while the others have nothing left.

@@ -50,16 +50,16 @@ def run(full: bool) -> list[Row]:
     return rows
 
 
-def trials() -> Iterator[Trial]:
-    """Serve a session with a login, and try everything."""
+def trials(every: bool = True) -> Iterator[Trial]:
+    """Serve a session with a login, and try everything; not `every`: one way of each kind a route, in turn."""
     with tempfile.TemporaryDirectory() as folder, guarded(Path(folder)) as (client, tokens):
         client.headers.update(bearer(tokens["admin"]))
         session = simulated_session(client, captures=1)
         before = client.get(f"/sessions/{session}").json()
         cookies = {role: log_in(client, tokens[role]) for role in ROLES}
         del client.headers["Authorization"]
-        yield from _every_route_and_role(client, session, tokens, cookies)
-        yield from _foreign_pages(client, session, cookies["admin"])
+        yield from _every_route_and_role(client, session, tokens, cookies, every)
+        yield from _foreign_pages(client, session, cookies["admin"], every)
         yield from _foreign_names(client)
         yield from _sockets(client, session, tokens, cookies)
         yield from _share_requests(client, session, cookies["admin"])
@@ -105,7 +105,7 @@ def role_that_should_do(method: str, path: str) -> str:
 
 
 def _every_route_and_role(
-    client: httpx.Client, session: str, tokens: dict[str, str], cookies: dict[str, dict[str, str]]
+    client: httpx.Client, session: str, tokens: dict[str, str], cookies: dict[str, dict[str, str]], every: bool
 ) -> Iterator[Trial]:
     nobody = {
         "no login": {},
@@ -121,25 +121,30 @@ def _every_route_and_role(
         "a token and more": bearer(tokens["admin"] + "A"),
         "another's secret": bearer(tokens["read"][:22] + tokens["admin"][22:]),
     }
-    known = {f"role {role}, token": bearer(tokens[role]) for role in ROLES}
-    known |= {f"role {role}, cookie": cookies[role] for role in ROLES}
-    for method, template in every_route():
+    by_token = {f"role {role}, token": bearer(tokens[role]) for role in ROLES}
+    by_cookie = {f"role {role}, cookie": cookies[role] for role in ROLES}
+    for number, (method, template) in enumerate(every_route()):
         if method == "WS":
             continue
         least = role_that_should_do(method, template)
-        for who, headers in nobody.items():
+        for who, headers in _in_turn(nobody, number, every).items():
             yield _trial(
                 client, "nobody × every route", who, method, template, session, headers, least != "nobody"
             )
-        for who, headers in bad.items():
+        for who, headers in _in_turn(bad, number, every).items():
             yield _trial(client, "bad tokens × every route", who, method, template, session, headers, True)
-        for who, headers in known.items():
+        for who, headers in {**by_token, **_in_turn(by_cookie, number, every)}.items():
             role = who.split(",")[0].removeprefix("role ")
             ranks = ["nobody", *ROLES]
             may = ranks.index(role) >= ranks.index(least)
             if may and template.endswith("/logout"):
                 continue  # it would end the login of the next
             yield _trial(client, "roles × every route", who, method, template, session, headers, not may)
+
+
+def _in_turn(ways: dict[str, dict[str, str]], number: int, every: bool) -> dict[str, dict[str, str]]:
+    """Return all ways, or the one whose turn it is."""
+    return ways if every else dict([list(ways.items())[number % len(ways)]])
 
 
 def _trial(
@@ -169,18 +174,19 @@ def _trial(
     return Trial(group, f"{who}: {method} {template}", should, status in (401, 403, 429) or to_login, str(status))
 
 
-def _foreign_pages(client: httpx.Client, session: str, admin: dict[str, str]) -> Iterator[Trial]:
+def _foreign_pages(client: httpx.Client, session: str, admin: dict[str, str], every: bool) -> Iterator[Trial]:
     """Another site's page in the browser of an admin who is logged in."""
     cookie = {"Cookie": admin["Cookie"]}
-    forged = [{"Origin": origin} for origin in FOREIGN] + [
-        {"Sec-Fetch-Site": "cross-site"},
-        {"Sec-Fetch-Site": "same-site"},
+    ways = [
+        *({"Origin": origin} for origin in FOREIGN),
+        *({"Sec-Fetch-Site": f"{s}-site"} for s in ("cross", "same")),
         {},
     ]
-    for method, template in every_route():
+    forged = {str(way): way for way in ways}
+    for number, (method, template) in enumerate(every_route()):
         if method in ("GET", "WS"):
             continue
-        for extra in forged:
+        for extra in _in_turn(forged, number, every).values():
             if not extra and role_that_should_do(method, template) == "nobody":
                 continue  # logging in or out is nothing that a missing Origin could forge
             yield _trial(client, "forged Origin", str(extra), method, template, session, {**cookie, **extra}, True)

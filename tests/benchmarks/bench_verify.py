@@ -56,9 +56,9 @@ def by_a_brought_tool(seed: int, off_mm: float) -> tuple[VerifyResult, bool]:
 def figures(seeds: range) -> list[Row]:
     decisions: dict[float, list[str]] = {1.5: [], 0.5: []}
     errors: list[float] = []
-    for share, found in decisions.items():
-        for seed in seeds:
-            limit_mm = 4 * verified(seed, 0.0)[0].uncertainty_mm
+    for seed in seeds:
+        limit_mm = 4 * verified(seed, 0.0)[0].uncertainty_mm
+        for share, found in decisions.items():
             estimate, off_mm = verified(seed, share * limit_mm)
             found.append(decided(estimate.value_mm, estimate.uncertainty_mm, limit_mm))
             errors.append((estimate.value_mm - off_mm) / (estimate.uncertainty_mm / 2))

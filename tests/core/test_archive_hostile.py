@@ -300,7 +300,7 @@ def test_distinct_names_are_distinct_on_every_file_system(names):
     assert accepted == fits()
 
 
-MUTATIONS = 400
+MUTATIONS = 100
 
 
 @settings(max_examples=MUTATIONS, suppress_health_check=list(HealthCheck))

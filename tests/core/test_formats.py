@@ -339,7 +339,7 @@ def test_the_registry_tells_page_and_clients_what_there_is() -> None:
         read_file(b"1,2\n", "a.csv", format_name="cvs")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32))
 def test_mutated_tables_give_the_right_points_or_a_sentence(seed: int) -> None:
     verdict, why = verdict_of(random.Random(seed))
@@ -347,8 +347,8 @@ def test_mutated_tables_give_the_right_points_or_a_sentence(seed: int) -> None:
 
 
 def test_the_mutations_reach_both_verdicts() -> None:
-    found = [verdict_of(random.Random(seed))[0] for seed in range(200)]
-    assert min(found.count("right"), found.count("refused")) > 30
+    found = [verdict_of(random.Random(seed))[0] for seed in range(60)]
+    assert min(found.count("right"), found.count("refused")) > 9
 
 
 def test_a_capture_says_what_its_file_does_not() -> None:

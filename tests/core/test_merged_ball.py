@@ -9,7 +9,7 @@ import pytest
 from calib_core.simulation import simulate_table
 from calib_core.simulation.whole_cell import WHOLE_SCENARIOS, with_scans
 
-SEEDS = range(2)
+SEEDS = range(1)
 
 
 @pytest.fixture(scope="module")

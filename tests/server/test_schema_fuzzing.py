@@ -10,7 +10,7 @@ from tests.server.live_server import simulated_session
 
 # Streams do not end; they have tests of their own.  Solves are started by those of the jobs.
 LEFT_OUT = ("/events", "/solve/")
-EXAMPLES = 4
+EXAMPLES = 2
 
 
 def test_no_request_of_the_schema_ends_in_a_500(client: httpx.Client) -> None:
