@@ -3,7 +3,6 @@
 `STYLE` (in `style`) goes with it, once a page; all that it styles is within an element of class ``scancell``.
 """
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any, Final
@@ -12,13 +11,13 @@ from calib_core.evidence.numbers import number_text, quantity_text, with_unit
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import (
     MOST_IN_SIGHT,
-    VERDICTS,
     cell_text,
     figure_text,
     head_text,
     runs,
     sections,
     split_headline,
+    verdict_words,
 )
 from calib_core.messages import ENGLISH, Catalogue, message, templates
 from calib_core.records.evidence import AnyBlock, Figure, Frame, Note, Picture, Plot, Row, Series, Table
@@ -61,12 +60,6 @@ def result_html(result: Mapping[str, Any], blocks: Sequence[AnyBlock], said: Cat
         f"<h3>{_word('notes', said)}</h3>{_list(result['notes'])}" if result.get("notes") else "",
     ]
     return "".join(parts)
-
-
-def verdict_words(verdict: str, said: Catalogue = ENGLISH) -> tuple[str, str]:
-    """Return a verdict as one word, and the sentence that says what it means."""
-    word, meaning = re.split(r"\. |。", said.say(VERDICTS[verdict]), maxsplit=1)
-    return word, meaning
 
 
 def _word(name: str, said: Catalogue) -> str:

@@ -1,12 +1,15 @@
 """Blocks as text for a terminal."""
 
 import math
+import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, Final
+from unicodedata import east_asian_width
 
 from calib_core.evidence.numbers import number_text, quantity_text, with_unit
+from calib_core.messages import ENGLISH, Catalogue, message, templates
 from calib_core.records.evidence import (
     AnyBlock,
     Column,
@@ -24,41 +27,58 @@ from calib_core.records.evidence import (
 MOST_IN_SIGHT: Final = 3
 """So many warnings are in sight; the others are shown on demand."""
 
-VERDICTS: Final = {
+VERDICTS: Final = templates({
     "pass": "PASS. The captures agree with each other and determine the answer.",
     "warn": "WARN. Usable with care: read the warnings before you rely on it.",
     "fail": "FAIL. Do not use this result: the warnings say what to do.",
-}
+})  # fmt: skip
 
 _WIDTH: Final = 100
 _BARS: Final = "▁▂▃▄▅▆▇█"
 _SHADES: Final = " ░▒▓█"
 _MOST_BARS: Final = 60
-_LEVELS: Final = {"pass": "OK", "warn": "Warning", "fail": "Failed", "info": "Note"}
+_WORDS: Final = templates({
+    "pass": "OK",
+    "warn": "Warning",
+    "fail": "Failed",
+    "info": "Note",
+    "picture": "Picture",
+    "stale": "out of date",
+})  # fmt: skip
 
 
-def result_text(title: str, result: Mapping[str, Any], blocks: Sequence[AnyBlock]) -> str:
+def result_text(
+    title: str, result: Mapping[str, Any], blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH
+) -> str:
     """Return a result, given as JSON data, as text: verdict, headline, warnings, then the rest of its evidence.
 
-    Three warnings stand in sight; further ones follow at the end.
+    Three warnings stand in sight; further ones follow at the end.  Its texts and those of its blocks are in the
+    language already; `said` has the few words between them.
     """
     headline, rest = split_headline(blocks)
     warnings: list[str] = list(result.get("warnings") or [])
-    word, _, meaning = VERDICTS[result["verdict"]].partition(". ")
+    word, meaning = verdict_words(result["verdict"], said)
+    about = said.listed([title, *([_WORDS["stale"]] if result.get("stale") else ())], said.comma)
     parts = [
-        f"{result.get('stage', '')}: {word}  ({title}{', out of date' if result.get('stale') else ''})\n{meaning}",
-        blocks_text(headline),
-        sentences("Warning", warnings[:MOST_IN_SIGHT]),
-        blocks_text(rest),
-        sentences("Warning", warnings[MOST_IN_SIGHT:]),
-        sentences("Note", result.get("notes") or []),
+        f"{result.get('stage', '')}: {word}  ({about})\n{meaning}",
+        blocks_text(headline, said=said),
+        _sentences("warn", warnings[:MOST_IN_SIGHT], said),
+        blocks_text(rest, said=said),
+        _sentences("warn", warnings[MOST_IN_SIGHT:], said),
+        _sentences("info", result.get("notes") or [], said),
     ]
     return plain("\n\n".join(part for part in parts if part))
 
 
-def sentences(label: str, texts: Sequence[str]) -> str:
+def verdict_words(verdict: str, said: Catalogue = ENGLISH) -> tuple[str, str]:
+    """Return a verdict as one word, and the sentence that says what it means."""
+    word, meaning = re.split(r"\. |。", said.say(VERDICTS[verdict]), maxsplit=1)
+    return word, meaning
+
+
+def _sentences(level: str, texts: Sequence[str], said: Catalogue) -> str:
     """Return sentences, each after its label."""
-    return "\n".join(line for text in texts for line in wrapped(label, text))
+    return "\n".join(line for text in texts for line in _wrapped(said.say(_WORDS[level]), text))
 
 
 def split_headline(blocks: Sequence[AnyBlock]) -> tuple[list[AnyBlock], list[AnyBlock]]:
@@ -87,13 +107,13 @@ def runs(blocks: Sequence[AnyBlock]) -> Iterator[list[Figure] | AnyBlock]:
             yield from group
 
 
-def blocks_text(blocks: Sequence[AnyBlock], detail: bool = False) -> str:
+def blocks_text(blocks: Sequence[AnyBlock], detail: bool = False, said: Catalogue = ENGLISH) -> str:
     """Return blocks as lines of text; what is shown on demand only where `detail` is asked for."""
     lines: list[str] = []
     for section in sections([block for block in blocks if detail or not block.detail]):
         lines += ["", section[0].title] if section[0].title else []
         for run in runs(section):
-            lines += _figures(run) if isinstance(run, list) else _lines(run)
+            lines += _figures(run) if isinstance(run, list) else _lines(run, said)
     return plain("\n".join(lines).strip("\n"))
 
 
@@ -102,30 +122,44 @@ def plain(text: str) -> str:
     return text.replace("−", "-").replace("\u202f", " ").replace("\u00a0", " ")
 
 
-def wrapped(label: str, text: str) -> list[str]:
+def _wrapped(label: str, text: str) -> list[str]:
     """Return a sentence after its label, broken into lines that begin below each other."""
-    return textwrap.wrap(f"{label:10}{text}", _WIDTH, subsequent_indent=" " * 10, break_on_hyphens=False)
+    return _broken(_padded(label, 10) + text, subsequent_indent=" " * 10, break_on_hyphens=False)
 
 
-def _lines(block: AnyBlock) -> list[str]:
+def _broken(text: str, **how: Any) -> list[str]:
+    """Return text in lines, each as wide as the terminal allows; Chinese characters are two columns wide."""
+    return textwrap.wrap(text, _WIDTH * len(text) // max(_columns(text), 1), **how) if text else []
+
+
+def _columns(text: str) -> int:
+    return sum(2 if east_asian_width(one) in "WF" else 1 for one in text)
+
+
+def _padded(text: str, width: int, right: bool = False) -> str:
+    spaces = " " * (width - _columns(text))
+    return spaces + text if right else text + spaces
+
+
+def _lines(block: AnyBlock, said: Catalogue) -> list[str]:
     match block:
         case Figure():
             return _figures([block])
         case Frame():
-            return _frame(block)
+            return _frame(block, said)
         case Table():
             return _table(block)
         case Plot():
-            return _plot(block)
+            return _plot(block, said)
         case Picture():
-            return wrapped("Picture", block.alt)
+            return _wrapped(said.say(_WORDS["picture"]), block.alt)
         case Note():
-            return wrapped(_LEVELS[block.level], block.text)
+            return _wrapped(said.say(_WORDS[block.level]), block.text)
 
 
 def _figures(figures: Sequence[Figure]) -> list[str]:
-    width = max(len(figure.label) for figure in figures)
-    return [f"  {figure.label:{width}}  {figure_text(figure)}" for figure in figures]
+    width = max(_columns(figure.label) for figure in figures)
+    return [f"  {_padded(figure.label, width)}  {figure_text(figure)}" for figure in figures]
 
 
 def figure_text(figure: Figure) -> str:
@@ -138,16 +172,16 @@ def figure_text(figure: Figure) -> str:
     return " ".join(parts)
 
 
-def _frame(frame: Frame) -> list[str]:
-    head = f"{frame.name} as {frame.units}"
+def _frame(frame: Frame, said: Catalogue) -> list[str]:
+    head = said.say(message("{frame} as {units}", frame=frame.name, units=frame.units))
     matrix = ["  " + " ".join(f"{v:12.6f}" for v in row) for row in frame.matrix]
     if not frame.numbers:
         return [f"  {head}", *matrix]
     texts = [quantity_text(number.quantity) for number in frame.numbers]
-    labels = max(len(number.label) for number in frame.numbers)
+    labels = max(_columns(number.label) for number in frame.numbers)
     widths = [len(text.split(" ±")[0]) for text in texts]
     rows = [
-        f"  {number.label:{labels}}  {' ' * (max(widths) - width)}{text}"
+        f"  {_padded(number.label, labels)}  {' ' * (max(widths) - width)}{text}"
         for number, text, width in zip(frame.numbers, texts, widths, strict=True)
     ]
     return [f"  {head}", *(matrix if frame.convention == "matrix" else []), *rows]
@@ -168,7 +202,7 @@ def head_text(column: Column) -> str:
 
 
 def _caption(text: str) -> list[str]:
-    return textwrap.wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="  ")
+    return _broken(text, initial_indent="  ", subsequent_indent="  ")
 
 
 def _table(table: Table) -> list[str]:
@@ -176,12 +210,12 @@ def _table(table: Table) -> list[str]:
         [cell_text(c, column) for c, column in zip(row.cells, table.columns, strict=True)] for row in table.rows
     ]
     heads = [head_text(column) for column in table.columns]
-    widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
+    widths = [max(_columns(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
     marks = [" " if row.used else "×" for row in table.rows]
 
     def line(cells: Sequence[str], mark: str = " ") -> str:
         padded = [
-            f"{cell:<{width}}" if column.align == "left" or not k else f"{cell:>{width}}"
+            _padded(cell, width, right=column.align != "left" and k > 0)
             for k, (cell, width, column) in enumerate(zip(cells, widths, table.columns, strict=True))
         ]
         return f"{mark} {'  '.join(padded)}".rstrip()
@@ -194,23 +228,23 @@ def _table(table: Table) -> list[str]:
 def _reasons(rows: Sequence[Row]) -> Iterator[str]:
     for row in rows:
         if not row.used and row.reason:
-            yield from wrapped("× " + (row.capture or ""), row.reason)
+            yield from _wrapped("× " + (row.capture or ""), row.reason)
 
 
-def _plot(plot: Plot) -> list[str]:
+def _plot(plot: Plot, said: Catalogue) -> list[str]:
     lines = _caption(plot.caption)
     for series in plot.series:
         if plot.shape == "grid":
             lines.append("  " + _shaded(series, plot))
             continue
-        lines.append(f"  {_bars(series.y)}  {_range(series, plot)}".rstrip())
+        lines.append(f"  {_bars(series.y)}  {_range(series, plot, said)}".rstrip())
     if plot.band is not None:
         low, high = number_text(plot.band.low, 1), number_text(plot.band.high, 1)
-        lines.append(f"  {plot.band.label}: {low} to {with_unit(high, plot.y.unit)}")
+        lines.append(f"  {plot.band.label}: {low} … {with_unit(high, plot.y.unit)}")
     return lines
 
 
-def _range(series: Series, plot: Plot) -> str:
+def _range(series: Series, plot: Plot, said: Catalogue) -> str:
     """Return the largest value of a series with its capture."""
     known = [(abs(y), k) for k, y in enumerate(series.y) if y is not None]
     if not known:
@@ -219,7 +253,7 @@ def _range(series: Series, plot: Plot) -> str:
     where = f" ({series.captures[largest]})" if series.captures else ""
     value = with_unit(number_text(series.y[largest], 2), plot.y.unit)
     label = f"{series.label}: " if series.label else ""
-    return f"{label}largest {value}{where}"
+    return label + said.say(message("largest {value}", value=value)) + where
 
 
 def _bars(values: Sequence[float | None]) -> str:

@@ -32,7 +32,7 @@ def has_code(result: Mapping[str, Any], *codes: Code) -> bool:
     return any(finding["code"] in names for finding in result.get("findings") or [])
 
 
-def judgement(findings: Iterable[Finding]) -> dict[str, Any]:
+def judgement(findings: Iterable[Finding], language: Catalogue = ENGLISH) -> dict[str, Any]:
     """Return the fields of a result that are made of its findings: errors first, then warnings, then notes.
 
     Within a severity what has a remedy is a cause, and stands before what it may have brought about.
@@ -42,8 +42,8 @@ def judgement(findings: Iterable[Finding]) -> dict[str, Any]:
     return {
         "findings": found,
         "verdict": verdict_of(found),
-        "warnings": [sentence_of(finding) for finding in shown if finding.severity != "note"],
-        "notes": [sentence_of(finding) for finding in shown if finding.severity == "note"],
+        "warnings": [sentence_of(finding, language) for finding in shown if finding.severity != "note"],
+        "notes": [sentence_of(finding, language) for finding in shown if finding.severity == "note"],
         "causes": causes_of(_told_with_causes(found)),
     }
 

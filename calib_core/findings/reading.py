@@ -93,11 +93,11 @@ def as_read(
     """
     result = complete(Result.model_validate(data))
     findings = findings_as_read([*result.findings, *_of_provenance(result)], language, severities)
-    made = result.model_copy(update=judgement(findings)).model_dump(mode="json", include={*_MADE})
+    said = catalogue(language)
+    made = result.model_copy(update=judgement(findings, said)).model_dump(mode="json", include={*_MADE})
     made["findings"] = [finding.to_json() for finding in findings]
     read = {**data, **made}
     if language != "en" and data.get("residuals"):
-        said = catalogue(language)
         reasons = reasons_of(findings, said)
         read["residuals"] = [
             {**row, "reason": reasons.get(row["capture"]) or said.say(row.get("reason") or "") or None}

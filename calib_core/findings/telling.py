@@ -1,11 +1,12 @@
 """JSON data in another language: its findings, its messages, and the texts of its fields that hold texts."""
 
 from collections.abc import Mapping
-from typing import Any, Final, cast
+from typing import Any, Final, TypeVar, cast
 
 from calib_core.findings.reading import as_read, in_language
 from calib_core.findings.table import CODES
 from calib_core.messages import SAID, Catalogue, Message, are_numbers, made_lately, parts_in
+from calib_core.records.base import Record
 from calib_core.records.findings import Finding
 
 TEXTS: Final = frozenset(
@@ -18,6 +19,8 @@ TEXTS: Final = frozenset(
 )
 """The fields whose texts are said as they stand, where the catalogue knows them; others hold names and values."""
 
+B = TypeVar("B", bound=Record)
+
 _FINDING: Final = {"code", "severity", "text"}
 _RESULT: Final = {"stage", "findings", "verdict", "warnings", "method"}
 
@@ -27,6 +30,11 @@ def told(document: Any, language: Catalogue) -> Any:
     if language.language == "en":
         return _without_parts(document)
     return _Telling(language, {str(one): one for one in parts_in(document)}).told(document)
+
+
+def block_in(block: B, language: Catalogue) -> B:
+    """Return a block of evidence as a language says it."""
+    return type(block).model_validate(told(block.to_json(), language))
 
 
 def _without_parts(value: Any) -> Any:

@@ -1,17 +1,12 @@
 """A simulated cell's truth beside what its results state: as blocks, for reports and the command line."""
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
 from calib_core.review.compare import Compared, FrameDifference, differences_from_truth
-
-_CAPTION: Final = (
-    "The cell is simulated: its truth is known, and no solver saw it. Off at the workpiece by so much, "
-    "± what the result states (k = 2); chance: how often a right answer is as far off or farther."
-)
 
 
 def off_the_truth(session: Session, result: Mapping[str, Any], truth: Mapping[str, Any]) -> list[FrameDifference]:
@@ -32,7 +27,16 @@ def truth_blocks(session: Session, result: Mapping[str, Any], truth: Mapping[str
         Column(label="Distance", unit="σ", decimals=2),
         Column(label="Chance"),
     ]
-    return [Table(id="truth", title="Beside the truth", caption=_CAPTION, columns=columns, rows=_rows(frames))]
+    return [
+        Table(
+            id="truth",
+            title="Beside the truth",
+            caption="The cell is simulated: its truth is known, and no solver saw it. Off at the workpiece by so "
+            "much, ± what the result states (k = 2); chance: how often a right answer is as far off or farther.",
+            columns=columns,
+            rows=_rows(frames),
+        )
+    ]
 
 
 def _rows(frames: list[FrameDifference]) -> list[Row]:

@@ -8,6 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 from calib_core.archive.stored_results import result_record
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.graph.registry import STAGES
+from calib_core.messages import ENGLISH, Catalogue
 from calib_core.records import CaptureResidual, Result, Session
 from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.stages.evidence_parts import label_of, left_out
@@ -33,12 +34,12 @@ def title_of(stage: str) -> str:
     return STAGES.get(stage).title if stage in STAGES.names() else stage
 
 
-def text_of(result: Result) -> str:
-    """Return a result as text, as `print` and the terminal show it."""
+def text_of(result: Result, said: Catalogue = ENGLISH) -> str:
+    """Return a result whose texts are in a language already as text, as `print` and the terminal show it."""
     from calib_core.evidence.text import result_text
 
     data = _told(result)
-    return result_text(title_of(data["stage"]), data, result.evidence)
+    return result_text(said.say(title_of(data["stage"])), data, result.evidence, said)
 
 
 def html_of(result: Result) -> str:

@@ -18,7 +18,7 @@ from calib_core.evidence.words import by_cause, captures_text
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import AtWorkpiece, at_workpiece
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.messages import message
+from calib_core.messages import message, templates
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import CaptureResidual, Result, Session, VarianceComponents
 from calib_core.records.evidence import (
@@ -36,6 +36,7 @@ from calib_core.records.evidence import (
     Series,
     Table,
 )
+from calib_core.steps import declared_stages
 
 BAND: Final = 2.795
 """The 95 % quantile of the length of three independent standard normal numbers (χ², 3 degrees of freedom)."""
@@ -137,6 +138,11 @@ def captures_used(result: Result) -> Figure:
         label="Captures used",
         text=message("{rows} of {count}", rows=sum(row.used for row in rows), count=len(rows)),
     )
+
+
+def source_text(name: str) -> str:
+    """Return where a tool comes from: what its stage's result is called, or that it is given."""
+    return next((stage.title for stage in declared_stages() if stage.name == name), message("given"))
 
 
 def left_out(rows: Sequence[CaptureResidual]) -> list[AnyBlock]:
@@ -250,7 +256,7 @@ def _at(what: str, mount: str) -> str:
 
 def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
     """Return what the uncertainty means where it matters, one row a place."""
-    words = {"tool": "Tool, in the scanner's view", "table": "Table", "both": "Tool and table"}
+    words = templates({"tool": "Tool, in the scanner's view", "table": "Turntable", "both": "Tool and table"})
     rows: list[Row] = []
     for place in places:
         at = ", ".join(number_text(value, 0) for value in place.point_mm)

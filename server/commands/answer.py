@@ -7,6 +7,7 @@ from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result
 
 if TYPE_CHECKING:
+    from calib_core.messages import Catalogue
     from calib_core.review.answer import AnsweredFrame, SessionAnswer
 
 
@@ -28,19 +29,22 @@ def _run(options: argparse.Namespace) -> int:
             results = replayed(session, read, stored_results(folder), progress)
         date = solved_when(folder, results, unpacked=is_archive(options.session))
         answer = answer_of_folder(session, results, read, date)
+    said = spoken(options)
     if answer is None:
         raise ConflictError("a solved session", "no answer yet", "Run `scancell run` on it.", str(options.session))
-    answer = answer_as_read(answer, spoken(options).language, session.cell.findings)
-    print_result(options, _text(answer), answer.to_json())
+    answer = answer_as_read(answer, said.language, session.cell.findings)
+    print_result(options, _text(answer, said), answer.to_json())
     return NOT_ACCEPTED if answer.faults else OK
 
 
-def _text(answer: "SessionAnswer") -> str:
+def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
     """Return the answer as its result reads: verdict, uncertainty (k = 2), the frames for the controller."""
     from calib_core.evidence.numbers import plus_minus
     from calib_core.evidence.text import result_text
+    from calib_core.findings.telling import block_in
     from calib_core.frames import Frame, RigidTransform
     from calib_core.graph.registry import STAGES
+    from calib_core.records.decided_before import DECISIONS
     from calib_core.records.evidence import AnyBlock, Figure
     from calib_core.stages.evidence_parts import frame_block
 
@@ -57,7 +61,7 @@ def _text(answer: "SessionAnswer") -> str:
     blocks += [
         Figure(label="Cell", text=answer.cell),
         *([Figure(label="Solved", text=f"{answer.solved[:16].replace('T', ' ')} UTC")] if answer.solved else []),
-        *([Figure(label="Verification", text=answer.decision)] if answer.decision else []),
+        *([Figure(label="Verification", text=DECISIONS[answer.decision])] if answer.decision else []),
     ]
     frames: tuple[tuple[AnsweredFrame | None, Frame, Frame, str], ...] = (
         (answer.tool, "tool0", "laser", "Scanner on the flange"),
@@ -68,7 +72,8 @@ def _text(answer: "SessionAnswer") -> str:
         if found is not None:
             frame = RigidTransform.from_rounded(found.matrix, into, outof)
             blocks.append(frame_block(answer.pose_convention, frame, found.covariance, title=title))
-    return result_text(STAGES.get(answer.stage, "stage").title, answer.to_json(), blocks)
+    title = said.say(STAGES.get(answer.stage, "stage").title)
+    return result_text(title, answer.to_json(), [block_in(block, said) for block in blocks], said)
 
 
 COMMAND = Command(

@@ -48,7 +48,9 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.cell.found import ON_FLANGE
     from calib_core.formats.shared.writing import write_pieces
     from calib_core.records import parse_session
+    from calib_core.stages.evidence import text_of
     from calib_core.stages.pipeline import run
+    from server.console.language import result_as_read, spoken
     from server.console.progress import progress_bar
 
     files = {f"captures/{k:03d}-{path.name}": path for k, path in enumerate(options.files)}
@@ -80,7 +82,9 @@ def _run(options: argparse.Namespace) -> int:
     if options.out is not None:
         written = result.model_dump_json(indent=2).encode()
         write_pieces(options.out / "results" / "merge.json", iter([written]))
-    print_result(options, str(result), {"session": session.to_json(), "results": {"merge": result_data(result)}})
+    said = spoken(options)
+    text = text_of(result_as_read(result, said), said)
+    print_result(options, text, {"session": session.to_json(), "results": {"merge": result_data(result)}})
     return NOT_ACCEPTED if result.verdict == "fail" else OK
 
 

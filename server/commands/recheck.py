@@ -17,9 +17,11 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.stored_results import stored_results
     from calib_core.graph.keys import Graph
     from calib_core.graph.stage_input import Kept
+    from calib_core.stages.evidence import text_of
     from calib_core.stages.pipeline import solve_stage
     from calib_core.stages.recheck.guide import recheck_plan
     from calib_core.steps import tool_stages
+    from server.console.language import result_as_read, spoken
 
     with opened(options.session) as folder:
         session, read = load_session(folder)
@@ -33,7 +35,8 @@ def _run(options: argparse.Namespace) -> int:
             print_result(options, _text(plan), plan.to_json())
             return OK
         result = solve_stage(session, "recheck", read, kept=kept)
-    print_result(options, str(result), result.to_json())
+    said = spoken(options)
+    print_result(options, text_of(result_as_read(result, said, session.cell.findings), said), result.to_json())
     return NOT_ACCEPTED if result.verdict == "fail" else OK
 
 

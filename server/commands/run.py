@@ -11,6 +11,7 @@ from server.console.output import print_result, remark
 
 if TYPE_CHECKING:
     from calib_core.errors import CalibrationError
+    from calib_core.messages import Catalogue
     from calib_core.records import Result, RootCause, Session
     from calib_core.records.callbacks import ReadFile
     from server.console.client import Scancell
@@ -41,7 +42,9 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.stored_results import truth_of
     from calib_core.errors import CalibrationError
     from calib_core.formats.shared.writing import write_pieces
+    from calib_core.stages.evidence import text_of
     from calib_core.stages.pipeline import run
+    from server.console.language import result_as_read, spoken
     from server.console.progress import progress_bar
 
     if options.server is not None:
@@ -64,14 +67,15 @@ def _run(options: argparse.Namespace) -> int:
             except CalibrationError as error:
                 raise _with_cause(error, session, read) from None
         truth = truth_of(folder)
-    read_results = _as_read(options, session, results)
+    said = spoken(options)
+    read_results = {name: result_as_read(result, said, session.cell.findings) for name, result in results.items()}
     told = {name: {**result_data(result), "provenance": "solved"} for name, result in read_results.items()}
     texts = [
         text
         for name, result in read_results.items()
-        for text in (str(result), *_truth_text(session, told[name], truth))
+        for text in (text_of(result, said), *_truth_text(session, told[name], truth, said))
     ]
-    text = "\n\n".join([*texts, *_causes_text(options, read_results)])
+    text = "\n\n".join([*texts, *_causes_text(options, read_results, said)])
     data = {"session": session.to_json(), "results": told}
     try:
         if target is not None:
@@ -89,22 +93,6 @@ def _failing_codes(options: argparse.Namespace) -> set[str]:
     from calib_core.findings.table import code_named
 
     return {code_named(name.strip()).name for name in options.fail_on.split(",") if name.strip()}
-
-
-def _as_read(
-    options: argparse.Namespace, session: "Session", results: "Mapping[str, Result]"
-) -> dict[str, "Result"]:
-    """Return results in the language that is asked for, with the cell's own severities."""
-    from calib_core.archive.folder import result_data
-    from calib_core.findings.reading import as_read
-    from calib_core.findings.telling import told
-    from server.console.language import spoken
-
-    language, severities = spoken(options), session.cell.findings
-    return {
-        name: type(result).model_validate(told(as_read(result_data(result), severities=severities), language))
-        for name, result in results.items()
-    }
 
 
 def _status(failing: set[str], results: "Mapping[str, Result]") -> int:
@@ -171,16 +159,19 @@ def _with_cause(error: "CalibrationError", session: "Session", read: "ReadFile")
     )
 
 
-def _truth_text(session: "Session", result: Mapping[str, Any], truth: Mapping[str, Any] | None) -> list[str]:
+def _truth_text(
+    session: "Session", result: Mapping[str, Any], truth: Mapping[str, Any] | None, said: "Catalogue"
+) -> list[str]:
     """Return a simulated cell's result beside its truth."""
     from calib_core.evidence.text import blocks_text
+    from calib_core.findings.telling import block_in
     from calib_core.review.truth import truth_blocks
 
     blocks = [] if truth is None else truth_blocks(session, result, truth)
-    return [blocks_text(blocks)] if blocks else []
+    return [blocks_text([block_in(block, said) for block in blocks], said=said)] if blocks else []
 
 
-def _causes_text(options: argparse.Namespace, results: "Mapping[str, Result]") -> list[str]:
+def _causes_text(options: argparse.Namespace, results: "Mapping[str, Result]", said: "Catalogue") -> list[str]:
     """Return how the root causes' remedies are applied."""
     lines = [
         f"  {cause.title}: scancell run {options.session} --apply {cause.id}"
@@ -188,7 +179,7 @@ def _causes_text(options: argparse.Namespace, results: "Mapping[str, Result]") -
         for cause in result.causes
         if cause.changes is not None
     ]
-    return ["\n".join(["Remedies", *dict.fromkeys(lines)])] if lines else []
+    return ["\n".join([said.say(message("Remedies")), *dict.fromkeys(lines)])] if lines else []
 
 
 def _run_there(options: argparse.Namespace) -> int:
@@ -196,6 +187,8 @@ def _run_there(options: argparse.Namespace) -> int:
     from calib_core.archive.folder import result_data, write_result
     from calib_core.archive.stored_results import result_record
     from calib_core.records import parse_session
+    from calib_core.stages.evidence import text_of
+    from server.console.language import result_as_read, spoken
     from server.console.progress import progress_bar
     from server.console.remote import connected, session_id
 
@@ -220,7 +213,8 @@ def _run_there(options: argparse.Namespace) -> int:
     if out is not None:
         for stage, result in results.items():
             write_result(out, stage, result, parse_session(record))
-    text = "\n\n".join(str(result) for result in results.values())
+    said, severities = spoken(options), parse_session(record).cell.findings
+    text = "\n\n".join(text_of(result_as_read(result, said, severities), said) for result in results.values())
     data = {"session": record, "results": {name: result_data(result) for name, result in results.items()}}
     print_result(options, f"session {session}\n\n{text}", data)
     return _status(failing, results)

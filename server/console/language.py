@@ -2,10 +2,12 @@
 
 import argparse
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from calib_core.messages import Catalogue
+    from calib_core.records import Result, Severity
 
 
 def spoken(options: argparse.Namespace) -> "Catalogue":
@@ -13,3 +15,14 @@ def spoken(options: argparse.Namespace) -> "Catalogue":
     from calib_core.findings.catalogues import catalogue
 
     return catalogue(options.lang or os.environ.get("SCANCELL_LANG") or "en")
+
+
+def result_as_read(
+    result: "Result", said: "Catalogue", severities: "Mapping[str, Severity] | None" = None
+) -> "Result":
+    """Return a result in a language, with a cell's own severities."""
+    from calib_core.archive.folder import result_data
+    from calib_core.findings.reading import as_read
+    from calib_core.findings.telling import told
+
+    return type(result).model_validate(told(as_read(result_data(result), severities=severities), said))

@@ -97,7 +97,7 @@ def test_it_says_what_the_records_say(solved: Solved) -> None:
     for warning in tcp["warnings"]:
         assert warning in page.text
     assert page.row("Sphere's diameter")[1].startswith("40.0")
-    assert page.row("Captures") == ["Captures", "tcp 14"]
+    assert page.row("Captures") == ["Captures", "TCP 14"]
     two = tcp["two_step"]
     label = "Scatter of the sphere's centres, RMS"
     shown = [quantity_text(quantity(r["center_scatter_rms_mm"], "mm")) for r in (tcp, two)]
@@ -195,7 +195,7 @@ def test_words_from_outside_are_words(solved: Solved, form: Any) -> None:
 def test_the_verdict_and_what_it_means(solved: Solved, verdict: str) -> None:
     session, results = solved
     text = Page(report_html(session, {"tcp": {**results["tcp"], "verdict": verdict}})).text
-    assert f"Verdict of the calibration: {verdict.upper()} ." in text
+    assert f"Verdict of the calibration {verdict.upper()}" in text
     meaning = {"pass": "agree with each other", "warn": "Usable with care", "fail": "Do not use"}[verdict]
     assert meaning in text
 

@@ -8,7 +8,7 @@ from calib_core.evidence.words import counted
 from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Series, Table
-from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance
+from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance, source_text
 from calib_core.stages.merge.record import MergeResidual, MergeResult
 
 _DROPPED: Final = (("stray", "Stray"), ("mixed", "Mixed"), ("grazing", "Grazing"))
@@ -98,7 +98,7 @@ def _cloud(result: MergeResult) -> list[AnyBlock]:
         remark = message("watertight") if not result.mesh_open_edges else ""
         figures.append(Figure(label="Open edges", quantity=fixed(result.mesh_open_edges, 0), remark=remark))
     if result.calibrated_by is not None:
-        figures.append(Figure(label="Tool and table from", text=result.calibrated_by))
+        figures.append(Figure(label="Tool and table from", text=source_text(result.calibrated_by)))
     return figures
 
 

@@ -5,8 +5,16 @@ from typing import Final
 from calib_core.evidence.numbers import fixed, quantity, rms
 from calib_core.messages import message
 from calib_core.records import Session
+from calib_core.records.decided_before import DECISIONS
 from calib_core.records.evidence import AnyBlock, Column, Figure, Quantity, Row, Table
-from calib_core.stages.evidence_parts import captures_used, left_out, provenance, residual_plot, residual_table
+from calib_core.stages.evidence_parts import (
+    captures_used,
+    left_out,
+    provenance,
+    residual_plot,
+    residual_table,
+    source_text,
+)
 from calib_core.stages.verify.limits import changes_table
 from calib_core.stages.verify.record import VerifyCheck, VerifyResult
 
@@ -26,7 +34,7 @@ def evidence(session: Session, result: VerifyResult) -> list[AnyBlock]:
     return [
         *_decision(result),
         *_scatter(result),
-        Figure(label="Verified", text=result.verified),
+        Figure(label="Verified", text=source_text(result.verified)),
         captures_used(result),
         *_chance(result),
         *_checks(result),
@@ -64,7 +72,7 @@ def _decision(result: VerifyResult) -> list[AnyBlock]:
     if result.decision is None:
         return []
     remark = "by limits changed after the first capture" if result.limits_changed else None
-    return [Figure(label="Decision", text=result.decision.replace("-", " "), remark=remark, headline=True)]
+    return [Figure(label="Decision", text=DECISIONS[result.decision], remark=remark, headline=True)]
 
 
 def _checks(result: VerifyResult) -> list[AnyBlock]:
@@ -75,7 +83,7 @@ def _checks(result: VerifyResult) -> list[AnyBlock]:
                 check.title,
                 _measured(check),
                 None if check.limit_mm is None else quantity(check.limit_mm, "mm"),
-                (check.decision or "not judged").replace("-", " "),
+                DECISIONS[check.decision] if check.decision else "not judged",
             ]
         )
         for check in result.checks
@@ -87,8 +95,8 @@ def _checks(result: VerifyResult) -> list[AnyBlock]:
         Table(
             id="checks",
             title="Figures and limits",
-            caption="2634-style. Pass up to the limit less U, conditional pass up to the limit, conditional "
-            "fail up to the limit plus U (k = 2).",
+            caption="2634-style. Passed up to the limit less U, conditional pass up to the "
+            "limit, conditional fail up to the limit plus U (k = 2).",
             columns=[*columns, Column(label="Decision", align="left")],
             rows=rows,
         )

@@ -9,7 +9,7 @@ from calib_core.messages import message
 from calib_core.records import Cell, Session
 from calib_core.records.policy import Environment, Equipment
 from calib_core.robots import CONVENTIONS
-from server.render.report.first_page import ON_FIRST_PAGE, Circumstances, Rows
+from server.render.report.first_page import ON_FIRST_PAGE, Circumstances, Rows, step_title
 from server.render.report.words import KINDS
 
 
@@ -43,7 +43,7 @@ def environment_rows(session: Session, told: Circumstances) -> list[list[str]]:
     for step in dict.fromkeys(capture.step for capture in session.captures):
         own = [c.environment for c in session.captures if c.step == step and c.environment is not None]
         if own:
-            rows.append([step, *_temperatures(own)])
+            rows.append([step_title(step, told.language.say), *_temperatures(own)])
     return rows
 
 
@@ -69,16 +69,16 @@ def documentation_rows(session: Session) -> Rows:
 def cell_rows(cell: Cell, told: Circumstances) -> Rows:
     """Return the cell as it was told."""
     say = told.language.say
-    sigma = cell.sphere_diameter_sigma_mm
+    sigma, axis, board = cell.sphere_diameter_sigma_mm, cell.scanner.z_axis, cell.board
     rows: list[tuple[Any, str | None]] = [
         (message("Sphere's diameter"), quantity_text(quantity(cell.sphere_diameter_mm, "mm", sigma or None))),
         (message("Poses as"), f"{cell.pose_convention}: {CONVENTIONS[cell.pose_convention].numbers}"),
-        (message("Scanner's z axis"), cell.scanner.z_axis),
+        (message("Scanner's z axis"), axis and say(KINDS[axis])),
         (message("Noise of one point (one sigma)"), _sigma(cell.scanner.point_sigma_mm, "mm")),
         (message("Robot's position (one sigma)"), _sigma(cell.robot.position_sigma_mm, "mm")),
         (message("Robot's orientation (one sigma)"), _sigma(cell.robot.orientation_sigma_deg, "°")),
         (message("Turntable's angle (one sigma)"), _sigma(cell.turntable.angle_sigma_deg, "°")),
-        (message("Board"), f"{cell.board.kind}, {cell.board.columns} × {cell.board.rows}" if cell.board else None),
+        (message("Board"), board and f"{say(KINDS[board.kind])}, {board.columns} × {board.rows}"),
     ]
     return [(say(label), value) for label, value in rows if value is not None]
 

@@ -8,9 +8,9 @@ from typing import Any, Final, Literal
 
 from calib_core.captures.certificate_dates import overdue_certificates
 from calib_core.errors import ConflictError
-from calib_core.evidence.html import STALE, verdict_words
+from calib_core.evidence.html import STALE
 from calib_core.evidence.numbers import plus_minus, quantity, quantity_text
-from calib_core.evidence.text import MOST_IN_SIGHT, figure_text
+from calib_core.evidence.text import MOST_IN_SIGHT, figure_text, verdict_words
 from calib_core.exports.answer import answer_of
 from calib_core.findings import in_language
 from calib_core.findings.codes.faults import FAULT_CODES
@@ -23,7 +23,8 @@ from calib_core.records.policy import Equipment
 from calib_core.review.answer import cell_id
 from calib_core.stages.evidence import title_of
 from calib_core.stages.verify.limits import said_change
-from server.render.report.words import WORDS
+from calib_core.steps import capture_steps
+from server.render.report.words import KINDS, WORDS
 
 ON_FIRST_PAGE: Final = ("customer", "operator", "place", "procedure")
 """What of `documentation` stands there; the report's number heads every page, and the rest follows."""
@@ -88,7 +89,7 @@ def identification(session: Session, stage: str | None, told: Circumstances) -> 
     equipment = session.cell.equipment or []
     rows = [
         ("subject", told.language.say(title_of(stage)) if stage else ""),
-        ("scanner", _pieces(equipment, "scanner") or _scanners(session)),
+        ("scanner", _pieces(equipment, "scanner") or _scanners(session, told.language.say)),
         ("robot", _pieces(equipment, "robot") or session.cell.robot.brand or ""),
         ("cell", cell_id(session)),
         *((name, documentation.get(name, "")) for name in ON_FIRST_PAGE),
@@ -99,8 +100,9 @@ def identification(session: Session, stage: str | None, told: Circumstances) -> 
     return [(told.say(name), text) for name, text in rows if text]
 
 
-def _scanners(session: Session) -> str:
-    return ", ".join(session.cell.scanners or ()) or session.cell.scanner.kind or ""
+def _scanners(session: Session, say: Callable[[str], str]) -> str:
+    kind = session.cell.scanner.kind or ""
+    return ", ".join(session.cell.scanners or ()) or say(KINDS.get(kind, kind))
 
 
 def _pieces(equipment: Iterable[Equipment], kind: str) -> str:
@@ -123,6 +125,11 @@ def _instant(moment: str) -> float:
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
 
 
+def step_title(name: str, say: Callable[[str], str]) -> str:
+    """Return a step as people call it."""
+    return next((say(step.title) for step in capture_steps() if step.name == name), name)
+
+
 def _captures(session: Session, say: Callable[[str], str]) -> str:
     """Return how many captures each step has, and how many were left out by hand."""
     steps = dict.fromkeys(capture.step for capture in session.captures)
@@ -131,7 +138,7 @@ def _captures(session: Session, say: Callable[[str], str]) -> str:
         of_step = [capture for capture in session.captures if capture.step == step]
         excluded = sum(capture.excluded for capture in of_step)
         told = plural("{count} left out by hand", "{count} left out by hand", by="count", count=excluded)
-        parts.append(f"{step} {len(of_step)}" + (f" ({say(told)})" if excluded else ""))
+        parts.append(f"{step_title(step, say)} {len(of_step)}" + (f" ({say(told)})" if excluded else ""))
     return ", ".join(parts)
 
 

@@ -8,11 +8,12 @@ from markupsafe import Markup
 
 from calib_core import __version__
 from calib_core.cell.found import placed_scanner
-from calib_core.evidence.html import result_html, verdict_words
+from calib_core.evidence.html import result_html
 from calib_core.evidence.style import STYLE
+from calib_core.evidence.text import verdict_words
 from calib_core.exports.workpiece import covariance_in
 from calib_core.findings.reading import as_read
-from calib_core.findings.telling import told
+from calib_core.findings.telling import block_in, told
 from calib_core.graph.registry import stages
 from calib_core.messages import Catalogue
 from calib_core.records import Session
@@ -136,7 +137,7 @@ def _reasons(stored: Data, read: Data) -> dict[str, str]:
 def _said(block: AnyBlock, said: Catalogue, reasons: Mapping[str, str]) -> AnyBlock:
     if said.language == "en":
         return block
-    data = told(block.to_json(), said)
+    data = block_in(block, said).to_json()
     for row in data.get("rows") or ():
         row["cells"] = [reasons.get(cell, cell) if isinstance(cell, str) else cell for cell in row["cells"]]
         row["reason"] = reasons.get(row.get("reason"), row.get("reason") or "")

@@ -91,5 +91,16 @@ KINDS: Final = templates({
     "scanner": "Scanner",
     "robot": "Robot",
     "table": "Turntable",
+    "profile": "Profile scanner",
+    "sweep": "Profile scanner",
+    "cloud": "Area scanner",
+    "frame": "Camera with a laser line",
+    "center": "Sphere centres",
+    "chessboard": "Chessboard",
+    "charuco": "ChArUco board",
+    "circles": "Grid of circles",
+    "asymmetric-circles": "Grid of staggered circles",
+    "away": "away from the scanner",
+    "toward": "towards the scanner",
 })  # fmt: skip
-"""Of equipment; others are said as they were told."""
+"""Of equipment, scanners, boards and axes; others are said as they were told."""
