@@ -31,7 +31,7 @@ def test_each_name_stands_once() -> None:
 
 def test_each_text_is_used() -> None:
     """By its name, or by the beginning that code puts a name behind (`status.${word}`)."""
-    files = [file for file in WEB.rglob("*.js") if not {"vendor", "texts"} & set(file.parts)]
+    files = [file for file in WEB.rglob("*.js") if not {"vendor", "texts"} & set(file.relative_to(WEB).parts)]
     code = "\n".join(file.read_text(encoding="utf-8") for file in files)
     begun = re.findall(r"`([a-z_]+[._][a-z_.]*)\$\{", code)
     names = english(TEXTS)
