@@ -54,6 +54,7 @@ from server.sources.watched_folder import session_watcher
 from server.store.database import Store
 from server.store.group_commit import GroupCommit
 from server.store.store_lock import DatabaseLock
+from server.store.updates import updated_since
 from server.webhooks.sender import WebhookSender
 
 _DESCRIPTION = """Calibrates a laser scanning cell: sessions, captures, solves, results.
@@ -160,7 +161,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     openapi.install(app, role_of)
     for router in (*all_routers(), scenes_router, controls_router, trials_router, cloud_router):
         app.router.routes.extend(router.routes)
-    app.state.page_files = PageFiles(settings.web)
+    app.state.page_files = PageFiles(settings.web, lambda: updated_since(settings.data))
     app.mount("/web", GZipMiddleware(app.state.page_files, minimum_size=500))
     app.add_middleware(HeadRequests)
     app.add_middleware(Timeouts, settings=settings)

@@ -1,4 +1,4 @@
-"""A digital calibration certificate (DCC): whose it is, and of a sphere its diameter with its uncertainty.
+"""A digital calibration certificate (DCC): whose it is, its expansion, and a sphere's diameter with uncertainty.
 
 The XML of PTB's Digital Calibration Certificate with quantities in D-SI: `si:value`, `si:unit`, the expanded
 uncertainty with its coverage factor, in the words of D-SI 1 (`expandedUnc`) and of D-SI 2
@@ -18,6 +18,18 @@ from calib_core.records.policy import Equipment, EquipmentCertificate
 _MM = {"metre": 1000.0, "m": 1000.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3}
 _PREFIXES = {"milli": 1e-3, "micro": 1e-6, "centi": 1e-2, "deci": 1e-1, "nano": 1e-9, "kilo": 1e3}
 _DIAMETER = re.compile(r"diamet|durchmesser|diamètre|diámetro|直径|直徑", re.IGNORECASE)
+_EXPANSION = re.compile(r"expansion|ausdehnung|dilata|膨胀|膨脹", re.IGNORECASE)
+_REFERENCE = re.compile(
+    r"(reference|referenz|bezugs|standard)\W*temperatur|参考温度|標準溫度|标准温度|referenceTemperature",
+    re.IGNORECASE,
+)
+_KELVINS = (r"\kelvin\tothe{-1}", r"\per\kelvin")
+_METRES = (r"\micro\metre\metre\tothe{-1}\kelvin\tothe{-1}", r"\micro\metre\per\metre\per\kelvin")
+_PER_K = {
+    **dict.fromkeys((*_KELVINS, "1/K", "K^-1"), 1.0),
+    **dict.fromkeys((*_METRES, *(rf"\micro{one}" for one in _KELVINS)), 1e-6),
+}
+_ZERO_C = {r"\degreecelsius": 0.0, "°C": 0.0, r"\kelvin": -273.15, "K": -273.15}
 _EXPANDED = ("uncertainty", "valueExpandedMU")
 _FACTORS = ("coverageFactor",)
 _STANDARD = ("valueStandardMU",)
@@ -71,6 +83,7 @@ def read_certificate(data: bytes, where: str = "certificate", *, of_sphere: bool
             "a diameter in a unit of length", "{count} other quantities", to_do, where, count=len(reals)
         )
     equipment = _equipment(found, next(iter(numbers), ""), "sphere" if diameters else "")
+    equipment = equipment.model_copy(update=_expansion(reals, found, where))
     return Certificate(identifier=next(iter(numbers), ""), diameters=diameters, equipment=equipment)
 
 
@@ -88,6 +101,23 @@ def _equipment(every: Sequence[Element], number: str, kind: str) -> Equipment:
     )
 
 
+def _expansion(reals: Sequence[Element], every: Sequence[Element], where: str) -> dict[str, float]:
+    """Return an item's expansion and the temperature that its certificate is for, as far as they stand there."""
+    told: dict[str, float] = {}
+    for real in reals:
+        words, own = _told(real, every)
+        unit = "".join(own["unit"].text.split()) if "unit" in own else ""
+        if "value" not in own:
+            continue
+        if _EXPANSION.search(words) and unit in _PER_K:
+            per_k = _number(own["value"], where) * _PER_K[unit]
+            if per_k > 0:
+                told.setdefault("expansion_per_k", float(f"{per_k:.6g}"))
+        elif _REFERENCE.search(words) and unit in _ZERO_C:
+            told.setdefault("reference_c", round(_number(own["value"], where) + _ZERO_C[unit], 6))
+    return told
+
+
 def _within(every: Sequence[Element], *path: str) -> str | None:
     """Return the text of the first element that stands within others by their names, the outermost first."""
     *around, name = path
@@ -103,25 +133,28 @@ def _serial(every: Sequence[Element]) -> str | None:
     return next((one["value"][:200] for one in best if one.get("value")), None)
 
 
+def _told(real: Element, every: Sequence[Element]) -> tuple[str, dict[str, Element]]:
+    """Return all words of a quantity, its name first, and the elements of its number by their names."""
+    own = {e.name: e for e in every if e.path and e.path[-1] is real}
+    around = [e for e in reversed(real.path) if e.name in ("quantity", "influenceCondition")]
+    words = [word for e in around for word in (_name(e, every), e.attributes.get("refType", "")) if word]
+    return "\n".join([*words, *([own["label"].text] if "label" in own else [])]), own
+
+
 def _diameter(real: Element, every: Sequence[Element], where: str) -> CertifiedDiameter | None:
-    inside = [e for e in every if any(parent is real for parent in e.path)]
-    own = {e.name: e for e in inside if e.path[-1] is real}
-    quantity = next((e for e in reversed(real.path) if e.name == "quantity"), None)
-    name = _name(quantity, every) if quantity is not None else ""
-    kind = "" if quantity is None else quantity.attributes.get("refType", "")
-    label = own["label"].text if "label" in own else ""
+    words, own = _told(real, every)
     factor = _factor(own["unit"].text) if "unit" in own else None
-    if factor is None or "value" not in own or not _DIAMETER.search(f"{name} {kind} {label}"):
+    if factor is None or "value" not in own or not _DIAMETER.search(words):
         return None
+    inside = [e for e in every if any(parent is real for parent in e.path)]
     value = _number(own["value"], where) * factor
     if value <= 0:
         raise InputError(
             "a positive diameter", "{value:g} mm", "Look at the certificate.", _at(real, where), value=value
         )
     sigma, coverage = _sigma(inside, where)
-    told = name or label or kind
     return CertifiedDiameter(
-        name=told,
+        name=words.partition("\n")[0],
         diameter_mm=round(value, 9),
         sigma_mm=None if sigma is None else round(sigma * factor, 9),
         coverage_factor=coverage,

@@ -14,7 +14,7 @@ from calib_core.simulation.fixed_board_cell import FIXED_BOARD_SCENARIOS, simula
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
 from calib_core.simulation.profile_cell import Shot, World, build_world
-from calib_core.simulation.retake import retake, to_verify
+from calib_core.simulation.retake import another, retake
 from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
@@ -49,12 +49,12 @@ __all__ = [
     "VerifyScenario",
     "WholeScenario",
     "World",
+    "another",
     "retake",
     "simulate",
     "simulate_table",
     "simulate_tcp",
     "simulate_verify",
-    "to_verify",
 ]
 
 _WITHOUT_WORLD: tuple[tuple[Mapping[str, Any], Callable[[Any, str, int], tuple[Session, Any, Any]]], ...] = (

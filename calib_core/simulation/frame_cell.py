@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.records import Session
+from calib_core.records import Capture, Session
 from calib_core.simulation.frame_camera import SimulatedCamera
 from calib_core.simulation.frame_surfaces import BoardKind, BoardSurface, SphereSurface
 from calib_core.simulation.frames import Exposure, FloatArray, ImageArray, LightSheet, render
@@ -16,6 +16,8 @@ from calib_core.simulation.profile_cell import pose_numbers, rounded_pose
 
 _SPHERE_RADIUS_MM = 30.0
 _PITCH_MM = 9.0
+_OF_CELL = 31_415  # a cell's own numbers, apart from others of its seed
+_ANYWHERE = 3.0  # boards beyond the usual places, as far as the frame's border
 _MARKER_MM = 7.5
 _SPHERE_IN_BASE_MM = np.array([900.0, 150.0, 400.0])
 TOOL0_FROM_CAMERA = pose(turn([0.35, -0.2, 1.1]), [42.0, -75.0, 60.0])
@@ -150,14 +152,16 @@ def _board(kind: BoardKind, camera_from_board: FloatArray) -> BoardSurface:
     return BoardSurface(camera_from_board, columns, rows, _PITCH_MM, kind)
 
 
-def board_views(count: int, rng: np.random.Generator, kind: BoardKind = "chessboard") -> list[BoardSurface]:
-    """Return boards at random places that fill the view between 200 and 310 mm."""
+def board_views(
+    count: int, rng: np.random.Generator, kind: BoardKind = "chessboard", spread: float = 1.0
+) -> list[BoardSurface]:
+    """Return boards at random places that fill the view between 200 and 310 mm, `spread` times as wide."""
     boards: list[BoardSurface] = []
     for index in range(count):
         depth = 205.0 + 100.0 * (index % 5) / 4 + rng.uniform(-5, 5)
         rotation = turn(rng.uniform(-1, 1, 3) * [0.45, 0.45, 0.3])
         middle = _board(kind, np.eye(4)).points_on_board_mm().mean(axis=0)
-        offset = rng.uniform(-1, 1, 2) * [0.07, 0.05] * depth
+        offset = rng.uniform(-1, 1, 2) * [0.07 * spread, 0.05 * spread] * depth
         place = pose(rotation, np.array([*offset, depth]) - rotation @ middle)
         boards.append(_board(kind, place))
     return boards
@@ -167,7 +171,7 @@ def simulate_frames(
     options: FrameScenario, name: str, seed: int
 ) -> tuple[Session, dict[str, bytes], dict[str, Any]]:
     """Return the session record, its files and the truth of a scenario of frames."""
-    rng = np.random.default_rng([seed, 31_415])
+    rng = np.random.default_rng([seed, _OF_CELL])
     cell = build_cell(options, rng)
     truth = {**cell.truth(), "seed": seed, "scenario": name, "base_from_tool0": {}}
     truth["sigmas"] = {
@@ -187,6 +191,28 @@ def simulate_frames(
         "captures": captures,
     }
     return Session.model_validate(data), files, truth
+
+
+def one_more_frame(
+    scenario: str, seed: int, step: str, name: str, rng: np.random.Generator
+) -> tuple[Capture, dict[str, bytes]] | None:
+    """Return another capture of a step, boards anywhere in the view; None where the cell has none."""
+    options = FRAME_SCENARIOS[scenario]
+    cell = build_cell(options, np.random.default_rng([seed, _OF_CELL]))
+    one = replace(options, camera_views=1, plane_views=1, translations=0, orientations=1)
+    files: dict[str, bytes] = {}
+    truth: dict[str, Any] = {"base_from_tool0": {}}
+    if step == "camera":
+        (record,) = _camera_captures(cell, one, rng, files, spread=_ANYWHERE)
+    elif step == "laser-plane":
+        (record,) = _plane_captures(cell, one, rng, files)
+    elif step in ("tcp", "verify") and (options.translations or options.orientations):
+        (record,) = _sphere_captures(cell, one, rng, files, truth)
+    else:
+        return None
+    names = {file: f"captures/{name}{file.removeprefix('captures/' + record['id'])}" for file in files}
+    told = {**record, "id": name, "step": step, "files": [names[file] for file in record["files"]]}
+    return Capture.model_validate(told), {names[file]: content for file, content in files.items()}
 
 
 def cell_record(cell: FrameCell, options: FrameScenario) -> dict[str, Any]:
@@ -224,10 +250,10 @@ def exposure_for(options: FrameScenario, cell: FrameCell, ambient: float) -> Exp
 
 
 def _camera_captures(
-    cell: FrameCell, options: FrameScenario, rng: np.random.Generator, files: dict[str, bytes]
+    cell: FrameCell, options: FrameScenario, rng: np.random.Generator, files: dict[str, bytes], spread: float = 1.0
 ) -> list[dict[str, Any]]:
     captures: list[dict[str, Any]] = []
-    for index, board in enumerate(board_views(options.camera_views, rng, options.board)):
+    for index, board in enumerate(board_views(options.camera_views, rng, options.board, spread)):
         name = f"captures/c{index + 1:02d}.png"
         files[name] = as_png(render(cell.camera, [board], None, exposure_for(options, cell, 190.0), rng))
         captures.append({"id": f"c{index + 1:02d}", "step": "camera", "kind": "frame", "files": [name]})

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.errors import ConflictError
 from calib_core.records import Capture
+from calib_core.simulation.frame_cell import FRAME_SCENARIOS, one_more_frame
 from calib_core.simulation.motion import turn
 from calib_core.simulation.profile_cell import (
     Shot,
@@ -18,7 +19,7 @@ from calib_core.simulation.profile_cell import (
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.writing import shot_files, shot_record
 
-_APART_RAD = 0.35  # a pose that verifies is turned by up to so much about each axis from one that calibrated
+_APART_RAD = 0.35  # a pose of its own is turned by up to so much about each axis from one that is there
 
 
 def retake(simulated: SimulatedSession, capture: str, name: str, seed: int) -> tuple[Capture, dict[str, bytes]]:
@@ -58,26 +59,33 @@ def retake(simulated: SimulatedSession, capture: str, name: str, seed: int) -> t
     return Capture.model_validate(shot_record(again, world)), shot_files(again, world)
 
 
-def to_verify(simulated: SimulatedSession, name: str, seed: int) -> tuple[Capture, dict[str, bytes]]:
-    """Take a capture that verifies: of the sphere where it stands, from a pose of its own.
+def another(
+    simulated: SimulatedSession, step: str, name: str, seed: int
+) -> tuple[Capture, dict[str, bytes]] | None:
+    """Take one more capture for a step: of the sphere from a pose of its own, or of a board elsewhere in the view.
 
-    Parameters and errors are those of `retake`.
+    Parameters are those of `retake`; None is returned where the cell has nothing more for the step.
     """
-    world = simulated.world
-    taken = [] if world is None else [shot for shot in world.shots if shot.table is None]
-    if world is None or not taken:
-        raise ConflictError(
-            "a simulated cell whose scanner sees the sphere",
-            "one that takes frames or scans alone",
-            "Verify with captures of your own.",
-        )
     rng = np.random.default_rng([seed, 20_267])
+    if simulated.truth["scenario"] in FRAME_SCENARIOS:
+        return one_more_frame(simulated.truth["scenario"], simulated.truth["seed"], step, name, rng)
+    world = simulated.world
+    taken = (
+        []
+        if world is None
+        else [shot for shot in world.shots if (shot.table is not None) == (step == "turntable")]
+    )
+    if world is None or not taken or step not in ("tcp", "turntable", "verify"):
+        return None
     near = taken[int(rng.integers(len(taken)))]
-    rotation = near.commanded[:3, :3] @ turn(rng.uniform(-_APART_RAD, _APART_RAD, 3))
-    commanded = commanded_pose(world, rotation, draw_centers(1, world.options, rng)[0])
-    actual = true_pose(commanded, world.options, rng)
-    shot = shot_from(world, name, near.kind, commanded, actual, world.sphere_center_in_base_mm, rng)
-    return Capture.model_validate({**shot_record(shot, world), "step": "verify"}), shot_files(shot, world)
+    if step == "turntable":
+        shot = _again(world, near, name, rng)
+    else:
+        rotation = near.commanded[:3, :3] @ turn(rng.uniform(-_APART_RAD, _APART_RAD, 3))
+        commanded = commanded_pose(world, rotation, draw_centers(1, world.options, rng)[0])
+        actual = true_pose(commanded, world.options, rng)
+        shot = shot_from(world, name, near.kind, commanded, actual, world.sphere_center_in_base_mm, rng)
+    return Capture.model_validate({**shot_record(shot, world), "step": step}), shot_files(shot, world)
 
 
 def _again(world: World, shot: Shot, name: str, rng: np.random.Generator) -> Shot:

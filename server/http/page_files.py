@@ -6,6 +6,8 @@ lines there, so that a complaint still names the line of the source.
 """
 
 import re
+from collections.abc import Callable
+from datetime import datetime
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
@@ -42,18 +44,23 @@ class PageFiles(StaticFiles):
     Parameters
     ----------
     folder : Path
+    updated : callable
+        Returns when the data folder was updated to this version, None where it never was.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, updated: Callable[[], datetime | None] = lambda: None) -> None:
         super().__init__(directory=folder, check_dir=False)
-        self._folder = folder
+        self._folder, self._updated = folder, updated
         self._mark = ""
 
     def document(self, name: str) -> Response:
-        """Return an HTML file that names the others by the mark of their present state, and says what runs."""
+        """Return an HTML file that names others by the mark of their state, and what runs on which data."""
         self._mark = _mark_of(self._folder)
         text = (self._folder / name).read_text(encoding="utf-8").replace('"/web/', f'"/web/{self._mark}/')
-        text = text.replace("</title>", f'</title>\n  <meta name="version" content="{__version__}">', 1)
+        updated = self._updated()
+        told = {"version": __version__, "data-updated": "" if updated is None else updated.isoformat()}
+        metas = "".join(f'\n  <meta name="{name}" content="{content}">' for name, content in told.items())
+        text = text.replace("</title>", f"</title>{metas}", 1)
         return HTMLResponse(text, headers={"Cache-Control": "no-cache"})
 
     async def get_response(self, path: str, scope: Scope) -> Response:

@@ -6,7 +6,8 @@
   const FONT_PX = 15; // a label of scale 1 as viser draws it, on a window 600 px high
   const EVERY_MS = 120;
   const LONGEST_REASON = 64;
-  const state = { layers: null, labels: [], say: null, translated: new WeakMap(), english: new Map(), hovered: "", camera: "", nodes: null };
+  const LABEL_BACK = "vec4(1.0, 1.0, 1.0, 0.85 *"; // in the shader of labels' grounds
+  const state = { layers: null, labels: [], say: null, translated: new WeakMap(), english: new Map(), hovered: "", camera: "", labelGroup: null };
   const box = document.createElement("canvas").getContext("2d");
 
   /** What stands first where two labels want one place: what is picked, what comes next, then what was rejected last. */
@@ -128,6 +129,17 @@
     }
   }
 
+  /** Labels are black on white as viser draws them, whatever the theme: in the dark they are light on dark. */
+  function darkenLabels(scene) {
+    if (!scene || !document.documentElement.classList.contains("dark")) return;
+    if (!state.labelGroup) scene.traverse((one) => { if (one.material?.fragmentShader?.includes(LABEL_BACK)) state.labelGroup = one.parent; });
+    for (const { material } of state.labelGroup?.children ?? []) {
+      if (material.userData.isDark) continue; // glyphs come by and by
+      material.userData.isDark = material.needsUpdate = true;
+      material.fragmentShader = material.fragmentShader.replace(LABEL_BACK, "vec4(0.11, 0.12, 0.13, 0.85 *").replace("vec4(0.0, 0.0, 0.0, a)", "vec4(0.9, 0.91, 0.93, a)");
+    }
+  }
+
   /** The legend stands below the picture: it covers nothing. */
   function makeRoom() {
     const legend = document.getElementById("scancell-legend"), root = document.getElementById("root");
@@ -143,6 +155,7 @@
     const canvas = mutable.canvas ?? document.querySelector("canvas");
     if (!canvas) return;
     showLayers(nodes);
+    darkenLabels(mutable.scene);
     const size = { width: canvas.clientWidth, height: canvas.clientHeight };
     sizeGlyphs(nodes, mutable, size);
     sayLabels(nodes, mutable);

@@ -17,7 +17,7 @@ from server.sources.source import Occasion, Settings, Source, Taken
 if TYPE_CHECKING:
     from calib_core.simulation import SimulatedSession
 
-_TO_VERIFY = 10_007  # apart from the seeds of other captures
+_ANOTHER = 10_007  # apart from the seeds of other captures
 
 
 class SimulatedSettings(Settings):
@@ -86,11 +86,12 @@ def next_capture(
     for capture in left:
         if step in (None, capture.step):
             return capture, {name: simulated.files[name] for name in capture.files}
-    if step == "verify":
-        from calib_core.simulation import to_verify
+    if step is not None:
+        from calib_core.simulation import another
 
-        number, name = next((n, name) for n in count(1) if (name := f"verify{n:02d}") not in taken)
-        return to_verify(simulated, name, seed + _TO_VERIFY * number)
+        number, name = next((n, name) for n in count(1) if (name := f"{step}{n:02d}") not in taken)
+        if found := another(simulated, step, name, seed + _ANOTHER * number):
+            return found
     raise ConflictError(
         "a capture that the simulated cell has not delivered yet",
         message("all of its captures for the step {step} in this session", step=step)

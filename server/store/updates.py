@@ -16,7 +16,7 @@ DATABASE: Final = "scancell.db"
 _KEPT_FOLDER: Final = "before-updates"
 _MOST_KEPT: Final = 5
 _REVISION = re.compile(r'^revision(?:: str)? = "(\w+)"', re.MULTILINE)
-_KEPT = re.compile(r"scancell-(\w+)-\d{8}T\d{12}\.db")
+_KEPT = re.compile(r"scancell-(\w+)-(\d{8}T\d{12})\.db")
 
 State = Literal["none", "older", "current", "newer"]
 
@@ -67,6 +67,13 @@ def keep_before_update(data: Path) -> Path | None:
         If it cannot be written: without it the database is left as it is.
     """
     return _kept_copy(data) if state_of(data) == "older" else None
+
+
+def updated_since(data: Path) -> datetime | None:
+    """Return when a data folder was last given its present form, None where an older one is not known."""
+    now = revision_of(data / DATABASE) or ""
+    moments = [m[2] for path in _kept(data) if (m := _KEPT.fullmatch(path.name)) and m[1] < now]
+    return datetime.strptime(moments[-1], "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC) if moments else None
 
 
 def go_back(data: Path) -> WentBack:

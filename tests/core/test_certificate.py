@@ -53,6 +53,24 @@ def test_other_units_and_several_spheres() -> None:
 
 
 @pytest.mark.parametrize(
+    ("unit", "value"),
+    [
+        (r"\kelvin\tothe{-1}", "11.5e-6"),
+        (r"\micro\metre\metre\tothe{-1}\kelvin\tothe{-1}", "11.5"),
+        ("1/K", "11.5E-6"),
+    ],
+)
+def test_expansion_and_the_temperature_that_it_is_for(unit: str, value: str) -> None:
+    expansion = quantity("Thermal expansion coefficient", unit, value, "")
+    at = quantity("Bezugstemperatur", r"\kelvin", "293.15", "")
+    while_measured = quantity("Temperature of the laboratory", r"\degreecelsius", "20.7", "")
+    found = read_certificate(certificate(quantity(), while_measured, expansion, at))
+    assert (found.equipment.expansion_per_k, found.equipment.reference_c) == (11.5e-6, 20.0)
+    assert len(found.diameters) == 1
+    assert read_certificate(certificate(quantity(), while_measured)).equipment.reference_c is None
+
+
+@pytest.mark.parametrize(
     ("data", "said"),
     [
         (b"%PDF-1.7", "whole XML"),

@@ -1,6 +1,7 @@
 """Drift over a cell's sessions: control charts, what is flagged, and which sessions do not count."""
 
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import bench_drift
@@ -56,7 +57,9 @@ def test_a_bumped_scanner_is_flagged_once_and_begins_a_new_level() -> None:
     }  # fmt: skip
     tool = found.series[0]
     assert [p.level for p in tool.points] == [1] * 8 + [2] * 4
-    assert tool.points[8].change == pytest.approx(0.5, abs=0.15)
+    # One session against the mean of eight, along y: the tool's own error and that of its turn at 190 mm.
+    sigma = np.sqrt((1 + 1 / 8) * (SPREAD[4, 4] + 190.0**2 * SPREAD[0, 0]))
+    assert tool.points[8].change == pytest.approx(0.5, abs=4 * sigma)
     assert len(found.flags) == 1
     assert "week 8" in found.flags[0]
 
@@ -118,10 +121,13 @@ def test_a_creep_is_told_with_its_sum_and_the_day_on_which_it_meets_the_limit() 
     assert trend.found
     assert trend.cusum > 0
     assert trend.forecast is not None
-    assert trend.forecast.sessions == pytest.approx(0.3 / 0.005 - 19, abs=20)
-    assert trend.forecast.earliest_sessions < trend.forecast.sessions
+    assert trend.per_session == pytest.approx(0.005, abs=1.5 * trend.uncertainty)  # of k = 2: three sigmas
+    assert trend.uncertainty < 0.005
+    assert trend.forecast.sessions == np.ceil(0.3 / trend.per_session) - 19
+    assert trend.forecast.earliest_sessions == np.ceil(0.3 / (trend.per_session + trend.uncertainty)) - 19
     assert trend.forecast.date is not None
-    assert trend.forecast.date[:7] in ("2026-06", "2026-07")
+    day = datetime(2026, 5, 20, tzinfo=UTC) + timedelta(days=trend.forecast.sessions)  # one session a day
+    assert trend.forecast.date[:10] == day.date().isoformat()
     (said,) = (one for one in found.trends if one.startswith("Scanner at"))
     assert "reaches the limit of 0.3 mm" in said
     quiet = cell_drift([replace(session(k), limit_mm=0.5) for k in range(12)])

@@ -245,9 +245,18 @@ def test_the_simulated_cell_delivers_all_its_captures_and_then_says_so(client: h
     assert_problem(client.post(f"/sessions/{make_session(client)}/sources/simulated/capture"), 409, "real cell")
 
 
-def test_captures_to_verify_leave_the_scans_their_names() -> None:
-    ours = {capture.id for capture in simulated_cell("cell", 7).session.captures}
-    assert next_capture("cell", 7, [], "verify")[0].id not in ours
+@pytest.mark.parametrize(
+    ("scenario", "steps"),
+    [("cell", ["tcp", "turntable", "verify"]), ("frames-tcp", ["camera", "laser-plane", "tcp"])],
+)
+def test_a_simulated_cell_takes_more_of_a_step_under_names_of_their_own(scenario: str, steps: list[str]) -> None:
+    """What the page asks for where an answer is usable alone is never refused."""
+    taken = {capture.id for capture in simulated_cell(scenario, 7).session.captures}
+    for step in [*steps, *steps]:
+        capture, files = next_capture(scenario, 7, taken, step)
+        assert capture.id not in taken
+        assert (capture.step, sorted(capture.files)) == (step, sorted(files))
+        taken.add(capture.id)
 
 
 def test_a_cell_that_changes_while_a_capture_is_measured_is_noticed(

@@ -15,7 +15,7 @@ from server.settings import Settings
 from server.store.folder import folder_lock
 from server.store.schema import head_revision
 from server.store.store_lock import store_lock
-from server.store.updates import go_back, known_revisions, revision_of, state_of
+from server.store.updates import go_back, known_revisions, revision_of, state_of, updated_since
 
 RELEASES = Path(__file__).resolve().parents[1] / "releases"
 
@@ -72,6 +72,7 @@ def test_data_of_a_release_is_updated_and_taken_back_and_nothing_is_lost(release
     with store_lock(Settings(data=data)):
         pass
     assert state_of(data) == "current"
+    assert updated_since(data) is not None
     (kept,) = (data / "before-updates").iterdir()
     assert (rows_of(kept), revision_of(kept)) == (before, revision)
     updated = rows_of(database)
@@ -81,6 +82,7 @@ def test_data_of_a_release_is_updated_and_taken_back_and_nothing_is_lost(release
     went = go_back(data)
     assert (went.before, went.now, revision_of(database)) == (known_revisions()[-1], revision, revision)
     assert columns_of(database) == form
+    assert updated_since(data) is None
     assert rows_of(database) == before
     assert rows_of(went.copy) == updated
     with store_lock(Settings(data=data)):

@@ -126,3 +126,15 @@ def test_after_a_decision_the_page_asks_why(profile: SharedProfile, world: World
     expect(page.locator("sc-review-log")).to_contain_text("it was fine")
     page.goto(f"{site_of(client)}{here}#tcp.result")
     expect(page.get_by_role("region", name="Approval")).to_contain_text("somebody leaned on the table")
+
+    page.get_by_role("tab", name="Measure").click()
+    first = client.get(f"{here}/captures").json()["items"][0]
+    content = client.get(f"{here}/captures/{first['id']}/files/{first['files'][0]}").content
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name=f"Replace {first['id']} with a new file").click()
+    chooser.value.set_files({"name": "again.csv", "mimeType": "text/csv", "buffer": content})
+    page.get_by_label("Why").fill("the clamp was loose")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    replaced = client.get(f"{here}/captures/{first['id']}").json()
+    assert replaced["excluded_because"]["why"] == "the clamp was loose"

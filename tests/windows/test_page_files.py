@@ -3,6 +3,7 @@
 import asyncio
 import mimetypes
 from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,13 @@ def mark(files: PageFiles) -> str:
 
 def test_the_page_says_which_version_runs(files: PageFiles) -> None:
     assert f'<meta name="version" content="{__version__}">' in bytes(files.document("index.html").body).decode()
+
+
+def test_the_page_says_when_the_data_folder_was_updated(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("<title></title>", encoding="utf-8")
+    for when, told in ((None, ""), (datetime(2026, 11, 24, 8, 15, tzinfo=UTC), "2026-11-24T08:15:00+00:00")):
+        body = bytes(PageFiles(tmp_path, lambda when=when: when).document("index.html").body).decode()
+        assert f'<meta name="data-updated" content="{told}">' in body
 
 
 @pytest.mark.parametrize("name", ["app.js", "elements\\part.css"])

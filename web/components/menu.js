@@ -2,6 +2,7 @@
 
 import { api } from "../state/api.js";
 import { field, h } from "../dom.js";
+import { when } from "../format.js";
 import { icon } from "../icons.js";
 import { may, me } from "../state/me.js";
 import { atShop, letBeHeard, mayBeHeard, setShop } from "../shop.js";
@@ -36,10 +37,10 @@ function shopFloor() {
     h("div", { class: "row shop-choice shop-only" }, heard, h("label", { for: "heard" }, t("menu.sound")))];
 }
 
-/** What runs, as the server has written it into the page. */
+/** What runs on which data, as the server has written it into the page. */
 function version() {
-  const written = document.querySelector('meta[name="version"]')?.getAttribute("content");
-  return written && h("p", { class: "soft small" }, `scancell ${written}`);
+  const [written, updated] = ["version", "data-updated"].map((name) => document.querySelector(`meta[name="${name}"]`)?.getAttribute("content"));
+  return written && h("p", { class: "soft small" }, `scancell ${written}`, h("br"), updated ? t("menu.data_updated", { when: when(updated) }) : t("menu.data_current"));
 }
 
 /** The button and what it opens. */

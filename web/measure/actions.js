@@ -81,12 +81,13 @@ export class ActionsElement extends StateElement {
     this.#captureWords.textContent = busy ? t("actions.capturing") : maybe(`actions.capture_${this.#step ?? ""}`, t("actions.capture"));
     this.#solveWords.textContent = maybe(`actions.solve_${this.#stage}`, t("actions.solve"));
     const status = this.state.guide?.steps.find(({ step }) => step === this.state.step)?.status ?? (this.state.now ? "working" : "");
-    this.#capture.hidden = !simulated || status === "" || status === "not-needed" || status === "known";
+    const isAside = status === "not-needed" || status === "known"; // nothing is captured for such a step, nor solved
+    this.#capture.hidden = !simulated || status === "" || isAside;
     this.#watch.hidden = simulated;
     this.#folder.hidden = simulated; // a folder brings a cell of its own; it may be dropped here all the same
     this.#look.hidden = !solved || view === "result";
     this.#look.classList.toggle("primary", !onward && !mends);
-    this.#solve.hidden = solved;
+    this.#solve.hidden = solved || (isAside && !result && !ready);
     const idle = solved || (!now && status === "done"); // nothing more is asked for in this step
     this.#capture.classList.toggle("primary", !ready && (!idle || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);
@@ -208,8 +209,14 @@ export class ActionsElement extends StateElement {
     this.update();
   }
 
+  /** Do what the main button says: the way on is one key, however long the page above it. */
+  goOn() {
+    const main = [...this.querySelectorAll("button.primary")].find((one) => one.checkVisibility() && one.getAttribute("aria-disabled") !== "true");
+    if (main instanceof HTMLElement) main.click();
+  }
+
   async solve() {
-    if (this.#isSolving || !this.state.captures.length || !allowed("capture")) return;
+    if (this.#isSolving || (this.#solve.hidden && !this.state.now) || !this.state.captures.length || !allowed("capture")) return;
     await this.#start(this.#stage);
   }
 

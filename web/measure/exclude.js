@@ -28,12 +28,21 @@ export async function excludeCaptures(state, captures, excluded, otherwise) {
     const because = why ? { excluded_because: { why } } : {};
     for (const capture of captures) await api.changeCapture(state.id, capture.id, { excluded: value(capture), ...because });
   };
-  const act = async (why = "") => {
+  const act = async (/** @type {string} */ why) => {
     await set(() => excluded, why);
     did(words, () => set((capture) => capture.excluded ?? null), { redo: () => set(() => excluded, why) });
   };
-  const decision = /** @type {{ decision?: string | null }} */ (state.results["verify"] ?? {}).decision;
-  if (!decision) return void await attempt(() => act());
   const title = t(excluded ? "captures.exclude_decided" : "captures.include_decided");
-  whyDialog({ title, words: [t("captures.decided_words")], go: t(excluded ? "captures.exclude" : "captures.include"), act, after: () => undefined, otherwise });
+  await withReason(state, { title, go: t(excluded ? "captures.exclude" : "captures.include"), act, otherwise });
+}
+
+/**
+ * Do what changes the captures; once a verification has decided, with the reason that is asked for.
+ * @param {SessionState} state
+ * @param {{ title: string, go: string, act: (why: string) => Promise<unknown>, otherwise?: (() => void) | undefined }} deed
+ */
+export async function withReason(state, { act, ...deed }) {
+  const decision = /** @type {{ decision?: string | null }} */ (state.results["verify"] ?? {}).decision;
+  if (decision) whyDialog({ ...deed, words: [t("captures.decided_words")], act, after: () => undefined });
+  else await attempt(() => act(""));
 }

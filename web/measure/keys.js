@@ -8,7 +8,7 @@ import { closeButton, openDialog } from "../components/dialog.js";
 
 /** @type {readonly (readonly [string, Text])[]} */
 const KEYS = [
-  [t("key.space"), "keys.capture"], ["S · Enter", "actions.solve"], ["Ctrl+Z", "undo"], ["Ctrl+Shift+Z", "keys.redo"],
+  [t("key.space"), "keys.capture"], ["S", "actions.solve"], ["Enter", "keys.main"], ["Ctrl+Z", "undo"], ["Ctrl+Shift+Z", "keys.redo"],
   ["1 – 9", "keys.step"], ["M · R", "keys.view"], ["← →", "keys.dots"], ["Enter", "keys.pick"], ["X", "keys.exclude"], ["?", "keys.keys"],
 ];
 

@@ -5,8 +5,9 @@ import { h } from "../dom.js";
 import { kindOf } from "../state/files.js";
 import { said, t } from "../texts.js";
 import { did } from "../state/undo.js";
+import { withReason } from "./exclude.js";
 import { keep } from "./removed-captures.js";
-import { attempt, notify } from "../components/toasts.js";
+import { notify } from "../components/toasts.js";
 
 /** @import {CaptureOut} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
@@ -16,15 +17,15 @@ import { attempt, notify } from "../components/toasts.js";
  * @param {CaptureOut} capture
  */
 export function replaceCapture(state, capture) {
-  if (state.session?.simulated) {
-    void attempt(async () => settle(state, capture, await api.captureAgain(state.id, capture.id)));
-    return;
-  }
+  const begin = (/** @type {() => Promise<CaptureOut>} */ take) => void withReason(state, {
+    title: t("captures.redo_decided", { capture: capture.id }), go: t("captures.redo_go"), act: async (why) => settle(state, capture, await take(), why),
+  });
+  if (state.session?.simulated) return begin(() => api.captureAgain(state.id, capture.id));
   const picker = h("input", { type: "file", class: "visually-hidden", "aria-label": t("captures.redo", { capture: capture.id }) });
   picker.addEventListener("change", () => {
     const file = picker.files?.[0];
     picker.remove();
-    if (file) void attempt(() => replace(state, capture, file));
+    if (file) begin(() => replacement(state, capture, file));
   });
   picker.addEventListener("cancel", () => picker.remove());
   document.body.append(picker);
@@ -36,13 +37,13 @@ export function replaceCapture(state, capture) {
  * @param {CaptureOut} capture
  * @param {File} file
  */
-async function replace(state, capture, file) {
+function replacement(state, capture, file) {
   const { id, captures, session } = state;
   const { measured: _, excluded: _too, ...record } = capture;
   const name = nextId(capture.id, new Set(captures.map((one) => one.id)));
   const ending = file.name.slice(file.name.lastIndexOf(".")).toLowerCase();
   const kind = kindOf(file.name, session?.cell.scanner?.kind);
-  await settle(state, capture, await api.addCapture(id, { ...record, id: name, kind, files: [`captures/${name}${ending}`] }, [file]));
+  return api.addCapture(id, { ...record, id: name, kind, files: [`captures/${name}${ending}`] }, [file]);
 }
 
 /**
@@ -50,8 +51,9 @@ async function replace(state, capture, file) {
  * @param {SessionState} state
  * @param {CaptureOut} capture
  * @param {CaptureOut} taken
+ * @param {string} why
  */
-async function settle({ id }, capture, taken) {
+async function settle({ id }, capture, taken, why) {
   const { id: name } = taken;
   const { verdict, reason, to_do } = taken.measured;
   const { excluded } = capture;
@@ -61,14 +63,15 @@ async function settle({ id }, capture, taken) {
     notify(t("captures.redo_failed", { old: capture.id, new: name, reason: said(reason ?? to_do ?? "") }), { bad: true });
     return;
   }
-  await api.changeCapture(id, capture.id, { excluded: true });
+  const leaveOut = () => api.changeCapture(id, capture.id, { excluded: true, ...(why ? { excluded_because: { why } } : {}) });
+  await leaveOut();
   const undo = async () => {
     await api.changeCapture(id, capture.id, { excluded: excluded ?? null });
     await added.remove();
   };
   const redo = async () => {
     await added.restore();
-    await api.changeCapture(id, capture.id, { excluded: true });
+    await leaveOut();
   };
   did(t("captures.redone", { old: capture.id, new: name }), undo, { tell: true, redo });
 }

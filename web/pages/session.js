@@ -177,7 +177,8 @@ export class SessionPage extends HTMLElement {
     const state = this.#state;
     const free = target.closest(INTERACTIVE) === null;
     if (key === " " && free && state?.session?.simulated) act(event, () => void this.#actions?.capture());
-    else if (key === "s" || (key === "enter" && free)) act(event, () => void this.#actions?.solve());
+    else if (key === "s") act(event, () => void this.#actions?.solve());
+    else if (key === "enter" && free) act(event, () => this.#actions?.goOn());
     else if (key === "?") act(event, () => void import("../measure/keys.js").then(({ keysDialog }) => keysDialog()));
     else if (key === "m") act(event, () => state?.show("measure"));
     else if (key === "r") act(event, () => state?.show("result"));
