@@ -14,7 +14,7 @@ import numpy as np
 
 from calib_core.arms.kinematics import joint_lines
 from calib_core.errors import InputError
-from calib_core.frames import FloatArray, rotation_from_vector
+from calib_core.frames import FloatArray, rotation_from_vector, skew
 from calib_core.records import ArmTable
 
 Member = Literal["offsets", "links", "coupling", "sag"]
@@ -77,13 +77,14 @@ def _terms(
     arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None]
 ) -> list[tuple[ArmTerm, FloatArray]]:
     points, axes, flange = joint_lines(arm, joints_deg, joints_mm)
-    zero_deg, length_mm, axis_deg, coupling, sag_deg = next(own for most, own in _CLASSES if _reach(arm) <= most)
+    reach = _reach(arm)
+    zero_deg, length_mm, axis_deg, coupling, sag_deg = next(own for most, own in _CLASSES if reach <= most)
     count, turns = len(arm.joints), [joint.kind == "revolute" for joint in arm.joints]
     readings = [float(value or 0.0) for value in joints_deg]
     found: list[tuple[ArmTerm, FloatArray]] = []
 
     def turn(name: str, member: Member, sigma: float, axis: FloatArray, at: FloatArray, by: float = 1.0) -> None:
-        move = np.deg2rad(by) * np.concatenate([np.cross(axis, flange - at), axis])
+        move = np.deg2rad(by) * np.concatenate([skew(axis) @ (flange - at), axis])
         found.append((ArmTerm(name, member, sigma), move))
 
     def shift(name: str, axis: FloatArray) -> None:
@@ -111,7 +112,7 @@ def _terms(
             name = f"joint_{n + 1}_by_joint_{n}_deg_per_deg"
             turn(name, "coupling", coupling, axes[n], points[n], readings[n - 1])
         for n in (1, 2):
-            load = float(axes[n] @ np.cross(flange - points[n], _DOWN)) / _reach(arm)
+            load = float(axes[n] @ (skew(flange - points[n]) @ _DOWN)) / reach
             turn(f"joint_{n + 1}_sag_deg", "sag", sag_deg, axes[n], points[n], load)
     return found
 
@@ -125,11 +126,11 @@ def _reach(arm: ArmTable) -> float:
 def _to_next(points: FloatArray, axes: FloatArray, n: int) -> tuple[bool, FloatArray, FloatArray]:
     """Return whether an axis is parallel to the next, the common normal (3,), and its foot on the next (3,)."""
     one, other = axes[n], axes[n + 1]
-    across, between = np.cross(one, other), points[n + 1] - points[n]
+    across, between = skew(one) @ other, points[n + 1] - points[n]
     size = float(np.linalg.norm(across))
     if size > _PARALLEL:
         # Where the next axis is nearest to this one.
-        along = float(np.cross(between, one) @ across) / size**2
+        along = float((skew(between) @ one) @ across) / size**2
         return False, across / size, points[n + 1] + along * other
     apart = between - float(between @ one) * one
     length = float(np.linalg.norm(apart))

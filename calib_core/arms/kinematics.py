@@ -103,9 +103,9 @@ def joint_lines(
     frames = _frames(arm, joints_deg, joints_mm)
     after = arm.convention == "modified"
     at = [frames[n + 1] if after else _at_joint(frames[n], joint) for n, joint in enumerate(arm.joints)]
-    flange = flange_of_joints(arm, joints_deg, joints_mm).translation_mm
+    last = frames[-1] if arm.last_from_tool0 is None else frames[-1] @ np.array(arm.last_from_tool0)
     signs = np.array([float(joint.sign) for joint in arm.joints])
-    return np.array([m[:3, 3] for m in at]), signs[:, None] * np.array([m[:3, 2] for m in at]), flange
+    return np.array([m[:3, 3] for m in at]), signs[:, None] * np.array([m[:3, 2] for m in at]), last[:3, 3]
 
 
 def _frames(

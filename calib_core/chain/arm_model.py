@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.arms.alike import alike_correlation
-from calib_core.arms.errors import MEMBERS, ArmTerm, Member, corrected_pose
-from calib_core.cell.walk import Walk
+from calib_core.arms.errors import MEMBERS, ArmTerm, Member
 from calib_core.chain.likelihood import NoiseShapes, linearised_at
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction
 from calib_core.chain.observations import SphereObservation
@@ -120,21 +119,11 @@ def arm_model_of(data: ChainData, state: ChainState, sigmas: Sigmas, used: np.nd
 
 
 def arm_columns(data: ChainData, state: ChainState, arm: ArmInput, some: np.ndarray) -> FloatArray:
-    """Return how some captures' balls are expected elsewhere in L with each term, (k, 3, p), by differences."""
-    walk, terms = data.walk.chosen(some), arm.moves.shape[2]
-    found = np.empty((len(some), 3, terms))
-    for n in range(terms):
-        apart = np.zeros(terms)
-        apart[n] = arm.terms[n].sigma
-        ends = [moved_walk(walk, arm.moves[some], sign * apart).seen(state.position) for sign in (1.0, -1.0)]
-        found[:, :, n] = (ends[0] - ends[1]) / (2 * apart[n])
-    return found
-
-
-def moved_walk(walk: Walk, moves: FloatArray, values: FloatArray) -> Walk:
-    """Return the ways with the robot's poses corrected by the arm's terms."""
-    poses = [corrected_pose(*one, values) for one in zip(walk.rotations, walk.translations, moves, strict=True)]
-    return replace(walk, rotations=np.array([r for r, _ in poses]), translations=np.array([t for _, t in poses]))
+    """Return how some captures' balls are expected elsewhere in L with each term, (k, 3, p)."""
+    walk, at = data.walk.chosen(some), state.position
+    moves = walk.moves(walk.laser_from_base(at), walk.levers(at, walk.seen(at)))
+    moves[:, :, :3] *= -1  # a reported position that lies off: the true one is on the other side
+    return np.asarray(moves @ arm.moves[some])
 
 
 @dataclass(frozen=True, eq=False)
