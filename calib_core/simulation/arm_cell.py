@@ -163,7 +163,7 @@ class ArmCell:
 
 
 def simulate_arm(
-    kind: str,
+    kind: str | ArmKind,
     seed: int,
     captures: int = 30,
     *,
@@ -177,8 +177,8 @@ def simulate_arm(
 
     Parameters
     ----------
-    kind : str
-        Of `ARM_KINDS`.
+    kind : str or ArmKind
+        A name is of `ARM_KINDS`.
     seed : int
     captures : int
     size : float
@@ -192,7 +192,7 @@ def simulate_arm(
         As `cell.robot.errors`.
     """
     rng = np.random.default_rng([seed, 37])
-    made = ARM_KINDS[kind]
+    made = ARM_KINDS[kind] if isinstance(kind, str) else kind
     arm = SimulatedArm.drawn(made, size, rng)
     cobot = made.rows[0][1] > 0
     count = captures + held
@@ -216,7 +216,7 @@ def simulate_arm(
         robot["errors"] = errors
     record = {
         "format": "scancell-session/1",
-        "name": f"simulated {kind} arm before a tracker, seed {seed}",
+        "name": f"simulated {kind if isinstance(kind, str) else 'other'} arm before a tracker, seed {seed}",
         "cell": {
             "arrangement": "sphere-on-robot",
             "pose_convention": "matrix",

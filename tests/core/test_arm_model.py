@@ -17,16 +17,11 @@ from calib_core.arms.kinematics import NAMED_ARMS, flange_of_joints
 from calib_core.exports.export import export
 from calib_core.records import Session
 from calib_core.simulation.arm_cell import ArmCell, held_out_rms_mm, simulate_arm
-from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 from server.cli import main
-from tests.benchmarks import bench_paper, paper_cell
+from tests.benchmarks import bench_arm, bench_paper, paper_cell
 
-
-def solved(session: Session) -> TcpResult:
-    result = solve_stage(session, "tcp", lambda _name: b"")
-    assert isinstance(result, TcpResult)
-    return result
+solved = bench_arm.solved
 
 
 def codes_of(result: TcpResult) -> set[str]:
@@ -133,41 +128,13 @@ def test_joints_follow_from_a_pose_in_the_configuration_of_others() -> None:
     assert np.allclose(found[0], joints, atol=1e-4)
 
 
-WRONG = {
-    "order": "joints in the order 1 3 2 4 5 6",
-    "sign": "joint 3 counted the other way",
-    "offset": "joint 2 counted from -90°",
-    "coupling": "joint 3 moving along with joint 2",
-    "radians": "joints that are radians",
-}
-
-
-def changed(name: str, joints: np.ndarray) -> np.ndarray:
-    found = joints.copy()
-    match name:
-        case "order":
-            found[[1, 2]] = joints[[2, 1]]
-        case "sign":
-            found[2] *= -1
-        case "offset":
-            found[1] += 90
-        case "coupling":
-            found[2] -= joints[1]
-        case _:
-            found = np.deg2rad(joints)
-    return found
-
-
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("name", bench_arm.WRONG)
 def test_wrong_joints_are_named_and_nothing_is_applied(name: str) -> None:
     cell = simulate_arm("small", 7, 15, errors="apply")
-    record = cell.session.model_dump(exclude_none=True, by_alias=True)
-    for capture in record["captures"]:
-        capture["joints_deg"] = changed(name, np.array(capture["joints_deg"])).tolist()
-    result = solved(Session.model_validate(record))
+    result = solved(bench_arm.with_wrong_joints(cell.session, name))
     assert result.arm_model is None
     (finding,) = [one for one in result.findings if one.code == "joints-read-otherwise"]
-    assert WRONG[name] in finding.text
+    assert bench_arm.WRONG[name] in finding.text
 
 
 def test_joints_of_another_arm_are_named() -> None:
