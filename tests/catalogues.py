@@ -50,6 +50,7 @@ def texts_by_area() -> dict[str, set[Text]]:
             for text in code.texts():
                 said = (text.one, text.many) if isinstance(text, Plural) else (text, "")
                 found.setdefault(area, set()).add(said)
+            found.setdefault("pages", set()).update((text, "") for text in code.page() if text)
     for top in ("calib_core", "server"):
         for file in sorted((ROOT / top).rglob("*.py")):
             room = file.relative_to(ROOT / top).parts[0].removesuffix(".py") if top == "calib_core" else "server"

@@ -145,6 +145,10 @@ class Code:
             found += choice.values() if isinstance(choice, Mapping) else [choice]
         return [text for text in found if text]
 
+    def page(self) -> tuple[str, str, str]:
+        """Return the texts of its page: what it means, how it is decided, what usually causes it."""
+        return self.meaning, self.decided, self.usual_causes
+
     def places(self) -> list[str]:
         """Return the names of all its values, in the order in which its texts name them."""
         texts = [

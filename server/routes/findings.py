@@ -8,6 +8,7 @@ from pydantic import BaseModel
 from calib_core.findings.pages import page_of
 from calib_core.findings.table import CODES, code_named
 from server.http.api_router import api_router
+from server.http.language import spoken
 
 router = api_router("registries")
 
@@ -39,7 +40,9 @@ class CodesOfFindings(BaseModel):
 @router.get("/findings", response_model=CodesOfFindings)
 def findings() -> CodesOfFindings:
     """List the codes that findings may have."""
-    return CodesOfFindings(items=[CodeOfFinding.model_validate(page_of(code)) for code in CODES.values()])
+    return CodesOfFindings(
+        items=[CodeOfFinding.model_validate(page_of(code, spoken().language)) for code in CODES.values()]
+    )
 
 
 @router.get("/findings/{code}", response_model=CodeOfFinding)
@@ -47,4 +50,4 @@ def finding(
     code: Annotated[str, Path(description="A code's name.", max_length=64, examples=["stored-note"])],
 ) -> CodeOfFinding:
     """Return the page about a code."""
-    return CodeOfFinding.model_validate(page_of(code_named(code)))
+    return CodeOfFinding.model_validate(page_of(code_named(code), spoken().language))

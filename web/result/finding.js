@@ -12,11 +12,10 @@ export const explains = (code) => h("button", { type: "button", class: "plain sm
 /** @param {string} code */
 const explain = (code) => attempt(async () => {
   const { text, to_do, meaning, decided, usual_causes, since } = await api.codeOfFinding(code);
-  // The page about a code is English but for what it says and what to do.
-  const parts = /** @type {const} */ ([["finding.means", [meaning], "en"], ["finding.decided", [decided], "en"], ["finding.causes", [usual_causes], "en"], ["finding.to_do", to_do, undefined]]);
+  const parts = /** @type {const} */ ([["finding.means", [meaning]], ["finding.decided", [decided]], ["finding.causes", [usual_causes]], ["finding.to_do", to_do]]);
   openDialog("finding", code, [
     ...text.map((one) => h("blockquote", {}, one)),
-    ...parts.filter(([, words]) => words.some(Boolean)).flatMap(([name, words, lang]) => [h("h3", {}, t(name)), ...words.map((one) => h("p", { lang }, one))]),
+    ...parts.filter(([, words]) => words.some(Boolean)).flatMap(([name, words]) => [h("h3", {}, t(name)), ...words.map((one) => h("p", {}, one))]),
     h("p", { class: "small soft" }, t("finding.since", { version: since })),
     h("div", { class: "row end" }, closeButton(t("close"), { autofocus: true })),
   ]);

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from calib_core.evidence.numbers import number_text, quantity, rms
-from calib_core.messages import message
+from calib_core.messages import message, templates
 from calib_core.records import Session
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.evidence import (
@@ -22,12 +22,12 @@ from calib_core.records.evidence import (
 )
 from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance, residual_table
 
-MODELS: Final = {
+MODELS: Final = templates({
     "plain": "plain: k1 k2 p1 p2 k3",
     "rational": "rational",
     "tilted": "tilted sensor",
     "segmental": "segments over depth",
-}
+})  # fmt: skip
 _COLUMNS: Final = (("corners", "Corners", ""), ("rms_px", "RMS", "px"), ("edge_width_px", "Edge width", "px"))
 _LABELS: Final = {
     "fx": "Focal length x",
@@ -180,10 +180,10 @@ def _candidates(result: CameraResult) -> list[AnyBlock]:
     rows = [
         Row(
             cells=[
-                f"{one.model}, bent board" if one.bent else one.model,
+                message("{model}, bent board", model=MODELS[one.model]) if one.bent else MODELS[one.model],
                 one.parameters,
                 one.held_out_rms_px,
-                "chosen"
+                message("chosen")
                 if (one.model, one.parameters - flat.get(one.model, one.parameters)) == (result.model, bent_by)
                 else "",
             ]

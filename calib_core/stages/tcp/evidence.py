@@ -37,6 +37,7 @@ _SCANNER_LABELS: Final = {
     "scale_z": ("Scale of z", "%"),
     "shear": ("Shear of x by z", "%"),
     "bow": ("Bow of z", ""),
+    **{f"incidence_{n}_mm": (message("Error by angle of incidence, degree {n}", n=n), "mm") for n in (1, 2, 4)},
 }
 COLUMNS: Final = (
     ("points", "Points", ""),

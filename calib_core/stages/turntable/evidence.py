@@ -30,7 +30,7 @@ from calib_core.stages.turntable.record import TurntableResidual, TurntableResul
 TableLike = TurntableResult | ChainResult
 COLUMNS = (
     ("mount", "Mounting", ""),
-    ("table_deg", "Table", "°"),
+    ("table_deg", "Turntable", "°"),
     ("radial_mm", "Across", "mm"),
     ("tangential_mm", "Around", "mm"),
     ("axial_mm", "Along", "mm"),
