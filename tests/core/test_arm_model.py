@@ -15,7 +15,10 @@ from calib_core.arms.errors import arm_moves, arm_terms
 from calib_core.arms.inverse import joints_of_pose
 from calib_core.arms.kinematics import NAMED_ARMS, flange_of_joints
 from calib_core.exports.export import export
+from calib_core.findings.catalogues import catalogue
+from calib_core.messages import made_lately
 from calib_core.records import Session
+from calib_core.records.evidence import Quantity, Table
 from calib_core.simulation.arm_cell import ArmCell, held_out_rms_mm, simulate_arm
 from calib_core.stages.tcp.record import TcpResult
 from server.cli import main
@@ -75,6 +78,22 @@ def test_other_poses_are_predicted_better_where_the_arm_is_applied(kind: str, tm
     assert real_after < 0.5 * real_before
     assert after < 0.7 * before
     assert real_after < 2 * after
+
+
+def test_an_answer_tells_the_arms_errors_one_by_one() -> None:
+    cell = simulate_arm("small", 4, 15, errors="apply")
+    result = solved(cell.session)
+    assert result.arm_model is not None
+    (table,) = [block for block in result.evidence or [] if isinstance(block, Table) and block.id == "arm"]
+    assert len(table.rows) == len(result.arm_model.names)
+    labels = [row.cells[0] for row in table.rows]
+    assert {"Zero of joint 2", "Length of link 3"} <= set(labels)
+    zero = table.rows[labels.index("Zero of joint 2")].cells[1]
+    assert isinstance(zero, Quantity)
+    assert zero.value == result.arm_model.values[result.arm_model.names.index("joint_2_zero_deg")]
+    assert f"{result.arm_model.held_out_rms_mm[1]:.2f} mm instead of" in str(table.caption)
+    assert (made := made_lately("Zero of joint 2")) is not None
+    assert catalogue("de").say(made) == "Nullstellung von Gelenk 2"
 
 
 def placed(result: TcpResult) -> tuple[np.ndarray, np.ndarray]:

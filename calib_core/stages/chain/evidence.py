@@ -14,6 +14,7 @@ from calib_core.stages.evidence_parts import (
     workpiece_places,
     workpiece_table,
 )
+from calib_core.stages.tcp.arm_found import arm_table
 from calib_core.stages.tcp.evidence import COLUMNS as TCP_COLUMNS
 from calib_core.stages.tcp.evidence import scanner_table, sphere_figures, tool_frame, tool_sigmas
 from calib_core.stages.tcp.record import TcpResidual
@@ -50,6 +51,7 @@ def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:
         *circles(result),
         table_noise(result),
         *scanner_table(result),
+        *arm_table(result.arm_model),
         *sphere_figures(result),
         *left_out(result.residuals),
         *residual_table(still, TCP_COLUMNS, "Each capture of the still sphere"),

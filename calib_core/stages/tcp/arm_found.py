@@ -1,11 +1,30 @@
 """The arm's own errors as a result tells them, and what is to be said of them."""
 
+import re
+from typing import Final
+
 from calib_core.chain.arm_model import ArmModel
 from calib_core.chain.tcp import TcpSolution
+from calib_core.evidence.numbers import quantity
 from calib_core.findings import Finding
 from calib_core.findings.codes import arm as codes
+from calib_core.messages import message, templates
 from calib_core.records import Cell
+from calib_core.records.evidence import AnyBlock, Column, Row, Table
 from calib_core.records.results import ArmModelFound, FoundFrame
+
+_TERMS: Final = templates(
+    {
+        "zero_deg": "Zero of joint {number}",
+        "length_mm": "Length of link {number}",
+        "offset_mm": "Offset of link {number}",
+        "twist_deg": "Twist of link {number}",
+        "tilt_deg": "Tilt of link {number}",
+        "sag_deg": "Sag of joint {number}, arm stretched out",
+        "deg_per_deg": "Joint {number} by turns of joint {other}",
+    }
+)
+_UNITS: Final = {"_deg_per_deg": "°/°", "_deg": "°", "_mm": "mm"}
 
 
 def arm_model_found(solution: TcpSolution) -> ArmModelFound | None:
@@ -40,3 +59,29 @@ def arm_findings(cell: Cell, model: ArmModel | None) -> list[Finding]:
     if model.worth_it:
         return [codes.ARM_WORTH_IT(before_mm=before, after_mm=after)]
     return [codes.ARM_NOT_BETTER(before_mm=before, after_mm=after)] if cell.robot.errors == "apply" else []
+
+
+def arm_table(model: ArmModelFound | None) -> list[AnyBlock]:
+    """Return the arm's errors one by one, and what they bring at poses left out."""
+    if model is None or not model.names:
+        return []
+    before_mm, after_mm = model.held_out_rms_mm
+    code = codes.ARM_APPLIED if model.applied else codes.ARM_WORTH_IT if model.worth_it else codes.ARM_NOT_BETTER
+    assert isinstance(code.text, str)
+    caption = message(code.text, before_mm=before_mm, after_mm=after_mm)
+    found = zip(model.names, model.values, model.sigmas, strict=True)
+    rows = [Row(cells=[_label(name), quantity(value, _unit(name), sigma)]) for name, value, sigma in found]
+    columns = [Column(label="Error", align="left"), Column(label="Found")]
+    return [
+        Table(id="arm", title="The arm's own errors", detail=True, caption=caption, columns=columns, rows=rows)
+    ]
+
+
+def _unit(name: str) -> str:
+    return next(unit for ending, unit in _UNITS.items() if name.endswith(ending))
+
+
+def _label(name: str) -> str:
+    numbers = [int(n) for n in re.findall(r"\d+", name)]
+    template = next(text for ending, text in _TERMS.items() if name.endswith(ending))
+    return message(template, number=numbers[0], other=numbers[-1])

@@ -28,6 +28,7 @@ from calib_core.stages.evidence_parts import (
     workpiece_places,
     workpiece_table,
 )
+from calib_core.stages.tcp.arm_found import arm_table
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.warm_up import drift_blocks
 
@@ -66,6 +67,7 @@ def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:
         *two_step_blocks(result),
         noise_table(result.variance_components),
         *scanner_table(result),
+        *arm_table(result.arm_model),
         *sphere_figures(result),
         *left_out(result.residuals),
         *residual_table(result.residuals, COLUMNS),
