@@ -1,6 +1,6 @@
 """What carries scanner and ball in a cell, as its record says."""
 
-from calib_core.cell.layout import Carrier
+from calib_core.cell.layout import Carrier, KnownDistance
 from calib_core.cell.walk import Carriers
 from calib_core.records import Capture, Cell, Scanner, Sphere
 
@@ -43,10 +43,10 @@ def ball_name(carrier: str) -> str:
     return "sphere" if carrier == "base" else "sphere-on-flange"
 
 
-def told_distances(cell: Cell) -> tuple[tuple[str, str, float, float], ...]:
-    """Return the told distances of balls: both names, mm, and the standard deviation."""
+def told_distances(cell: Cell) -> tuple[KnownDistance, ...]:
+    """Return the told distances of balls."""
     told = cell.sphere_distances or []
-    return tuple((d.between[0], d.between[1], d.mm, d.sigma_mm or _DISTANCE_SIGMA_MM) for d in told)
+    return tuple(KnownDistance(d.between[0], d.between[1], d.mm, d.sigma_mm or _DISTANCE_SIGMA_MM) for d in told)
 
 
 def ball_on_flange(cell: Cell) -> bool:

@@ -64,6 +64,16 @@ class AxisState:
 
 
 @dataclass(frozen=True)
+class KnownDistance:
+    """The distance of two balls' centres, mm, as a certificate or a user tells it, and its standard deviation."""
+
+    one: str
+    other: str
+    mm: float
+    sigma_mm: float
+
+
+@dataclass(frozen=True)
 class Layout:
     """What a cell is made of, beside the robot's pose.
 
@@ -95,6 +105,12 @@ class Layout:
         """Return the columns of a ball's place."""
         first = 9 + AXIS_UNKNOWNS * len(self.axes) + 3 * (which - 1) if which else 6
         return slice(first, first + 3)
+
+    def apart(self, distances: Sequence[KnownDistance]) -> tuple[tuple[int, int, KnownDistance], ...]:
+        """Return the known distances of balls that were seen, with the places of both."""
+        places = {name: n for n, (_, name) in enumerate(self.places)}
+        seen = [d for d in distances if d.one in places and d.other in places]
+        return tuple((places[d.one], places[d.other], d) for d in seen)
 
     def axis(self, which: int) -> slice:
         """Return the columns of an axis."""

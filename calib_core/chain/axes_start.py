@@ -43,17 +43,7 @@ def axes_start(
     MotionError
         If no guess fits.
     """
-    axes = walk.layout.axes
-    kept = {a: known[axis.name] for a, axis in enumerate(axes) if axis.name in known}
-    rotary = [a for a, axis in enumerate(axes) if axis.kind == "rotary" and walk.layout.rides[:, a].any()]
-    moved = sum((walk.readings[:, [a]] * at.scale * at.rotation[:, 2] for a, at in kept.items()), np.zeros(3))
-    in_ground = centers + np.broadcast_to(moved, (len(centers), 3))[:, None] * (walk.over_robot > 0)[:, None, None]
-    every = [dict(zip(rotary, ways, strict=True)) for ways in product(_ways(), repeat=len(rotary))]
-    tried = [_linear(walk, in_ground, ways) for ways in every]
-    tried.sort(key=lambda one: one[1])
-    best_few = [_position(walk, mounts, *guess, kept) for guess, _ in tried[:_REFINED]]
-    found = [_refined(walk, centers, one, [*kept]) for one in best_few]
-    best = min(found, key=lambda one: float(robust_costs(one[1])))
+    best = axes_guesses(walk, centers, mounts, known)[0]
     if np.median(best[1]) > _FAR_MM:
         raise MotionError(
             "captures that show how the axes {axes} move the ball",
@@ -63,6 +53,23 @@ def axes_start(
             misfit=float(np.median(best[1])),
         )
     return best
+
+
+def axes_guesses(
+    walk: Walk, centers: FloatArray, mounts: tuple[FloatArray, FloatArray], known: Mapping[str, AxisState]
+) -> list[tuple[Position, FloatArray]]:
+    """Return guesses as `axes_start` has them, however badly they fit, the best first."""
+    axes = walk.layout.axes
+    kept = {a: known[axis.name] for a, axis in enumerate(axes) if axis.name in known}
+    rotary = [a for a, axis in enumerate(axes) if axis.kind == "rotary" and walk.layout.rides[:, a].any()]
+    moved = sum((walk.readings[:, [a]] * at.scale * at.rotation[:, 2] for a, at in kept.items()), np.zeros(3))
+    in_ground = centers + np.broadcast_to(moved, (len(centers), 3))[:, None] * (walk.over_robot > 0)[:, None, None]
+    every = [dict(zip(rotary, ways, strict=True)) for ways in product(_ways(), repeat=len(rotary))]
+    tried = [_linear(walk, in_ground, ways) for ways in every]
+    tried.sort(key=lambda one: one[1])
+    best_few = [_position(walk, mounts, *guess, kept) for guess, _ in tried[:_REFINED]]
+    found = [refined(walk, centers, one, [*kept]) for one in best_few]
+    return sorted(found, key=lambda one: float(robust_costs(one[1])))
 
 
 def _ways() -> FloatArray:
@@ -136,7 +143,7 @@ def _position(
     return Position(*mounts, places, tuple(axes))
 
 
-def _refined(walk: Walk, centers: FloatArray, at: Position, kept: Sequence[int]) -> tuple[Position, FloatArray]:
+def refined(walk: Walk, centers: FloatArray, at: Position, kept: Sequence[int]) -> tuple[Position, FloatArray]:
     """Return a guess with all axes and places free, damped Gauss–Newton with Cauchy's loss, and the misfits."""
     layout, rows = walk.layout, np.arange(len(centers))
     free = np.ones(layout.unknowns, dtype=bool)

@@ -11,6 +11,7 @@ from itertools import permutations
 
 import numpy as np
 
+from calib_core.cell.layout import KnownDistance
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import Centers, Start, centers_of, find_starts
 from calib_core.chain.start_search import random_few, random_rotations
@@ -166,16 +167,16 @@ def _nearest(both: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def by_distances(
-    centers: FloatArray, names: Sequence[str], distances: Sequence[tuple[str, str, float, float]]
+    centers: FloatArray, names: Sequence[str], distances: Sequence[KnownDistance]
 ) -> list[str] | None:
     """Return the names of balls by their told distances; None where several namings fit as well, or none does."""
     costs: list[tuple[float, tuple[str, ...]]] = []
     for given in permutations(names, len(centers)) if len(names) >= len(centers) else ():
         place = {name: centers[n] for n, name in enumerate(given)}
         off = [
-            abs(float(np.linalg.norm(place[one] - place[other])) - mm)
-            for one, other, mm, _ in distances
-            if one in place and other in place
+            abs(float(np.linalg.norm(place[known.one] - place[known.other])) - known.mm)
+            for known in distances
+            if known.one in place and known.other in place
         ]
         if off:
             costs.append((max(off), given))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.cell.layout import AxisState, Layout
+from calib_core.cell.layout import AxisState, KnownDistance, Layout
 from calib_core.cell.walk import Position, Walk
 from calib_core.chain import scanner
 from calib_core.chain.table import TableState
@@ -119,7 +119,7 @@ class ChainData:
     held : (P,) bool
         Unknowns that keep their values, without the nuisances.
     distances : tuple
-        Known distances between places: (one, other, mm, sigma in mm).
+        Known distances between balls, with the places of both.
     tool_prior : ToolPrior or None
     arm_columns, arm_means : (K, 3, p), (p,), or None
         How the balls move in L by one standard deviation of each term of the arm's own errors, beyond what the
@@ -153,7 +153,7 @@ class ChainData:
     held: np.ndarray
     arm_scale_sigma: float = 0.0
     drift_sigma_mm: float = 0.0
-    distances: tuple[tuple[int, int, float, float], ...] = ()
+    distances: tuple[tuple[int, int, KnownDistance], ...] = ()
     tool_prior: ToolPrior | None = None
     arm_columns: FloatArray | None = None
     arm_means: FloatArray | None = None
@@ -454,12 +454,12 @@ def prior(data: ChainData, state: ChainState, shared: int) -> tuple[float, Float
         gradient[at] += data.tool_prior.information @ deviation
         cost += 0.5 * float(deviation @ data.tool_prior.information @ deviation)
         hessian[np.ix_(at, at)] += data.tool_prior.information
-    for one, other, length_mm, sigma_mm in data.distances:
+    for one, other, known in data.distances:
         apart = state.position.places[other] - state.position.places[one]
         distance = float(np.linalg.norm(apart))
         row = np.zeros(len(diagonal))
         row[layout.place(one)], row[layout.place(other)] = -apart / distance, apart / distance
-        cost += 0.5 * ((distance - length_mm) / sigma_mm) ** 2
-        gradient += row * (distance - length_mm) / sigma_mm**2
-        hessian += np.outer(row, row) / sigma_mm**2
+        cost += 0.5 * ((distance - known.mm) / known.sigma_mm) ** 2
+        gradient += row * (distance - known.mm) / known.sigma_mm**2
+        hessian += np.outer(row, row) / known.sigma_mm**2
     return cost, gradient, hessian

@@ -12,7 +12,7 @@ import numpy as np
 
 from calib_core.arms.alike import visits
 from calib_core.arms.errors import ArmTerm
-from calib_core.cell.layout import AxisState, Layout, MovedAxis
+from calib_core.cell.layout import AxisState, KnownDistance, Layout, MovedAxis
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import Answer, answer_of
 from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
@@ -65,7 +65,7 @@ class TcpOptions:
     `arm_terms`: those that observations' `arm_moves` are of; `apply_arm`: the arm's errors are taken out of the
     poses where other poses are predicted better by that, and the tool is that of such poses.
     `taken_at_s`: when captures were taken, by their ids.  `axes`: those that the cell names, with the standard
-    deviations of their readings, rad or mm.  `distances`: told ones of balls, by name, with sigmas in mm.
+    deviations of their readings, rad or mm.  `distances`: told ones of balls.
     """
 
     position_sigma_mm: float | None = None
@@ -78,13 +78,7 @@ class TcpOptions:
     axis_sigmas: tuple[float | None, ...] = ()
     arm_terms: tuple[ArmTerm, ...] = ()
     apply_arm: bool = False
-    distances: tuple[tuple[str, str, float, float], ...] = ()
-
-    def distances_of(self, layout: Layout) -> tuple[tuple[int, int, float, float], ...]:
-        """Return the told distances of balls that were seen, by their places."""
-        places = {name: n for n, (_, name) in enumerate(layout.places)}
-        some = [one for one in self.distances if one[0] in places and one[1] in places]
-        return tuple((places[one], places[other], mm, sigma) for one, other, mm, sigma in some)
+    distances: tuple[KnownDistance, ...] = ()
 
     def sigmas_of(self, layout: Layout) -> list[float | None]:
         """Return what is told of the readings of some of the axes."""
@@ -236,7 +230,7 @@ def solve_tcp(
         likeliest_sides(data.of_one_scanner(n, ways), of_scanner, given[:2]) for n, of_scanner in enumerate(starts)
     ]
     chosen, start = every[0], every[0].start
-    data = replace(data, distances=options.distances_of(layout))
+    data = replace(data, distances=layout.apart(options.distances))
     state, core, spread = together(data, mains, every, ways)
     state, core = with_other_balls(data, centers_of(observations, sphere), state, core)
     judged = with_more_spread(judge_from(observations, data, state, core, given), spread)

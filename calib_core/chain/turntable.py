@@ -15,11 +15,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.cell.layout import AxisState, Layout, MovedAxis
+from calib_core.cell.layout import AxisState, KnownDistance, Layout, MovedAxis
 from calib_core.cell.walk import Position
 from calib_core.chain.arm_model import ArmModel
 from calib_core.chain.arrays import chain_data, layout_of
-from calib_core.chain.axes_start import axes_start
+from calib_core.chain.axes_balls import balls_on_axes
+from calib_core.chain.axes_start import axes_guesses, axes_start
 from calib_core.chain.circles import PaperAxis, paper_axis
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held
@@ -75,6 +76,7 @@ class TurntableOptions:
     `direction` is the cell's; `encoder_scale` asks for the encoder's scale as an unknown (False: never; None: if
     the captures leave no doubt that it is off).  `angles_unknown`: the angles were found from the captures.
     `axes`: those of the cell where it names them, with the standard deviations of their readings, rad or mm.
+    `distances`: known ones of balls on them.
     """
 
     position_sigma_mm: float | None = None
@@ -86,6 +88,7 @@ class TurntableOptions:
     angles_unknown: bool = False
     axes: tuple[MovedAxis, ...] = ()
     axis_sigmas: tuple[float | None, ...] = ()
+    distances: tuple[KnownDistance, ...] = ()
     priors: ScannerPriors = field(default_factory=ScannerPriors)
 
     @property
@@ -279,6 +282,7 @@ def _data(
     placed, known = [o.placed for o in observations], tool.held
     layout = _layout(observations, tool, options)
     data = chain_data(placed, sphere, point_sigma, layout=layout)
+    data = replace(data, distances=layout.apart(options.distances))
     data = data.holding(layout.scale(layout.table), not options.encoder_scale)
     for n, axis in enumerate(layout.axes):
         if axis.carries == "robot":  # known with the tool, or never moved
@@ -307,12 +311,27 @@ def _start(
     """Return where the fit starts: by circles about one axis, or by all axes' directions."""
     if not options.axes:
         return find_table_start(observations, sphere, tool.mounts)
-    data = chain_data([o.placed for o in observations], sphere, None, layout=_layout(observations, tool, options))
-    mounts = _mounts(tool)
-    centers = both_centers_in_base(observations, sphere, tool.mounts)
-    position, misfit = axes_start(data.walk, centers, mounts, _known_axes(tool))
+    data, centers = start_data(observations, sphere, tool, options)
+    position, misfit = axes_start(data.walk, centers, _mounts(tool), _known_axes(tool))
     state = ChainState.at(data, position)
     return TableStart(state.table, np.zeros(len(observations)), misfit, position)
+
+
+def balls_of_arcs(
+    observations: Sequence[TableObservation], sphere: SphereSize, tool: KnownTool, options: TurntableOptions
+) -> np.ndarray | None:
+    """Return which ball of its mounting each arc is of, as `balls_on_axes` does."""
+    data, centers = start_data(observations, sphere, tool, options)
+    return balls_on_axes(data.walk, centers, axes_guesses(data.walk, centers, _mounts(tool), _known_axes(tool)))
+
+
+def start_data(
+    observations: Sequence[TableObservation], sphere: SphereSize, tool: KnownTool, options: TurntableOptions
+) -> tuple[ChainData, FloatArray]:
+    """Return captures as arrays and their balls' possible centres in base."""
+    layout = _layout(observations, tool, options)
+    data = chain_data([o.placed for o in observations], sphere, None, layout=layout)
+    return data, both_centers_in_base(observations, sphere, tool.mounts)
 
 
 def _known_axes(tool: KnownTool) -> dict[str, AxisState]:

@@ -190,7 +190,7 @@ def _judge(
     repeated = visits_of(data.chosen(np.arange(data.count) < still))
     data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))
     data = tcp.shifts.holding(data)
-    data = replace(data, distances=tcp.options.distances_of(layout))
+    data = replace(data, distances=layout.apart(tcp.options.distances or options.distances))
     data = data.holding(layout.scale(layout.table), not turntable.encoder.applied)
     one, other = tcp.held.state.position, turntable.state.position
     mounts = one.mount_rotations, one.mount_translations

@@ -1,14 +1,20 @@
 """Several balls in one view: arcs told apart, each ball found, told distances used as measurements."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pytest
 
 import calib_core as cc
+from calib_core.cell.layout import KnownDistance
 from calib_core.chain.balls import by_distances
+from calib_core.library.opened import in_memory
 from calib_core.records.results import FoundFrame, ScannerFound
+from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.stages.tcp.record import TcpResult
 from tests.topology_errors import distances
 
@@ -52,17 +58,45 @@ def test_told_distances_name_the_balls_and_find_the_scale() -> None:
 
 
 def test_distances_that_fit_two_ways_name_nothing() -> None:
-    corners = np.array([[0.0, 0, 0], [60, 0, 0], [0, 60, 0]])
-    told = [("a", "b", 60.0, 0.01), ("a", "c", 60.0, 0.01)]
-    assert by_distances(corners, ["a", "b", "c"], told) is None
-    assert (
-        by_distances(corners, ["a", "b", "c"], [*told[:1], ("b", "c", 84.85, 0.01), ("a", "c", 70.0, 0.1)]) is None
-    )
+    corners, names = np.array([[0.0, 0, 0], [60, 0, 0], [0, 60, 0]]), ["a", "b", "c"]
+    ab, ac = KnownDistance("a", "b", 60.0, 0.01), KnownDistance("a", "c", 60.0, 0.01)
+    assert by_distances(corners, names, [ab, ac]) is None
+    wrong = KnownDistance("a", "c", 70.0, 0.1)
+    assert by_distances(corners, names, [ab, KnownDistance("b", "c", 84.85, 0.01), wrong]) is None
     far = corners * [1, 1.5, 1]
-    assert by_distances(far, ["c", "b", "a"], [("a", "b", 60.0, 0.01), ("a", "c", 90.0, 0.01)]) == ["a", "b", "c"]
+    assert by_distances(far, names[::-1], [ab, KnownDistance("a", "c", 90.0, 0.01)]) == names
 
 
 def test_one_ball_stays_one() -> None:
     simulated, _ = cc.simulate("tcp", 1)
     (ball,) = simulated.run()["tcp"].spheres
     assert (ball.name, len(ball.captures)) == ("sphere", 14)
+
+
+def test_balls_of_a_plate_on_two_axes_are_told_apart_and_tell_the_axes() -> None:
+    simulated, truth = cc.simulate("plate-on-positioner", 1)
+    result = simulated.run()["chain"]
+    assert result.verdict != "fail"
+    assert all(row.used and row.profiles is None for row in result.residuals)
+    on_plate = [ball for ball in result.spheres if ball.carrier == "turn"]
+    assert [ball.name for ball in on_plate] == ["plate-1", "plate-2", "plate-3"]
+    assert all(ball.center_mm is not None for ball in on_plate)
+    apart = sorted(np.linalg.norm(np.subtract(a.center_mm, b.center_mm)) for a, b in combinations(on_plate, 2))
+    true = [np.array(ball["center_mm"]) for ball in truth["spheres"] if ball["in"] == "turn"]
+    assert apart == pytest.approx(sorted(np.linalg.norm(a - b) for a, b in combinations(true, 2)), abs=0.2)
+    found = list(distances(result, truth))
+    assert [name for name, *_ in found] == ["tool0_from_laser", "tilt", "turn"]
+    assert all(squared < {2: 18.4, **CHI2}[freedom] for _, squared, freedom, _ in found)
+
+
+def test_told_distances_name_balls_on_axes() -> None:
+    scenario = replace(TOPOLOGY_SCENARIOS["plate-on-positioner"], told="distances")
+    session, files, truth = simulate_topology(scenario, "plate-on-positioner", 3)
+    result = in_memory(session, files).run()["chain"]
+    on_plate = [ball for ball in result.spheres if ball.carrier == "turn"]
+    assert sorted(ball.name for ball in on_plate) == ["a", "b", "c"]
+    places = {ball.name: np.array(ball.center_mm) for ball in on_plate}
+    true = {ball["name"]: np.array(ball["center_mm"]) for ball in truth["spheres"]}
+    for one, other in combinations("abc", 2):
+        told = np.linalg.norm(true[one] - true[other])
+        assert np.linalg.norm(places[one] - places[other]) == pytest.approx(told, abs=0.04)

@@ -49,7 +49,7 @@ def solve(given: StageInput) -> ChainResult:
         solved.sphere,
         solved.solution,
         table.solution,
-        table_options(given.session.cell),
+        replace(table_options(given.session.cell), distances=table.solution.options.distances),
         part_of(given.progress, _TABLE_SHARE, 1.0),
     )
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):

@@ -1,7 +1,7 @@
 """Captures that show several balls: their arcs told apart, and named as the cell names them."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +9,10 @@ import numpy as np
 from calib_core.captures.more_arcs import further_arcs
 from calib_core.cell.carriers import ball_name, told_balls, told_distances
 from calib_core.chain.balls import by_distances, labelled
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpSolution, by_scanner
+from calib_core.findings import Finding
 from calib_core.findings.codes.captures import CAPTURE_OF_NO_BALL
 from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.records import Cell
@@ -20,32 +22,46 @@ _LEAST_WITH_MORE = 3
 """Captures with further arcs; in fewer it is a reflection or another round thing."""
 
 
-def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) -> Observed:
-    """Return what captures saw, arcs of other balls too, where they show several."""
+def all_arcs(
+    given: StageInput, observations: Sequence[SphereObservation], carriers: Iterable[str]
+) -> list[SphereObservation] | None:
+    """Return observations with those of further arcs in their captures; None where nothing hints at several balls.
+
+    `carriers`: what carries the balls that they show.
+    """
     by_id = {capture.id: capture for capture in given.captures}
-    own, single = [o.capture for o in observed.observations], Counter(o.capture for o in observed.observations)
+    single = Counter(o.capture for o in observations)
     arcs: list[SphereObservation] = []
-    for o in observed.observations:
+    for o in observations:
         arcs.append(o)
         if single[o.capture] == 1:
             more = further_arcs(given.session, by_id[o.capture], given.read)
             arcs += [replace(one, arm_moves=o.arm_moves) for one in more]
     with_more = sum(count > 1 for count in Counter(o.capture for o in arcs).values())
-    told = max(len(told_balls(given.session.cell, carrier)) for carrier in {o.carriers.ball for o in arcs} or {""})
-    if (with_more < _LEAST_WITH_MORE and told < 2) or not own:
-        return observed
-    found = labelled(arcs, sphere, by_scanner(arcs))
+    told = max((len(told_balls(given.session.cell, carrier)) for carrier in carriers), default=0)
+    return arcs if with_more >= _LEAST_WITH_MORE or told > 1 else None
+
+
+def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) -> Observed:
+    """Return what captures saw, arcs of other balls too, where they show several."""
+    arcs = all_arcs(given, observed.observations, {o.carriers.ball for o in observed.observations})
+    found = labelled(arcs, sphere, by_scanner(arcs)) if arcs else None
     if found is None:
         return observed
-    kept = [o for o in found if o.ball]
-    stray = [name for name in own if name not in {o.capture for o in kept}]
-    unused = [*observed.unused, *([CAPTURE_OF_NO_BALL(stray)] if stray else [])]
-    return Observed(kept, observed.failed, unused)
+    unused = [*observed.unused, *of_no_ball([o.capture for o in observed.observations], found)]
+    return Observed([o for o in found if o.ball], observed.failed, unused)
 
 
-def with_told_names(cell: Cell, solution: TcpSolution) -> Mapping[tuple[str, str], str]:
+def of_no_ball(own: Sequence[str], found: Sequence[SphereObservation]) -> list[Finding]:
+    """Return the captures none of whose arcs is of a ball."""
+    kept = {o.capture for o in found if o.ball}
+    stray = list(dict.fromkeys(name for name in own if name not in kept))
+    return [CAPTURE_OF_NO_BALL(stray)] if stray else []
+
+
+def with_told_names(cell: Cell, state: ChainState) -> Mapping[tuple[str, str], str]:
     """Return the names of balls by what carries each and how they were told apart: the cell's where those fit."""
-    layout, places = solution.held.state.walk.layout, solution.held.state.position.places
+    layout, places = state.walk.layout, state.position.places
     names = {place: _alone(cell, *place) for place in layout.places}
     for carrier in {carrier for carrier, _ in layout.places}:
         some = [n for n, (on, _) in enumerate(layout.places) if on == carrier]
@@ -68,7 +84,7 @@ def named_by_distances(
     """Return observations whose balls have the cell's names, where distances of those are told; None without."""
     if not told_distances(cell):
         return None
-    names = with_told_names(cell, solution)
+    names = with_told_names(cell, solution.held.state)
     found = [replace(o, ball=names[o.carriers.ball, o.ball]) for o in observations]
     changed = [one.ball != o.ball for one, o in zip(found, observations, strict=True)]
     return found if np.any(changed) and len(solution.held.state.position.places) > 1 else None
@@ -76,7 +92,7 @@ def named_by_distances(
 
 def spheres_found(cell: Cell, solution: TcpSolution) -> list[FoundSphere]:
     """Return every ball that no axis carries, and who saw it."""
-    held, names = solution.held, with_told_names(cell, solution)
+    held, names = solution.held, with_told_names(cell, solution.held.state)
     walk, found = held.state.walk, list[FoundSphere]()
     for n, (carrier, name) in enumerate(walk.layout.places):
         if walk.layout.rides[n].any():

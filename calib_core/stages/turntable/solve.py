@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.cell.axes import axis_of_mounts, moved_axes, names_axes, reading_sigmas
+from calib_core.cell.carriers import told_distances
 from calib_core.cell.found import known_scanner, no_scanner
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.without_turns import open_shifts
@@ -127,6 +128,8 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     from calib_core.chain.arm_open import corrected
     from calib_core.chain.table_angles import with_found_angles
     from calib_core.chain.turntable import solve_turntable
+    from calib_core.stages.tcp.balls import all_arcs, of_no_ball
+    from calib_core.stages.turntable.balls import balls_of_mountings, named_by_distances
 
     captures = [capture for capture in given.captures if not capture.excluded]
     cell = given.session.cell
@@ -137,16 +140,27 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     by_id = {capture.id: capture for capture in captures}
     carriers = axis_of_mounts(cell, captures)
     seen = observed.observations if tool.arm is None else corrected(observed.observations, tool.arm)
-    observations = [_on_axis(o, by_id[o.capture], carriers) for o in seen]
+    options = table_options(cell)
+
+    def placed(some: Sequence[SphereObservation]) -> list[TableObservation]:
+        return [_on_axis(o, by_id[o.capture], carriers) for o in some]
+
+    observations, unused = placed(seen), observed.unused
     try:
         if turning.angles == "unknown":
             observations = with_found_angles(observations, sphere, tool.mounts, turning.direction or 1)
-        solution = solve_turntable(
-            observations, sphere, tool, table_options(given.session.cell), part_of(progress, 0.3, 1.0)
-        )
+        elif arcs := all_arcs(given, seen, {o.axis for o in observations}):
+            named = balls_of_mountings(cell, placed(arcs), sphere, tool, options)
+            if named is not None:
+                observations = [o for o in named if o.sphere.ball]
+                unused = [*unused, *of_no_ball([o.capture for o in seen], [o.sphere for o in named])]
+        solution = solve_turntable(observations, sphere, tool, options, part_of(progress, 0.3, 1.0))
+        if (named := named_by_distances(cell, observations, solution.state)) is not None:
+            observations, options = named, replace(options, distances=told_distances(cell))
+            solution = solve_turntable(observations, sphere, tool, options)
     except MotionError as error:
         raise error.with_failures(observed.failed) from None
-    return SolvedTable(solution, observations, observed.unused)
+    return SolvedTable(solution, observations, unused)
 
 
 def _on_axis(seen: SphereObservation, capture: Capture, carriers: Mapping[str, str]) -> TableObservation:
