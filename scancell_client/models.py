@@ -1003,6 +1003,7 @@ class VerifyResult(Record):
     stage: Literal['verify'] | None = None
     verified: str
     sphere_center_in_base_mm: list[float] | None
+    sphere_center_in_tool0_mm: list[float] | None = None
     sphere_center_covariance: list[list[float]] | None
     surface_rms_mm: float | None
     held_out_scatter_rms_mm: float | None

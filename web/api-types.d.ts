@@ -2729,6 +2729,7 @@ export interface StoredVerifyResult {
   stage?: "verify";
   verified: string;
   sphere_center_in_base_mm: number[] | null;
+  sphere_center_in_tool0_mm?: number[] | null;
   sphere_center_covariance: number[][] | null;
   surface_rms_mm: number | null;
   held_out_scatter_rms_mm: number | null;
@@ -3152,6 +3153,7 @@ export interface VerifyResult {
   stage?: "verify";
   verified: string;
   sphere_center_in_base_mm: number[] | null;
+  sphere_center_in_tool0_mm?: number[] | null;
   sphere_center_covariance: number[][] | null;
   surface_rms_mm: number | null;
   held_out_scatter_rms_mm: number | null;

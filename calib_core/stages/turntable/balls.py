@@ -41,6 +41,6 @@ def named_by_distances(
     told, known = told_distances(cell), with_told_names(cell, state)
     named = {name for one in told for name in (one.one, one.other)}
     names = {place: name if name in named else place[1] for place, name in known.items()}
-    if not any(name in named for (carrier, _), name in names.items() if carrier not in ("base", "tool0")):
+    if not any(names[o.axis, o.mount] in named for o in arcs):
         return None
     return [replace(o, mount=names[o.axis, o.mount]) for o in arcs]

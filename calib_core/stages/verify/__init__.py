@@ -38,6 +38,7 @@ class Verify(Stage):
     settings_field = "verification"
     after = ("camera", "laser-plane", "tcp", "chain")
     guided = ("verify",)
+    any_arrangement = True
     optional = True
     layers = ("sphere", "captures", "scanner")
 

@@ -44,7 +44,7 @@ def disagreeing(
         name, distance = worst
         found[name] = distance
         rest = [o for o in rest if o.capture != name]
-        asked = asked_by(rest, radius_mm, asked.mount_from_laser, asked.center_in_base_mm, tool)
+        asked = asked_by(rest, radius_mm, asked.mount_from_laser, asked.center_mm, tool)
     return found
 
 

@@ -5,12 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.captures.content import pose_of
 from calib_core.captures.contradictions import EXCLUDED, unfit
 from calib_core.captures.scans import Placement, ScanGroup, read_scan
+from calib_core.captures.sweep import sweep_poses
+from calib_core.cell.carriers import carriers_of
 from calib_core.errors import MeasurementError
 from calib_core.findings import Finding, reasons_of
 from calib_core.findings.codes.verify import PLATE_NOT_TURNED, POINTS_BESIDE_PLATE
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.messages import message
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
@@ -79,7 +82,7 @@ def plate(session: Session, captures: Sequence[Capture], read: ReadFile, tool: R
         if capture.id in unused:
             continue
         try:
-            own, turned = _in_base(session, capture, read, tool)
+            own, turned = _on_carrier(session, capture, read, tool)
         except MeasurementError as error:
             unused[capture.id] = str(error)
             continue
@@ -213,13 +216,18 @@ def _figures(points: FloatArray) -> tuple[float, float]:
     return range_and_band((points - middle) @ normal)
 
 
-def _in_base(
+def _on_carrier(
     session: Session, capture: Capture, read: ReadFile, tool: RigidTransform
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a capture's points (N, 3) in base, and how the flange was turned (3, 3)."""
+    """Return a capture's points (N, 3) on what carries the plate, and how the scanner was turned there (3, 3)."""
     scan = read_scan(session, ScanGroup((capture,)), Placement(tool, None), read)
     rows = np.asarray(scan.points_in_laser_mm, dtype=float)
-    ways = np.broadcast_to(scan.turntable_from_laser, (len(rows), 4, 4))
+    ways = scan.turntable_from_laser
+    if carriers_of(session.cell, capture).over_robot < 0:  # the flange carries the plate
+        sweep = capture.kind == "sweep"
+        poses = sweep_poses(session.cell, capture) if sweep else [pose_of(session.cell, capture)]
+        ways = stack_matrices([pose.inverse() for pose in poses]) @ ways
+    ways = np.broadcast_to(ways, (len(rows), 4, 4))
     points = (np.einsum("pij,pcj->pci", ways[:, :3, :3], rows) + ways[:, None, :3, 3]).reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):

@@ -1,5 +1,6 @@
 """The verification's step: captures of the sphere that were not used for the answer, then how far they scatter."""
 
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.guidance.advice import verify_pose
 from calib_core.messages import message
 from calib_core.records import GuideNow
@@ -17,6 +18,9 @@ _PLATE_EXIT = message(
 )
 _EXIT = message(
     "{wanted_captures} captures of the sphere, standing still, from all sides.", wanted_captures=WANTED_CAPTURES
+)
+_EXIT_ON_FLANGE = message(
+    "{wanted_captures} captures of the sphere on the flange, turned to all sides.", wanted_captures=WANTED_CAPTURES
 )
 
 
@@ -40,14 +44,15 @@ def guide(view: GuideView) -> GuideNow | None:
         look = "Look at the result: how far held-out captures scatter, and what was expected."
         return review(fresh, look, step="verify", exit_="You trust it: then export the answer.")
     refused = {m.capture for m in view.measured if m.verdict == "fail"}
+    carried = ball_on_flange(view.session.cell)
     of_plate = sum(capture.id not in refused for capture in view.captures("plate"))
     flat = limits.flatness_mm is not None or limits.flatness_95_mm is not None
     if of_plate and flat and not captures:  # a plate alone, as somebody began
-        return _plate(of_plate) if of_plate < WANTED_OF_PLATE else _solve(again=result is not None)
+        return _plate(of_plate, carried) if of_plate < WANTED_OF_PLATE else _solve(again=result is not None)
     seen = sum(capture.id not in refused for capture in captures)
     if seen >= WANTED_CAPTURES:
         if flat and of_plate < WANTED_OF_PLATE:
-            return _plate(of_plate)
+            return _plate(of_plate, carried)
         return _solve(again=result is not None)
     pose = verify_pose(view.session, view.measured, view.results)
     told = {} if pose is None else suggested(view.session.cell, pose.base_from_tool0, _NOTE)
@@ -61,20 +66,22 @@ def guide(view: GuideView) -> GuideNow | None:
         why="The TCP was given with the cell; only captures of its own show how good it is here."
         if given
         else "Captures that the answer has never seen show how good it is.",
-        exit=_EXIT,
-        drawing="tcp-first",
+        exit=_EXIT_ON_FLANGE if carried else _EXIT,
+        drawing="ball-first" if carried else "tcp-first",
         progress=message("{seen} of {wanted_captures} captures", seen=seen, wanted_captures=WANTED_CAPTURES),
         still_needed=WANTED_CAPTURES - seen,
         **told,
     )
 
 
-def _plate(seen: int) -> GuideNow:
+def _plate(seen: int, on_flange: bool) -> GuideNow:
     return GuideNow(
         step="plate",
         stage="verify",
         action="capture",
-        instruction="Fix a flat plate where the workpiece stands, and capture it with nothing else in view.",
+        instruction="Fix a flat plate to the flange, and capture it from several sides with nothing else in view."
+        if on_flange
+        else "Fix a flat plate where the workpiece stands, and capture it with nothing else in view.",
         why="A limit is set for the flatness: seen from several sides a plate is flat only with a right tool.",
         exit=_PLATE_EXIT,
         drawing="scan-first",

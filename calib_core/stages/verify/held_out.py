@@ -18,13 +18,13 @@ _PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions 
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """The sphere over K held-out captures.
+    """The sphere over K held-out captures; its centre is in what carries it: base, or the flange.
 
     Attributes
     ----------
-    center_in_base_mm : (3,)
+    center_mm : (3,)
     covariance : (3, 3)
-    offsets_in_base_mm : (K, 3)
+    offsets_mm : (K, 3)
         Each capture's own centre minus the common one.
     expected_offsets_mm : (K,)
         Their root mean square length as the uncertainties predict it.
@@ -42,9 +42,9 @@ class HeldOut:
         Whether other sides of the plane of light are nearly as likely and ask for another tool.
     """
 
-    center_in_base_mm: FloatArray
+    center_mm: FloatArray
     covariance: FloatArray
-    offsets_in_base_mm: FloatArray
+    offsets_mm: FloatArray
     expected_offsets_mm: FloatArray
     squared_distances: FloatArray
     sides: FloatArray
@@ -57,7 +57,7 @@ class HeldOut:
     @property
     def scatter_rms_mm(self) -> float:
         """Root mean square of the captures' distances to the common centre."""
-        return float(np.sqrt(np.mean(np.sum(self.offsets_in_base_mm**2, axis=1))))
+        return float(np.sqrt(np.mean(np.sum(self.offsets_mm**2, axis=1))))
 
     @property
     def expected_scatter_rms_mm(self) -> float:
@@ -80,7 +80,7 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
     chosen = likeliest_sides(observations, sphere, tool)
     each = zip(observations, chosen.sides.tolist(), strict=True)
     seen = [_Seen(observation, sphere, tool, side) for observation, side in each]
-    center = center_as_asked = chosen.center_in_base_mm
+    center = center_as_asked = chosen.center_mm
     for _ in range(_STEPS):
         joint = _Joint(seen, center, tool)
         center = center + joint.step
@@ -89,9 +89,9 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
     joint = _Joint(seen, center, tool)
     residuals = joint.residuals.reshape(-1, 3)
     return HeldOut(
-        center_in_base_mm=center,
+        center_mm=center,
         covariance=joint.covariance_of_center,
-        offsets_in_base_mm=np.array([one.center_in_base_mm(center) for one in seen]) - center,
+        offsets_mm=np.array([one.center_mm(center) for one in seen]) - center,
         expected_offsets_mm=joint.expected_offsets_mm(),
         squared_distances=np.array([e @ np.linalg.solve(joint.block(k), e) for k, e in enumerate(residuals)]),
         sides=np.array([one.side(center) for one in seen]),
@@ -106,9 +106,9 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
 def together(parts: Sequence[HeldOut]) -> HeldOut:
     """Return what captures of several spheres show, each about its own; the centre is the first one's."""
     return HeldOut(
-        center_in_base_mm=parts[0].center_in_base_mm,
+        center_mm=parts[0].center_mm,
         covariance=parts[0].covariance,
-        offsets_in_base_mm=np.concatenate([part.offsets_in_base_mm for part in parts]),
+        offsets_mm=np.concatenate([part.offsets_mm for part in parts]),
         expected_offsets_mm=np.concatenate([part.expected_offsets_mm for part in parts]),
         squared_distances=np.concatenate([part.squared_distances for part in parts]),
         sides=np.concatenate([part.sides for part in parts]),
@@ -123,7 +123,7 @@ def together(parts: Sequence[HeldOut]) -> HeldOut:
 def linearised(
     observations: Sequence[SphereObservation], radius_mm: float, center: FloatArray, tool: Tool
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return K captures' figures at a centre in base, and how they follow that centre and the tool.
+    """Return K captures' figures at a centre on what carries the ball, and how they follow it and the tool.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def linearised(
     return (
         np.array([one.residual(center) for one in seen]),
         np.array([one.covariance(center) for one in seen]),
-        np.array([one.slope(center) @ one.moved_by_base() for one in seen]),
+        np.array([one.slope(center) @ one.moved_by_ball() for one in seen]),
         np.array([one.slope(center) @ one.moved_by_tool(center) for one in seen]),
         np.array([one.center_in_laser_mm(center) for one in seen]),
     )
@@ -150,18 +150,18 @@ class Asked:
     Attributes
     ----------
     mount_from_laser : RigidTransform
-    center_in_base_mm : (3,)
+    center_mm : (3,)
     residuals, weights : (K, 3), (K, 3, 3)
         What is left of the captures' figures there, and the inverse of their own covariances.
     design : (K, 3, 9)
-        How the figures follow the sphere's centre in base and the tool.
+        How the figures follow the sphere's centre and the tool.
     covariance : (9, 9)
     points : (K, 3)
         The sphere's centre in L.
     """
 
     mount_from_laser: RigidTransform
-    center_in_base_mm: FloatArray
+    center_mm: FloatArray
     residuals: FloatArray
     weights: FloatArray
     design: FloatArray
@@ -176,14 +176,14 @@ class Asked:
     def surface_rms_mm(self, observations: Sequence[SphereObservation], radius_mm: float) -> FloatArray:
         """Return how far each capture's points (K,) lie off the ball that all ask for; NaN without points."""
         tool, sphere = Tool(self.mount_from_laser, np.zeros((6, 6))), SphereSize(2 * radius_mm)
-        return np.array([_Seen(o, sphere, tool).surface_rms_mm(self.center_in_base_mm) for o in observations])
+        return np.array([_Seen(o, sphere, tool).surface_rms_mm(self.center_mm) for o in observations])
 
 
 def asked_by(
     observations: Sequence[SphereObservation],
     radius_mm: float,
     start: RigidTransform,
-    center_in_base_mm: FloatArray,
+    center_mm: FloatArray,
     tool: Tool,
 ) -> Asked:
     """Return the tool that captures of one still sphere ask for.
@@ -192,14 +192,14 @@ def asked_by(
     ----------
     observations : K captures, none of which helped to find the tool
     radius_mm : float
-    start, center_in_base_mm
+    start, center_mm
         Near it.
     tool : Tool
         That is verified.  Its covariance is not used, but that it is off by more than 0.5 rad or 300 mm is not
         believed: motions that leave it open have a large uncertainty.
     """
     believed = np.diag([0.0] * 3 + [1 / _PRIOR_RAD**2] * 3 + [1 / _PRIOR_MM**2] * 3)
-    at, center, best = start, center_in_base_mm, np.inf
+    at, center, best = start, center_mm, np.inf
     step = np.zeros(9)
     found: Asked | None = None
     for _ in range(_STEPS):
@@ -230,78 +230,81 @@ class _Seen:
 
     def __init__(self, observation: SphereObservation, sphere: SphereSize, tool: Tool, side: int = 0) -> None:
         self._observation, self._sphere, self._tool, self._side = observation, sphere, tool, side
-        self._base_from_laser = observation.base_from_tool0 @ tool.mount_from_laser
-        self._laser_from_base = self._base_from_laser.inverse()
+        self._ball_from_laser = observation.ball_from_scanner @ tool.mount_from_laser
+        self._laser_from_ball = self._ball_from_laser.inverse()
         center = observation.center_in_laser_mm
         radius = observation.circle_radius_mm
         self.measured = center if radius is None else np.array([center[0], center[2], radius])
         self.noise = observation.center_covariance
 
-    def residual(self, center_in_base: FloatArray) -> FloatArray:
+    def residual(self, center: FloatArray) -> FloatArray:
         """Return measured minus predicted."""
-        center = self._laser_from_base.apply(center_in_base)
+        center = self._laser_from_ball.apply(center)
         if self._observation.circle_radius_mm is None:
             return self.measured - center
         return self.measured - np.array([center[0], center[2], self._circle_radius_mm(center)])
 
-    def slope(self, center_in_base: FloatArray) -> FloatArray:
+    def slope(self, center: FloatArray) -> FloatArray:
         """Return how the prediction follows the sphere's centre in L (3, 3)."""
         if self._observation.circle_radius_mm is None:
             return np.eye(3)
-        center = self._laser_from_base.apply(center_in_base)
+        center = self._laser_from_ball.apply(center)
         slope = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
         slope[2, 1] = -center[1] / self._circle_radius_mm(center)
         return slope
 
-    def moved_by_base(self) -> FloatArray:
-        """Return how the centre in L follows that in base (3, 3)."""
-        return self._laser_from_base.rotation
+    def moved_by_ball(self) -> FloatArray:
+        """Return how the centre in L follows that on what carries the ball (3, 3)."""
+        return self._laser_from_ball.rotation
 
-    def moved_by_tool(self, center_in_base: FloatArray) -> FloatArray:
+    def moved_by_tool(self, center: FloatArray) -> FloatArray:
         """Return how the centre in L follows the tool (3, 6): q turns by −r × q, and shifts by −Rᵀδ."""
-        center = self._laser_from_base.apply(center_in_base)
+        center = self._laser_from_ball.apply(center)
         return np.hstack([skew(center), -self._tool.mount_from_laser.rotation.T])
 
-    def pose_covariance(self, center_in_base: FloatArray) -> FloatArray:
+    def pose_covariance(self, center: FloatArray) -> FloatArray:
         """Return the covariance (3, 3) of the centre in L by the error of the robot's pose."""
-        arm = skew(self._observation.base_from_tool0.inverse().apply(center_in_base))
+        over, base_from_tool0 = self._observation.carriers.over_robot, self._observation.base_from_tool0
+        if over == 0:
+            return np.zeros((3, 3))
+        arm = skew(base_from_tool0.inverse().apply(center) if over > 0 else center)  # from the flange to the ball
         turning, shifting = self._tool.orientation_sigma_rad**2, self._tool.position_sigma_mm**2
-        rotation = self._tool.mount_from_laser.rotation
-        return rotation.T @ (turning * arm @ arm.T + shifting * np.eye(3)) @ rotation
+        turned = self._tool.mount_from_laser.rotation.T if over > 0 else self._laser_from_ball.rotation
+        return turned @ (turning * arm @ arm.T + shifting * np.eye(3)) @ turned.T
 
-    def covariance(self, center_in_base: FloatArray) -> FloatArray:
+    def covariance(self, center: FloatArray) -> FloatArray:
         """Return the covariance of what was measured, the pose's error with it."""
-        slope = self.slope(center_in_base)
-        return self.noise + slope @ self.pose_covariance(center_in_base) @ slope.T
+        slope = self.slope(center)
+        return self.noise + slope @ self.pose_covariance(center) @ slope.T
 
-    def center_in_laser_mm(self, center_in_base: FloatArray) -> FloatArray:
+    def center_in_laser_mm(self, center: FloatArray) -> FloatArray:
         """Return where the capture should see the centre in L."""
-        return self._laser_from_base.apply(center_in_base)
+        return self._laser_from_ball.apply(center)
 
-    def center_covariance(self, center_in_base: FloatArray) -> FloatArray:
+    def center_covariance(self, center: FloatArray) -> FloatArray:
         """Return the covariance (3, 3) of the capture's own centre in L; the radius bounds what is open."""
-        slope = self.slope(center_in_base)
+        slope = self.slope(center)
         known = slope.T @ np.linalg.solve(self.noise, slope) + np.eye(3) / self._sphere.radius_mm**2
-        return np.linalg.inv(known) + self.pose_covariance(center_in_base)
+        return np.linalg.inv(known) + self.pose_covariance(center)
 
-    def center_in_base_mm(self, center_in_base: FloatArray) -> FloatArray:
-        """Return the capture's own centre in base, on the side where the common one is."""
-        return self._in_base(int(self.side(center_in_base)) or 1)
+    def center_mm(self, center: FloatArray) -> FloatArray:
+        """Return the capture's own centre on what carries the ball, on the side where the common one is."""
+        return self._in_carrier(int(self.side(center)) or 1)
 
-    def side(self, center_in_base: FloatArray) -> float:
+    def side(self, center: FloatArray) -> float:
         """Return the sign of the centre's y in L, as it was chosen or as the centre says."""
-        return self._side or float(np.sign(self._laser_from_base.apply(center_in_base)[1]))
+        return self._side or float(np.sign(self._laser_from_ball.apply(center)[1]))
 
-    def surface_rms_mm(self, center_in_base: FloatArray) -> float:
+    def surface_rms_mm(self, center: FloatArray) -> float:
         """Return the root mean square distance of the points to the sphere; NaN without points."""
         points = self._observation.points_in_laser_mm
         if not len(points):
             return float("nan")
-        off = points - self._laser_from_base.apply(center_in_base)
+        off = points - self._laser_from_ball.apply(center)
         return float(np.sqrt(np.mean((np.linalg.norm(off, axis=1) - self._sphere.radius_mm) ** 2)))
 
-    def _in_base(self, side: int) -> FloatArray:
-        return self._base_from_laser.apply(self._observation.sphere_center_in_laser_mm(self._sphere, side))
+    def _in_carrier(self, side: int) -> FloatArray:
+        return self._ball_from_laser.apply(self._observation.sphere_center_in_laser_mm(self._sphere, side))
 
     def _circle_radius_mm(self, center: FloatArray) -> float:
         least = 0.05 * self._sphere.radius_mm  # beyond the sphere's edge there is no circle; near it no slope
@@ -309,18 +312,18 @@ class _Seen:
 
 
 class _Joint:
-    """All captures together, linearised at one centre of the sphere in base."""
+    """All captures together, linearised at one centre of the sphere."""
 
     def __init__(self, seen: Sequence[_Seen], center: FloatArray, tool: Tool) -> None:
         self._seen, self._center, self._tool = seen, center, tool
         self.residuals = np.concatenate([one.residual(center) for one in seen])
         self._slope = _block_diagonal(one.slope(center) for one in seen)
         self._by_tool = np.concatenate([one.moved_by_tool(center) for one in seen])
-        self._by_base = np.concatenate([one.moved_by_base() for one in seen])
+        self._by_ball = np.concatenate([one.moved_by_ball() for one in seen])
         moves = self._slope @ self._by_tool
         own = _block_diagonal(one.covariance(center) for one in seen)
         self.covariance: FloatArray = own + moves @ tool.covariance @ moves.T
-        design = self._slope @ self._by_base
+        design = self._slope @ self._by_ball
         self._weighted = np.linalg.solve(self.covariance, design)
         self.covariance_of_center = np.asarray(np.linalg.inv(design.T @ self._weighted), dtype=np.float64)
         self.step = self.covariance_of_center @ self._weighted.T @ self.residuals
@@ -332,11 +335,11 @@ class _Joint:
 
     def expected_offsets_mm(self) -> FloatArray:
         """Return how far each capture's own centre is expected from the common one (K,), root mean square."""
-        into_base = _block_diagonal(one.moved_by_base().T for one in self._seen)
+        into_carrier = _block_diagonal(one.moved_by_ball().T for one in self._seen)
         own = _block_diagonal(one.center_covariance(self._center) for one in self._seen)
-        spread = into_base @ (own + self._by_tool @ self._tool.covariance @ self._by_tool.T) @ into_base.T
+        spread = into_carrier @ (own + self._by_tool @ self._tool.covariance @ self._by_tool.T) @ into_carrier.T
         # The common centre follows the captures' own ones by these weights (3, 3K).
-        follow = self.covariance_of_center @ self._weighted.T @ self._slope @ into_base.T
+        follow = self.covariance_of_center @ self._weighted.T @ self._slope @ into_carrier.T
         apart = np.eye(len(spread)) - np.tile(follow, (len(self._seen), 1))
         return np.sqrt(np.diag(apart @ spread @ apart.T).reshape(-1, 3).sum(axis=1))
 

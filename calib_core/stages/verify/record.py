@@ -48,11 +48,11 @@ class VerifyCheck(Record):
 class VerifyResult(Result, ScannerPlaced):
     """How far the sphere's centre scatters over captures that the answer was not solved from.
 
-    `held_out_scatter_rms_mm` is the root mean square of the captures' distances to `sphere_center_in_base_mm`;
-    `expected_scatter_rms_mm` follows from their own uncertainty, the robot's and the answer's, and is null where
-    the tool was brought without any.  `chi_squared` has `degrees_of_freedom`; `chance` is how often a right answer
-    shows as large a one.  Where a flat plate alone was captured, what is of the sphere is null.  `verified` names
-    the stage whose answer it is, or "known".
+    `held_out_scatter_rms_mm` is the root mean square of the captures' distances to the sphere's centre, which is
+    in tool0 where the flange carries it, the other field null; `expected_scatter_rms_mm` follows from their own
+    uncertainty, the robot's and the answer's, and is null where the tool was brought without any.  `chi_squared`
+    has `degrees_of_freedom`; `chance` is how often a right answer shows as large a one.  Where a flat plate alone
+    was captured, what is of the sphere is null.  `verified` names the stage whose answer it is, or "known".
 
     `checks` are the figures that limits may be set for (`cell.verification`), 2634-style; `decision` is the worst
     of theirs, `undecided` where too few captures count or U is above a limit, null where no limit was set.
@@ -63,6 +63,7 @@ class VerifyResult(Result, ScannerPlaced):
     stage: Literal["verify"] = "verify"
     verified: str
     sphere_center_in_base_mm: Vector3 | None
+    sphere_center_in_tool0_mm: Vector3 | None = None
     sphere_center_covariance: Rows | None
     surface_rms_mm: float | None
     held_out_scatter_rms_mm: float | None

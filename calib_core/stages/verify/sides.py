@@ -36,14 +36,14 @@ class Sides:
         ±1; 0 where a capture has no side to choose.
     mount_from_laser : RigidTransform
         As these captures see it.
-    center_in_base_mm : (3,)
+    center_mm : (3,)
     open : bool
         Whether other sides are nearly as likely and ask for another tool.
     """
 
     sides: np.ndarray
     mount_from_laser: RigidTransform
-    center_in_base_mm: FloatArray
+    center_mm: FloatArray
     open: bool
 
 
@@ -85,8 +85,8 @@ class _Search:
 
     def __init__(self, observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool) -> None:
         self._given = tool.mount_from_laser
-        self._rotations = np.array([o.base_from_tool0.rotation for o in observations])
-        self._places = np.array([o.base_from_tool0.translation_mm for o in observations])
+        self._rotations = np.array([o.ball_from_scanner.rotation for o in observations])
+        self._places = np.array([o.ball_from_scanner.translation_mm for o in observations])
         self.seen_mm = np.array([o.sphere_center_in_laser_mm(sphere, 1) for o in observations])
         self._told = np.array([0 if o.circle_radius_mm is None else (o.side or 0) for o in observations])
         self._open = np.array([o.circle_radius_mm is not None and o.side is None for o in observations])
@@ -95,7 +95,7 @@ class _Search:
         self._prior = np.linalg.inv(wide)
 
     def guesses(self) -> list[FloatArray]:
-        """Return where the sphere may be in base, by captures spread over all, on either side."""
+        """Return where the sphere may be on what carries it, by captures spread over all, on either side."""
         count = len(self.seen_mm)
         some = np.unique(np.linspace(0, count - 1, min(count, _STARTS // 2)).astype(int))
         found: list[FloatArray] = []
@@ -166,6 +166,7 @@ def _precision(o: SphereObservation, sphere: SphereSize, tool: Tool) -> FloatArr
         height = np.sqrt(max(sphere.radius_mm**2 - o.circle_radius_mm**2, (0.05 * sphere.radius_mm) ** 2))
         rows = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, o.circle_radius_mm / height], [0.0, 1.0, 0.0]])
         noise = rows @ noise @ rows.T
-    lever = float(np.linalg.norm(tool.mount_from_laser.apply(o.center_in_laser_mm)))
+    seen = tool.mount_from_laser.apply(o.center_in_laser_mm)
+    lever = float(np.linalg.norm(seen if o.carriers.over_robot > 0 else o.ball_from_scanner.apply(seen)))
     own = max(_SCATTER_MM, float(np.hypot(tool.position_sigma_mm, tool.orientation_sigma_rad * lever)))
     return np.asarray(np.linalg.inv(noise + own**2 * np.eye(3)), dtype=float)

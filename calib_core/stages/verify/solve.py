@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED
+from calib_core.cell.carriers import other_end, scanner_mount
 from calib_core.cell.found import known_scanner, told_by
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
@@ -123,7 +124,7 @@ def solve(given: StageInput) -> VerifyResult:
         verified=verified,
         **told_by(tool.mount_from_laser),
         surface_rms_mm=float(np.sqrt(np.mean(surfaces**2))) if len(surfaces) else None,
-        **_figures(found, knows_uncertainty),
+        **_figures(found, knows_uncertainty, other_end(scanner_mount(given.session.cell))),
         checks=checks,
         decision=decision,
         limits_changed=[change.text for change in late],
@@ -134,11 +135,11 @@ def solve(given: StageInput) -> VerifyResult:
     )
 
 
-def _figures(found: HeldOut | None, knows_uncertainty: bool) -> dict[str, Any]:
-    """Return the fields that are of the sphere; all null where too few captures count."""
+def _figures(found: HeldOut | None, knows_uncertainty: bool, ball: str) -> dict[str, Any]:
+    """Return the fields that are of the sphere, on what carries it; all null where too few captures count."""
     knows = found is not None and knows_uncertainty
     return {
-        "sphere_center_in_base_mm": None if found is None else found.center_in_base_mm.tolist(),
+        **_centers({} if found is None else {ball: found.center_mm.tolist()}),
         "sphere_center_covariance": None if found is None else found.covariance.tolist(),
         "held_out_scatter_rms_mm": None if found is None else found.scatter_rms_mm,
         "expected_scatter_rms_mm": found.expected_scatter_rms_mm if found and knows else None,
@@ -146,6 +147,11 @@ def _figures(found: HeldOut | None, knows_uncertainty: bool) -> dict[str, Any]:
         "degrees_of_freedom": 0 if found is None else found.degrees_of_freedom,
         "chance": found.chance if found and knows else None,
     }
+
+
+def _centers(found: Mapping[str, list[float]]) -> dict[str, list[float] | None]:
+    """Return the fields of the sphere's centre by what carries it; both null where none is found."""
+    return {f"sphere_center_in_{carrier}_mm": found.get(carrier) for carrier in ("base", "tool0")}
 
 
 def _that_calibrated(
@@ -202,7 +208,7 @@ def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[F
         **judgement(findings),
         verified=verified,
         **told_by(tool.mount_from_laser),
-        sphere_center_in_base_mm=None,
+        **_centers({}),
         sphere_center_covariance=None,
         surface_rms_mm=None,
         held_out_scatter_rms_mm=None,
@@ -231,7 +237,7 @@ def _checks(
     count = len({o.capture for o in observations}) if sound else 0
     checks = [checked("tool", error, limits.tool_mm, count)]
     points = [
-        (o.base_from_tool0 @ tool.mount_from_laser).apply(o.points_in_laser_mm)
+        (o.ball_from_scanner @ tool.mount_from_laser).apply(o.points_in_laser_mm)
         for o in observations
         if len(o.points_in_laser_mm)
     ]
@@ -329,7 +335,7 @@ def _rows(
             reason = str(EXCLUDED) if capture.excluded else unused.get(capture.id)
             rows.append(VerifyResidual(capture=capture.id, used=False, reason=reason))
             continue
-        offsets, surfaces = found.offsets_in_base_mm[own], found.surface_rms_mm[own]
+        offsets, surfaces = found.offsets_mm[own], found.surface_rms_mm[own]
         circles = [observations[k].circle_radius_mm for k in own]
         sides = set(found.sides[own].tolist())
         rows.append(

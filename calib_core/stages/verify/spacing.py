@@ -46,7 +46,7 @@ def spacing(
         return None
     exact = replace(tool, covariance=np.zeros((6, 6)))
     one, other = (held_out(seen, sphere, exact) for seen in spheres.values())
-    between = one.center_in_base_mm - other.center_in_base_mm
+    between = one.center_mm - other.center_mm
     length = float(np.linalg.norm(between))
     way = between / length
     variance = way @ (_grown(one) + _grown(other)) @ way + calibrated_sigma_mm**2
