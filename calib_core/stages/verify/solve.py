@@ -149,7 +149,7 @@ def _figures(found: HeldOut | None, knows_uncertainty: bool, ball: str) -> dict[
     }
 
 
-def _centers(found: Mapping[str, list[float]]) -> dict[str, list[float] | None]:
+def _centers(found: Mapping[str, list[float]]) -> dict[str, Any]:
     """Return the fields of the sphere's centre by what carries it; both null where none is found."""
     return {f"sphere_center_in_{carrier}_mm": found.get(carrier) for carrier in ("base", "tool0")}
 
