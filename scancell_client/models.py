@@ -389,6 +389,7 @@ class MergeResidual(Record):
     expected_overlap_rms_mm: float | None = None
     shift_mm: float | None = None
     turn_deg: float | None = None
+    cloud_from_laser: list[list[float]] | None = None
 
 
 class MessageParts(Record):

@@ -1413,6 +1413,7 @@ export interface MergeResidual {
   expected_overlap_rms_mm?: number | null;
   shift_mm?: number | null;
   turn_deg?: number | null;
+  cloud_from_laser?: number[][] | null;
 }
 
 export interface MergeResult {

@@ -1,7 +1,7 @@
 """Stored clouds and meshes: read back as they were written, given in the formats of other programs."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import IO, Any, Final
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, NotFoundError
-from calib_core.formats.format import Pieces
+from calib_core.formats.format import SCAN_COLUMN, Pieces, ScanPlace
 from calib_core.formats.points import FORMATS
 from calib_core.messages import message
 
@@ -18,9 +18,6 @@ CLOUD_FILE: Final = f"{CLOUD_FOLDER}/merged.ply"
 MESH_FILE: Final = f"{CLOUD_FOLDER}/mesh.ply"
 REFERENCE_FILE: Final = f"{CLOUD_FOLDER}/reference.ply"
 """The mesh that says what the object should be: the user's, not a stage's."""
-
-SCAN_COLUMN: Final = "scan"
-"""The number of the scan that weighs most around a point, by `MergeResult.scan_names`; −1 where none does."""
 
 _MAX_HEADER_BYTES = 4000
 _BLOCK_BYTES = 1 << 20
@@ -48,7 +45,7 @@ class StoredCloud:
 
     Parameters
     ----------
-    values : (N, K) float32
+    values : (N, K) float32, float64 far from zero
         A row a point.
     names : tuple of K str
         x, y, z in mm, and what else there is.
@@ -56,7 +53,7 @@ class StoredCloud:
         Of a mesh.
     """
 
-    values: NDArray[np.float32]
+    values: NDArray[np.floating]
     names: tuple[str, ...]
     triangles: NDArray[np.int32] | None
 
@@ -68,7 +65,7 @@ class StoredCloud:
         )
 
     @property
-    def points_mm(self) -> NDArray[np.float32]:
+    def points_mm(self) -> NDArray[np.floating]:
         """The points, (N, 3)."""
         return self.values[:, :3]
 
@@ -109,7 +106,7 @@ def read_stored_ply(data: bytes, where: str) -> StoredCloud:
         If it is cut off, or was written by another program.
     """
     layout = _layout(data[:_MAX_HEADER_BYTES], len(data), where)
-    values = np.frombuffer(data, "<f4", layout.points * layout.width, layout.start)
+    values = np.frombuffer(data, layout.kind, layout.points * layout.width, layout.start)
     values = values.reshape(layout.points, layout.width)
     if layout.faces is None:
         return StoredCloud(values, layout.names, None)
@@ -124,6 +121,7 @@ class _Layout:
     points: int
     faces: int | None
     start: int
+    kind: str
 
     @property
     def width(self) -> int:
@@ -131,7 +129,7 @@ class _Layout:
 
     @property
     def faces_at(self) -> int:
-        return self.start + 4 * self.points * self.width
+        return self.start + np.dtype(self.kind).itemsize * self.points * self.width
 
 
 def _layout(head: bytes, size: int, where: str) -> _Layout:
@@ -140,20 +138,24 @@ def _layout(head: bytes, size: int, where: str) -> _Layout:
     lines = head[: max(end, 0)].decode("ascii", "replace").splitlines()
     if end < 0 or lines[:2] != ["ply", "format binary_little_endian 1.0"]:
         raise _not_ours(where, message("another file"))
-    vertices, names, faces = 0, list[str](), -1
+    vertices, names, faces, kinds = 0, list[str](), -1, set[str]()
     for line in lines[2:]:
         match line.split():
             case ["element", "vertex", count] if count.isdecimal():
                 vertices = int(count)
             case ["element", "face", count] if count.isdecimal():
                 faces = int(count)
-            case ["property", "float", name] if faces < 0:
+            case ["property", "float" | "double" as kind, name] if faces < 0:
                 names.append(name)
+                kinds.add("<f4" if kind == "float" else "<f8")
             case ["comment", *_] | ["property", "list", "uchar", "int", "vertex_indices"]:
                 continue
             case _:
                 raise _not_ours(where, message("a line {line!r} in its header", line=line[:60]))
-    layout = _Layout(tuple(names), vertices, None if faces < 0 else faces, end + len(b"end_header\n"))
+    if len(kinds) != 1:
+        raise _not_ours(where, message("columns of {count} types in its header", count=len(kinds)))
+    start = end + len(b"end_header\n")
+    layout = _Layout(tuple(names), vertices, None if faces < 0 else faces, start, kinds.pop())
     expected = layout.faces_at + max(faces, 0) * _FACE.itemsize
     if size != expected or names[:3] != ["x", "y", "z"]:
         raise _not_ours(
@@ -191,21 +193,21 @@ class StoredFile:
         while piece := self._file.read(_BLOCK_BYTES):
             yield piece
 
-    def tables(self) -> Iterator[NDArray[np.float32]]:
+    def tables(self) -> Iterator[NDArray[np.floating]]:
         """Give the points, a row each with all columns."""
         layout = self._layout
-        return self._records(np.dtype(("<f4", (layout.width,))), layout.start, layout.points)
+        return self._records(np.dtype((layout.kind, (layout.width,))), layout.start, layout.points)
 
     def triangles(self) -> Iterator[NDArray[np.int32]]:
         """Give the triangles of a mesh, (M, 3)."""
         for rows in self._records(_FACE, self._layout.faces_at, self._layout.faces or 0):
             yield rows["corners"]
 
-    def corners(self) -> NDArray[np.float32]:
+    def corners(self) -> NDArray[np.floating]:
         """Return the corners (N, 3) of a mesh, which stay in the file until they are asked for."""
         layout = self._layout
         shape = (layout.points, layout.width)
-        return np.memmap(self._file, "<f4", "r", layout.start, shape)[:, :3]
+        return np.memmap(self._file, layout.kind, "r", layout.start, shape)[:, :3]
 
     def _records(self, kind: np.dtype[Any], start: int, count: int) -> Iterator[NDArray[Any]]:
         block = max(_BLOCK_BYTES // kind.itemsize, 1)
@@ -218,8 +220,10 @@ class StoredFile:
             yield np.frombuffer(data, kind, many)
 
 
-def in_format(stored: StoredFile, wanted: str, where: str) -> Pieces:
+def in_format(stored: StoredFile, wanted: str, where: str, scans: Sequence[ScanPlace] = ()) -> Pieces:
     """Give a cloud or a mesh in a format, in bounded memory; normals and sigmas go where the format has a place.
+
+    So do the scans, where they are known: their numbers in the cloud count `scans`.
 
     Raises
     ------
@@ -234,6 +238,8 @@ def in_format(stored: StoredFile, wanted: str, where: str) -> Pieces:
     entry = FORMATS.get(wanted, where)
     if wanted == "ply":
         return stored.bytes()
+    if entry.write_scans is not None and scans and SCAN_COLUMN in stored.names:
+        return entry.write_scans(stored.tables, stored.names, scans)
     if stored.faces is None and entry.write_cloud is not None:
         return entry.write_cloud(stored.tables(), stored.points, stored.names)
     assert entry.write_mesh is not None

@@ -12,6 +12,7 @@ from calib_core.captures.sweep import IMAGES, read_sweep, sweep_poses
 from calib_core.cell.carriers import ball_on_flange
 from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
+from calib_core.formats.shared.writing import FAR_MM
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
 from calib_core.fusion.scan import Scan, as_rows
 from calib_core.messages import message, plural
@@ -20,6 +21,8 @@ from calib_core.records.callbacks import ReadFile
 
 DEFAULT_SIGMA_MM = 0.02
 """Of a cloud without a grid, whose own noise is not estimated."""
+
+_SOME = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +38,20 @@ class Placement:
         The table's sense of turning.
     scale : float
         How far the table turns for each unit that its encoder reads.
+    origin_mm : tuple of 3
+        Without a table, where in base the scans' frame has its zero: near the part, for single precision.
     """
 
     mount_from_laser: RigidTransform
     base_from_turntable: RigidTransform | None
     direction: int = 1
     scale: float = 1.0
+    origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def turntable_from_base(self, capture: Capture) -> RigidTransform:
         """Return the way from base into T at the table's angle, the identity without one; raises InputError."""
         if self.base_from_turntable is None:
-            return RigidTransform.identity("turntable", "base")
+            return RigidTransform.of([0.0, 0.0, 0.0], np.negative(self.origin_mm), "turntable", "base")
         if capture.table_deg is None:
             raise InputError(
                 "the table's angle in the scan's field 'table_deg'",
@@ -129,13 +135,13 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
     if first.kind == "center":
         raise InputError("points of the object", "a capture of kind 'center'", "Give it another step.", first.id)
     if first.kind == "cloud":
-        poses, points, organised = [poses_of(session, group)[0][1]], *_cloud(first, read)
-        captures = [first]
+        points, near, organised = _cloud(first, read)
+        poses, captures = [poses_of(session, group)[0][1]], [first]
     else:
         poses, captures, points = _profiles(session, group, read)
-        organised = len(points) >= 3
+        near, organised = RigidTransform.identity("laser", "laser"), len(points) >= 3
     ways = [
-        placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser
+        placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser @ near
         for capture, pose in zip(captures, poses, strict=True)
     ]
     scanner = session.cell.scanner
@@ -159,16 +165,25 @@ def poses_of(session: Session, group: ScanGroup) -> list[tuple[Capture, RigidTra
     return pairs
 
 
-def _cloud(capture: Capture, read: ReadFile) -> tuple[np.ndarray, bool]:
-    """Return a cloud's rows (P, C, 3) and whether they are the scanner's own."""
+def local_origin_mm(points_mm: FloatArray) -> tuple[float, float, float]:
+    """Return the zero of coordinates in which single precision holds points (N, 3): 0 unless they lie far off."""
+    middle = np.median(points_mm[:: 1 + len(points_mm) // _SOME], axis=0)
+    x, y, z = (1000.0 * np.round(middle / 1000.0)).tolist()
+    return (x, y, z) if np.abs(middle).max() > FAR_MM else (0.0, 0.0, 0.0)
+
+
+def _cloud(capture: Capture, read: ReadFile) -> tuple[np.ndarray, RigidTransform, bool]:
+    """Return a cloud's rows (P, C, 3), their way into L, and whether they are the scanner's own."""
     if len(capture.files) != 1:
         raise InputError("one file in a cloud", f"{len(capture.files)}", "Give each its own capture.", capture.id)
     name = capture.files[0]
     reading = read_as(capture, name, read, "cloud")
     known = known_points(reading, name)
+    origin_mm = local_origin_mm(known)
+    near = RigidTransform.of([0.0, 0.0, 0.0], origin_mm, "laser", "laser")
     if reading.grid is not None and min(reading.grid) >= 3:
-        return reading.points.reshape(*reading.grid, 3).astype(np.float32), True
-    return as_rows(known.astype(np.float32)), False
+        return (reading.points - origin_mm).reshape(*reading.grid, 3).astype(np.float32), near, True
+    return as_rows((known - origin_mm).astype(np.float32)), near, False
 
 
 def _profiles(

@@ -27,6 +27,20 @@ MM_PER_UNIT: dict[Unit, float] = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "um": 0.00
 
 Pieces = Iterator[bytes | memoryview]
 
+Tables = Callable[[], Iterable[NDArray[Any]]]
+"""Gives a cloud's tables from the beginning each time that it is called."""
+
+SCAN_COLUMN: Final = "scan"
+"""The number of the scan that weighs most around a point; −1 where none does."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScanPlace:
+    """A scan of a merged cloud: its name, and where (4, 4) its scanner stood."""
+
+    name: str
+    cloud_from_scan: FloatArray
+
 
 class Settings(Record):
     """What a user may say about a file that does not say it itself; all may be left out.
@@ -199,8 +213,11 @@ class Format:
     read_mesh : callable, optional
         ``read_mesh(data, name)`` gives a `MeshData`; raises InputError.
     write_cloud : callable, optional
-        ``write_cloud(tables, count, names)`` gives the file's bytes in pieces, of tables (N, K) float32 with
-        `count` rows in all; the first three columns are x, y, z in mm.
+        ``write_cloud(tables, count, names)`` gives the file's bytes in pieces, of tables (N, K) float32, or
+        float64 far from zero, with `count` rows in all; the first three columns are x, y, z in mm.
+    write_scans : callable, optional
+        ``write_scans(tables, names, scans)`` gives a merged cloud by its scans: `tables` is called for each
+        pass, `scans` are those that the column `scan` numbers.
     write_mesh : callable, optional
         ``write_mesh(corners, blocks, count)``: corners (N, 3) in mm, blocks (M, 3) of indices, `count` in all.
     proof : Proof
@@ -220,6 +237,7 @@ class Format:
     media_type: str = "application/octet-stream"
     read_mesh: Callable[[bytes, str], MeshData] | None = None
     write_cloud: Callable[[Iterable[NDArray[Any]], int, tuple[str, ...]], Pieces] | None = None
+    write_scans: Callable[[Tables, tuple[str, ...], Sequence[ScanPlace]], Pieces] | None = None
     write_mesh: Callable[[NDArray[Any], Iterable[NDArray[Any]], int], Pieces] | None = None
     proof: Proof = "manual only"
     scan_poses: Callable[[bytes, str], list[list[float] | None]] | None = None

@@ -37,10 +37,10 @@ def parse_obj(data: bytes, name: str) -> MeshData:
     if not corners or any(len(corner) != 3 for corner in corners):
         raise wrong(name, "corners without x, y and z")
     faces = np.array(triangles, np.float64).reshape(-1, 3)  # numbers of any size: which are corners is asked later
-    return MeshData(np.array(corners, np.float32), np.clip(faces, -1, len(corners)).astype(np.int32))
+    return MeshData(np.array(corners, float), np.clip(faces, -1, len(corners)).astype(np.int32))
 
 
-def obj_pieces(points_mm: NDArray[np.float32], blocks: Iterable[ArrayLike], count: int) -> Pieces:
+def obj_pieces(points_mm: NDArray[np.floating], blocks: Iterable[ArrayLike], count: int) -> Pieces:
     """Give an OBJ file of points (N, 3) in mm and triangles that come in blocks (M, 3).
 
     Raises

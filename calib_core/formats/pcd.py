@@ -19,7 +19,7 @@ from calib_core.formats.shared.fields import (
     require_axes,
     wrong,
 )
-from calib_core.formats.shared.writing import XYZ, table_of
+from calib_core.formats.shared.writing import XYZ, in_one_type
 from calib_core.frames import FloatArray
 from calib_core.messages import message, plural
 
@@ -158,14 +158,15 @@ def pcd_pieces(tables: Iterable[ArrayLike], count: int, names: tuple[str, ...]) 
     renamed = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}
     fields = [renamed.get(name, name) for name in names]
     ones = " ".join(["1"] * len(fields))
+    kind, rows = in_one_type(tables, names)
     header = [
         "# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7", f"FIELDS {' '.join(fields)}",
-        f"SIZE {' '.join(['4'] * len(fields))}", f"TYPE {' '.join(['F'] * len(fields))}", f"COUNT {ones}",
+        f"SIZE {' '.join([kind[-1]] * len(fields))}", f"TYPE {' '.join(['F'] * len(fields))}", f"COUNT {ones}",
         f"WIDTH {count}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {count}", "DATA binary",
     ]  # fmt: skip
     yield ("\n".join(header) + "\n").encode("ascii")
-    for values in tables:
-        yield table_of(values, names).data.cast("B")
+    for table in rows:
+        yield table.data.cast("B")
 
 
 FORMAT = Format(

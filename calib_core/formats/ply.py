@@ -20,7 +20,8 @@ from calib_core.formats.shared.fields import (
 from calib_core.formats.shared.mesh import MeshData, require_few
 from calib_core.formats.shared.mesh import wrong as wrong_mesh
 from calib_core.formats.shared.names import unit_in
-from calib_core.formats.shared.writing import XYZ, faces_of, table_of
+from calib_core.formats.shared.writing import XYZ, faces_of, in_one_type
+from calib_core.frames import FloatArray
 from calib_core.messages import message
 
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -158,7 +159,7 @@ def parse_ply_mesh(data: bytes, name: str) -> MeshData:
 
 
 def _binary_mesh(body: bytes, header: _Header, name: str) -> MeshData | None:
-    corners: NDArray[np.float32] | None = None
+    corners: FloatArray | None = None
     triangles: NDArray[np.int32] | None = None
     at = 0
     for element in header.elements:
@@ -171,7 +172,7 @@ def _binary_mesh(body: bytes, header: _Header, name: str) -> MeshData | None:
             if element.name == "vertex":
                 if not {"x", "y", "z"} <= set(record.names or ()):
                     raise wrong_mesh(name, "corners without x, y and z")
-                corners = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float32)
+                corners = np.column_stack([rows[axis] for axis in "xyz"]).astype(float)
         elif element.name == "face" and len(element.properties) == 1:
             require_few(element.count, name)
             triangles, at = _binary_faces(body, at, element, header.order, name)
@@ -215,7 +216,7 @@ def _text_mesh(body: bytes, header: _Header, name: str) -> MeshData | None:
                 raise wrong_mesh(name, "fewer lines than its header announces")
             if element.name == "vertex":
                 columns = [[p.name for p in element.properties].index(axis) for axis in "xyz"]
-                corners = np.array([[row[c] for c in columns] for row in rows], dtype=np.float32)
+                corners = np.array([[row[c] for c in columns] for row in rows], dtype=float)
             elif element.name == "face":
                 require_few(element.count, name)
                 rings = [np.array(row[1 : 1 + int(row[0])], dtype=np.int32) for row in rows]
@@ -237,8 +238,8 @@ def ply_pieces(values: ArrayLike, names: tuple[str, ...] = XYZ, triangles: Array
 
     Parameters
     ----------
-    values : (N, K) float32
-        A row a point.
+    values : (N, K)
+        A row a point; written in single precision but for float64 far from zero.
     names : tuple of K str
         The columns; the first three are x, y, z in mm.  `nx ny nz` is what other programs know as the normal.
     triangles : (M, 3), optional
@@ -249,9 +250,9 @@ def ply_pieces(values: ArrayLike, names: tuple[str, ...] = XYZ, triangles: Array
     InputError
         If there are no points, or names and columns differ in number.
     """
-    table = table_of(values, names)
+    table = next(in_one_type([values], names)[1])
     faces = None if triangles is None else faces_of(triangles, len(table))
-    yield _written_header(names, len(table), None if faces is None else len(faces))
+    yield _written_header(names, table.dtype, len(table), None if faces is None else len(faces))
     yield table.data.cast("B")
     if faces is not None:
         records = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
@@ -264,7 +265,7 @@ def ply_pieces_of(tables: Iterable[ArrayLike], count: int, names: tuple[str, ...
 
     Parameters
     ----------
-    tables : iterable of (N, K) float32
+    tables : iterable of (N, K)
         As in `ply_pieces`.
     count : int
         Of all points.
@@ -275,14 +276,15 @@ def ply_pieces_of(tables: Iterable[ArrayLike], count: int, names: tuple[str, ...
     InputError
         If there are no points, or names and columns differ in number.
     """
-    yield _written_header(names, count, None)
-    for values in tables:
-        yield table_of(values, names).data.cast("B")
+    kind, rows = in_one_type(tables, names)
+    yield _written_header(names, np.dtype(kind), count, None)
+    for table in rows:
+        yield table.data.cast("B")
 
 
-def _written_header(names: tuple[str, ...], points: int, triangles: int | None) -> bytes:
+def _written_header(names: tuple[str, ...], kind: np.dtype[Any], points: int, triangles: int | None) -> bytes:
     header = ["ply", "format binary_little_endian 1.0", "comment unit mm", f"element vertex {points}"]
-    header += [f"property float {name}" for name in names]
+    header += [f"property {'float' if kind.itemsize == 4 else 'double'} {name}" for name in names]
     if triangles is not None:
         header += [f"element face {triangles}", "property list uchar int vertex_indices"]
     return ("\n".join([*header, "end_header"]) + "\n").encode("ascii")

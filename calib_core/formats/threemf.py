@@ -57,7 +57,7 @@ def recognise(data: bytes, name: str) -> Match:
     return by_ending(name, FORMAT.endings)
 
 
-def threemf_pieces(points_mm: NDArray[np.float32], blocks: Iterable[ArrayLike], count: int) -> Pieces:
+def threemf_pieces(points_mm: NDArray[np.floating], blocks: Iterable[ArrayLike], count: int) -> Pieces:
     """Give a 3MF file of points (N, 3) in mm and triangles that come in blocks (M, 3).
 
     Raises

@@ -10,7 +10,7 @@ from calib_core.formats.format import Format, Match, Pieces, PointKind, Reading,
 from calib_core.formats.shared.columns import TableSettings, reading_of
 from calib_core.formats.shared.text_style import decode_text
 from calib_core.formats.shared.text_table import parse_table
-from calib_core.formats.shared.writing import BLOCK, XYZ, table_of
+from calib_core.formats.shared.writing import BLOCK, XYZ, in_one_type
 
 
 def recognise(data: bytes, name: str) -> Match:
@@ -26,8 +26,7 @@ def read(data: bytes, name: str, settings: TableSettings, kind: PointKind | None
 
 def xyz_pieces(tables: Iterable[NDArray[Any]], count: int, names: tuple[str, ...]) -> Pieces:
     """Give a text file of points, one a line, five decimals, without a header as other programs expect."""
-    for values in tables:
-        points = table_of(values[:, :3], XYZ)
+    for points in in_one_type((values[:, :3] for values in tables), XYZ)[1]:
         for start in range(0, len(points), BLOCK):
             block = points[start : start + BLOCK]
             yield ("%.5f %.5f %.5f\n" * len(block) % tuple(block.ravel().tolist())).encode("ascii")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, rotation_from_vector, skew
@@ -106,7 +106,7 @@ def by_datum_points(
     points_mm: FloatArray,
     normals: FloatArray,
     nominal: Nominal,
-    datum_mm: Sequence[Sequence[float]],
+    datum_mm: ArrayLike,
     radius_mm: float,
     start: Alignment,
 ) -> Alignment:
@@ -160,7 +160,7 @@ def by_datum_points(
             break
     variances = np.array([float(np.var(one)) / max(len(one) ** 0.5, 1.0) for one in touched])
     inverse = np.linalg.inv(system)
-    covariance = _about_origin(inverse @ np.diag(variances) @ inverse.T, pose, centre)
+    covariance = about_origin(inverse @ np.diag(variances) @ inverse.T, pose, centre)
     rms_mm = float(np.sqrt(np.mean(np.concatenate([one - one.mean() for one in touched]) ** 2)))
     return Alignment(pose, rms_mm, covariance, start.share, datum, start.alike)
 
@@ -178,7 +178,7 @@ def _stepped(pose: FloatArray, step: FloatArray, centre: FloatArray) -> FloatArr
     return new
 
 
-def _about_origin(covariance: FloatArray, pose: FloatArray, centre: FloatArray) -> FloatArray:
+def about_origin(covariance: FloatArray, pose: FloatArray, centre: FloatArray) -> FloatArray:
     """Return the covariance of a change about the reference's origin, out of that of one about a centre."""
     change = np.eye(6)
     change[3:, :3] = pose[:3, :3] @ skew(centre)
@@ -220,7 +220,7 @@ def _fitted(
             break
     covariance = _clustered(rows * weights[:, None], distance, matrix, there, nominal)
     rms_mm = float(np.sqrt(np.average(distance**2, weights=weights)))
-    return Alignment(pose, rms_mm, _about_origin(covariance, pose, centre), float(np.mean(weights > 0)))
+    return Alignment(pose, rms_mm, about_origin(covariance, pose, centre), float(np.mean(weights > 0)))
 
 
 def _clustered(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.fusion.merge import VoxelCloud
 from calib_core.fusion.mesh import Mesh
 from calib_core.lean_open3d import open3d
 
@@ -14,6 +15,10 @@ if TYPE_CHECKING:
 _FIRST_ERROR = 4.0  # of the tolerance's square times a triangle's area, over which Open3D sums a corner's errors
 _MOST_ROUNDS = 8
 _MOST_MENDED = 5
+
+_FLAT, _BENT = 0.98, 0.95  # mean lengths of a voxel's normals: of a plane, of a sharp edge at most
+_BESIDE, _REACH, _FARTHEST = 1.5, 2.5, 0.75  # voxels: from an edge, of the planes around, that a corner moves
+_PLANES, _TWO_PLANES, _ALONG = 32, 0.05, 0.05
 
 
 def open_edges(triangles: NDArray[np.int32]) -> int:
@@ -78,6 +83,34 @@ def _rings(starts: list[int], ends: list[int]) -> list[list[int]]:
                 place[corner] = len(path)
                 path.append(corner)
     return [ring for ring in rings if len(ring) > 2]
+
+
+def sharpened(mesh: Mesh, cloud: VoxelCloud, voxel_mm: float) -> Mesh:
+    """Return a mesh whose corners beside a sharp edge lie where the planes around meet: Poisson rounds edges off.
+
+    A corner goes where planes through the flat places near it are nearest to it, and hardly along them.
+    """
+    from scipy.spatial import KDTree
+
+    flat, bent = cloud.coherence > _FLAT, cloud.coherence < _BENT
+    if np.count_nonzero(flat) < _PLANES or not bent.any():
+        return mesh
+    far, _ = KDTree(cloud.points_mm[bent]).query(mesh.points_mm, distance_upper_bound=_BESIDE * voxel_mm)
+    rows = np.flatnonzero(np.isfinite(far))
+    moved, places, normals = mesh.points_mm.astype(float), cloud.points_mm[flat], cloud.normals[flat]
+    far, near = KDTree(places).query(moved[rows], k=_PLANES, distance_upper_bound=_REACH * voxel_mm)
+    there = np.isfinite(far)
+    weights = np.where(there, np.exp(-0.5 * (np.where(there, far, 0.0) / voxel_mm) ** 2), 0.0)
+    weights /= np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
+    near = np.where(there, near, 0)
+    across, off = normals[near].astype(float), places[near] - moved[rows, None]
+    planes = np.einsum("nk,nki,nkj->nij", weights, across, across)
+    pulled = np.einsum("nk,nki,nk->ni", weights, across, np.einsum("nki,nki->nk", across, off))
+    steps = np.linalg.solve(planes + _ALONG * np.eye(3), pulled[..., None])[..., 0]
+    steps[np.linalg.eigvalsh(planes)[:, 1] < _TWO_PLANES] = 0.0
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    moved[rows] += steps * np.minimum(1.0, _FARTHEST * voxel_mm / np.maximum(lengths, 1e-12))
+    return Mesh(moved.astype(np.float32), mesh.triangles)
 
 
 def thinned(mesh: Mesh, tolerance_mm: float) -> Mesh:

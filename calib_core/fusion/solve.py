@@ -11,7 +11,7 @@ from calib_core.frames import FloatArray
 from calib_core.fusion.certainty import surface_sigma_mm
 from calib_core.fusion.crew import Alone, Crew, Extent, MergeOptions, ScanCounts, ScanReport, ScanTask
 from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, turned_round
-from calib_core.fusion.mesh_finish import closed, thinned
+from calib_core.fusion.mesh_finish import closed, sharpened, thinned
 from calib_core.fusion.outward import Outward, View, outward
 from calib_core.fusion.overlap import Overlap, Patches, PoseErrors, SeenBy, joined_patches, overlap
 from calib_core.fusion.register import Registration, register
@@ -267,7 +267,9 @@ def _mesh(grid: Crew, extent: Extent, sheets: Sequence[Mesh], options: MergeOpti
         if options.mesh == "grid":
             mesh = joined(sheets)
         else:
-            mesh = poisson_mesh(grid.cloud(), options.voxel_mm, options.fill_holes)
+            cloud = grid.cloud()
+            mesh = poisson_mesh(cloud, options.voxel_mm, options.fill_holes)
+            mesh = sharpened(mesh, cloud, options.voxel_mm)
             mesh = closed(mesh) if options.fill_holes else mesh
         return thinned(mesh, options.mesh_tolerance_mm) if options.mesh_tolerance_mm else mesh, ""
     except CalibrationError as error:

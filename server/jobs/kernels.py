@@ -63,7 +63,8 @@ def _run_others() -> None:
     """
     import numpy as np
 
-    from calib_core.formats.e57 import e57_pieces
+    from calib_core.formats.e57 import cloud_pieces
+    from calib_core.formats.shared.writing import XYZ
     from calib_core.fusion.bricks import BrickTable
     from calib_core.kernels.project import undistort_over_depth
     from calib_core.optics.camera_model import CameraModel
@@ -71,7 +72,7 @@ def _run_others() -> None:
 
     rows = np.arange(240.0)[:, None] - np.linspace(110.0, 130.0, 320)
     find_stripe((2000 + 40_000 * np.exp(-0.5 * (rows / 2) ** 2)).astype(np.uint16))
-    list(e57_pieces([np.zeros((4, 3))], 4))
+    list(cloud_pieces([np.zeros((4, 3))], 4, XYZ))
     camera = CameraModel(np.diag([1000.0, 1000.0, 1.0]))
     for normals in (False, True):
         table = BrickTable(normals, 16)

@@ -8,6 +8,7 @@ from fastapi.responses import StreamingResponse
 
 from calib_core.errors import NotFoundError
 from calib_core.messages import message
+from calib_core.stages.merge.record import MergeResult
 from server.http.api_router import api_router
 from server.http.downloads import Download
 from server.http.schemas import StoredCloudFile, StoredCloudFiles
@@ -71,12 +72,14 @@ def get_cloud(
         "Content-Disposition": f'attachment; filename="{PurePosixPath(file).stem}.{chosen}"',
         **stage_headers(stored, "merge"),
     }
+    merge = stored.results.get("merge")
+    scans = () if merge is None else MergeResult.model_validate(merge).scan_places
     content = store.blobs.open(output.sha256)
     if chosen == "ply":
         headers["Content-Length"] = str(output.size)
         return Download(content, media_types()[chosen], headers)
     try:
-        pieces = in_format(StoredFile(content, file), chosen, file)
+        pieces = in_format(StoredFile(content, file), chosen, file, scans)
     except BaseException:
         content.close()
         raise

@@ -5,8 +5,9 @@ import pytest
 import trimesh
 
 from calib_core.errors import CalibrationError
-from calib_core.fusion.mesh import Mesh
-from calib_core.fusion.mesh_finish import closed, open_edges, thinned
+from calib_core.fusion.deviation import Nominal
+from calib_core.fusion.mesh import Mesh, poisson_mesh
+from calib_core.fusion.mesh_finish import closed, open_edges, sharpened, thinned
 from calib_core.fusion.solve import MergeOptions, solve_merge
 from calib_core.records import parse_session
 from tests.merge_sets import scan_set
@@ -21,6 +22,26 @@ def theirs(mesh: Mesh) -> trimesh.Trimesh:
 
 
 BALL = mesh_of(trimesh.creation.icosphere(subdivisions=4, radius=20.0))
+
+
+def test_edges_are_as_sharp_as_the_planes_beside_them_and_round_places_stay_round() -> None:
+    there = scan_set("box", 0, count=8, pitch_mm=0.6, position_sigma_mm=0.0, orientation_sigma_rad=0.0)
+    found = solve_merge(there.scans, None, MergeOptions(1.0, "none"))
+    cloud = found.grid.cloud()
+    rounded = poisson_mesh(cloud, 1.0)
+    sharp = sharpened(rounded, cloud, 1.0)
+    edge = np.array([[0.0, y, z] for y in (-20.0, 20.0) for z in (-15.0, 15.0)]) + [
+        [[x, 0, 0]] for x in range(-20, 21)
+    ]
+
+    def below_mm(mesh: Mesh) -> float:
+        return float(np.median(np.abs(Nominal(mesh.points_mm, mesh.triangles).distances_mm(edge.reshape(-1, 3)))))
+
+    assert below_mm(sharp) < 0.35 * below_mm(rounded)
+    assert sharpened(BALL, cloud, 1.0).points_mm[100] == pytest.approx(BALL.points_mm[100])
+    moved = np.linalg.norm(sharp.points_mm - rounded.points_mm, axis=1)
+    inner = (np.abs(rounded.points_mm) < [25, 15, 10]).sum(axis=1) == 2  # amid a face
+    assert (moved[inner].max(), moved.max() <= 0.75 + 1e-5) == (0.0, True)
 
 
 def test_open_edges_are_those_without_just_one_partner_that_runs_back() -> None:

@@ -15,7 +15,7 @@ MAX_TRIANGLES = 5_000_000
 class MeshData:
     """A mesh: corners (C, 3) in mm, triangles (M, 3), counter-clockwise from outside."""
 
-    corners_mm: NDArray[np.float32]
+    corners_mm: NDArray[np.floating]
     triangles: NDArray[np.int32]
 
 

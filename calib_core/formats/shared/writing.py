@@ -5,6 +5,7 @@ import os
 import tempfile
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain, islice
 from pathlib import Path
 from typing import IO
 
@@ -15,9 +16,11 @@ from calib_core.disk import extended, remove_file, replace_file
 from calib_core.errors import InputError
 from calib_core.messages import message, plural
 
-SingleArray = NDArray[np.float32]
-
 XYZ = ("x", "y", "z")
+
+FAR_MM = 16_384.0
+"""Farther from zero, single precision errs by more than a micrometre."""
+
 BLOCK = 50_000
 _LARGE = 1 << 20
 _NAME_KEPT = 100
@@ -140,9 +143,23 @@ def _remove(path: Path | None) -> None:
             remove_file(path)
 
 
-def table_of(values: ArrayLike, names: tuple[str, ...]) -> SingleArray:
-    """Return points as a table (N, K) float32; raises InputError where there are none or names do not fit."""
-    table = np.ascontiguousarray(values, dtype="<f4")
+def number_type(values: NDArray[np.floating]) -> str:
+    """Return the type that holds points (N, 3 or more): "<f8" for double precision far from zero, else "<f4"."""
+    double = values.dtype == np.float64 and len(values) and np.abs(values[:, :3]).max() > FAR_MM
+    return "<f8" if double else "<f4"
+
+
+def in_one_type(tables: Iterable[ArrayLike], names: tuple[str, ...]) -> tuple[str, Iterator[NDArray[np.floating]]]:
+    """Return the type that the first table needs, and all of them in it; raises InputError as `table_of`."""
+    rest = iter(tables)
+    first = [np.asarray(table) for table in islice(rest, 1)]
+    kind = number_type(first[0]) if first and first[0].ndim == 2 else "<f4"
+    return kind, (table_of(table, names, kind) for table in chain(first, rest))
+
+
+def table_of(values: ArrayLike, names: tuple[str, ...], kind: str = "<f4") -> NDArray[np.floating]:
+    """Return points as a table (N, K); raises InputError where there are none or names do not fit."""
+    table = np.ascontiguousarray(values, dtype=kind)
     if table.ndim != 2 or not len(table):
         raise InputError(
             "at least one point to write", "an array of shape {table}", "Merge scans first.", table=table.shape

@@ -289,6 +289,8 @@ class Mistakes:
         found: list[str] = []
         for k in alone:
             points = looked.patches.points_mm[rows[k]]
+            if not len(points):
+                continue
             beyond = np.maximum(np.maximum(low - points, points - high), 0)
             if _impossible_of(looked.outward, k) > _RUBBLE or np.linalg.norm(np.median(beyond, axis=0)) > reach:
                 found.append(looked.used[k])

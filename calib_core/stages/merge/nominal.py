@@ -12,7 +12,7 @@ from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.findings.codes import merge as codes
 from calib_core.formats.meshes import parse_mesh
 from calib_core.frames import FloatArray
-from calib_core.fusion.alignment import Alignment, best_fit, by_datum_points
+from calib_core.fusion.alignment import Alignment, about_origin, best_fit, by_datum_points
 from calib_core.fusion.certainty import against_nominal
 from calib_core.fusion.deviation import Deviations, Nominal, histogram
 from calib_core.fusion.solve import MergeSolution
@@ -38,8 +38,12 @@ class Compared:
     findings: tuple[Finding, ...] = ()
 
 
-def compared(given: StageInput, solution: MergeSolution, base_from_cloud: FloatArray) -> Compared:
+def compared(
+    given: StageInput, solution: MergeSolution, base_from_cloud: FloatArray, origin_mm: FloatArray
+) -> Compared:
     """Return the merged part beside the nominal that the cell names; nothing where it names none.
+
+    Points of the solution count from `origin_mm` in the cloud's frame; so does the nominal here.
 
     Raises
     ------
@@ -51,12 +55,12 @@ def compared(given: StageInput, solution: MergeSolution, base_from_cloud: FloatA
         return Compared()
     data = given.read(settings.reference)
     mesh = parse_mesh(data, settings.reference)
-    nominal = Nominal(mesh.corners_mm, mesh.triangles)
+    nominal = Nominal(mesh.corners_mm - origin_mm, mesh.triangles)
     wanted = settings.alignment or PartAlignment()
     points, normals, noise_mm2 = _points(solution)
     try:
         _require_alike_size(nominal, points)
-        found = _aligned(points, normals, nominal, wanted, base_from_cloud)
+        found = _aligned(points, normals, nominal, wanted, base_from_cloud, origin_mm)
     except CalibrationError as error:
         return Compared(findings=(codes.NOMINAL_NOT_FOUND(why=str(error)),))
     told = wanted.method in ("none", "matrix")
@@ -70,17 +74,19 @@ def compared(given: StageInput, solution: MergeSolution, base_from_cloud: FloatA
         wanted.datum_radius_mm,
         noise_mm2,
     )
-    deviation = _deviation(points, nominal, found, settings, known.deviation_sigma_mm)
+    deviation = _deviation(points, origin_mm, nominal, found, settings, known.deviation_sigma_mm)
     findings = [codes.NOMINAL_ALIKE(alike=found.alike)] if found.alike else []
     if deviation.counted < _FEW:
         findings.append(codes.NOMINAL_FAR(percent=100 * deviation.counted))
-    base_from_reference = base_from_cloud @ found.cloud_from_reference
+    cloud_from_reference = _shifted(found.cloud_from_reference, origin_mm)
+    base_from_reference = base_from_cloud @ cloud_from_reference
+    covariance = about_origin(found.covariance + known.covariance, found.cloud_from_reference, origin_mm)
     alignment = record.Alignment(
         method=wanted.method,
         rms_mm=deviation.rms_mm if told else found.rms_mm,
         base_from_reference=base_from_reference.tolist(),
-        cloud_from_reference=found.cloud_from_reference.tolist(),
-        covariance=None if told else _in_base(found.covariance + known.covariance, base_from_cloud).tolist(),
+        cloud_from_reference=cloud_from_reference.tolist(),
+        covariance=None if told else _in_base(covariance, base_from_cloud).tolist(),
         alike=found.alike,
         reference_sha256=sha256(data).hexdigest(),
     )
@@ -95,19 +101,32 @@ def cloud_from_reference(merge: Mapping[str, Any] | None, data: bytes) -> FloatA
     return np.array(found["cloud_from_reference"], dtype=float)
 
 
+def _shifted(pose: FloatArray, origin_mm: FloatArray) -> FloatArray:
+    """Return a pose between frames whose zeros lie at `origin_mm` of two others as one between those."""
+    moved = pose.copy()
+    moved[:3, 3] += origin_mm - pose[:3, :3] @ origin_mm
+    return moved
+
+
 def _aligned(
-    points: FloatArray, normals: FloatArray, nominal: Nominal, wanted: PartAlignment, base_from_cloud: FloatArray
+    points: FloatArray,
+    normals: FloatArray,
+    nominal: Nominal,
+    wanted: PartAlignment,
+    base_from_cloud: FloatArray,
+    origin_mm: FloatArray,
 ) -> Alignment:
     nothing = np.zeros((6, 6))
     if wanted.method == "none":
         return Alignment(np.eye(4), 0.0, nothing)
     if wanted.method == "matrix":
         pose = np.linalg.inv(base_from_cloud) @ np.array(wanted.base_from_reference, dtype=float)
-        return Alignment(pose.astype(float), 0.0, nothing)
+        return Alignment(_shifted(pose.astype(float), -origin_mm), 0.0, nothing)
     fit = best_fit(points, normals, nominal)
     if wanted.method == "best-fit":
         return fit
-    return by_datum_points(points, normals, nominal, wanted.datum_points_mm or [], wanted.datum_radius_mm, fit)
+    datum_mm = np.reshape(wanted.datum_points_mm or [], (-1, 3)) - origin_mm
+    return by_datum_points(points, normals, nominal, datum_mm, wanted.datum_radius_mm, fit)
 
 
 def _points(solution: MergeSolution) -> tuple[FloatArray, FloatArray, float]:
@@ -151,7 +170,12 @@ def _in_base(covariance: FloatArray, base_from_cloud: FloatArray) -> FloatArray:
 
 
 def _deviation(
-    points: FloatArray, nominal: Nominal, found: Alignment, settings: MergeSettings, sigma_mm: float
+    points: FloatArray,
+    origin_mm: FloatArray,
+    nominal: Nominal,
+    found: Alignment,
+    settings: MergeSettings,
+    sigma_mm: float,
 ) -> record.Deviation:
     pose = found.cloud_from_reference
     values = nominal.distances_mm((points - pose[:3, 3]) @ pose[:3, :3])
@@ -170,7 +194,7 @@ def _deviation(
         counted=float(np.mean(of_it)),
         limit_mm=limit_mm,
         histogram=histogram(seen.values_mm, limit_mm).tolist(),
-        extremes=_extremes(points[of_it], seen.values_mm, _APART * nominal.extent_mm),
+        extremes=_extremes(points[of_it] + origin_mm, seen.values_mm, _APART * nominal.extent_mm),
         tolerance_mm=tolerance_mm,
         within_tolerance=None if tolerance_mm is None else float(np.mean(np.abs(seen.values_mm) <= tolerance_mm)),
     )

@@ -2,9 +2,11 @@
 
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
 from calib_core.cell.found import ScannerPlaced
+from calib_core.formats.format import ScanPlace
 from calib_core.records.base import Matrix4, Record, Vector3
 from calib_core.records.results import CaptureResidual, Result
 
@@ -13,7 +15,7 @@ class MergeResidual(CaptureResidual):
     """Figures of one scan: points kept and dropped by reason, and how it lies to the scans that overlap it.
 
     `overlap_mean_mm` is how far the scan lies in front of the others, `shift_mm` and `turn_deg` what registration
-    did to it.
+    did to it.  `cloud_from_laser` is where its scanner stood in the middle of it, as the cloud has it.
     """
 
     points: int = 0
@@ -27,6 +29,7 @@ class MergeResidual(CaptureResidual):
     expected_overlap_rms_mm: float | None = None
     shift_mm: float | None = None
     turn_deg: float | None = None
+    cloud_from_laser: Matrix4 | None = None
 
 
 class SharedShift(Record):
@@ -162,3 +165,12 @@ class MergeResult(Result, ScannerPlaced):
     def scan_names(self) -> tuple[str, ...]:
         """The scans that were merged, as the cloud's column `scan` counts them: by their first captures."""
         return tuple(row.capture for row in self.residuals if row.used and row.points)
+
+    @property
+    def scan_places(self) -> tuple[ScanPlace, ...]:
+        """The same scans with their poses; none where an earlier version did not write them."""
+        rows = [row for row in self.residuals if row.used and row.points]
+        poses = [row.cloud_from_laser for row in rows if row.cloud_from_laser is not None]
+        if len(poses) < len(rows):
+            return ()
+        return tuple(ScanPlace(row.capture, np.array(pose)) for row, pose in zip(rows, poses, strict=True))

@@ -2,17 +2,18 @@
 
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.archive.spill import FileSpill
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
 from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
-from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of, scan_groups
+from calib_core.captures.scans import Placement, ScanGroup, SessionScans, local_origin_mm, poses_of, scan_groups
 from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange, told_by
 from calib_core.errors import InputError
 from calib_core.findings import judgement, reasons_of
@@ -88,14 +89,16 @@ def solve(given: StageInput) -> MergeResult:
             return not has_error(mistakes)
 
         solution = solve_merge(plan.scans, plan.errors, plan.options, tell, crew, plan.ball, fits)
-        table = plan.calibration.placement.base_from_turntable
+        placement = plan.calibration.placement
+        table, origin_mm = placement.base_from_turntable, np.array(placement.origin_mm)
         base_from_cloud = np.eye(4) if table is None else table.matrix
-        against = Compared() if has_error(mistakes) else compared(given, solution, base_from_cloud)
+        against = Compared() if has_error(mistakes) else compared(given, solution, base_from_cloud, origin_mm)
         result = _result(given, plan, solution, mistakes, against)
         if given.store is not None:
-            given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names))
+            given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names, origin_mm))
             if solution.mesh is not None:
-                given.store(MESH_FILE, ply_pieces(solution.mesh.points_mm, triangles=solution.mesh.triangles))
+                corners_mm = _in_place(solution.mesh.points_mm, origin_mm)
+                given.store(MESH_FILE, ply_pieces(corners_mm, triangles=solution.mesh.triangles))
     return result
 
 
@@ -147,19 +150,39 @@ def plan_merge(given: StageInput) -> MergePlan:
         most_bytes=int(1e6 * settings.memory_mb),
     )
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
+    origin_mm = _origin_mm(scans, calibration.placement)
+    if any(origin_mm):
+        calibration = replace(calibration, placement=replace(calibration.placement, origin_mm=origin_mm))
+        scans = SessionScans(given.session, groups, calibration.placement, given.read)
     errors = _errors(given, groups, calibration) if calibration.tells_scatter else None
     ball = None if calibration.by == "known" else side_of_ball(given.session, given.read)
     return MergePlan(groups, calibration, scans, errors, options, unused, tuple(found), ball)
 
 
-def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str]) -> Pieces:
+def _origin_mm(scans: SessionScans, placement: Placement) -> tuple[float, float, float]:
+    """Return where in base the scans are merged about: 0 unless the first that can be read lies far from it."""
+    if placement.base_from_turntable is None:
+        for scan in scans:
+            known = scan.points_in_laser_mm[np.isfinite(scan.points_in_laser_mm).all(axis=2)]
+            way = scan.turntable_from_laser[len(scan.turntable_from_laser) // 2]
+            if len(known):
+                return local_origin_mm(known @ way[:3, :3].T + way[:3, 3])
+    return (0.0, 0.0, 0.0)
+
+
+def _in_place(points_mm: NDArray[np.float32], origin_mm: FloatArray) -> NDArray[np.floating]:
+    """Return points in base, in double precision where single would not hold them."""
+    return points_mm + origin_mm if origin_mm.any() else points_mm
+
+
+def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str], origin_mm: FloatArray) -> Pieces:
     heaviest = HeaviestScans(solution.patches)
     numbers = np.array([scan_names.index(name) for name in solution.patches.names] + [NO_SCAN])
     names = ("x", "y", "z", "nx", "ny", "nz", "sigma", SCAN_COLUMN)
     tables = (
         np.column_stack(
             [
-                cloud.points_mm,
+                _in_place(cloud.points_mm, origin_mm),
                 np.nan_to_num(cloud.normals),
                 cloud.sigma_mm,
                 numbers[heaviest.of(cloud.points_mm)],
@@ -355,8 +378,8 @@ def _result(
         mesh=MESH_FILE if solution.mesh else None,
         triangles=len(solution.mesh.triangles) if solution.mesh else 0,
         mesh_open_edges=open_edges(solution.mesh.triangles) if solution.mesh else None,
-        low_mm=solution.extent.low_mm.tolist(),
-        high_mm=solution.extent.high_mm.tolist(),
+        low_mm=(solution.extent.low_mm + calibration.placement.origin_mm).tolist(),
+        high_mm=(solution.extent.high_mm + calibration.placement.origin_mm).tolist(),
         alignment=against.alignment,
         deviation=against.deviation,
         residuals=_rows(given, plan, solution),
@@ -405,6 +428,8 @@ def _rows(given: StageInput, plan: MergePlan, solution: MergeSolution) -> list[M
     rows: dict[str, MergeResidual] = {}
     for group in plan.groups:
         row = _row(group.name, solution)
+        if row.used:
+            row = row.model_copy(update={"cloud_from_laser": _place(given, plan, solution, group)})
         for number, capture in enumerate(
             group.captures
         ):  # figures of a scan of many captures stand with the first
@@ -415,6 +440,18 @@ def _rows(given: StageInput, plan: MergePlan, solution: MergeSolution) -> list[M
         if reason is not None:
             rows[capture.id] = MergeResidual(capture=capture.id, used=False, reason=reason)
     return [rows[capture.id] for capture in given.captures]
+
+
+def _place(given: StageInput, plan: MergePlan, solution: MergeSolution, group: ScanGroup) -> list[list[float]]:
+    """Return where the scanner stood in the middle of a scan, as rows of a 4×4 into the stored cloud's frame."""
+    placement, pairs = plan.calibration.placement, poses_of(given.session, group)
+    capture, pose = pairs[len(pairs) // 2]
+    place = (placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser).matrix
+    moved = solution.registration or solution.self_calibration
+    if moved is not None:
+        place = moved.turntable_from_scan[solution.used.index(group.name)] @ place
+    place[:3, 3] += placement.origin_mm
+    return place.tolist()
 
 
 def _row(name: str, solution: MergeSolution) -> MergeResidual:

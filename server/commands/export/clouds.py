@@ -3,8 +3,9 @@
 import argparse
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from calib_core.archive.archive import opened
 from calib_core.archive.folder import load_results, load_session
@@ -13,8 +14,9 @@ from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_pieces
 from calib_core.graph.keys import Graph
 from calib_core.messages import message
-from calib_core.records import Session
+from calib_core.records import Result, Session
 from calib_core.records.callbacks import ReadFile
+from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.pipeline import solve_stage
 from server.console.command import OK
 from server.console.output import STANDARD_OUTPUT, write_out
@@ -28,27 +30,26 @@ def export_cloud(options: argparse.Namespace) -> int:
     name = CLOUD_FILE if options.format in cloud_formats() else MESH_FILE
     with opened(options.session) as folder, tempfile.TemporaryDirectory(prefix="scancell-") as fresh:
         session, read = load_session(folder)
-        file = folder / name
-        if not file.is_file() or _is_stale(folder, session, read):
-            file = _merged_anew(options, session, read, Path(fresh)) / name
+        file, merge = folder / name, load_results(folder).get("merge")
+        if not file.is_file() or merge is None or _is_stale(merge, session, read):
+            file, merge = Path(fresh) / name, _merged_anew(options, session, read, Path(fresh)).model_dump()
         if not file.is_file():
             to_do = message("Set cell.merge.mesh to poisson or grid, and look at the merge's warnings.")
             raise InputError("a mesh of the merged cloud", "none", to_do, str(options.session))
+        scans = MergeResult.model_validate(merge).scan_places
         with file.open("rb") as content:
             stored = StoredFile(content, str(file))
-            write_out(options, options.out, in_format(stored, options.format, str(file)))
+            write_out(options, options.out, in_format(stored, options.format, str(file), scans))
     return OK
 
 
-def _is_stale(folder: Path, session: Session, read: ReadFile) -> bool:
-    stored = load_results(folder).get("merge")
-    return stored is None or not Graph.of_files(session, read).is_fresh("merge", stored.get("inputs_sha256"))
+def _is_stale(merge: Mapping[str, Any], session: Session, read: ReadFile) -> bool:
+    return not Graph.of_files(session, read).is_fresh("merge", merge.get("inputs_sha256"))
 
 
-def _merged_anew(options: argparse.Namespace, session: Session, read: ReadFile, folder: Path) -> Path:
+def _merged_anew(options: argparse.Namespace, session: Session, read: ReadFile, folder: Path) -> Result:
     def store(name: str, pieces: Iterable[bytes | memoryview]) -> None:
         write_pieces(folder / name, pieces)
 
     with progress_bar(options) as progress:
-        solve_stage(session, "merge", read, progress, store)
-    return folder
+        return solve_stage(session, "merge", read, progress, store)
