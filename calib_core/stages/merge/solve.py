@@ -446,7 +446,7 @@ def _place(given: StageInput, plan: MergePlan, solution: MergeSolution, group: S
     """Return where the scanner stood in the middle of a scan, as rows of a 4×4 into the stored cloud's frame."""
     placement, pairs = plan.calibration.placement, poses_of(given.session, group)
     capture, pose = pairs[len(pairs) // 2]
-    place = (placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser).matrix
+    place = (placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser).matrix.copy()
     moved = solution.registration or solution.self_calibration
     if moved is not None:
         place = moved.turntable_from_scan[solution.used.index(group.name)] @ place
