@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from calib_core.arms.kinematics import NAMED_ARMS, arm_of, flange_of_joints, links_mm
 from calib_core.captures.contradictions import unfit
@@ -173,3 +174,35 @@ def test_held_out_captures_scatter_as_the_uncertainties_say() -> None:
     cell = session.cell.model_copy(update={"known": known, "robot": robot})
     failed: Any = run(session.model_copy(update={"cell": cell}), simulated.files.__getitem__)["verify"]
     assert (failed.verdict, failed.verified) == ("fail", "known")
+
+
+def _turned(axis: str, deg: float) -> np.ndarray:
+    made = np.eye(4)
+    made[:3, :3] = Rotation.from_euler(axis, deg, degrees=True).as_matrix()
+    return made
+
+
+def _shifted(*along: float) -> np.ndarray:
+    made = np.eye(4)
+    made[:3, 3] = along
+    return made
+
+
+@pytest.mark.parametrize(
+    ("name", "signs", "upper", "lengths"),
+    [
+        ("irb120", (1, 1, 1), "z", (290, 0, 270, 70, 302, 72)),
+        ("irb2600-12/1.65", (1, 1, 1), "z", (445, 150, 700, 115, 795, 85)),
+        ("kr6-r900-sixx", (-1, -1, -1), "x", (400, 25, 455, 35, 420, 80)),
+    ],
+)
+def test_a_named_arm_puts_its_flange_where_its_axes_say(
+    name: str, signs: tuple[int, int, int], upper: str, lengths: tuple[float, ...]
+) -> None:
+    d1, a1, a2, a3, d4, d6 = lengths
+    q = [20.0, -35.0, 50.0, 70.0, -40.0, 110.0]
+    wanted = _shifted(0, 0, d1) @ _turned("z", signs[0] * q[0]) @ _shifted(a1, 0, 0) @ _turned("y", q[1])
+    wanted = wanted @ (_shifted(0, 0, a2) if upper == "z" else _shifted(a2, 0, 0)) @ _turned("y", q[2])
+    wanted = wanted @ _shifted(0, 0, a3) @ _turned("x", signs[1] * q[3]) @ _shifted(d4, 0, 0) @ _turned("y", q[4])
+    wanted = wanted @ _shifted(d6, 0, 0) @ _turned("x", signs[2] * q[5]) @ _turned("y", 90)
+    assert np.allclose(flange_of_joints(NAMED_ARMS[name], q).matrix, wanted, atol=1e-6)
