@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from server.scenes import nodes
 from server.scenes.answers import answers
 from server.scenes.arm import arm
@@ -53,7 +54,7 @@ def base_frame(_facts: SceneFacts, _look: Look) -> Iterator[Node]:
     yield nodes.axes("/base/axes", identity, length, WAITING, thickness=0.012)
     for axis, name in enumerate("xyz"):
         yield nodes.label(f"/base/{name}", np.eye(3)[axis] * length * 1.08, name, anchor="center-center")
-    yield nodes.label("/base/name", [0.0, 0.0, -0.12 * length], "base", anchor="top-center")
+    yield nodes.label("/base/name", [0.0, 0.0, -0.12 * length], message("base"), anchor="top-center")
     yield Node(
         "/base/floor",
         "add_grid",

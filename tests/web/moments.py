@@ -1,15 +1,19 @@
 """Moments of the scene, measured from the page: how much of the view the subject fills, labels, and the legend.
 
-`python tests/web/moments.py` writes `docs/images/moments/*.png` and prints what was measured.
+`python tests/web/moments.py [NAME …]` writes `docs/images/moments/*.png` and prints what was measured; with
+`--looks FOLDER` every moment goes there in two sizes, two themes and three languages, to be looked at one by one.
 """
 
+import argparse
 import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import product
 from pathlib import Path
+from typing import Any, Literal
 
 import httpx
 from PIL import Image
@@ -107,6 +111,22 @@ def moment(page: Page, subject: list[str]) -> Moment:
 
 
 @dataclass(frozen=True)
+class Look:
+    """How a moment is looked at."""
+
+    size: tuple[int, int] = (1280, 720)
+    theme: Literal["light", "dark"] = "light"
+    language: str = "en"
+
+    @property
+    def name(self) -> str:
+        return f"{self.size[0]}-{self.theme}-{self.language}"
+
+
+LOOKS = [Look(*one) for one in product(((1280, 720), (1920, 1080)), ("light", "dark"), ("en", "de", "zh"))]
+
+
+@dataclass(frozen=True)
 class Told:
     """A moment: how far its scenario's session is walked, what of it is open, and the layers that it is about."""
 
@@ -125,16 +145,16 @@ def _compare_with_the_part(client: httpx.Client, page: Page, session: str) -> No
     stored.raise_for_status()
     page.reload()
     look_into_the_merge(page)
-    page.get_by_label("by deviation").check()
-    page.get_by_label("Deviation from").select_option("mesh")
-    page.locator("sc-merged", has_text="Distance to the reference mesh").wait_for()
+    page.locator("#cloud-deviation").check()
+    with page.expect_response("**/cloud"):
+        page.locator("sc-merged select", has=page.locator("option[value=mesh]")).select_option("mesh")
 
 
 def _pick_one(_client: httpx.Client, page: Page, _session: str) -> None:
     """Pick a capture in the table, which lights up in the scene, once that is there."""
     page.wait_for_timeout(8000)
     scene_frame(page)
-    page.get_by_role("tab", name="Measure").click()
+    page.locator("#tab-measure").click()
     page.get_by_role("button", name="p04", exact=True).click()
 
 
@@ -181,15 +201,17 @@ class Album:
     browser: Browser
     sessions: dict[str, str] = field(default_factory=dict[str, str])
 
-    def look_at(self, name: str, save: bool = False) -> Moment:
-        """Measure a moment, and save its picture where asked."""
+    def look_at(self, name: str, look: Look = LOOKS[0], into: Path | None = None) -> Moment:
+        """Measure a moment, and save its picture into a folder where one is named."""
         told = MOMENTS[name]
         session = self.sessions.setdefault(told.scenario, "")
         if not session:
             session = self.sessions[told.scenario] = simulated_session(self.client, scenario=told.scenario)
         walk_on(self.client, session, told.until)
         address = str(self.client.base_url).split("/api/")[0]
-        page = self.browser.new_page(base_url=address, viewport={"width": 1280, "height": 720})
+        width, height = look.size
+        options: dict[str, Any] = {"viewport": {"width": width, "height": height}, "color_scheme": look.theme}
+        page = self.browser.new_page(base_url=address, locale=look.language, **options)
         page.set_default_timeout(120_000)
         page.goto(f"/sessions/{session}#{told.place}")
         if told.then:
@@ -197,26 +219,36 @@ class Album:
         scene_frame(page)
         page.wait_for_timeout(5000)
         found = moment(page, told.subject)
-        if save:
-            FOLDER.mkdir(parents=True, exist_ok=True)
-            picture = Image.open(BytesIO(page.screenshot())).convert("RGB").resize((960, 540))
-            picture.quantize(255, Image.Quantize.MAXCOVERAGE).save(FOLDER / f"{name}.png", optimize=True)
+        if into is not None:
+            into.mkdir(parents=True, exist_ok=True)
+            picture = Image.open(BytesIO(page.screenshot())).convert("RGB")
+            picture = picture.resize((960, 540)) if into == FOLDER else picture
+            picture.quantize(255, Image.Quantize.MAXCOVERAGE).save(into / f"{name}.png", optimize=True)
         page.close()
         return found
 
 
-def main(names: list[str]) -> None:
+def main() -> None:
     """Take the named moments' pictures, or all, and print what was measured."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("names", nargs="*", help=", ".join(MOMENTS))
+    parser.add_argument("--looks", type=Path, metavar="FOLDER", help="each in every look")
+    parser.add_argument("--only", nargs="+", default=[one.name for one in LOOKS], metavar="LOOK")
+    told = parser.parse_args()
+    looks = LOOKS[:1] if told.looks is None else [one for one in LOOKS if one.name in told.only]
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder), port=0, warm_up=False)) as client:
             client.timeout = 400
             album = Album(client, browser)
-            for name in names or MOMENTS:
-                found = album.look_at(name, save=True)
-                print(f"{name}: fills {found.fill:.0%}, {found.labels} labels {found.problems}", flush=True)
+            for name, look in product(told.names or MOMENTS, looks):
+                found = album.look_at(name, look, FOLDER if told.looks is None else told.looks / look.name)
+                print(
+                    f"{name} {look.name}: fills {found.fill:.0%}, {found.labels} labels {found.problems}",
+                    flush=True,
+                )
         browser.close()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -1,5 +1,6 @@
 """Captures at work: everything that is done can be taken back; two of them side by side; one taken again."""
 
+import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -90,11 +91,12 @@ def test_a_capture_taken_again_takes_the_place_of_the_old_one(
     open_page: Callable[..., Any], api: httpx.Client, tmp_path: Any
 ) -> None:
     made = simulate("tcp", 11)
-    capture = made.session.captures[0].to_json()
+    capture = {**made.session.captures[0].to_json(), "taken": "2025-03-30T01:00:00+01:00"}
     session = make_session(api, cell=made.session.to_json()["cell"])
     upload(api, session, capture, made.files[capture["files"][0]])
     again = tmp_path / "new.csv"
     again.write_bytes(made.files[capture["files"][0]] + b"\n")
+    os.utime(again, (1_772_352_000, 1_772_352_000))
     page, watched = open_page(f"/sessions/{session}")
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Replace p01 with a new file").click()
@@ -103,6 +105,8 @@ def test_a_capture_taken_again_takes_the_place_of_the_old_one(
     expect(page.get_by_role("checkbox", name="Use p01", exact=True)).not_to_be_checked()
     now = stored(api, session)
     assert now["p01-again"]["pose"] == capture["pose"]
+    assert now["p01-again"]["taken"] == "2026-03-01T08:00:00.000Z"  # by its file, not of the one that it replaces
+    assert now["p01"]["taken"] == capture["taken"]
     assert not now["p01-again"].get("excluded")
     page.get_by_role("button", name="Undo: p01 replaced").click()
     expect(rows(page)).to_have_count(1)

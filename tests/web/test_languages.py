@@ -132,3 +132,23 @@ def test_no_text_is_cut_off(page: Page, session: str, watch: Watch) -> None:
     page.locator(".comparison section").first.wait_for()
     look("comparison")
     assert {where: what for where, what in found.items() if what} == {}
+
+
+def test_words_of_the_scene_that_come_while_others_are_asked_for_are_asked_for_too(profile: SharedProfile) -> None:
+    page = profile.open(reduced_motion="reduce")
+    in_language(page, "de-DE")
+    page.goto("/")
+    expect(page.locator("html")).to_have_attribute("lang", "de")
+    words = page.evaluate("""async () => {
+        const folder = document.querySelector("script[type=module]").src.replace(/app[.]js$/, "");
+        const { sayer } = await import(`${folder}measure/scene-words.js`);
+        let asked = 0, told;
+        const all = new Promise((done) => { told = done; });
+        const fetched = window.fetch;
+        window.fetch = (...given) => { if (!asked++) say("turntable axis"); return fetched(...given); };
+        const say = sayer(() => { if (say("turntable axis") !== "turntable axis") told(); });
+        say("next pose");
+        await all;
+        return [say("next pose"), say("turntable axis")];
+    }""")
+    assert words == ["nächste Pose", "Drehtischachse"]

@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { field, h, make } from "../dom.js";
 import { typedNumbers } from "../format.js";
-import { kindOf, knowFormats, match, sessionFolder, stemOf } from "../state/files.js";
+import { kindOf, knowFormats, match, sessionFolder, stemOf, takenOf } from "../state/files.js";
 import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
 import { did } from "../state/undo.js";
@@ -280,7 +280,7 @@ export class IntakePanelElement extends StateElement {
       const id = freeId(taken, stemOf(group[0]?.path ?? ""));
       taken.add(id);
       const files = group.map(({ path }, index) => `captures/${id}${index ? "-stripe" : ""}${path.slice(path.lastIndexOf(".")).toLowerCase()}`);
-      return { record: { id, step, kind: "frame", files }, files: group.map(({ file }) => file) };
+      return { record: { id, step, kind: "frame", files, ...takenOf(group[0]?.file) }, files: group.map(({ file }) => file) };
     });
   }
 
@@ -302,7 +302,7 @@ export class IntakePanelElement extends StateElement {
       const ending = found.path.slice(found.path.lastIndexOf("."));
       const mount = this.#mount.value.trim();
       const table = turns ? { table_deg: Number(angle), ...(mount && this.#onTable ? { mount } : {}) } : {};
-      const record = { id, step, ...table, kind, files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose), ...this.#list?.recordOf(pose.text), ...this.#scannerFile?.record };
+      const record = { id, step, ...table, kind, ...takenOf(found.file), files: [`captures/${id}${ending.toLowerCase()}`], pose: numbersOf(pose), ...this.#list?.recordOf(pose.text), ...this.#scannerFile?.record };
       return [{ record, files: [found.file] }];
     });
   }

@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
-import { kindOf } from "../state/files.js";
+import { kindOf, takenOf } from "../state/files.js";
 import { said, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { withReason } from "./exclude.js";
@@ -39,11 +39,11 @@ export function replaceCapture(state, capture) {
  */
 function replacement(state, capture, file) {
   const { id, captures, session } = state;
-  const { measured: _, excluded: _too, ...record } = capture;
+  const { measured: _, excluded: _e, excluded_because: _b, included_because: _i, ...record } = capture;
   const name = nextId(capture.id, new Set(captures.map((one) => one.id)));
   const ending = file.name.slice(file.name.lastIndexOf(".")).toLowerCase();
   const kind = kindOf(file.name, session?.cell.scanner?.kind);
-  return api.addCapture(id, { ...record, id: name, kind, files: [`captures/${name}${ending}`] }, [file]);
+  return api.addCapture(id, { ...record, ...takenOf(file), id: name, kind, files: [`captures/${name}${ending}`] }, [file]);
 }
 
 /**

@@ -23,6 +23,7 @@ export function sayer(known) {
     const answer = await fetch(`/said/${language}`, json("POST", { texts })).catch(() => null);
     if (answer?.ok) for (const [text, told] of Object.entries(await answer.json())) words.set(text, said(told));
     for (const text of texts) wanted.delete(text);
+    if (wanted.size) window.setTimeout(ask, 50); // what came meanwhile
     if (answer?.ok) known();
   };
   return (text) => {
