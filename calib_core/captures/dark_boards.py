@@ -79,7 +79,7 @@ class PlaneViews:
 
     def hand_eye_within(self, found: CameraResult) -> HandEye:
         """Return the same where the camera is known as its result states; raises as `hand_eye`."""
-        views = [view for _, view in self._lit.values()]
+        views = [view for _, view in self._lit.values() if view.is_numbered]
         if not views:
             return self._hand_eye(None)
         told = found.parameters, np.array(found.covariance, dtype=float), found.inflation
@@ -101,10 +101,9 @@ class PlaneViews:
     @cached_property
     def frames(self) -> dict[str, tuple[RigidTransform, RigidTransform]]:
         """base_from_tool0 and camera_from_board by the lit frames that have a pose; raises as `hand_eye`."""
-        lit = [(self._pose(c), view) for c, view in self._lit.values()]
-        boards, _ = board_poses(self._camera, [view for _, view in lit]) if lit else ([], None)
-        pairs = [(pose, board) for (pose, _), board in zip(lit, boards, strict=True)]
-        return dict(zip(self._lit, pairs, strict=True))
+        lit = {name: (self._pose(c), view) for name, (c, view) in self._lit.items() if view.is_numbered}
+        boards, _ = board_poses(self._camera, [view for _, view in lit.values()]) if lit else ([], None)
+        return {name: (pose, board) for (name, (pose, _)), board in zip(lit.items(), boards, strict=True)}
 
     @cached_property
     def _lit(self) -> dict[str, tuple[Capture, BoardView]]:

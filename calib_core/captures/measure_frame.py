@@ -125,4 +125,7 @@ def _of_board(view: BoardView) -> list[Finding]:
         found.append(codes.IN_COLOUR())
     if view.left_out:
         found.append(codes.CORNERS_COVERED(count=view.left_out))
+    if view.unseen:
+        seen, place = len(view.ids), "known" if view.is_numbered else "open"
+        found.append(codes.BOARD_IN_PART(seen=seen, count=seen + view.unseen, place=place))
     return [*found, *([BOARD_TURN_AMBIGUOUS()] if view.turn_is_ambiguous else [])]

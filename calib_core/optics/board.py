@@ -13,12 +13,19 @@ from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
-from calib_core.optics.board_corners import fitted_corners
+from calib_core.optics.board_corners import FittedCorners, fitted_corners, refined, spacing
+from calib_core.optics.board_lattice import lattices
+from calib_core.optics.board_partial import (
+    PartOfBoard,
+    placed,
+    refuse_second_board,
+    seen_chessboard,
+    whole_chessboard,
+)
 from calib_core.optics.board_refusal import (
     grey_eight_bit,
-    largest_chessboard,
+    is_blurred,
     refuse_flat_image,
-    refuse_second_board,
     shrunk,
     why_not_found,
 )
@@ -40,7 +47,7 @@ class BoardView:
         Corners or circle centres; (0, 0) is the centre of the top-left pixel.
     points_in_board_mm : (N, 3)
     ids : (N,)
-        Row by row over the whole board; a ChArUco board may be seen in part.
+        Row by row over the whole board; a chessboard or a ChArUco board may be seen in part.
     image_size : (width, height)
     corner_sigma_px : float
         Standard deviation of a coordinate, from how smoothly the points follow each other; NaN if too few.
@@ -54,6 +61,10 @@ class BoardView:
         Whether the frame was turned into grey.
     left_out : int
         Corners under the stripe, glare or dirt, which are not among the points.
+    unseen : int
+        Corners of a chessboard outside the frame, or covered by more than that.
+    is_numbered : bool
+        Whether the corners are known to be those of their `ids`; else they lie right to one another alone.
     """
 
     points_px: FloatArray
@@ -66,6 +77,8 @@ class BoardView:
     turn_is_ambiguous: bool = False
     in_colour: bool = False
     left_out: int = 0
+    unseen: int = 0
+    is_numbered: bool = True
 
 
 def find_board(image: Image, board: Board) -> BoardView:
@@ -80,7 +93,7 @@ def find_board(image: Image, board: Board) -> BoardView:
     Raises
     ------
     MeasurementError
-        If the frame shows no board, a part of it, two of them, or is blank, blurred or saturated.
+        If the frame shows no board, another one, two of them, or is blank, blurred or saturated.
     InputError
         If the record lacks what this kind of board needs.
     """
@@ -94,30 +107,72 @@ def find_board(image: Image, board: Board) -> BoardView:
         sigma = _grid_sigma(points, ids, board.columns - 1)
         return BoardView(points, in_board, ids, _size(grey), sigma, in_colour=in_colour)
     if board.kind == "chessboard":
-        grid = _find_chessboard(grey, board)
-    else:
-        grid = find_circles(grey, board, points_in_board_mm(board))
+        return _chessboard(image, grey, board)
+    grid = find_circles(grey, board, points_in_board_mm(board))
     if grid is None:
-        seen = largest_chessboard(grey) if board.kind == "chessboard" and _has_bright_areas(grey) else None
-        grid = _as_told(grey, seen, board)
-        if grid is None:
-            raise why_not_found(grey, board, seen)
-    ambiguous = board.kind != "chessboard" or (board.columns + board.rows) % 2 == 0
+        raise why_not_found(grey, board)
     grid = _oriented(grid, grey, board)
-    points = grid.reshape(-1, 2)
-    refuse_second_board(grey, board, points)
-    width = _edge_width(grey, board, points)
-    _refuse_blurred(width, grid)
-    ids = np.arange(len(points))
-    fitted = fitted_corners(grey, grid) if board.kind == "chessboard" else None
-    if fitted is not None:
-        ids, points = np.flatnonzero(fitted.clean), fitted.points_px[fitted.clean]
+    points, ids = grid.reshape(-1, 2), np.arange(grid.size // 2)
     # The shift of every second row is no noise: compare even rows with even ones, odd with odd.
     smooth = np.concatenate([grid[0::2], grid[1::2]]).reshape(-1, 2)
     sigma = _grid_sigma(smooth if board.kind == "asymmetric-circles" else points, ids, board.columns)
     return BoardView(
-        points, points_in_board_mm(board)[ids], ids, _size(grey), sigma,
-        width, _saturated_share(image, points), ambiguous, in_colour, grid.size // 2 - len(ids),
+        points, points_in_board_mm(board), ids, _size(grey), sigma,
+        saturated=_saturated_share(image, points), turn_is_ambiguous=True, in_colour=in_colour,
+    )  # fmt: skip
+
+
+def _chessboard(image: Image, grey: NDArray[np.uint8], board: Board) -> BoardView:
+    grids = lattices(grey)
+    refuse_second_board(grids, board)
+    lattice = whole_chessboard(grids, board)
+    if lattice is not None:
+        grid = _oriented(lattice, grey, board)
+        if (fitted := fitted_corners(grey, grid)) is not None:
+            return _of_whole(image, grey, board, fitted.points_px.reshape(grid.shape), fitted)
+    seen = part = None
+    if lattice is None and grids and _has_bright_areas(grey) and not is_blurred(grey):
+        seen = seen_chessboard(grey, grids, max(board.columns, board.rows))
+        part = None if seen is None else placed(grey, seen, board)
+    if grids and (part is None or part.is_covered(grey)):
+        searched = _searched_chessboard(grey, board)
+        if searched is not None:
+            grid = _oriented(searched, grey, board)
+            return _of_whole(image, grey, board, grid, fitted_corners(grey, grid))
+    if part is None:
+        raise why_not_found(grey, board, seen)
+    return _of_part(image, grey, board, part)
+
+
+def _of_whole(
+    image: Image, grey: NDArray[np.uint8], board: Board, grid: FloatArray, fitted: FittedCorners | None
+) -> BoardView:
+    """Return a chessboard by its corners, and by their fit where that is the better one."""
+    points = grid.reshape(-1, 2)
+    width = _edge_width(grey, board, points)
+    _refuse_blurred(width, grid)
+    ids = np.arange(len(points))
+    if fitted is not None:
+        ids, points = np.flatnonzero(fitted.clean), fitted.points_px[fitted.clean]
+    return BoardView(
+        points, points_in_board_mm(board)[ids], ids, _size(grey), _grid_sigma(points, ids, board.columns),
+        width, _saturated_share(image, points), _looks_alike(board), image.ndim == 3, grid.size // 2 - len(ids),
+    )  # fmt: skip
+
+
+def _looks_alike(board: Board) -> bool:
+    """Whether a chessboard looks the same turned by 180°."""
+    return (board.columns + board.rows) % 2 == 0
+
+
+def _of_part(image: Image, grey: NDArray[np.uint8], board: Board, part: PartOfBoard) -> BoardView:
+    every = part.grid.reshape(-1, 2)
+    ids = np.flatnonzero(np.isfinite(every[:, 0]))
+    points = every[ids]
+    return BoardView(
+        points, points_in_board_mm(board)[ids], ids, _size(grey), _grid_sigma(points, ids, board.columns),
+        float("nan"), _saturated_share(image, points), _looks_alike(board), image.ndim == 3,
+        unseen=len(every) - len(ids), is_numbered=part.is_numbered,
     )  # fmt: skip
 
 
@@ -132,8 +187,8 @@ def points_in_board_mm(board: Board) -> FloatArray:
     return np.column_stack([across.ravel(), row.ravel(), np.zeros(row.size)]) * [*board.pitches_mm, 0.0]
 
 
-def _find_chessboard(grey: NDArray[np.uint8], board: Board) -> FloatArray | None:
-    """Return the corners as (rows, columns, 2), or None.
+def _searched_chessboard(grey: NDArray[np.uint8], board: Board) -> FloatArray | None:
+    """Return the corners as OpenCV's detectors find them, or None.
 
     Large frames are searched at about a megapixel; their corners are then refined in the frame itself.
     """
@@ -159,23 +214,8 @@ def _find_chessboard(grey: NDArray[np.uint8], board: Board) -> FloatArray | None
     return _refined(grey, np.asarray(corners, dtype=float).reshape(board.rows, board.columns, 2))
 
 
-def _as_told(grey: NDArray[np.uint8], seen: FloatArray | None, board: Board) -> FloatArray | None:
-    """Return a chessboard found without its size where it is of the told one, as strongly distorted ones are."""
-    if seen is None or {*seen.shape[:2]} != {board.rows, board.columns}:
-        return None
-    if seen.min() < 0 or (seen.reshape(-1, 2).max(axis=0) > [grey.shape[1] - 1, grey.shape[0] - 1]).any():
-        return None  # the search foretells corners beyond the frame's edge
-    return _refined(grey, seen if seen.shape[0] == board.rows else seen.transpose(1, 0, 2))
-
-
 def _refined(grey: NDArray[np.uint8], grid: FloatArray) -> FloatArray:
-    """Return corners refined by the grey values' gradients about them."""
-    import cv2
-
-    half = int(np.clip(0.35 * _spacing(grid), 2, 15))
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
-    start = grid.reshape(-1, 1, 2).astype(np.float32)
-    return np.asarray(cv2.cornerSubPix(grey, start, (half, half), (-1, -1), stop), dtype=float).reshape(grid.shape)
+    return refined(grey, grid, spacing(grid)).reshape(grid.shape)
 
 
 def _has_bright_areas(grey: NDArray[np.uint8]) -> bool:
@@ -217,20 +257,15 @@ def _edge_width(grey: NDArray[np.uint8], board: Board, points: FloatArray) -> fl
 
 
 def _refuse_blurred(width_px: float, grid: FloatArray) -> None:
-    spacing = _spacing(grid)
-    if width_px > _BLURRED_SHARE * spacing:
+    apart_px = spacing(grid)
+    if width_px > _BLURRED_SHARE * apart_px:
         raise MeasurementError(
             "sharp edges between the board's squares (narrower than {blurred_share:.0f} px)",
             "a blurred frame, edges {width_px:.0f} px wide",
             "Focus the lens, hold the board still, or shorten the exposure.",
-            blurred_share=_BLURRED_SHARE * spacing,
+            blurred_share=_BLURRED_SHARE * apart_px,
             width_px=width_px,
         )
-
-
-def _spacing(grid: FloatArray) -> float:
-    """Return the smallest distance between neighbours of a grid (rows, columns, 2), px."""
-    return float(min(np.linalg.norm(np.diff(grid, axis=a), axis=2).min() for a in (0, 1)))
 
 
 def _grid_sigma(points: FloatArray, ids: IntArray, columns: int) -> float:

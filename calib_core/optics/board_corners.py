@@ -74,3 +74,18 @@ def fitted_at(
         return None
     clean = settled & (noise < _SPOILED_RATIO * float(np.median(noise[settled])))
     return FittedCorners(np.where(clean[:, None], found[:, :2], points), clean)
+
+
+def refined(grey: NDArray[np.uint8], points: FloatArray, spacing_px: float) -> FloatArray:
+    """Return corners (N, 2) refined by the grey values' gradients about them."""
+    import cv2
+
+    half = int(np.clip(0.35 * spacing_px, 2, 15))
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+    start = points.reshape(-1, 1, 2).astype(np.float32)
+    return np.asarray(cv2.cornerSubPix(grey, start, (half, half), (-1, -1), stop), dtype=float).reshape(-1, 2)
+
+
+def spacing(grid: FloatArray) -> float:
+    """Return the smallest distance between neighbours of a grid (rows, columns, 2), px."""
+    return float(min(np.nanmin(np.linalg.norm(np.diff(grid, axis=a), axis=2)) for a in (0, 1)))

@@ -12,6 +12,7 @@ from calib_core.records import Board
 
 Grey = NDArray[np.uint8]
 
+_SHARP = 0.06
 _SEARCHED_PIXELS = 1_400_000
 _LEAST_CONTRAST = 12.0  # grey values of 255 between the dark and the bright of a frame
 _NAMES = {
@@ -93,7 +94,7 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
         return MeasurementError(
             need, "a frame that is saturated over {saturated:.0%}", "Shorten the exposure.", saturated=saturated
         )
-    dark, bright = (float(v) for v in np.percentile(grey, [0.5, 99.5]))
+    bright = float(np.percentile(grey, 99.5))
     if bright < 60:
         return MeasurementError(
             need,
@@ -101,8 +102,7 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
             "Light the board.",
             bright=bright,
         )
-    edge = _sharpest_edge(grey, bright - dark)
-    if edge < 0.06:
+    if is_blurred(grey):
         return MeasurementError(
             need, "a blurred frame without a sharp edge", "Focus the lens, hold the board still, or expose less."
         )
@@ -110,7 +110,7 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
         rows, columns = seen.shape[:2]
         if columns * rows > board.columns * board.rows or (columns > board.columns and rows >= board.rows):
             to_do = message("Check columns and rows in cell.board: count inner corners, not squares.")
-        elif _ends_in_frame(seen, grey):
+        elif ends_in_frame(seen, grey):
             to_do = message(
                 "If nothing hides a part of the board, cell.board tells too many: count its inner corners, not "
                 "squares."
@@ -131,43 +131,16 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
     )
 
 
-def refuse_second_board(grey: Grey, board: Board, points: FloatArray) -> None:
-    """Raise MeasurementError if a second board like the one found is in the frame."""
-    import cv2
-
-    if board.kind != "chessboard":
-        return
-    grey, factor = shrunk(grey)
-    hull = cv2.convexHull(((points + 0.5) / factor - 0.5).astype(np.float32))[:, 0]
-    wider = hull.mean(0) + (hull - hull.mean(0)) * (1 + 2.6 / min(board.columns, board.rows))
-    rest = grey.copy()
-    cv2.fillConvexPoly(rest, np.rint(wider).astype(np.int32), int(np.median(grey)))
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    if cv2.findChessboardCorners(rest, (board.columns, board.rows), flags=flags)[0]:
-        raise MeasurementError("one board", "two boards in one frame", "Take or cover one of them.")
-
-
-def _sharpest_edge(grey: Grey, contrast: float) -> float:
-    """Return the steepest slopes of a frame, as a share of its contrast per pixel."""
+def is_blurred(grey: Grey) -> bool:
+    """Whether even the steepest slopes of a frame are small shares of its contrast per pixel."""
+    dark, bright = (float(v) for v in np.percentile(grey, [0.5, 99.5]))
     smooth = grey[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2].astype(np.float32)
     smooth = (smooth[::2, ::2] + smooth[1::2, ::2] + smooth[::2, 1::2] + smooth[1::2, 1::2]) / 4
     slopes = np.abs(np.diff(smooth, axis=1)) / 2
-    return float(np.percentile(slopes, 99.8)) / max(contrast, 1.0)
+    return float(np.percentile(slopes, 99.8)) < _SHARP * max(bright - dark, 1.0)
 
 
-def largest_chessboard(grey: Grey) -> FloatArray | None:
-    """Return the corners (rows, columns, 2) of the largest chessboard to be found, at least 3 × 3."""
-    import cv2
-
-    small, factor = shrunk(grey)
-    found, corners, meta = cv2.findChessboardCornersSBWithMeta(small, (3, 3), cv2.CALIB_CB_LARGER)
-    if not found:
-        return None
-    grid = np.asarray(corners, dtype=float).reshape(*meta.shape[:2], 2)
-    return (grid + 0.5) * factor - 0.5
-
-
-def _ends_in_frame(grid: FloatArray, grey: Grey) -> bool:
+def ends_in_frame(grid: FloatArray, grey: Grey) -> bool:
     """Return whether a further row and column on every side would be in the frame, too."""
     last, height, width = np.array(grid.shape[:2]) - 1, *grey.shape
     for row, column in ((0, 0), (0, last[1]), (last[0], 0), (last[0], last[1])):

@@ -128,18 +128,28 @@ def calibrate_camera(
         compared = [layouts[options.model]]
     plainest = compared[0].with_bent_board() if bent else compared[0]
     layout, candidates = plainest, ()
+    numbered = [k for k, v in enumerate(fit.used) if views[v].is_numbered]
     if len(fit.used) >= _VIEWS_TO_COMPARE and (len(compared) > 1 or bent is None):
         tell(0.2, "comparing models on held-out views")
-        layout, candidates = choose_layout(fit.corners, fit.adjusted.state, compared, options.folds, bent)
+        told = numbered if len(numbered) >= _VIEWS_TO_COMPARE else list(range(len(fit.used)))
+        bends = bent if told is numbered else bool(bent)
+        parts = fit.corners.take(told), fit.adjusted.state.take(told)
+        layout, candidates = choose_layout(*parts, compared, options.folds, bends)
+    rejected = fit.rejected
+    if layout.bends:  # which of a bent board's heights an unknown part of it has, nothing tells
+        unknown: Misfits = {v: {"off": "place"} for v in fit.used if not views[v].is_numbered}
+        rejected = rejected | unknown
     tell(0.8, message("final adjustment, {chosen} model", chosen=layout.model))
-    final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
+    final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), rejected)
     if options.model == "auto" and layout.model != "plain" and not final.adjusted.converged:
         layout = plainest  # what the views do not determine is not worth having
-        final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), fit.rejected)
+        final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), rejected)
     if options.model == "auto" and layout.model in ("plain", "tilted"):
         final, layout = _without_idle(corners, final, layout, options.folds)
     perhaps = None if layout.bends else _bent_fit(corners, layout, final)
-    solution = summarise(final, layout, image_size, candidates, perhaps, differing_pitches(final, layout))
+    straight = _of_numbered(final, layout, views)
+    pitch = None if straight is None else differing_pitches(straight, layout)
+    solution = summarise(final, layout, image_size, candidates, perhaps, pitch)
     return solution if robot is None else with_robot(solution, final, layout, robot)
 
 
@@ -175,6 +185,18 @@ def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: Misfit
         weights = np.where(keep, 1 / sigma, 0.0)
         final = Adjustment(part.weighted(weights), *layout.bands, layout.free).solve(first.state)
         return _fit_of(corners, part.weighted(weights), final, used, rejected)
+
+
+def _of_numbered(fit: Fit, layout: Layout, views: Sequence[BoardView]) -> Fit | None:
+    """Return the fit to views whose rows and columns are known; None where they are too few."""
+    kept = [k for k, view in enumerate(fit.used) if views[view].is_numbered]
+    if len(kept) == len(fit.used):
+        return fit
+    if len(kept) < FEWEST_VIEWS:
+        return None
+    part = fit.corners.take(kept)
+    end = Adjustment(part, *layout.bands, layout.free).solve(fit.adjusted.state.take(kept))
+    return _fit_of(fit.all_corners, part, end, [fit.used[k] for k in kept], fit.rejected)
 
 
 def _bent_fit(corners: Corners, layout: Layout, flat: Fit) -> "Fit | None":

@@ -29,6 +29,6 @@ def test_the_same_bytes_give_the_same_view_another_board_another_search(monkeypa
     assert wider.points_in_board_mm.max() == 2 * view.points_in_board_mm.max()
     other = Board(kind="chessboard", columns=7, rows=5, pitch_mm=9.0)
     for _ in range(2):  # a refusal is remembered too
-        with pytest.raises(MeasurementError, match="7 × 5 inner corners"):
+        with pytest.raises(MeasurementError, match="9 × 6 inner corners from edge to edge"):
             board_in(capture, other, read)
     assert [b.columns for b in searched] == [board.columns, board.columns, 7]

@@ -26,6 +26,10 @@ VIEW_NOT_USED = Code(
             "{captures} are not used: their corners lie farther from their predicted places than those of other views "
             "({off_px:.2f} px in the first, {others_px:.2f} px in others): the boards moved, are bent or were misread.",
         ),
+        "place": Plural(
+            "{captures} is not used: the board is bent, and nothing tells which of its corners are seen.",
+            "{captures} are not used: the board is bent, and nothing tells which of its corners are seen.",
+        ),
         "board": Plural(
             "{captures} is not used: its points are {off_px:.0f} px off a flat board in perspective: they were misread.",
             "{captures} are not used: their points are off a flat board in perspective ({off_px:.0f} px in the first): "
@@ -35,6 +39,7 @@ VIEW_NOT_USED = Code(
     reason={
         "camera": "its corners lie {off_px:.2f} px from their predicted places, those of other views {others_px:.2f} "
         "px: the board moved, is bent or was misread",
+        "place": "the board is bent, and nothing tells which of its corners are seen",
         "board": "its points are {off_px:.0f} px off a flat board in perspective: they were misread",
     },
     by="off",

@@ -158,6 +158,20 @@ CORNERS_COVERED = Code(
     decided="The picture around a corner does not fit two edges that cross.",
 )
 
+BOARD_IN_PART = Code(
+    "board-in-part",
+    "note",
+    text={
+        "known": "{seen} of {count} corners are seen; which ones, rows, columns and edges tell.",
+        "open": "{seen} of {count} corners are seen, and nothing tells which ones: the frame counts for the camera, "
+        "not for the board's place.",
+    },
+    by="place",
+    meaning="A part of the board lies outside the frame or is covered; what is seen of it counts.",
+    decided="Rows and columns are counted, sides where the squares end on the margin are looked for, and the squares' "
+    "colours compared; the board can lie in one place alone, or in several.",
+)
+
 STRIPE_ALONE = Code(
     "stripe-alone",
     "note",

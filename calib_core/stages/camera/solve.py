@@ -123,8 +123,8 @@ def _robot_of(given: "StageInput", views: dict[str, BoardView], board: Board) ->
     if not board.fixed:
         return None
     poses: list[RigidTransform | None] = []
-    for name in views:
-        told = captures[name].pose
+    for name, view in views.items():
+        told = captures[name].pose if view.is_numbered else None
         try:
             poses.append(None if told is None else parse_pose(cell.pose_convention, told, name))
         except CalibrationError:  # whoever needs the pose refuses it

@@ -23,6 +23,7 @@ class BoardHandEye(Stage):
     frames: ClassVar = {"tool0_from_camera": "covariance", "base_from_board": "board_covariance"}
     optional = True
     is_second_opinion = True
+    method_revision = 2  # boards seen in part count
     layers = ("scanner",)
 
     def is_wanted(self, session: "Session") -> bool:

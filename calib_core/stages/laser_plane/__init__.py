@@ -17,7 +17,7 @@ class LaserPlane(Stage):
     """The plane of laser light, from frames of the board with the stripe on it."""
 
     name, title, place = "laser-plane", "Laser plane", 20
-    method_revision = 3  # lines count by how well they are known, on the whole sheet, in one plane with the others
+    method_revision = 4  # boards seen in part count
     any_arrangement = True
     step = CaptureStep(
         "laser-plane",

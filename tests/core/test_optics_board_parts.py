@@ -1,0 +1,35 @@
+"""A camera from boards that hang out of the image, and what is told of them."""
+
+import numpy as np
+
+from calib_core.findings.codes import quality
+from calib_core.optics.board import BoardView, find_board
+from calib_core.optics.camera import calibrate_camera
+from calib_core.records import Board
+from tests.boards_in_part import CAMERA, PITCH_MM, SHAPE, cut_off_views
+
+BOARD = Board(kind="chessboard", columns=SHAPE[0], rows=SHAPE[1], pitch_mm=PITCH_MM)
+
+
+def found_views(seed: int) -> tuple[list[BoardView], list[int]]:
+    frames, inside = cut_off_views(seed)
+    return [find_board(frame, BOARD) for frame in frames], [len(each) for each in inside]
+
+
+def test_a_camera_from_boards_cut_off_by_a_third() -> None:
+    views, inside = found_views(0)
+    assert all(len(view.ids) >= 0.9 * count for view, count in zip(views, inside, strict=True))
+    assert sum(view.is_numbered for view in views) >= 8
+    found = calibrate_camera(views, (CAMERA.width, CAMERA.height))
+    assert not found.rejected
+    off = found.camera.camera_matrix[[0, 1, 0, 1], [0, 1, 2, 2]] - [*CAMERA.focal_px, *CAMERA.center_px]
+    places = [found.parameters.index(name) for name in ("fx", "fy", "cx", "cy")]
+    # Four degrees of freedom: beyond 18.5 once in a thousand.
+    assert off @ np.linalg.solve(found.covariance[np.ix_(places, places)], off) < 18.5
+    assert np.sqrt(found.covariance[places[0], places[0]]) < 2.0
+
+
+def test_what_is_told_of_a_board_in_part() -> None:
+    told = quality.BOARD_IN_PART(["b01"], seen=36, count=54, place="open")
+    assert "36 of 54 corners are seen" in str(told.text)
+    assert told.severity == "note"
