@@ -34,6 +34,8 @@ K2, K3 = 5, 8  # their places in the shared vector
 _HUBER_SIGMAS = 3.0
 _OUTLIER_SIGMAS = 6.0
 _LEAST_OUTLIER_PX = 0.5  # below, it may be the model that is wrong, not the corner
+_RADIAL_POWERS = {4: 2, 5: 4, 8: 6, 9: 2, 10: 4, 11: 6}  # of the radius, by the coefficients' places
+_MOST_OF_A_TERM = 3.0  # standard deviation of what a term makes of the image's corner, over its radius
 _WORST_VIEW_FACTOR = 4.0
 _HARMLESS_PX = 0.2  # nobody rejects a view for less
 _FREE: dict[Model, list[int]] = {
@@ -141,7 +143,8 @@ def calibrate_camera(
         rejected = rejected | unknown
     tell(0.8, message("final adjustment, {chosen} model", chosen=layout.model))
     final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), rejected)
-    if options.model == "auto" and layout.model != "plain" and not final.adjusted.converged:
+    settled = final.adjusted.converged and _is_determined(final, layout, image_size)
+    if options.model == "auto" and layout.model != "plain" and not settled:
         layout = plainest  # what the views do not determine is not worth having
         final = _robust_fit(corners, layout, restart(fit.adjusted.state, layout), rejected)
     if options.model == "auto" and layout.model in ("plain", "tilted"):
@@ -185,6 +188,16 @@ def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: Misfit
         weights = np.where(keep, 1 / sigma, 0.0)
         final = Adjustment(part.weighted(weights), *layout.bands, layout.free).solve(first.state)
         return _fit_of(corners, part.weighted(weights), final, used, rejected)
+
+
+def _is_determined(fit: Fit, layout: Layout, image_size: tuple[int, int]) -> bool:
+    """Whether views fix a rational lens: with few, terms above and below the fraction cancel at any size."""
+    if layout.model != "rational":
+        return True
+    powers = np.array([_RADIAL_POWERS.get(int(place), 0) for place in layout.free])
+    radius = np.hypot(*image_size) / 2 / float(fit.adjusted.state.shared[0])
+    sigmas = fit.sigma_px * float(fit.corners.weights.max()) * np.sqrt(np.diag(fit.adjusted.covariance))
+    return bool(np.max((sigmas * radius**powers)[powers > 0]) < _MOST_OF_A_TERM)
 
 
 def _of_numbered(fit: Fit, layout: Layout, views: Sequence[BoardView]) -> Fit | None:

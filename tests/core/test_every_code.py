@@ -28,6 +28,11 @@ from calib_core.review.provenance import HISTORY_FILE, verify
 from calib_core.review.replay import replay
 from calib_core.simulation import simulate
 from calib_core.simulation.arm_cell import simulate_arm
+from calib_core.simulation.frame_camera import SimulatedCamera
+from calib_core.simulation.frame_cell import as_png
+from calib_core.simulation.frame_surfaces import BoardSurface
+from calib_core.simulation.frames import Exposure, render
+from calib_core.simulation.motion import pose, turn
 from calib_core.sphere.arc import fit_arc
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.verify.decision import Estimate, checked, decision_findings
@@ -115,6 +120,15 @@ def flat() -> Iterable[Finding]:
     capture = CELL.session.captures[0]
     rows = b"x_mm,z_mm\n" + b"\n".join(f"{x},200.0".encode() for x in range(-40, 40))
     return measure_capture(CELL.session, capture, lambda _: rows).findings
+
+
+def board_at(aside: float) -> Case:
+    """Return what is seen of a board whose middle stands so far aside, in parts of its distance."""
+    scene = BoardSurface(pose(turn([0.2, 0.1, 0.1]), [240 * aside - 36.0, -22.0, 240.0]), 9, 6, 9.0)
+    frame = render(SimulatedCamera(), [scene], None, Exposure(ambient=180.0), np.random.default_rng(0))
+    told = {"id": "b01", "step": "camera", "kind": "frame", "files": ["b01.png"]}
+    session = session_of([told], board={"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 9.0})
+    return lambda: measure_capture(session, session.captures[0], lambda _: as_png(frame)).findings
 
 
 def first_seen() -> Iterable[Finding]:
@@ -271,6 +285,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "input-not-usable": (check(sphere_diameter_mm=None), check()),
     "file-doubtful": (in_metres, check()),
     "capture-shows-nothing": (flat, first_seen),
+    "board-in-part": (board_at(0.33), board_at(0.0)),
     "stripe-through-middle": (arc(0.97), arc(0.93)),
     "stripe-grazes-sphere": (arc(0.42), arc(0.48)),
     "arc-short": (arc(0.7, 1.1), arc(0.7, 1.3)),
