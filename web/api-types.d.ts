@@ -655,6 +655,7 @@ export interface CloudSection {
   count: number;
   points: number[][];
   deviations_mm?: (number | null)[] | null;
+  nominal?: number[][] | null;
   limit_mm?: number | null;
 }
 

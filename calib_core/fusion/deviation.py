@@ -135,6 +135,22 @@ def mesh_deviations(points_mm: ArrayLike, corners_mm: ArrayLike, triangles: Arra
     return Deviations(Nominal(corners_mm, triangles).distances_mm(points_mm))
 
 
+def plane_cut(corners_mm: FloatArray, triangles: NDArray[np.integer], axis: int, at_mm: float) -> FloatArray:
+    """Return where a plane across an axis cuts a mesh, as lines (L, 2, 3)."""
+    side = corners_mm[:, axis] - at_mm
+    above = side[triangles] > 0
+    cut, above = triangles[above.any(axis=1) & ~above.all(axis=1)], above[above.any(axis=1) & ~above.all(axis=1)]
+    alone = np.argmax(above == (above.sum(axis=1, keepdims=True) == 1), axis=1)
+    rows = np.arange(len(cut))
+    first = cut[rows, alone]
+    ends: list[FloatArray] = []
+    for step in (1, 2):
+        other = cut[rows, (alone + step) % 3]
+        share = (side[first] / (side[first] - side[other]))[:, None]
+        ends.append(corners_mm[first] + share * (corners_mm[other] - corners_mm[first]))
+    return np.stack(ends, axis=1)
+
+
 def sphere_deviations(points_mm: ArrayLike, diameter_mm: float | None = None) -> Deviations:
     """Return the distances of points to the sphere that is found among them; others than the sphere's are NaN.
 

@@ -262,7 +262,7 @@ class CloudSection(BaseModel):
     """A thin slice of the merged cloud, seen along its axis; lengths in mm.
 
     `points` are pairs along the two axes of `across`; `deviations_mm` belong to them, where they were asked for,
-    null beside the reference.
+    null beside the reference.  `nominal` is the reference mesh cut by the plane: lines from u v to u v.
     """
 
     frame: Literal["turntable", "base"]
@@ -275,6 +275,7 @@ class CloudSection(BaseModel):
     count: int
     points: list[list[float]]
     deviations_mm: list[float | None] | None = None
+    nominal: list[list[float]] | None = None
     limit_mm: float | None = None
 
 

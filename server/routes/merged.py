@@ -26,6 +26,7 @@ from server.store.unreferenced import remove_unreferenced
 router = api_router("clouds", f"{API}/sessions/{{session_id}}")
 
 _MOST_POINTS = 4000
+_MOST_LINES = 8000
 _METRES = 0.02  # a reference this much smaller than what was scanned is in another unit
 _AXES = ("x", "y", "z")
 
@@ -68,6 +69,7 @@ def section(
         count=len(inside),
         points=shown[:, across].astype(float).round(3).tolist(),
         deviations_mm=None if deviation is None else _numbers(deviation.of(shown)),
+        nominal=_nominal(stored, number, at_mm, across) if against == "mesh" else None,
         limit_mm=None if deviation is None else deviation.limit_mm,
     )
 
@@ -149,6 +151,16 @@ def _merged(stored: StoredSession) -> MergedScans:
         to_do = message("POST …/sessions/{stored}/solve/merge makes it.", stored=stored.id)
         raise NotFoundError("a merged cloud", "none in this session", to_do, "merge")
     return merged
+
+
+def _nominal(stored: StoredSession, axis: int, at_mm: float, across: list[int]) -> list[list[float]]:
+    """Return the reference mesh cut by a plane, as lines in its axes; every so many where there are very many."""
+    from calib_core.fusion.deviation import plane_cut
+
+    mesh = reference_mesh(stored.session, stored.read_output, stored.results.get("merge"))
+    assert mesh is not None, "deviations from it were given"
+    lines = plane_cut(mesh.corners_mm.astype(float), mesh.triangles, axis, at_mm)[:, :, across]
+    return thinned(lines.reshape(-1, 4), _MOST_LINES).round(3).tolist()
 
 
 def _deviation(stored: StoredSession, merged: MergedScans, against: Against) -> CloudDeviation:

@@ -18,8 +18,15 @@ const AXES = /** @type {const} */ (["", "x", "y", "z"]);
 const SETTLE_MS = 120;
 const STEPS = 400;
 
+/** What a click in the section does. */
+const CLICKS = /** @type {const} */ (["measure", "datum"]);
+const DATUM_POINTS = 6;
+
 /** How each session's cloud was looked at last: a new result draws this part of the page afresh. @type {Map<string, CloudView>} */
 const views = new Map();
+
+/** Datum points that are being picked, in the cloud's frame, by session. @type {Map<string, number[][]>} */
+const datums = new Map();
 
 export class MergedElement extends StateElement {
   stage = "";
@@ -40,6 +47,13 @@ export class MergedElement extends StateElement {
   #reference = h("div", { class: "field" }, h("div", { class: "row" }, this.#add, this.#forget, this.#file), h("span", { class: "hint" }, t("merged.mesh_hint")));
   #compared = field("cloud-against", t("merged.against"), this.#against);
   #section = h("div", { class: "merged-answer" });
+  #picked = h("div", { class: "merged-answer", "aria-live": "polite" });
+  #clicks = h("select", { onchange: () => this.#drawPicked() }, ...CLICKS.map((click) => h("option", { value: click }, t(/** @type {"merged.click_measure"} */ (`merged.click_${click}`)))));
+  #clicking = field("cloud-clicks", t("merged.click"), this.#clicks);
+  /** @type {import("../../state/model.js").CloudSection | null} */
+  #slab = null;
+  /** @type {(readonly [number, number])[]} */
+  #ends2 = [];
   #deviation = h("div", { class: "merged-answer", "aria-live": "polite" });
 
   parts = /** @type {const} */ ([]);
@@ -58,7 +72,7 @@ export class MergedElement extends StateElement {
       h("p", { class: "soft small" }, t("merged.what")),
       h("fieldset", { class: "row choices" }, h("legend", {}, t("merged.colors")), ...this.#colors.map((input) => h("span", {}, input, h("label", { for: input.id }, t(/** @type {"merged.height"} */ (`merged.${input.value}`)))))),
       this.#compared, this.#known, this.#reference, this.#deviation,
-      field("cloud-axis", t("merged.section"), this.#axis), this.#cut, this.#section,
+      field("cloud-axis", t("merged.section"), this.#axis), this.#cut, this.#section, this.#clicking, this.#picked,
     ));
     this.#changed();
   }
@@ -100,7 +114,7 @@ export class MergedElement extends StateElement {
       against: /** @type {"mesh" | "sphere"} */ (this.#against.value), diameter_mm: typed > 0 ? typed : null,
     };
     views.set(this.state.id, next);
-    this.#cut.hidden = axis === "";
+    this.#cut.hidden = this.#clicking.hidden = axis === "";
     this.#place.textContent = `${fixed(next.at_mm, 1)} mm`;
     const compares = next.colors === "deviation";
     this.#compared.hidden = !compares;
@@ -132,10 +146,15 @@ export class MergedElement extends StateElement {
     const found = await api.cloudDeviations(this.state.id, view).catch(refused);
     if (found instanceof Problem) return [mark("warn", found.message)];
     const pairs = /** @type {const} */ ([["glossary.term_rms", found.rms_mm], ["merged.mean", found.mean_mm], ["merged.p95", found.p95_mm], ["merged.largest", found.largest_mm]]);
+    const told = view.against === "mesh" ? this.#merge?.deviation : null;
+    const tolerance = told?.tolerance_mm;
     return [
       h("p", {}, t("merged.off", { distance: said(`Distance to ${found.reference}`), points: integer(found.counted) })),
-      histogramPlot(found.histogram, found.limit_mm),
+      histogramPlot(found.histogram, found.limit_mm, tolerance),
       h("dl", { class: "pairs number" }, ...pairs.map(([name, value]) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, small(value)))),
+        told?.uncertainty_mm ? h("div", {}, h("dt", {}, t("merged.uncertainty")), h("dd", {}, small(told.uncertainty_mm))) : null,
+        tolerance && told?.within_tolerance !== undefined && told.within_tolerance !== null
+          ? h("div", {}, h("dt", {}, t("merged.within", { tolerance: fixed(tolerance, 3) })), h("dd", {}, `${fixed(100 * told.within_tolerance, 2)} %`)) : null,
         found.diameter_mm ? h("div", {}, h("dt", {}, t("merged.found_diameter")), h("dd", {}, `${fixed(found.diameter_mm, 3)} mm`)) : null),
       h("p", { class: "soft small" }, t("merged.signs")),
     ];
@@ -148,7 +167,74 @@ export class MergedElement extends StateElement {
     // Without the sphere that is compared with, the section is still worth its points.
     const section = found instanceof Problem ? await api.cloudSection(this.state.id, { ...view, colors: "height" }).catch(refused) : found;
     if (section instanceof Problem) return [mark("warn", section.message)];
-    return [sectionPlot(section), h("p", { class: "soft small" }, t("merged.slice", { width: fixed(section.width_mm, 1), points: integer(section.count) }))];
+    if (section.axis !== this.#slab?.axis || section.at_mm !== this.#slab.at_mm) this.#ends2 = [];
+    this.#slab = section;
+    const plot = h("div", {});
+    const draw = () => plot.replaceChildren(sectionPlot(section, this.#ends2, (place) => {
+      this.#pick(place);
+      draw();
+    }));
+    draw();
+    this.#drawPicked();
+    return [plot, h("p", { class: "soft small" }, t("merged.slice", { width: fixed(section.width_mm, 1), points: integer(section.count) }))];
+  }
+
+  get #merge() {
+    return /** @type {MergeResult | undefined} */ (this.state.results[this.stage]);
+  }
+
+  /** @param {readonly [number, number]} place */
+  #pick(place) {
+    if (this.#clicks.value === "measure") this.#ends2 = this.#ends2.length === 1 ? [...this.#ends2, place] : [place];
+    else {
+      const slab = this.#slab;
+      const now = datums.get(this.state.id) ?? [];
+      if (!slab || now.length >= DATUM_POINTS) return;
+      const point = ["x", "y", "z"].map((axis) => (axis === slab.axis ? slab.at_mm : place[slab.across.indexOf(axis)] ?? 0));
+      datums.set(this.state.id, [...now, point]);
+      this.#ends2 = [place];
+    }
+    this.#drawPicked();
+  }
+
+  /** What was picked: a distance with its parts, or datum points until there are six. */
+  #drawPicked() {
+    const [one, other] = this.#ends2;
+    if (this.#clicks.value === "measure") {
+      const apart = one && other ? [other[0] - one[0], other[1] - one[1]] : null;
+      const [u = "", v = ""] = this.#slab?.across ?? [];
+      this.#picked.replaceChildren(h("p", { class: "number" }, apart
+        ? t("merged.distance", { distance: fixed(Math.hypot(...apart), 3), u, along_u: fixed(apart[0] ?? 0, 3), v, along_v: fixed(apart[1] ?? 0, 3) })
+        : t("merged.click_two")));
+      return;
+    }
+    const points = datums.get(this.state.id) ?? [];
+    const method = this.#merge?.alignment?.method;
+    this.#picked.replaceChildren(
+      h("p", {}, this.#merge?.alignment ? t("merged.datum", { count: points.length }) : t("merged.no_alignment")),
+      h("ol", { class: "number" }, ...points.map((point) => h("li", {}, `${point.map((value) => fixed(value, 2)).join(" · ")} mm`))),
+      h("div", { class: "row" },
+        h("button", { type: "button", needs: "capture", disabled: points.length < DATUM_POINTS || !this.#merge?.alignment, onclick: () => void this.#align(points) }, t("merged.align")),
+        h("button", { type: "button", class: "plain", hidden: !points.length, onclick: () => this.#clear() }, t("merged.clear")),
+        h("button", { type: "button", class: "plain", needs: "capture", hidden: method !== "3-2-1", onclick: () => void this.#align(null) }, t("merged.best_fit"))),
+    );
+  }
+
+  #clear() {
+    datums.delete(this.state.id);
+    this.#drawPicked();
+  }
+
+  /** Merge again, the nominal laid by six points of the cloud, or by a best fit. @param {number[][] | null} points */
+  async #align(points) {
+    await attempt(async () => {
+      const alignment = this.#merge?.alignment;
+      if (this.state.working || !alignment) return;
+      const datum_points_mm = points?.map((point) => inReference(alignment.cloud_from_reference, point));
+      await api.changeSession(this.state.id, { cell: { merge: { alignment: datum_points_mm ? { method: "3-2-1", datum_points_mm } : null } } });
+      datums.delete(this.state.id);
+      this.state.follows(await api.solve(this.state.id, this.stage));
+    });
   }
 
   async #upload() {
@@ -166,6 +252,12 @@ export class MergedElement extends StateElement {
     await attempt(() => api.removeReference(this.state.id));
     this.#changed();
   }
+}
+
+/** A point of the cloud in the nominal's own frame. @param {number[][]} cloudFromReference @param {number[]} point */
+function inReference(cloudFromReference, point) {
+  const off = point.map((value, row) => value - (cloudFromReference[row]?.[3] ?? 0));
+  return [0, 1, 2].map((column) => off.reduce((sum, value, row) => sum + value * (cloudFromReference[row]?.[column] ?? 0), 0));
 }
 
 /** @param {unknown} error */

@@ -19,8 +19,13 @@ function deviationColor(share) {
   return `rgb(${mix(0)} ${mix(1)} ${mix(2)})`;
 }
 
-/** @param {CloudSection} section */
-export function sectionPlot(section) {
+/**
+ * @typedef {readonly [number, number]} Place a point in the section's own two axes, mm
+ * @param {CloudSection} section
+ * @param {readonly Place[]} picked
+ * @param {(place: Place) => void} pick a click picks the nearest point of the cloud
+ */
+export function sectionPlot(section, picked, pick) {
   const { points } = section;
   const { low, high, across } = ends(section);
   const scale = Math.min((SIZE.width - 2 * SIZE.margin) / (high[0] - low[0] || 1), (SIZE.height - 2 * SIZE.margin) / (high[1] - low[1] || 1));
@@ -34,10 +39,24 @@ export function sectionPlot(section) {
     list.push(`M${place(point)}h0`);
     dots.set(color, list);
   });
+  const nearest = (/** @type {MouseEvent} */ event) => {
+    const box = /** @type {Element} */ (event.currentTarget).getBoundingClientRect();
+    const [x, y] = [((event.clientX - box.left) * SIZE.width) / box.width, ((event.clientY - box.top) * height) / box.height];
+    const at = [low[0] + (x - SIZE.margin) / scale, low[1] + (height - SIZE.margin - y) / scale];
+    const off = (/** @type {readonly number[]} */ [u = 0, v = 0]) => Math.hypot(u - (at[0] ?? 0), v - (at[1] ?? 0));
+    const [first, ...others] = points;
+    if (!first) return;
+    const [u = 0, v = 0] = others.reduce((best, one) => (off(one) < off(best) ? one : best), first);
+    pick([u, v]);
+  };
+  const lines = (section.nominal ?? []).map(([a, b, c, d]) => `M${place([a ?? 0, b ?? 0])}L${place([c ?? 0, d ?? 0])}`);
   const label = t("merged.section_label", { axis: section.axis, at: fixed(section.at_mm, 1), points: section.count, u: across[0], v: across[1] });
   return s(
-    "svg", { class: "section-plot", viewBox: `0 0 ${SIZE.width} ${fixedPlain(height)}`, role: "img", "aria-label": label },
+    "svg", { class: "section-plot picks", viewBox: `0 0 ${SIZE.width} ${fixedPlain(height)}`, role: "img", "aria-label": label, onclick: nearest },
+    ...(lines.length ? [s("path", { class: "nominal", d: lines.join("") })] : []),
     ...[...dots].map(([color, list]) => s("path", { class: "dots", d: list.join(""), ...(color ? { stroke: color } : {}) })),
+    ...(picked.length > 1 ? [s("path", { class: "dimension", d: picked.map((one, index) => `${index ? "L" : "M"}${place(one)}`).join("") })] : []),
+    ...picked.map((one) => s("path", { class: "picked", d: `M${place(one)}h0` })),
     ...frame(section, scale, height),
   );
 }
@@ -72,11 +91,12 @@ function frame(section, scale, height) {
 const fixedPlain = (value) => Number(value.toFixed(1));
 
 /**
- * How many points lie how far off, as bars in the colours of the scene.
+ * How many points lie how far off, as bars in the colours of the scene, between the ends of the tolerance.
  * @param {number[]} counts
  * @param {number} limit_mm
+ * @param {number | null} [tolerance_mm]
  */
-export function histogramPlot(counts, limit_mm) {
+export function histogramPlot(counts, limit_mm, tolerance_mm) {
   const most = Math.max(...counts, 1);
   const width = 560 / counts.length;
   const middle = (counts.length - 1) / 2;
@@ -84,6 +104,7 @@ export function histogramPlot(counts, limit_mm) {
     "svg", { class: "section-plot", viewBox: "0 0 560 96", role: "img", "aria-label": t("merged.histogram_label", { limit: fixed(limit_mm, 3) }) },
     ...counts.map((count, index) => s("rect", { x: index * width + 0.5, width: width - 1, y: 76 - (72 * count) / most, height: (72 * count) / most, fill: deviationColor((index - middle) / middle) })),
     s("path", { class: "axis", d: "M0 76.5H560M280 76V4" }),
+    ...(tolerance_mm && tolerance_mm < limit_mm ? [s("path", { class: "limit", d: [-1, 1].map((side) => `M${fixedPlain(280 * (1 + (side * tolerance_mm) / limit_mm))} 76V2`).join("") })] : []),
     s("text", { class: "tick", x: 0, y: 91 }, `${fixed(-limit_mm, 3)} mm`), s("text", { class: "tick", x: 280, y: 91, "text-anchor": "middle" }, "0"),
     s("text", { class: "tick", x: 560, y: 91, "text-anchor": "end" }, `+${fixed(limit_mm, 3)} mm`),
   );

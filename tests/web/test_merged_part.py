@@ -1,0 +1,84 @@
+"""The merged part beside its nominal in the page: uncertainty, tolerance, distances in a section, 3-2-1."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from calib_core.simulation.part import build_part
+from tests.point_files import mesh_file
+from tests.server.live_server import simulated_session, wait_for
+from tests.web.browsing import look_into_the_merge
+
+pytestmark = pytest.mark.browser
+
+PART = build_part()
+
+
+def click_at(page: Page, across: float, up: float) -> None:
+    """Click in the section's plot, by shares of its width and height."""
+    box = page.locator("sc-merged .picks").bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + across * box["width"], box["y"] + up * box["height"])
+
+
+def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
+    open_page: Callable[..., Any], address: str, tmp_path: Path
+) -> None:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
+        session = simulated_session(api, captures=3, scenario="part", seed=3)
+        told = {"mesh": "none", "voxel_mm": 1.0, "tolerance_mm": 0.1}
+        api.patch(f"/sessions/{session}", json={"cell": {"merge": told}}).raise_for_status()
+        mesh = mesh_file("stl", PART.points_mm, PART.triangles)
+        api.put(f"/sessions/{session}/merged/reference", files={"file": ("part.stl", mesh)}).raise_for_status()
+        job = api.post(f"/sessions/{session}/solve/merge").json()
+        assert wait_for(api, job["id"])["status"] == "done"
+        page, _ = open_page(f"/sessions/{session}", width=1280, height=1000)
+        page.get_by_role("tab", name="Result").click()
+        page.get_by_role("button", name="Merge done").wait_for()
+        look_into_the_merge(page)
+        part = page.locator("sc-merged")
+        page.get_by_label("by deviation").check()
+        look_into_the_merge(page)  # what is chosen stays where the page is drawn anew
+        expect(part).to_contain_text("Standard uncertainty of a deviation")
+        expect(part).to_contain_text(re.compile(r"Within ± 0\.100 mm\s*\d"))
+        expect(part.locator(".limit")).to_be_attached()
+        page.get_by_label("Section").select_option("z")
+        page.get_by_label("Position").fill("12")
+        expect(part.locator(".nominal")).to_be_attached()
+        expect(part).to_contain_text("Click two points")
+        click_at(page, 0.1, 0.5)
+        click_at(page, 0.9, 0.5)
+        text = part.locator("p.number").inner_text()
+        distance, along_x, along_y = map(float, re.findall(r"-?\d+\.\d+", text.replace("\u2212", "-")))
+        assert distance == pytest.approx(np.hypot(along_x, along_y), abs=2e-3)
+        assert distance > 20
+        for theme in ("dark", "light"):
+            page.evaluate(f"document.documentElement.dataset.theme = '{theme}'")
+            part.screenshot(path=str(tmp_path / f"{theme}.png"))
+        page.get_by_label("Click in the plot").select_option("datum")
+        click_at(page, 0.5, 0.1)
+        expect(part).to_contain_text("1 of 6 datum points")
+        expect(part.get_by_role("button", name="Align by these points")).to_be_disabled()
+        for across, up in ((0.3, 0.5), (0.7, 0.5), (0.5, 0.9), (0.2, 0.2), (0.8, 0.8)):
+            click_at(page, across, up)
+        expect(part.locator("ol li")).to_have_count(6)
+        picked = [
+            [float(value) for value in re.findall(r"-?\d+\.\d+", line.replace("\u2212", "-"))]
+            for line in part.locator("ol li").all_inner_texts()
+        ]
+        assert all(place[2] == 12.0 for place in picked)
+        with page.expect_request(lambda request: request.url.endswith("/solve/merge")):
+            part.get_by_role("button", name="Align by these points").click()
+        stored = api.get(f"/sessions/{session}").json()["cell"]["merge"]["alignment"]
+        assert stored["method"] == "3-2-1"
+        told_pose = np.array(
+            api.get(f"/sessions/{session}/results/merge").json()["alignment"]["cloud_from_reference"]
+        )
+        there = np.array(stored["datum_points_mm"]) @ told_pose[:3, :3].T + told_pose[:3, 3]
+        assert np.abs(there - picked).max() < 0.5  # in two decimals; the pose may be the new one
