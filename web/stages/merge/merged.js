@@ -11,7 +11,7 @@ import { StateElement } from "../../components/base.js";
 import { histogramPlot, sectionPlot } from "./section-plot.js";
 import { attempt, say } from "../../components/toasts.js";
 
-/** @import {CloudView, MergeResult} from "../../state/model.js" */
+/** @import {CloudSection, CloudView, MergeResult} from "../../state/model.js" */
 
 const COLORS = /** @type {const} */ (["height", "scan", "deviation"]);
 const AXES = /** @type {const} */ (["", "x", "y", "z"]);
@@ -50,10 +50,10 @@ export class MergedElement extends StateElement {
   #picked = h("div", { class: "merged-answer", "aria-live": "polite" });
   #clicks = h("select", { onchange: () => this.#drawPicked() }, ...CLICKS.map((click) => h("option", { value: click }, t(/** @type {"merged.click_measure"} */ (`merged.click_${click}`)))));
   #clicking = field("cloud-clicks", t("merged.click"), this.#clicks);
-  /** @type {import("../../state/model.js").CloudSection | null} */
+  /** @type {CloudSection | null} */
   #slab = null;
   /** @type {(readonly [number, number])[]} */
-  #ends2 = [];
+  #measured = [];
   #deviation = h("div", { class: "merged-answer", "aria-live": "polite" });
 
   parts = /** @type {const} */ ([]);
@@ -90,9 +90,8 @@ export class MergedElement extends StateElement {
 
   /** Where the cloud begins and ends along the axis that is chosen. */
   #ends() {
-    const merge = /** @type {MergeResult | undefined} */ (this.state.results[this.stage]);
     const axis = Math.max(0, ["x", "y", "z"].indexOf(this.#axis.value));
-    return { low: merge?.low_mm[axis] ?? 0, high: merge?.high_mm[axis] ?? 1 };
+    return { low: this.#merge?.low_mm[axis] ?? 0, high: this.#merge?.high_mm[axis] ?? 1 };
   }
 
   /** Let the slider reach from one end of the cloud to the other. */
@@ -167,10 +166,10 @@ export class MergedElement extends StateElement {
     // Without the sphere that is compared with, the section is still worth its points.
     const section = found instanceof Problem ? await api.cloudSection(this.state.id, { ...view, colors: "height" }).catch(refused) : found;
     if (section instanceof Problem) return [mark("warn", section.message)];
-    if (section.axis !== this.#slab?.axis || section.at_mm !== this.#slab.at_mm) this.#ends2 = [];
+    if (section.axis !== this.#slab?.axis || section.at_mm !== this.#slab.at_mm) this.#measured = [];
     this.#slab = section;
     const plot = h("div", {});
-    const draw = () => plot.replaceChildren(sectionPlot(section, this.#ends2, (place) => {
+    const draw = () => plot.replaceChildren(sectionPlot(section, this.#measured, (place) => {
       this.#pick(place);
       draw();
     }));
@@ -179,27 +178,28 @@ export class MergedElement extends StateElement {
     return [plot, h("p", { class: "soft small" }, t("merged.slice", { width: fixed(section.width_mm, 1), points: integer(section.count) }))];
   }
 
+  /** The merge's result, with the nominal beside it where one is told. */
   get #merge() {
     return /** @type {MergeResult | undefined} */ (this.state.results[this.stage]);
   }
 
-  /** @param {readonly [number, number]} place */
+  /** A click measures from the place before, or adds a datum point. @param {readonly [number, number]} place */
   #pick(place) {
-    if (this.#clicks.value === "measure") this.#ends2 = this.#ends2.length === 1 ? [...this.#ends2, place] : [place];
+    if (this.#clicks.value === "measure") this.#measured = this.#measured.length === 1 ? [...this.#measured, place] : [place];
     else {
       const slab = this.#slab;
       const now = datums.get(this.state.id) ?? [];
       if (!slab || now.length >= DATUM_POINTS) return;
       const point = ["x", "y", "z"].map((axis) => (axis === slab.axis ? slab.at_mm : place[slab.across.indexOf(axis)] ?? 0));
       datums.set(this.state.id, [...now, point]);
-      this.#ends2 = [place];
+      this.#measured = [place];
     }
     this.#drawPicked();
   }
 
   /** What was picked: a distance with its parts, or datum points until there are six. */
   #drawPicked() {
-    const [one, other] = this.#ends2;
+    const [one, other] = this.#measured;
     if (this.#clicks.value === "measure") {
       const apart = one && other ? [other[0] - one[0], other[1] - one[1]] : null;
       const [u = "", v = ""] = this.#slab?.across ?? [];
