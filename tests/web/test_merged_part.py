@@ -22,9 +22,10 @@ PART = build_part()
 
 def click_at(page: Page, across: float, up: float) -> None:
     """Click in the section's plot, by shares of its width and height."""
-    box = page.locator("sc-merged .picks").bounding_box()
+    plot = page.locator("sc-merged .picks")
+    box = plot.bounding_box()
     assert box is not None
-    page.mouse.click(box["x"] + across * box["width"], box["y"] + up * box["height"])
+    plot.click(position={"x": across * box["width"], "y": up * box["height"]})
 
 
 def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
@@ -32,7 +33,7 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
 ) -> None:
     with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
         session = simulated_session(api, captures=3, scenario="part", seed=3)
-        told = {"mesh": "none", "voxel_mm": 1.0, "tolerance_mm": 0.1}
+        told = {"mesh": "none", "voxel_mm": 1.0, "tolerance_mm": 0.05}
         api.patch(f"/sessions/{session}", json={"cell": {"merge": told}}).raise_for_status()
         mesh = mesh_file("stl", PART.points_mm, PART.triangles)
         api.put(f"/sessions/{session}/merged/reference", files={"file": ("part.stl", mesh)}).raise_for_status()
@@ -46,10 +47,12 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
         page.get_by_label("by deviation").check()
         look_into_the_merge(page)  # what is chosen stays where the page is drawn anew
         expect(part).to_contain_text("Standard uncertainty of a deviation")
-        expect(part).to_contain_text(re.compile(r"Within ± 0\.100 mm\s*\d"))
+        expect(part).to_contain_text(re.compile(r"Within\s±\s0\.050\smm\s*\d"))
         expect(part.locator(".limit")).to_be_attached()
         page.get_by_label("Section").select_option("z")
-        page.get_by_label("Position").fill("12")
+        page.get_by_label("Position").evaluate(
+            "(one) => { one.value = '12'; one.dispatchEvent(new Event('input')); }"
+        )
         expect(part.locator(".nominal")).to_be_attached()
         expect(part).to_contain_text("Click two points")
         click_at(page, 0.1, 0.5)
@@ -57,7 +60,7 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
         text = part.locator("p.number").inner_text()
         distance, along_x, along_y = map(float, re.findall(r"-?\d+\.\d+", text.replace("\u2212", "-")))
         assert distance == pytest.approx(np.hypot(along_x, along_y), abs=2e-3)
-        assert distance > 20
+        assert distance > 5
         for theme in ("dark", "light"):
             page.evaluate(f"document.documentElement.dataset.theme = '{theme}'")
             part.screenshot(path=str(tmp_path / f"{theme}.png"))
@@ -72,13 +75,13 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
             [float(value) for value in re.findall(r"-?\d+\.\d+", line.replace("\u2212", "-"))]
             for line in part.locator("ol li").all_inner_texts()
         ]
-        assert all(place[2] == 12.0 for place in picked)
+        assert all(place[2] == pytest.approx(12.0, abs=0.2) for place in picked)
+        told_pose = np.array(
+            api.get(f"/sessions/{session}/results/merge").json()["alignment"]["cloud_from_reference"]
+        )
         with page.expect_request(lambda request: request.url.endswith("/solve/merge")):
             part.get_by_role("button", name="Align by these points").click()
         stored = api.get(f"/sessions/{session}").json()["cell"]["merge"]["alignment"]
         assert stored["method"] == "3-2-1"
-        told_pose = np.array(
-            api.get(f"/sessions/{session}/results/merge").json()["alignment"]["cloud_from_reference"]
-        )
         there = np.array(stored["datum_points_mm"]) @ told_pose[:3, :3].T + told_pose[:3, 3]
-        assert np.abs(there - picked).max() < 0.5  # in two decimals; the pose may be the new one
+        assert np.abs(there - picked).max() < 0.02  # they have two decimals
