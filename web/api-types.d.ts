@@ -866,6 +866,17 @@ export interface EquipmentList {
   items: RegisteredEquipment[];
 }
 
+export interface EquipmentRequest {
+  kind: string;
+  name?: string | null;
+  model?: string | null;
+  serial?: string | null;
+  certificate?: EquipmentCertificate | null;
+  expansion_per_k?: number | null;
+  reference_c?: number | null;
+  register_id?: string | null;
+}
+
 export interface Excluded {
   who?: string;
   when?: string;
@@ -1535,17 +1546,6 @@ export interface MoverChoice {
 
 export interface Movers {
   items: MoverChoice[];
-}
-
-export interface NewEquipment {
-  kind: string;
-  name?: string | null;
-  model?: string | null;
-  serial?: string | null;
-  certificate?: EquipmentCertificate | null;
-  expansion_per_k?: number | null;
-  reference_c?: number | null;
-  register_id?: string | null;
 }
 
 export interface Nominal {

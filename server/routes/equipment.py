@@ -41,7 +41,7 @@ _EXAMPLE: Data = {
 PieceId = Annotated[str, Path(description="A piece's `id`.", max_length=64, examples=["5f1c0a92e6b37d58"])]
 
 
-class NewEquipment(Equipment):
+class EquipmentRequest(Equipment):
     """A piece of equipment by its identification, with its certificate."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
@@ -70,7 +70,7 @@ def list_all(store: StoreDep) -> Response:
 
 
 @router.post("", status_code=201, response_model=RegisteredEquipment)
-def add(body: NewEquipment, idempotency: IdempotencyDep, store: StoreDep) -> Response:
+def add(body: EquipmentRequest, idempotency: IdempotencyDep, store: StoreDep) -> Response:
     """Enter a piece of equipment; a session refers to it by `register_id` in `cell.equipment`."""
     require_known_fields(body, "request")
 
@@ -88,7 +88,7 @@ def get(piece: PieceId, store: StoreDep) -> Response:
 
 
 @router.put("/{piece}", response_model=RegisteredEquipment)
-def change(piece: PieceId, body: NewEquipment, store: StoreDep) -> Response:
+def change(piece: PieceId, body: EquipmentRequest, store: StoreDep) -> Response:
     """Replace what the register says of a piece; sessions keep what it said when they were stored."""
     require_known_fields(body, "request")
     with store.write() as db:

@@ -97,6 +97,8 @@ def _go(folder: Path, address: str) -> None:
 
 def _environment(folder: Path, package: str) -> Path:
     python = folder / package / "bin" / "python"
+    if python.exists():
+        return python
     _do(folder, sys.executable, "-m", "venv", package)
     _do(folder, str(python), "-m", "pip", "install", "-q", package, "ruff")
     return python

@@ -22,7 +22,7 @@ _BODY = (
     b"POST /api/v1/sessions HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
     b"Content-Length: 60000\r\n\r\n"
 )
-_MOST_S = 1.0
+_MOST_S, _ANEW_PER_S = 1.0, 50
 
 
 def run(full: bool) -> Iterator[Row]:
@@ -69,7 +69,7 @@ def _shown(waits_s: list[float], count: int = 0) -> str:
 
 
 class Slow(threading.Thread):
-    """Holds connections open from one address, a byte a second on each; those that are closed are opened anew."""
+    """Holds connections open from one address, a byte a second on each; fifty a second come anew."""
 
     def __init__(self, address: str, begins: bytes) -> None:
         super().__init__(daemon=True)
@@ -77,10 +77,9 @@ class Slow(threading.Thread):
         self._place = str(parts.hostname), int(parts.port or 80)
         self._begins = begins
         self._open: list[socket.socket] = []
-        self._end = threading.Event()
+        self._end, self._began = threading.Event(), threading.Event()
         self.start()
-        while len(self._open) < SLOW and not self._end.is_set():
-            time.sleep(0.05)
+        self._began.wait()
 
     def held(self) -> int:
         """Return how many the server has not closed."""
@@ -93,12 +92,15 @@ class Slow(threading.Thread):
     def run(self) -> None:
         while not self._end.is_set():
             self._open = [one for one in self._open if self._goes_on(one)]
-            while len(self._open) < SLOW and not self._end.is_set():
+            for _ in range(_ANEW_PER_S if self._began.is_set() else SLOW):
+                if len(self._open) >= SLOW:
+                    break
                 with suppress(OSError):
                     one = socket.create_connection(self._place, timeout=5, source_address=(_OF_ALL, 0))
                     one.sendall(self._begins)
                     one.setblocking(False)
                     self._open.append(one)
+            self._began.set()
             self._end.wait(1.0)
 
     def _goes_on(self, one: socket.socket) -> bool:

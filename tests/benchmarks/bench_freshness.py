@@ -19,7 +19,6 @@ from faulty_robot import FAULTS, Fault, FaultyStream, Wire, samples, source_of
 from faulty_wires import ROBOTS, SCANNERS, device
 from harness import Row
 
-from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Measured
 from calib_core.robots import parse_pose
 from server.live.link import Link
@@ -83,6 +82,7 @@ def trial(way: str, fault: Fault | None, moves: int) -> Trial:
                 _connect(live, rig, way, settings, wire)
                 _wait(lambda: found.taken == 1, lambda: live.waits_for)
                 wire.fault = fault
+                _wait(lambda: wire.begun or fault is None, lambda: "the fault does not begin")
                 for number in range(1, moves + 1):
                     before = found.taken
                     rig.go(rig.good[number % len(rig.good)])
@@ -100,11 +100,8 @@ def trial(way: str, fault: Fault | None, moves: int) -> Trial:
 
 
 def _connect(live: LiveCell, rig: Rig, way: str, settings: Mapping[str, object], wire: Wire) -> None:
-    def pose_now() -> RigidTransform:
-        return RigidTransform.from_rounded(rig.cell.at(time.monotonic()).reported.tolist(), "base", "tool0")
-
     clock: Clock = way if way in CLOCKS else "every-reading"
-    told = FaultyStream(samples(pose_now, clock), wire if way in CLOCKS else Wire())
+    told = FaultyStream(samples(lambda: rig.cell.at(time.monotonic()), clock), wire if way in CLOCKS else Wire())
     robot, scanner = source_of(told, clock), SOURCES.get("frame-folder")
     chosen = {"robot": (robot, robot.settings()), "scanner": (scanner, {"folder": str(rig.folder)})}
     if way not in CLOCKS:

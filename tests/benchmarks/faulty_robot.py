@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 from calib_core.frames import RigidTransform
+from calib_core.simulation.live_cell import Moment
 from server.sources.device import Clock, Description, Sample, host_now_s
 from server.sources.source import Source
 
@@ -18,9 +19,10 @@ _EVERY_S, _LATE_S = 0.02, 1.0
 
 @dataclass
 class Wire:
-    """What lies between: a fault that can be switched on while the device goes on."""
+    """What lies between: a fault that can be switched on while the device goes on, and whether it has begun."""
 
     fault: Fault | None = None
+    begun: bool = False
 
 
 class FaultyStream:
@@ -57,6 +59,7 @@ class FaultyStream:
                 continue
             if self._began_s is None:
                 self._began_s, kept = fresh.host_time_s, fresh
+                self._wire.begun = True
             match before:
                 case "freeze":
                     yield kept
@@ -81,18 +84,19 @@ class FaultyStream:
                     yield replace(fresh, device_time_s=None if moved is None else moved - slow_s)
 
 
-def samples(pose_now: Callable[[], RigidTransform], clock: Clock) -> Callable[[], Sample]:
+def samples(moment: Callable[[], Moment], clock: Clock) -> Callable[[], Sample]:
     """Return what a controller tells of its flange, with stamps by its kind of clock."""
     changed: list[tuple[str, float]] = []
 
     def now() -> Sample:
-        pose, now_s = pose_now(), host_now_s()
+        at, now_s = moment(), host_now_s()
+        pose = RigidTransform.from_rounded(at.reported.tolist(), "base", "tool0")
         if clock == "none":
-            return Sample(now_s, None, pose)
+            return Sample(now_s, None, pose, moving=at.moving)
         seen = repr(pose.matrix.tolist())
         if clock == "every-reading" or not changed or changed[0][0] != seen:
             changed[:] = [(seen, now_s)]
-        return Sample(now_s, changed[0][1], pose)
+        return Sample(now_s, changed[0][1], pose, moving=at.moving)
 
     return now
 
@@ -111,7 +115,7 @@ class FaultyRobot:
 
     def read(self) -> Sample | None:
         time.sleep(_EVERY_S)
-        return replace(self._told(), host_time_s=host_now_s())
+        return replace(self._told(), host_time_s=host_now_s(), moving=None)
 
 
 def source_of(told: Callable[[], Sample], clock: Clock) -> Source:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from faulty_robot import FaultyStream, Wire, samples
 
-from calib_core.frames import RigidTransform
 from calib_core.robots import to_pose
 from server.simulated_cell.gocator_server import GocatorServer
 from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
@@ -54,7 +53,7 @@ def _rtde(told: Told):
             "timestamp": (sample.device_time_s or 0.0,),
             "actual_q": tuple(np.deg2rad(_HOME_DEG)),
             "actual_TCP_pose": tuple(numbers(sample, "ur")),
-            "actual_TCP_speed": (0.0,) * 6,
+            "actual_TCP_speed": (float(bool(sample.moving)), *(0.0,) * 5),
         }
 
     server = RtdeServer(outputs)
@@ -65,8 +64,10 @@ def _variables(told: Told):
     zero = "{FRAME: X 0.0, Y 0.0, Z 0.0, A 0.0, B 0.0, C 0.0}"
 
     def variable(name: str) -> str:
+        if name == "$ROB_STOPPED":
+            return "FALSE" if told().moving else "TRUE"
         if name != "$POS_ACT":
-            told_of = {"$TOOL": zero, "$BASE": zero, "$ROB_STOPPED": "TRUE", "$ACT_TOOL": "0", "$ACT_BASE": "0"}
+            told_of = {"$TOOL": zero, "$BASE": zero, "$ACT_TOOL": "0", "$ACT_BASE": "0"}
             return told_of.get(name, "{E6AXIS: A1 0.0, A2 0.0, A3 0.0, A4 0.0, A5 0.0, A6 0.0}")
         pairs = zip("XYZABC", numbers(told(), "kuka"), strict=True)
         return "{E6POS: " + ", ".join(f"{letter} {value:.6f}" for letter, value in pairs) + ", S 2, T 35}"
@@ -76,7 +77,7 @@ def _variables(told: Told):
 
 
 def _opcua(told: Told):
-    server = OpcUaServer(lambda: {"Pose": numbers(told(), "quaternion-xyzw")})
+    server = OpcUaServer(lambda: {"Pose": numbers(told(), "quaternion-xyzw")})  # stamps anew what it is told
     return _stopped(server, url=server.url, pose=["ns=2;s=Pose"])
 
 
@@ -204,8 +205,6 @@ def device(name: str, rig: Rig, wire: Wire) -> Generator[Settings]:
             yield settings
         return
 
-    def pose_now() -> RigidTransform:
-        return RigidTransform.from_rounded(rig.cell.at(time.monotonic()).reported.tolist(), "base", "tool0")
-
-    with ROBOTS[name](FaultyStream(samples(pose_now, "every-reading"), wire)) as settings:
+    told = samples(lambda: rig.cell.at(time.monotonic()), "every-reading")
+    with ROBOTS[name](FaultyStream(told, wire)) as settings:
         yield settings

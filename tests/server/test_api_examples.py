@@ -50,6 +50,12 @@ def errors(example: Any, schema: dict[str, Any], document: dict[str, Any]) -> li
     return [error.message[:300] for error in jsonschema_rs.Draft202012Validator(whole).iter_errors(example)]
 
 
+def test_no_schema_is_named_like_what_makes_another_in_go(document: dict[str, Any]) -> None:
+    """A generated Go client has a function `NewName` for every schema `Name`."""
+    names = set(document["components"]["schemas"])
+    assert not {name for name in names if name.removeprefix("New") in names - {name}}
+
+
 def test_every_json_answer_has_an_example(document: dict[str, Any]) -> None:
     found = 0
     for operation in operations(document):

@@ -89,7 +89,8 @@ def walk(client: Client, folder: Path) -> None:
     assert cells_get_released.sync(released.cell, client=client).inputs_sha256 is not None
     missing = sessions_get.sync_detailed("nothing", client=client)
     assert (missing.status_code, missing.parsed.type_) == (404, "urn:scancell:problem:not-found")
-    assert solves_list_all.sync(client=client).items[0].status == JobStatus.DONE
+    jobs = solves_list_all.sync(client=client).items  # the import's replay may still run
+    assert JobStatus.DONE in [one.status for one in jobs], jobs
     for listed in (registries_exports, registries_formats, registries_stages):
         assert listed.sync(client=client).items
     hook = webhooks_make.sync(client=client, body=WebhookRequest.from_dict({"url": "http://127.0.0.1:9/"}))
