@@ -112,11 +112,14 @@ def _connect(live: LiveCell, rig: Rig, way: str, settings: Mapping[str, object],
 
 
 def _taken(rig: Rig, found: Trial) -> Callable[[Capture, Mapping[str, bytes]], Measured]:
-    """Return what takes captures, and counts those whose pose is not where the robot stands."""
+    """Return what takes captures, and counts those whose pose is not where the robot stood when it was exposed."""
 
     def take(capture: Capture, _: Mapping[str, bytes]) -> Measured:
-        true = rig.cell.at(time.monotonic()).reported
         assert capture.pose is not None
+        assert capture.device_time_s is not None
+        of_day_s = time.time() - time.monotonic()  # a file's time is of the day, a sensor's here is the host's
+        exposed_s = capture.device_time_s
+        true = rig.cell.at(exposed_s - (of_day_s if exposed_s > of_day_s else 0.0)).reported
         told = parse_pose(rig.simulated.session.cell.pose_convention, capture.pose)
         found.taken += 1
         found.wrong += bool(np.linalg.norm(told.translation_mm - true[:3, 3]) > _WRONG_MM)
