@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.captures.observation_cache import seen_once
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.shared.images import decode_image
 from calib_core.messages import plural
 from calib_core.optics.board import BoardView, find_board
@@ -28,21 +28,6 @@ def board_of(cell: Cell) -> Board:
             "cell.board",
         )
     return cell.board
-
-
-def shows_stripe_alone(cell: Cell, capture: Capture, read: ReadFile) -> bool:
-    """Return whether a capture shows the stripe on a dark board: then the camera's stage does not miss it.
-
-    One that names its board in `board_of` does; else its robot pose is given, and its frame is dark but a line.
-    """
-    if capture.step != "laser-plane" or len(capture.files) != 1 or cell.board is None:
-        return False
-    if capture.board_of is not None:
-        return True
-    if capture.pose is None:
-        return False
-    frame = read_frame(capture, read)
-    return float(np.median(frame[::4, ::4])) < _DARK_SHARE * float(frame.max())
 
 
 def read_frame(capture: Capture, read: ReadFile, place: int = 0) -> Image:
@@ -70,7 +55,20 @@ def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
     """
     name = capture.files[0]
     told = board.model_dump(mode="json")
-    return seen_once(BoardView, [name], read, told, lambda: find_board(decode_image(read(name), name), board))
+    try:
+        return seen_once(BoardView, [name], read, told, lambda: find_board(decode_image(read(name), name), board))
+    except MeasurementError as error:
+        if _shows_stripe_alone(capture, read):
+            raise error.adding("Dark boards do not count any more: take a frame of the lit board, too.") from None
+        raise
+
+
+def _shows_stripe_alone(capture: Capture, read: ReadFile) -> bool:
+    """Return whether a capture shows the stripe on a dark board, as it once was enough."""
+    if capture.step != "laser-plane" or len(capture.files) != 1:
+        return False
+    frame = read_frame(capture, read)
+    return float(np.median(frame[::4, ::4])) < _DARK_SHARE * float(frame.max())
 
 
 def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.captures.boards import Image, board_in, board_of, read_frame, shows_stripe_alone, stripe_of
+from calib_core.captures.boards import board_in, board_of, read_frame, stripe_of
 from calib_core.captures.content import pose_of, shows_sphere
 from calib_core.captures.measured import measured_of, not_seen
 from calib_core.captures.sweep import sweep_poses
@@ -40,8 +40,6 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         if capture.step == "laser-plane":
             pixels = stripe_of(capture, read).pixels
     except MeasurementError as error:
-        if view is None and shows_stripe_alone(session.cell, capture, read):
-            return _measured_alone(session, capture, read)
         return not_seen(capture, error, image_size=_size(capture, read), **_board_figures(view))
     return measured_of(
         capture,
@@ -51,13 +49,6 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         image_size=view.image_size,
         **_board_figures(view),
     )
-
-
-def _measured_alone(session: Session, capture: Capture, read: ReadFile) -> Measured:
-    """Return what is seen in a frame of the stripe on a dark board."""
-    board = "named" if capture.board_of is not None else "fixed" if board_of(session.cell).fixed else "pose"
-    found = codes.STRIPE_ALONE(board=board, other=capture.board_of or "")
-    return _seen_stripe(capture, read_frame(capture, read), found)
 
 
 def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measured:
@@ -78,18 +69,14 @@ def measure_stripe(session: Session, capture: Capture, read: ReadFile) -> Measur
     for place in range(len(capture.files)):
         if place != shown:
             read_frame(capture, read, place)  # refuses what is no image
-    middle = read_frame(capture, read, shown)
-    return _seen_stripe(capture, middle, codes.WAITS_FOR_CAMERA())
-
-
-def _seen_stripe(capture: Capture, frame: Image, found: Finding) -> Measured:
-    """Return the stripe in pixels with what is noticed of it; where there is none, why."""
+    frame = read_frame(capture, read, shown)
     height, width = frame.shape[:2]
     try:
         pixels = find_stripe(frame).pixels
     except MeasurementError as error:
         return not_seen(capture, error, image_size=(width, height))
-    return measured_of(capture, [found], points=len(pixels), preview=_thinned(pixels), image_size=(width, height))
+    found = [codes.WAITS_FOR_CAMERA()]
+    return measured_of(capture, found, points=len(pixels), preview=_thinned(pixels), image_size=(width, height))
 
 
 def _thinned(pixels: FloatArray) -> list[list[float]]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.estimation import covariance_of, minimise
-from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.kernels.bundle import LENS, PLANE_TERMS, SHAPE_TERMS, add_corners, add_laser_lines
 
 IntArray = NDArray[np.int64]
@@ -144,59 +144,6 @@ class LaserLines:
 
 
 @dataclass(frozen=True, eq=False)
-class PosePriors:
-    """What is known of the boards' poses beside their corners, as where the robot's pose tells them.
-
-    Parameters
-    ----------
-    rotations, translations : (V, 3, 3), (V, 3)
-        camera_from_board, mm.
-    information : (V, 6, 6)
-        Inverse covariance, order rx ry rz tx ty tz; zero where nothing is known.
-    follows : (V, 6, C)
-        How these poses move with the free shared parameters: they were told through a camera, too.
-    shared : (C,)
-        The values of those that they were told with.
-    """
-
-    rotations: FloatArray
-    translations: FloatArray
-    information: FloatArray
-    follows: FloatArray
-    shared: FloatArray
-
-    def take(self, views: Sequence[int] | IntArray) -> "PosePriors":
-        """Return what is known of some views only."""
-        k = np.asarray(views, dtype=np.int64)
-        return PosePriors(
-            self.rotations[k], self.translations[k], self.information[k], self.follows[k], self.shared
-        )
-
-    def add(
-        self,
-        state: "State",
-        free_values: FloatArray,
-        h_cc: FloatArray,
-        g_c: FloatArray,
-        h_cp: FloatArray,
-        h_pp: FloatArray,
-        g_p: FloatArray,
-    ) -> float:
-        """Add to the normal equations about a state, and return the cost."""
-        turned = vector_from_rotation(self.rotations.transpose(0, 2, 1) @ state.rotations)
-        off = np.concatenate([turned, state.translations - self.translations], axis=1)
-        off -= self.follows @ (free_values - self.shared)
-        slope = np.einsum("vij,vj->vi", self.information, off)
-        weighted = self.information @ self.follows
-        h_pp += self.information
-        g_p += slope
-        h_cp -= weighted.transpose(0, 2, 1)
-        h_cc += np.einsum("vic,vid->cd", self.follows, weighted)
-        g_c -= np.einsum("vic,vi->c", self.follows, slope)
-        return 0.5 * float(np.sum(off * slope))
-
-
-@dataclass(frozen=True, eq=False)
 class State:
     """Where an adjustment stands: the shared parameters and camera_from_board of every view."""
 
@@ -273,7 +220,6 @@ class Adjustment:
     huber : float
         Residuals above this many σ count linearly.
     lines : LaserLines, optional
-    priors : PosePriors, optional
     """
 
     corners: Corners
@@ -282,7 +228,6 @@ class Adjustment:
     free: IntArray
     huber: float = np.inf
     lines: LaserLines | None = None
-    priors: PosePriors | None = None
 
     def equations(self, state: State) -> Equations:
         """Return the normal equations about a state."""
@@ -307,8 +252,6 @@ class Adjustment:
                 lines.pixels, lines.basis, lines.axes, lines.ends, lines.weights, self.huber,
                 *about, *into, line_residuals,
             )  # fmt: skip
-        if self.priors is not None:
-            cost += self.priors.add(state, state.shared[self.free], *into)
         return _reduce(cost, *into, corner_residuals, line_residuals)
 
     def solve(self, start: State, tolerance: float = 1e-6) -> Adjusted:

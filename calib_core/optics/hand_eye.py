@@ -41,14 +41,10 @@ class PredictedPose:
         In lengths of the told pitch.
     covariance : (6, 6)
         By this robot pose's own error, order rx ry rz tx ty tz, rad and mm.
-    common : (6, D)
-        What one standard deviation of each principal direction of the hand-eye's error does to it: the same errors
-        for all predictions.
     """
 
     camera_from_board: RigidTransform
     covariance: FloatArray
-    common: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +96,10 @@ class HandEye:
         frames = Frames.of([base_from_tool0], None, None)
         rotations, translations = frames.expected(state)
         told = np.repeat([1.0, 1.0 / self.pitch_factor], 3)
-        slopes = np.zeros((6, PAIR + 1))
-        slopes[:, :PAIR] = frames.by_pair(state)[0]
-        slopes[3:, PAIR] = -translations[0] / self.pitch_factor
-        values, vectors = np.linalg.eigh(self.covariance[: PAIR + 1, : PAIR + 1])
-        common = told[:, None] * slopes @ (vectors * np.sqrt(np.clip(values, 0.0, None)))
         by_position, by_turn = frames.by_robot(state)
         robot = self.position_sigma_mm**2 * by_position[0] + self.orientation_sigma_rad**2 * by_turn[0]
         pose = RigidTransform.of(rotations[0], translations[0] / self.pitch_factor, "camera", "board")
-        return PredictedPose(pose, told[:, None] * robot * told, common)
+        return PredictedPose(pose, told[:, None] * robot * told)
 
 
 def solve_hand_eye(

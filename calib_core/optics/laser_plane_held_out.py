@@ -40,7 +40,7 @@ def stripes_worsen_corners(problem: Adjustment, adjusted: Adjusted) -> float | N
         lines = together.lines
         if lines is None or np.count_nonzero(np.diff(lines.ends)) < 2:
             return None  # the boards left do not fix a plane
-        apart = replace(together, free=camera, lines=None, priors=None)
+        apart = replace(together, free=camera, lines=None)
         start = adjusted.state.take(kept)
         try:
             ends = [together.solve(start, 1e-4), apart.solve(start, 1e-4)]
@@ -63,8 +63,7 @@ def _counted(problem: Adjustment) -> FloatArray:
 
 def _of_views(problem: Adjustment, views: np.ndarray) -> Adjustment:
     assert problem.lines is not None
-    priors = None if problem.priors is None else problem.priors.take(views)
-    return replace(problem, corners=problem.corners.take(views), lines=problem.lines.take(views), priors=priors)
+    return replace(problem, corners=problem.corners.take(views), lines=problem.lines.take(views))
 
 
 def _errors_of(problem: Adjustment, state: State, end: Adjusted, out: np.ndarray) -> FloatArray:

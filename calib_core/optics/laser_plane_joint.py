@@ -17,7 +17,6 @@ from calib_core.optics.adjust import (
     BoardShape,
     Corners,
     LaserLines,
-    PosePriors,
     State,
     fit_poses,
     plane_start,
@@ -27,7 +26,6 @@ from calib_core.optics.adjust import (
 )
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.hand_eye import PredictedPose
 from calib_core.optics.laser_plane_held_out import stripes_worsen_corners
 from calib_core.optics.stripe import StripeCenters
 
@@ -106,7 +104,6 @@ def refine_together(
     start: State,
     inverse_plane: FloatArray,
     uncertainty: CameraUncertainty | None,
-    known: Sequence[PredictedPose | None] = (),
 ) -> Joint:
     """Return camera, plane and boards that fit corners and stripes best, with their covariance.
 
@@ -125,8 +122,6 @@ def refine_together(
         Where to begin.
     uncertainty : CameraUncertainty, optional
         Left out, the camera counts as exact.
-    known : sequence of PredictedPose or None
-        Of the boards with the stripe: the pose where the robot tells it and no corner does.
     """
     bands, near, far = camera.bands
     first = plane_start(len(bands))
@@ -138,12 +133,9 @@ def refine_together(
     fine = _without_outliers(corners, start, (near, far))
     problem = Adjustment(fine, near, far, free, HUBER, lines)
     state = replace(start, shared=shared_vector(camera.camera_matrix, bands, inverse_plane, shape))
-    problem = replace(problem, priors=_priors(known, state, problem))
     problem, adjusted, factor = _with_stripe_noise(problem, state)
     shared = adjusted.state.shared
     covariance = adjusted.covariance * max(_tension(problem, adjusted, start), _correlation(problem, adjusted))
-    if problem.priors is not None:
-        covariance = covariance + _by_common_errors(problem, adjusted, known)
     if uncertainty is not None and not with_camera:
         covariance = _carried_through(problem, adjusted, uncertainty, covariance)
     moved = _moved_sigmas(camera, shared, uncertainty) if uncertainty is not None and with_camera else 0.0
@@ -178,43 +170,6 @@ def _moved_sigmas(camera: CameraModel, shared: FloatArray, uncertainty: CameraUn
     )
     as_one = -float(ndtri(chdtrc(len(change), together) / 2)) if len(change) else 0.0
     return max(float(np.max(np.abs(change) / sigma, initial=0.0)), as_one)
-
-
-def _priors(known: Sequence[PredictedPose | None], state: State, problem: Adjustment) -> PosePriors | None:
-    if not any(known):
-        return None
-    information = np.zeros((len(state.rotations), 6, 6))
-    for view, pose in enumerate(known):
-        if pose is not None:
-            information[view] = np.linalg.inv(pose.covariance)
-    nothing = np.zeros((0, 0, 0))
-    priors = PosePriors(state.rotations, state.translations, information, nothing, np.zeros(0))
-    return _following_the_camera(priors, state, problem)
-
-
-def _following_the_camera(priors: PosePriors, state: State, problem: Adjustment) -> PosePriors:
-    """Return priors that move with the free parameters as the pose of a board does whose corners are seen.
-
-    They stand for frames of the lit board, so that another camera would have told other ones.
-    """
-    seen = problem.corners.weighted(np.ones(len(problem.corners.weights)))
-    alone = replace(problem, corners=seen, lines=None, priors=None)
-    follows = alone.equations(state).poses_by_shared
-    return replace(priors, follows=follows, shared=state.shared[problem.free])
-
-
-def _by_common_errors(
-    problem: Adjustment, adjusted: Adjusted, known: Sequence[PredictedPose | None]
-) -> FloatArray:
-    """Return what the errors that all poses told by the robot share add to the covariance."""
-    assert problem.priors is not None
-    by_shared = problem.equations(adjusted.state).poses_by_shared - problem.priors.follows
-    follows = np.zeros((len(problem.free), next(pose.common.shape[1] for pose in known if pose is not None)))
-    for view, pose in enumerate(known):
-        if pose is not None:
-            follows += by_shared[view].T @ problem.priors.information[view] @ pose.common
-    follows = adjusted.covariance @ follows
-    return follows @ follows.T
 
 
 def _lines(stripes: Sequence[StripeCenters], bases: Sequence[FloatArray], views: int) -> LaserLines:
@@ -300,9 +255,7 @@ def _carried_through(
 ) -> FloatArray:
     """Return the covariance of camera and plane where the camera stays: the plane follows its errors."""
     size = len(uncertainty.free)
-    both_free = replace(problem, free=np.concatenate([uncertainty.free, problem.free]), priors=None)
-    if problem.priors is not None:
-        both_free = replace(both_free, priors=_following_the_camera(problem.priors, adjusted.state, both_free))
+    both_free = replace(problem, free=np.concatenate([uncertainty.free, problem.free]))
     both = both_free.equations(adjusted.state).hessian
     follows = -np.linalg.solve(both[size:, size:], both[size:, :size])
     cross = uncertainty.covariance @ follows.T
@@ -344,8 +297,7 @@ def _correlation(problem: Adjustment, adjusted: Adjusted) -> float:
     found, expected = 0.0, float(size)
     for view in range(views):
         own = lines.take([view])
-        priors = None if problem.priors is None else problem.priors.take([view])
-        alone = replace(problem, corners=problem.corners.take([view]), lines=own, priors=priors)
+        alone = replace(problem, corners=problem.corners.take([view]), lines=own)
         equations = alone.equations(adjusted.state.take([view]))
         share = adjusted.covariance @ equations.hessian
         found += float(equations.gradient @ adjusted.covariance @ equations.gradient)

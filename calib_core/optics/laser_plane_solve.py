@@ -26,7 +26,6 @@ from calib_core.optics.board import BoardView
 from calib_core.optics.board_lines import LEAST_POINTS, OnBoard, Trace, find_traces
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_start import homographies, poses_from_homographies
-from calib_core.optics.hand_eye import PredictedPose
 from calib_core.optics.laser_plane import (
     BoardLine,
     PlaneFit,
@@ -50,33 +49,16 @@ LeftOut = Literal["no-line", "off-plane"]
 
 _PLAIN_SHARE = 0.8
 _SPOILED_RMS_RATIO = 6.0
-_SPOILED_SIGMAS = 4.0
-_WEIGHT_OF_UNSEEN = 1e-5  # corners that only stand for a pose say next to nothing of their own
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneView:
-    """One board with the stripe on it.
-
-    Where the board is dark and the robot's pose tells where it stands, `known` does so, and `board` holds where
-    its corners would be seen (`view_of_known_board`).  `others` are further ways to see its stripe.
-    """
+    """One board with the stripe on it; `others` are further ways to see its stripe."""
 
     name: str
     board: BoardView
     stripe: StripeCenters
-    known: PredictedPose | None = None
     others: tuple[StripeCenters, ...] = ()
-
-
-def view_of_known_board(
-    name: str, camera: CameraModel, known: PredictedPose, points_in_board_mm: FloatArray, stripe: StripeCenters
-) -> PlaneView:
-    """Return the view of a dark board, the robot's pose telling where it stands."""
-    in_camera = known.camera_from_board.apply(points_in_board_mm)
-    pixels, ids = camera.project(in_camera), np.arange(len(points_in_board_mm))
-    board = BoardView(pixels, points_in_board_mm, ids, camera.image_size, float("nan"))
-    return PlaneView(name, board, stripe, known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,26 +165,22 @@ def solve_plane(
     ]
     lines = [_line(camera, v.name, s, p, shape) for v, s, p in zip(views, kept, poses, strict=True)]
     fit = fit_plane(lines)
-    reasons = _reasons(views, lines, fit)
+    reasons = _reasons(lines, fit)
     used = [i for i, reason in enumerate(reasons) if reason is None]
     if len(used) < len(lines):
         fit = fit_plane([lines[i] for i in used])
-    # A board that the robot placed lies off the plane as a whole: what is straight on it counts all the same.
-    masks = [m if views[i].known is None else np.ones_like(m) for i, m in zip(used, fit.inliers, strict=True)]
-    inliers = [kept[i].selected(mask) for i, mask in zip(used, masks, strict=True)]
+    inliers = [kept[i].selected(mask) for i, mask in zip(used, fit.inliers, strict=True)]
     progress(0.7, "refining plane and boards together")
-    weights = 1.0 / corner_sigma
-    weights[[k for k, view in enumerate(views) if view.known is not None]] = _WEIGHT_OF_UNSEEN
     adjusted = [*used, *range(len(views), corners.views)]
-    weighted = corners.weighted(weights[corners.view_of_each]).take(adjusted)
-    inverse_plane, known = fit.normal / fit.distance_mm, [views[i].known for i in used]
+    weighted = corners.weighted(1.0 / corner_sigma[corners.view_of_each]).take(adjusted)
+    inverse_plane = fit.normal / fit.distance_mm
     places = [_on_board(camera, s, poses[i], shape) for i, s in zip(used, inliers, strict=True)]
     begin = posed.take(adjusted)
-    joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty, known)
+    joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty)
     held = _why_held(joint)
     if camera_uncertainty is not None and held:
         camera_uncertainty = replace(camera_uncertainty, boards=None)
-        joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty, known)
+        joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty)
     q, camera = joint.inverse_plane, joint.camera
     length = float(np.linalg.norm(q))
     normal, distance = oriented_plane(q / length, 1.0 / length)
@@ -279,10 +257,7 @@ def _on_board(
 
 def has_plain_line(camera: CameraModel, view: PlaneView, margin_mm: float | None) -> bool:
     """Return whether a view's first stripe forms a line without gaps on its board: no need to look again."""
-    if view.known is None:
-        (pose,), _ = board_poses(camera, [view.board])
-    else:
-        pose = view.known.camera_from_board
+    (pose,), _ = board_poses(camera, [view.board])
     for trace in find_traces([view.stripe], view.board, _places(camera, pose, None), margin_mm):
         along = view.stripe.pixels[trace.on_line][:, 0 if view.stripe.axis == "columns" else 1]
         if trace.is_sure and len(along) > _PLAIN_SHARE * (np.ptp(along) + 1):
@@ -309,8 +284,7 @@ def _choose_lines(
         stripes = [view.stripe, *view.others]
         traces = find_traces(stripes, view.board, _places(camera, pose, shape), margin_mm, slack)
         points = [points_on_board(camera, t.stripe.pixels[t.on_line], pose, shape) for t in traces]
-        sigma = _pose_sigma_mm(view)
-        placed.append([PlacedTrace.of(t, p, sigma) for t, p in zip(traces, points, strict=True)])
+        placed.append([PlacedTrace.of(t, p) for t, p in zip(traces, points, strict=True)])
     return choose_traces(placed)
 
 
@@ -326,25 +300,20 @@ def _line(
     return BoardLine(name, points, np.linalg.norm(moved - points, axis=1) * 10.0 * stripe.sigma_px)
 
 
-def _reasons(views: Sequence[PlaneView], lines: Sequence[BoardLine], fit: PlaneFit) -> list[LeftOut | None]:
+def _reasons(lines: Sequence[BoardLine], fit: PlaneFit) -> list[LeftOut | None]:
     """Return why a view is left out, or None."""
     enough = [len(line.points_in_camera_mm) >= LEAST_POINTS for line in lines]
     usual = float(np.median([rms for rms, fine in zip(fit.line_rms_mm, enough, strict=True) if fine] or [np.inf]))
+    limit = _SPOILED_RMS_RATIO * max(usual, fit.rms_mm)
     reasons: list[LeftOut | None] = []
-    for view, line, rms, inlier in zip(views, lines, fit.line_rms_mm, fit.inliers, strict=True):
+    for line, rms, inlier in zip(lines, fit.line_rms_mm, fit.inliers, strict=True):
         reason: LeftOut | None = None
-        limit = max(_SPOILED_RMS_RATIO * max(usual, fit.rms_mm), _SPOILED_SIGMAS * _pose_sigma_mm(view))
         if len(line.points_in_camera_mm) < LEAST_POINTS:
             reason = "no-line"
-        elif rms > limit or (view.known is None and inlier.mean() < 0.3):
+        elif rms > limit or inlier.mean() < 0.3:
             reason = "off-plane"
         reasons.append(reason)
     return reasons
-
-
-def _pose_sigma_mm(view: PlaneView) -> float:
-    """Return how far a board may lie off where the robot says; nothing where its corners tell."""
-    return 0.0 if view.known is None else float(np.sqrt(np.linalg.eigvalsh(view.known.covariance[3:, 3:])[-1]))
 
 
 def _figures(
@@ -368,7 +337,7 @@ def _figures(
                 float(np.sqrt(np.mean(off**2))) if len(off) else float("nan"),
                 float(np.median(off)) if len(off) else float("nan"),
                 float(np.median(view.stripe.sigma_px)),
-                float(rms) if view.known is None else float("nan"),
+                float(rms),
                 float(pose.translation_mm[2]),
                 int(np.isnan(points_on_board(camera, view.stripe.pixels, pose)[:, 0]).sum()),
             )

@@ -32,12 +32,12 @@ class PlacedTrace:
     chance: float
 
     @classmethod
-    def of(cls, trace: Trace, points_mm: FloatArray, pose_sigma_mm: float) -> "PlacedTrace":
+    def of(cls, trace: Trace, points_mm: FloatArray) -> "PlacedTrace":
         """Return the trace whose points (N, 3) on the line are given."""
         center = points_mm.mean(axis=0)
         direction = np.linalg.svd(points_mm - center, full_matrices=False)[2][0]
         low, high = np.percentile((points_mm - center) @ direction, [5, 95])
-        off = _OFF_SHARE * float(np.linalg.norm(center)) + 4 * pose_sigma_mm
+        off = _OFF_SHARE * float(np.linalg.norm(center))
         both_ends = min(2 * off / trace.room_mm, 1.0) ** 2
         return cls(trace, center + np.outer([low, high], direction), off, both_ends)
 

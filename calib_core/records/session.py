@@ -264,7 +264,7 @@ class Capture(WrittenRecord):
     """One measurement: its files and where robot and table stood, the numbers as they came.
 
     `table_deg` is the turntable's angle, `axes_deg` and `axes_mm` are the readings of the cell's `axes` by name.
-    `board_of` is the capture whose frame shows the board as it stands in this one, which shows the stripe alone.
+    `board_of`, of dark boards, is kept and not used any more.
     `scanner` is a name in the cell's `scanners`; `joints_deg` are the robot's joints at `pose`, in order, those of
     prismatic ones in `joints_mm`; `active_tool` and `active_frame` are those that the controller gave `pose` in;
     `moving` says that the robot was; `source` is the file and line, or the device, that it came from.

@@ -10,7 +10,6 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.records import Session
-from calib_core.simulation.fixed_board_cell import FIXED_BOARD_SCENARIOS, simulate_fixed_board
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
 from calib_core.simulation.profile_cell import Shot, World, build_world
@@ -31,7 +30,6 @@ from calib_core.simulation.whole_cell import WHOLE_SCENARIOS, WholeScenario, wit
 from calib_core.simulation.writing import session_files, session_record
 
 __all__ = [
-    "FIXED_BOARD_SCENARIOS",
     "FRAME_SCENARIOS",
     "PART_SCENARIOS",
     "SCENARIOS",
@@ -62,7 +60,6 @@ _WITHOUT_WORLD: tuple[tuple[Mapping[str, Any], Callable[[Any, str, int], tuple[S
     (SWEEP_SCENARIOS, simulate_sweeps),
     (PART_SCENARIOS, simulate_part),
     (FRAME_SCENARIOS, simulate_frames),
-    (FIXED_BOARD_SCENARIOS, simulate_fixed_board),
 )
 _ALL = (SCENARIOS, TABLE_SCENARIOS, WHOLE_SCENARIOS, VERIFY_SCENARIOS, *(known for known, _ in _WITHOUT_WORLD))
 

@@ -162,7 +162,7 @@ def camera_halves(name: str, count: int) -> Row:
 def plane_views(name: str) -> "tuple[CameraModel, list[PlaneView]]":
     """Return a set's camera and its boards that carry the line."""
     from calib_core.captures.camera_source import camera_of
-    from calib_core.captures.dark_boards import PlaneViews
+    from calib_core.captures.plane_views import PlaneViews
     from calib_core.optics.laser_plane_solve import solve_plane
 
     session, read = opened(name)

@@ -348,7 +348,7 @@ plate-without-limit play-not-checked point-noise-differs point-unit pose-columns
 pose-not-repeated pose-reading poses-do-not-fit poses-not-of-the-flange poses-repeat poses-scatter scaled-profile
 scan-of-no-use scanner-bow scanner-scale-off scanner-shear scatter-beyond-told shifted-poses sphere-diameter
 sphere-diameter-told sphere-remounted sphere-side-open stage-not-supported stored-error stored-note stored-warning
-stripe-alone stripe-beyond-distortion swapped-poses sweep-empty sweep-few-profiles sweep-of-object sweep-profiles
+stripe-beyond-distortion swapped-poses sweep-empty sweep-few-profiles sweep-of-object sweep-profiles
 table-angles table-angles-do-not-fit table-angles-not-read table-angles-repeat table-angles-scatter
 table-captures-contradict table-direction table-play table-scatter-beyond-told tcp-doubtful-before
 tcp-failed-before tilt-and-centre-correlated tool-position-undetermined tool-position-weak

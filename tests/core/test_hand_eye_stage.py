@@ -12,15 +12,15 @@ from calib_core.frames import RigidTransform
 from calib_core.graph.registry import STAGES
 from calib_core.review.cell_frames import frame_graph
 from calib_core.simulation import SimulatedSession
-from calib_core.simulation.fixed_board_cell import FixedBoardScenario, simulate_fixed_board
 from calib_core.stages.evidence import stored_evidence
 from calib_core.stages.hand_eye.solve import agreement_of, composed
 from calib_core.stages.pipeline import run, solve_stage
+from tests.fixed_board_cell import FixedBoardScenario, simulate_fixed_board
 
 
 @pytest.fixture(scope="module")
 def made() -> SimulatedSession:
-    options = FixedBoardScenario("a fixed board, lit and dark", lit=9, dark=5)
+    options = FixedBoardScenario(lit=7, striped=3)
     return SimulatedSession(*simulate_fixed_board(options, "hand-eye", 3), None)
 
 
@@ -44,7 +44,7 @@ def test_camera_and_board_against_the_truth_and_the_tool_beside_the_spheres(made
     assert agreement["chance"] > 0.001
     assert agreement["shift_mm"] < 1.0
     assert result["verdict"] == "pass"
-    assert len(result["residuals"]) == 9
+    assert len(result["residuals"]) == 10
     found = frame_graph(made.session, {"hand-eye": result}).find("camera", "tool0")
     assert found.through[0].source == "hand-eye"
     assert np.allclose((found.transform @ frames[0]).matrix, np.eye(4), atol=1e-9)

@@ -1,9 +1,12 @@
 """A frame is searched for its board once, and what was found belongs to those bytes and that board."""
 
+import cv2
+import numpy as np
 import pytest
 
 from calib_core.captures import boards
 from calib_core.captures.boards import Image, board_in, board_of
+from calib_core.captures.measure import measure_capture
 from calib_core.errors import MeasurementError
 from calib_core.optics.board import BoardView, find_board
 from calib_core.records import Board
@@ -32,3 +35,17 @@ def test_the_same_bytes_give_the_same_view_another_board_another_search(monkeypa
         with pytest.raises(MeasurementError, match="9 × 6 inner corners from edge to edge"):
             board_in(capture, other, read)
     assert [b.columns for b in searched] == [board.columns, board.columns, 7]
+
+
+def test_a_dark_board_with_the_stripe_says_that_it_does_not_count_any_more() -> None:
+    session, _, _ = simulate_frames(FrameScenario("", camera_views=1), "one", 1)
+    capture = session.captures[0].model_copy(update={"step": "laser-plane", "board_of": "c02"})
+    seen = {}
+    for name, grey in (("dark", 3), ("lit", 90)):
+        frame = np.full((480, 640), grey, np.uint8)
+        frame[240] = 255
+        data = {capture.files[0]: cv2.imencode(".png", frame)[1].tobytes()}
+        seen[name] = measure_capture(session, capture, data.__getitem__)
+    assert {name: one.verdict for name, one in seen.items()} == {"dark": "fail", "lit": "fail"}
+    assert "Dark boards do not count any more" in str(seen["dark"].reason)
+    assert "Dark boards" not in str(seen["lit"].reason)

@@ -19,7 +19,7 @@ import { thumbnail } from "./thumbnail.js";
  */
 
 /** As the server begins its reasons; `tests/web/test_texts.py` holds both. */
-const [STRIPE_ALONE, OTHER_KIND] = ["the stripe alone", "a capture of kind "];
+const OTHER_KIND = "a capture of kind ";
 
 /** @param {unknown} value */
 const number = (value) => (typeof value === "number" ? value : null);
@@ -85,8 +85,7 @@ export function statusOf(capture, residual) {
   const { verdict } = capture.measured;
   if (capture.excluded) return ["skipped", t("captures.excluded")];
   const reason = residual?.used === false ? residual.reason ?? "" : "";
-  // What a step does not need is not rejected: frames of the stripe for the camera, captures of another kind.
-  if (reason.startsWith(STRIPE_ALONE)) return ["skipped", t("captures.stripe_only")];
+  // What a step does not need is not rejected: captures of another kind.
   if (reason.startsWith(OTHER_KIND)) return ["skipped", t("status.not-needed")];
   if (residual?.used === false) return verdict === "fail" ? ["fail", t("quality.fail")] : ["warn", t("captures.rejected")];
   if (residual) return ["pass", t("captures.used")];

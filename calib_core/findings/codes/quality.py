@@ -172,19 +172,6 @@ BOARD_IN_PART = Code(
     "colours compared; the board can lie in one place alone, or in several.",
 )
 
-STRIPE_ALONE = Code(
-    "stripe-alone",
-    "note",
-    text={
-        "named": "The stripe alone: the board is taken from {other}.",
-        "fixed": "The stripe alone: the board stands where lit frames and the robot's pose tell.",
-        "pose": "The stripe alone: it counts with a frame of the lit board at the same robot pose.",
-    },
-    by="board",
-    meaning="The frame shows the stripe on a board that is not lit; another frame says where the board is.",
-    decided="The stripe is seen, the board is not.",
-)
-
 WAITS_FOR_CAMERA = Code(
     "frame-waits-for-calibration",
     "warning",

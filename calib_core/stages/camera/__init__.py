@@ -29,7 +29,7 @@ class Camera(Stage):
         least=3,
         letter="c",
     )
-    takes: ClassVar = {"camera": FRAME_FIELDS, "laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
+    takes: ClassVar = {"camera": FRAME_FIELDS, "laser-plane": FRAME_FIELDS}
     reads = ("board",)
     known = ("camera",)
     guided = ("camera",)

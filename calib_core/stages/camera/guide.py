@@ -91,13 +91,11 @@ def _stripes_are_under_way(view: GuideView) -> bool:
 def _stripe_words(board: Board, stripes: int) -> tuple[str, str]:
     """Return what to do for the first board with the stripe, and for the next one."""
     place = ("near the scanner", "far from it", "tilted to the left", "tilted to the right")[stripes % 4]
+    first = "Lay the stripe on the board; take the lit board and the stripe without moving it."
     if not board.fixed:
-        first = "Lay the stripe on the board; take the lit board and the stripe without moving it."
         return first, message("Take the board and its stripe again, with the board {place}.", place=place)
-    first = "Lay the stripe on the fixed board and take it with the robot's pose; the board may be dark."
     return first, message(
-        "Move the robot so that the fixed board is {place}, and take the stripe on it; it may be dark.",
-        place=place,
+        "Move the robot so that the fixed board is {place}, and take it with the stripe on it.", place=place
     )
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.captures.boards import board_in, board_of, relative_pitch_sigma, shows_stripe_alone
+from calib_core.captures.boards import board_in, board_of, relative_pitch_sigma
 from calib_core.captures.contradictions import EXCLUDED, not_a_frame, not_measured
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 _FINDING_SHARE = 0.7
 _PITCH_SIGMAS, _HARMLESS_PITCH = 3.0, 1e-3  # what an ordinary arm's lengths are off themselves, some times over
 _RARE = 0.001
-_STRIPE_ALONE = message("the stripe alone: it serves the plane of light, the board is not seen")
 
 
 def solve(given: "StageInput") -> CameraResult:
@@ -144,14 +143,8 @@ def _result(
     image_size: tuple[int, int],
 ) -> CameraResult:
     camera = solution.camera
-    board, captures = board_of(given.session.cell), {capture.id: capture for capture in given.captures}
-    alone = {n for n in failed if shows_stripe_alone(given.session.cell, captures[n], given.read)}
-    unused = _not_used(
-        solution,
-        views,
-        {name: error for name, error in failed.items() if name not in alone},
-        sum(capture.id not in alone for capture in given.captures),
-    )
+    board = board_of(given.session.cell)
+    unused = _not_used(solution, views, failed, len(given.captures))
     found = [
         *camera_findings(solution),
         *_by_robot_findings(solution.robot, board),
@@ -193,7 +186,7 @@ def _result(
             largest_tilt_rad=seen.largest_tilt_rad,
         ),
         by_robot=None if solution.robot is None else _by_robot(camera, solution.robot),
-        residuals=_rows(given, solution, views, reasons_of(unused), alone),
+        residuals=_rows(given, solution, views, reasons_of(unused)),
     )
 
 
@@ -254,7 +247,6 @@ def _rows(
     solution: CameraSolution,
     views: dict[str, BoardView],
     reasons: dict[str, str],
-    alone: set[str],
 ) -> list[CameraResidual]:
     place = {name: index for index, name in enumerate(views)}
     rows: list[CameraResidual] = []
@@ -263,8 +255,6 @@ def _rows(
             reason = str(not_a_frame(capture))
         elif capture.excluded:
             reason = str(EXCLUDED)
-        elif capture.id in alone:
-            reason = str(_STRIPE_ALONE)
         elif capture.id not in views:
             reason = reasons[capture.id]
         else:

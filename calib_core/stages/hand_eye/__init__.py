@@ -17,7 +17,7 @@ class BoardHandEye(Stage):
     """The board as a second opinion: camera on the flange from frames of a fixed board, beside the sphere's."""
 
     name, title, place = "hand-eye", "Board hand-eye", 57
-    takes: ClassVar = {"camera": (*FRAME_FIELDS, "pose"), "laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
+    takes: ClassVar = {"camera": (*FRAME_FIELDS, "pose"), "laser-plane": (*FRAME_FIELDS, "pose")}
     reads = ("board", "pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
     after = ("camera", "laser-plane", "tcp", "chain")
     frames: ClassVar = {"tool0_from_camera": "covariance", "base_from_board": "board_covariance"}

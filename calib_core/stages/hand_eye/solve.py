@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.camera_source import camera_of
-from calib_core.captures.dark_boards import PlaneViews
+from calib_core.captures.plane_views import PlaneViews
 from calib_core.cell.found import known_scanner
 from calib_core.errors import InputError
 from calib_core.estimation import chance_of

@@ -6,9 +6,7 @@ from calib_core.graph.stage import FRAME_FIELDS, Stage
 from calib_core.steps import CaptureStep
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from calib_core.records import Capture, GuideNow, Session
+    from calib_core.records import GuideNow, Session
     from calib_core.records.laser_plane_result import LaserPlaneResult
     from calib_core.stages.guide import GuideView
 
@@ -27,7 +25,7 @@ class LaserPlane(Stage):
         least=2,
         letter="l",
     )
-    takes: ClassVar = {"laser-plane": (*FRAME_FIELDS, "pose", "board_of")}
+    takes: ClassVar = {"laser-plane": FRAME_FIELDS}
     reads = ("board",)
     known = ("laser_plane",)
     after = ("camera",)
@@ -47,27 +45,6 @@ class LaserPlane(Stage):
         from calib_core.captures.raw_frames import uses_frames
 
         return uses_frames(session)
-
-    def reads_of_cell(self, session: "Session") -> tuple[str, ...]:
-        """Return the cell's fields that it reads: the robot's too where poses tell where a dark board stands."""
-        if not self._has_dark_boards(session):
-            return self.reads
-        return (*self.reads, "pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
-
-    def reads_of_captures(self, session: "Session") -> "Iterator[tuple[Capture, tuple[str, ...]]]":
-        """Give its captures; lit boards of the camera's too where one of its own may be dark."""
-        yield from super().reads_of_captures(session)
-        if self._has_dark_boards(session):
-            for capture in session.captures:
-                if capture.step == "camera" and not capture.excluded:
-                    yield capture, (*FRAME_FIELDS, "pose")
-
-    def _has_dark_boards(self, session: "Session") -> bool:
-        return any(
-            capture.step in self.takes and len(capture.files) == 1 and (capture.pose or capture.board_of)
-            for capture in session.captures
-            if not capture.excluded
-        )
 
     def guide(self, view: "GuideView") -> "GuideNow | None":
         """Return what to do now for it, None where it asks for nothing."""

@@ -5,8 +5,8 @@ import numpy as np
 from calib_core.captures.boards import board_in, board_of
 from calib_core.captures.camera_source import camera_of
 from calib_core.captures.contradictions import EXCLUDED, not_a_frame, not_measured
-from calib_core.captures.dark_boards import PlaneViews
 from calib_core.captures.lost_rays import lost_rays
+from calib_core.captures.plane_views import PlaneViews
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.findings import Finding, judgement, reasons_of
@@ -80,7 +80,7 @@ def solve_laser_plane(
         given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
 
     try:
-        known = _uncertainty(given, camera_result, boards.lent)
+        known = _uncertainty(given, camera_result)
         solution = solve_plane(camera, views, known, tell, board_of(given.session.cell).margin_mm)
     except MotionError as error:
         raise error.with_failures(failed) from None
@@ -103,17 +103,14 @@ def _find_all(given: StageInput, boards: PlaneViews) -> tuple[list[PlaneView], d
     return views, failed
 
 
-def _uncertainty(given: StageInput, result: CameraResult | None, lent: set[str]) -> CameraUncertainty | None:
-    """Return how well the camera is known, with the boards that it was found from besides the plane's.
-
-    Those that are `lent` to a stripe count with it already.
-    """
+def _uncertainty(given: StageInput, result: CameraResult | None) -> CameraUncertainty | None:
+    """Return how well the camera is known, with the boards that it was found from besides the plane's."""
     if result is None:
         return None
     from calib_core.optics.camera_layout import parameter_places
 
     board = board_of(given.session.cell)
-    used = {row.capture for row in result.residuals if row.used} - lent
+    used = {row.capture for row in result.residuals if row.used}
     others = [c for c in given.session.captures if c.step == "camera" and c.id in used]
     boards = tuple(board_in(capture, board, given.read) for capture in others)
     places = parameter_places(result.parameters, with_board=True)

@@ -1,8 +1,6 @@
-"""The simulated cell with a board that stands still in the base: lit frames, and the stripe alone in the dark."""
+"""The simulated cell with a board that stands still in the base: frames of it, and with the stripe on it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -32,35 +30,18 @@ class FixedBoardScenario:
 
     Parameters
     ----------
-    description : str
     lit : int
         Frames of the lit board, each from its own robot pose.
-    dark_beside_lit : int
-        Frames of the stripe alone, each taken where a lit frame was taken, without moving.
-    dark : int
-        Frames of the stripe alone from robot poses of their own.
+    striped : int
+        Lit boards followed by their stripe, from robot poses of their own.
     position_sigma_mm, orientation_sigma_rad : float
         The robot's pose errors.
     """
 
-    description: str
-    lit: int = 14
-    dark_beside_lit: int = 0
-    dark: int = 0
+    lit: int
+    striped: int
     position_sigma_mm: float = 0.03
     orientation_sigma_rad: float = 0.0001
-
-
-FIXED_BOARD_SCENARIOS: Mapping[str, FixedBoardScenario] = MappingProxyType(
-    {
-        "laser-plane-beside-lit": FixedBoardScenario(
-            "14 lit boards; the stripe alone on 8 of them", dark_beside_lit=8
-        ),
-        "laser-plane-dark": FixedBoardScenario(
-            "14 lit views of a fixed board, the stripe alone from 12 other robot poses", dark=12
-        ),
-    }
-)
 
 
 def simulate_fixed_board(
@@ -68,24 +49,23 @@ def simulate_fixed_board(
 ) -> tuple[Session, dict[str, bytes], dict[str, Any]]:
     """Return the session record, its files and the truth of a scenario."""
     rng = np.random.default_rng([seed, 27_182])
-    frames = FrameScenario(options.description)
+    frames = FrameScenario(name)
     cell = build_cell(frames, rng)
-    shots = board_views(options.lit + options.dark, rng)
     files: dict[str, bytes] = {}
     captures: list[dict[str, Any]] = []
-    for index, wanted in enumerate(shots):
-        lit = index < options.lit
+    for index, wanted in enumerate(board_views(options.lit + options.striped, rng)):
         reported, board = _taken(wanted, options, rng)
-        numbers = pose_numbers(reported)
-        label = f"c{index + 1:02d}" if lit else f"d{index + 1 - options.lit:02d}"
-        step = "camera" if lit else "laser-plane"
-        ambient, sheet = (190.0, None) if lit else (0.0, cell.sheet)
-        captures.append(_capture(label, step, numbers, _frame(cell, board, ambient, sheet, rng), files))
-        if lit and index < options.dark_beside_lit:
-            dark = _frame(cell, board, 0.0, cell.sheet, rng)
-            captures.append(_capture(f"l{index + 1:02d}", "laser-plane", numbers, dark, files))
+        step = "camera" if index < options.lit else "laser-plane"
+        label = f"{step[0]}{index + 1:02d}"
+        shown = {f"captures/{label}.png": _frame(cell, board, 190.0, None, rng)}
+        if step == "laser-plane":
+            shown[f"captures/{label}-stripe.png"] = _frame(cell, board, 0.0, cell.sheet, rng)
+        files |= shown
+        captures.append(
+            {"id": label, "step": step, "kind": "frame", "files": [*shown], "pose": pose_numbers(reported)}
+        )
     record = cell_record(cell, frames)
-    record["board"]["fixed"] = options.dark > 0
+    record["board"]["fixed"] = True
     record["robot"] = {
         "position_sigma_mm": options.position_sigma_mm,
         "orientation_sigma_deg": float(np.rad2deg(options.orientation_sigma_rad)),
@@ -113,11 +93,3 @@ def _frame(
 ) -> bytes:
     exposure = exposure_for(FrameScenario("", hot_pixels=80), cell, ambient)
     return as_png(render(cell.camera, [board], sheet, exposure, rng))
-
-
-def _capture(
-    label: str, step: str, numbers: list[float], content: bytes, files: dict[str, bytes]
-) -> dict[str, Any]:
-    name = f"captures/{label}.png"
-    files[name] = content
-    return {"id": label, "step": step, "kind": "frame", "files": [name], "pose": numbers}

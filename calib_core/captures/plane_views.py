@@ -1,4 +1,4 @@
-"""Frames that show the stripe alone: where the dark board stands, another frame or the robot's pose tells."""
+"""The boards of a session's frames: with the stripe on them, and with the robot's poses."""
 
 from dataclasses import replace
 from functools import cached_property
@@ -10,18 +10,17 @@ from calib_core.captures.boards import (
     board_of,
     read_frame,
     relative_pitch_sigma,
-    shows_stripe_alone,
     stripe_looks,
     stripe_of,
 )
 from calib_core.captures.content import shows_board
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform
-from calib_core.optics.board import BoardView, points_in_board_mm
+from calib_core.optics.board import BoardView
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.hand_eye import HandEye, solve_hand_eye
 from calib_core.optics.hand_eye_frames import CameraDoubt
-from calib_core.optics.laser_plane_solve import PlaneView, board_poses, has_plain_line, view_of_known_board
+from calib_core.optics.laser_plane_solve import PlaneView, board_poses, has_plain_line
 from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
 from calib_core.poses.numbers import parse_pose
@@ -31,20 +30,13 @@ from calib_core.records.camera_result import CameraResult
 
 
 class PlaneViews:
-    """The boards with the stripe of a session, dark ones too.
-
-    Attributes
-    ----------
-    lent : set of str
-        Captures whose board counts for another one's stripe.
-    """
+    """The boards of a session's frames."""
 
     def __init__(self, session: Session, camera: CameraModel, read: ReadFile) -> None:
         self._session = session
         self._camera = camera
         self._read = read
         self._board = board_of(session.cell)
-        self.lent: set[str] = set()
 
     def of(self, capture: Capture) -> PlaneView:
         """Return a capture's board and stripe.
@@ -54,23 +46,12 @@ class PlaneViews:
         InputError
             If a file is of no use, or its size is not the camera's.
         MeasurementError
-            If the stripe is not seen, or nothing tells where the board stands.
+            If the board or the stripe is not seen.
         """
-        found = self._view_of(capture)
+        found = PlaneView(capture.id, board_in(capture, self._board, self._read), self._stripe(capture))
         if has_plain_line(self._camera, found, self._board.margin_mm):
             return found
         return replace(found, others=stripe_looks(capture, self._read).stripes)
-
-    def _view_of(self, capture: Capture) -> PlaneView:
-        if capture.board_of is not None:
-            return self._beside(capture, self._named(capture))
-        try:
-            view = board_in(capture, self._board, self._read)
-        except MeasurementError as error:
-            if not shows_stripe_alone(self._session.cell, capture, self._read):
-                raise
-            return self._dark(capture, error)
-        return PlaneView(capture.id, view, self._stripe(capture))
 
     @cached_property
     def hand_eye(self) -> HandEye:
@@ -117,44 +98,6 @@ class PlaneViews:
             except MeasurementError:
                 continue
         return found
-
-    def _dark(self, capture: Capture, error: MeasurementError) -> PlaneView:
-        here = [name for name, (other, _) in self._lit.items() if other.pose == capture.pose]
-        if len(here) > 1 and not self._board.fixed:
-            raise MeasurementError(
-                "one frame of the lit board at this robot pose",
-                f"{len(here)}: {', '.join(here)}",
-                "Name in `board_of` the capture whose frame shows the board as it stands here.",
-            )
-        if here:
-            return self._beside(capture, self._lit[here[0]][0])
-        if not self._board.fixed:
-            raise error.adding(
-                "Where the board is dark, take it lit at the same robot pose or name that frame in `board_of`; "
-                "or set cell.board.fixed where it stands still in the base."
-            )
-        stripe = self._stripe(capture)
-        try:
-            known = self.hand_eye.predict(self._pose(capture))
-        except MotionError as why:
-            raise MeasurementError(why.need, why.got, why.to_do) from None
-        return view_of_known_board(capture.id, self._camera, known, points_in_board_mm(self._board), stripe)
-
-    def _beside(self, capture: Capture, other: Capture) -> PlaneView:
-        view = board_in(other, self._board, self._read)
-        self.lent.add(other.id)
-        return PlaneView(capture.id, view, self._stripe(capture))
-
-    def _named(self, capture: Capture) -> Capture:
-        for other in self._session.captures:
-            if other.id == capture.board_of and shows_board(other) and other.kind == "frame":
-                return other
-        raise InputError(
-            "in `board_of` the id of a camera or laser-plane capture that shows the board",
-            f"'{capture.board_of}'",
-            "Correct it, or leave it out.",
-            capture.id,
-        )
 
     def _stripe(self, capture: Capture) -> StripeCenters:
         frame = read_frame(capture, self._read, -1)
