@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.fusion.scan import Scan
 from calib_core.simulation.part import PartMesh
 from calib_core.simulation.part_scan import PartScanner, PartScanOptions
-from calib_core.simulation.shapes import SHAPES
+from tests.shapes import SHAPES
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 

@@ -27,8 +27,7 @@ where its elements differ by less than this of the standard deviations of their 
 where they differ by less than this of the smallest standard deviation that the result states."""
 
 TOLERANCE: Final = 1e-6
-"""Other numbers are equal where they differ by less than this, relative to the larger: arithmetic of another
-processor moves them by some 1e-9."""
+"""Other numbers are equal where they differ by less than this, relative to the larger: processors do, by 1e-9."""
 
 ROUNDING: Final = 1e-9
 """Or by less than this, relative to the largest number of their vector or matrix: a zero is never quite zero."""
@@ -198,7 +197,8 @@ def compare(stored: Mapping[str, Any], fresh: Mapping[str, Any]) -> StageReplay:
         else:
             relative = None
         count += 1
-        differences.append(ReplayDifference(path=path, stored=_shown(a), fresh=_shown(b), relative=relative))
+        told = [None if value is _MISSING else value for value in (a, b)]
+        differences.append(ReplayDifference(path=path, stored=told[0], fresh=told[1], relative=relative))
     differences.sort(key=lambda row: -math.inf if row.relative is None else -row.relative)
     return StageReplay(
         stage=str(stored.get("stage", "")),
@@ -396,7 +396,3 @@ def _relative(a: float, b: float) -> float:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _shown(value: Any) -> Any:
-    return None if value is _MISSING else value

@@ -15,9 +15,7 @@ from calib_core.sphere.circle import (
     BoolArray,
     circle_step,
     distances_to_circle,
-    fit_circle,
     median_of,
-    sigma_of_kept,
 )
 from calib_core.sphere.diagnosis import (
     SMALLEST_CIRCLE,
@@ -25,27 +23,17 @@ from calib_core.sphere.diagnosis import (
     radius_mismatch,
     require_diameter,
 )
-
-_LONG_RAD = float(np.deg2rad(30.0))
-_LEAST_EXTENT_RAD = float(np.deg2rad(15.0))
-_LEAST_TOLD = 0.005
-"""A share of the radius: a narrower arc is used where it tells its radius so well, correlation counted."""
-
-LEAST_POINTS = 12
+from calib_core.sphere.found_arc import (
+    LEAST_EXTENT_RAD,
+    LEAST_POINTS,
+    LEAST_TOLD,
+    LONG_RAD,
+    FoundArc,
+    finished_arc,
+    points_per_independent,
+)
 
 _START_BAND = 0.03  # of the radius: where a refinement starts to collect points
-_LARGEST_RMS = 0.03  # of the radius: rougher than this it is not an arc
-_MOST_BACKGROUND = 0.1  # share of the inliers that chance would put there
-_EDGE_RAD = np.deg2rad(1.5)  # the border of an arc holds mixed points: half on the sphere, half behind it
-_EDGE_SHARE = 0.05
-_WIDEST_GAP_RAD = np.deg2rad(4.0)
-_FORM_BINS = 12
-_LARGEST_FORM = 0.0075  # of the radius: bent otherwise than a circle, as walls and edges are
-_LEAST_FILLED = 0.5  # of the extent: the two walls of a corner touch a circle too, but not in between
-_MOST_ALIKE = 0.95  # of neighbours: beyond it an arc says nothing of itself
-_BEYOND_DOUBT_EXTENT_RAD = np.deg2rad(75.0)
-_BEYOND_DOUBT_RMS = 0.015  # of the radius
-_SMALL_PIECE = 0.05  # of the inliers: pieces beyond a gap that are smaller than this are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,75 +77,7 @@ class ArcFit:
     @property
     def points_per_independent(self) -> float:
         """How many of its points say as much as one that errs by itself, as far as neighbours tell."""
-        return _per_independent(self.lag1_correlation)
-
-
-def _per_independent(lag1_correlation: float) -> float:
-    correlation = min(max(lag1_correlation, 0.0), _MOST_ALIKE)
-    return (1 + correlation) / (1 - correlation)
-
-
-@dataclass(frozen=True, eq=False)
-class _Arc:
-    """One arc that was found: its circle, inliers and what tells a real arc from a chance one."""
-
-    circle: FloatArray
-    normal_matrix: FloatArray
-    inliers: BoolArray
-    sigma_mm: float
-    rms_mm: float
-    extent_rad: float
-    side: int
-    form_mm: float  # root mean square of the residuals' means over stretches of the arc
-    filled: float  # share of the extent that is not gaps
-    background: float  # inliers to be expected from the density of points beside the arc
-    lag1: float  # correlation of neighbours' residuals
-
-    @property
-    def count(self) -> int:
-        return int(self.inliers.sum())
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether the points are an arc at all: enough, smooth, bent, and denser than what lies beside."""
-        depth_mm = self.circle[2] * (1 - np.cos(self.extent_rad / 2))
-        return (
-            self.count >= LEAST_POINTS
-            and self.rms_mm <= _LARGEST_RMS * self.circle[2]
-            and self.filled >= _LEAST_FILLED
-            and self.form_mm**2
-            <= (_LARGEST_FORM * self.circle[2]) ** 2 + 4 * self.rms_mm**2 * _FORM_BINS / self.count
-            and depth_mm > 6 * self.rms_mm
-            and self.background <= _MOST_BACKGROUND * self.count
-        )
-
-    @property
-    def is_long(self) -> bool:
-        return self.extent_rad >= _LONG_RAD
-
-    @property
-    def told(self) -> float:
-        """The standard deviation of its radius as a share of it."""
-        return self.sigma_radius_mm * float(np.sqrt(_per_independent(self.lag1))) / float(self.circle[2])
-
-    @property
-    def tells_enough(self) -> bool:
-        """Whether its circle is known: by a wide angle, or by many good points of a narrower one."""
-        return self.is_long or (self.extent_rad >= _LEAST_EXTENT_RAD and self.told <= _LEAST_TOLD)
-
-    @property
-    def is_beyond_doubt(self) -> bool:
-        """Whether no background can look like this: smooth over a wide angle."""
-        return self.extent_rad >= _BEYOND_DOUBT_EXTENT_RAD and self.rms_mm < _BEYOND_DOUBT_RMS * self.circle[2]
-
-    @property
-    def sigma_radius_mm(self) -> float:
-        return self.sigma_mm * float(np.sqrt(np.linalg.inv(self.normal_matrix)[2, 2]))
-
-    @property
-    def sharpness(self) -> float:
-        """How well the circle is determined: its radius in standard deviations of the radius."""
-        return float(self.circle[2]) / max(self.sigma_radius_mm, 1e-9 * float(self.circle[2]))
+        return points_per_independent(self.lag1_correlation)
 
 
 def fit_arc(
@@ -246,9 +166,9 @@ def _distinct_finite(given: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     return points, row_of_point
 
 
-def _arcs_in(points: FloatArray, diameter_mm: float | None, z_axis: str | None) -> list[_Arc]:
+def _arcs_in(points: FloatArray, diameter_mm: float | None, z_axis: str | None) -> list[FoundArc]:
     """Return the refined candidates; the search ends early once no other candidate can beat a good one."""
-    arcs: list[_Arc] = []
+    arcs: list[FoundArc] = []
     best = 0
     circles, support = arc_candidates(points)
     for circle, most in zip(circles, support, strict=True):
@@ -262,7 +182,7 @@ def _arcs_in(points: FloatArray, diameter_mm: float | None, z_axis: str | None) 
     return arcs
 
 
-def _refined(points: FloatArray, circle: FloatArray) -> _Arc | None:
+def _refined(points: FloatArray, circle: FloatArray) -> FoundArc | None:
     """Follow a candidate to the circle that its own points define, or return None where it dissolves."""
     start_radius = circle[2]
     cut = widest = _START_BAND * start_radius
@@ -279,44 +199,7 @@ def _refined(points: FloatArray, circle: FloatArray) -> _Arc | None:
             return None
         sigma = 1.4826 * median_of(misfit[kept])
         cut = min(widest, max(CUT * sigma, 1e-7 * circle[2]))
-    return _finished(points, circle, kept, cut)
-
-
-def _finished(points: FloatArray, circle: FloatArray, kept: BoolArray, cut: float) -> _Arc | None:
-    kept = _without_edges(points, circle, kept)
-    if kept.sum() < LEAST_POINTS // 2:
-        return None
-    fit = fit_circle(points[kept], circle)
-    if not fit.parameters[2] > 0:
-        return None
-    sigma = sigma_of_kept(fit.residuals, 3)
-    angle, toward = _angles(points, fit.parameters, kept)
-    low, high = float(angle[kept].min()), float(angle[kept].max())
-    misfit = np.abs(distances_to_circle(points, fit.parameters))
-    beside = (misfit > 1.2 * cut) & (misfit < 3.2 * cut) & (angle > low) & (angle < high)
-    return _Arc(
-        circle=fit.parameters,
-        normal_matrix=fit.normal_matrix,
-        inliers=kept,
-        sigma_mm=sigma,
-        rms_mm=float(np.sqrt(np.mean(fit.residuals**2))),
-        extent_rad=high - low,
-        side=1 if toward[1] < 0 else -1,
-        form_mm=_form(angle[kept], fit.residuals),
-        filled=1 - _gaps(np.sort(angle[kept]))[1] / max(high - low, 1e-300),
-        background=float(beside.sum()) / 2,
-        lag1=_lag1_correlation(points[kept], fit.parameters),
-    )
-
-
-def _angles(points: FloatArray, circle: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return every point's angle (N,) about the centre from the arc's middle, and the middle's direction (2,)."""
-    offset = points - circle[:2]
-    unit = offset[kept] / np.maximum(np.hypot(offset[kept, 0], offset[kept, 1]), 1e-300)[:, None]
-    middle = unit.mean(axis=0)
-    middle = middle / max(float(np.hypot(*middle)), 1e-300)
-    along, across = offset @ middle, offset @ np.array([-middle[1], middle[0]])
-    return np.arctan2(across, along), middle
+    return finished_arc(points, circle, kept, cut)
 
 
 def _on_one_side(points: FloatArray, circle: FloatArray, kept: BoolArray) -> BoolArray:
@@ -327,47 +210,11 @@ def _on_one_side(points: FloatArray, circle: FloatArray, kept: BoolArray) -> Boo
     return kept & (offset @ offset[kept].mean(axis=0) > 0)
 
 
-def _without_edges(points: FloatArray, circle: FloatArray, kept: BoolArray) -> BoolArray:
-    """Leave out the border of the arc and small pieces of it beyond gaps."""
-    rows = np.flatnonzero(kept)
-    angle = _angles(points, circle, kept)[0][rows]
-    rows, angle = rows[np.argsort(angle, kind="stable")], np.sort(angle)
-    ends = _gaps(angle)[0]
-    result = np.zeros(len(points), dtype=bool)
-    for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(rows)], strict=True):
-        count = last - first
-        if count < max(3, _SMALL_PIECE * len(rows)):
-            continue
-        most = int(_EDGE_SHARE * count)
-        piece = angle[first:last]
-        low = min(int(np.searchsorted(piece, piece[0] + _EDGE_RAD)), most)
-        high = min(count - int(np.searchsorted(piece, piece[-1] - _EDGE_RAD)), most)
-        result[rows[first + low : last - high]] = True
-    return result
-
-
-def _form(angle_rad: FloatArray, residuals: FloatArray) -> float:
-    """Return how far stretches of the arc lie from the circle, noise averaged out: RMS of their mean residuals."""
-    stretch = np.floor(
-        (angle_rad - angle_rad.min()) / max(np.ptp(angle_rad), 1e-300) * (_FORM_BINS - 1e-6)
-    ).astype(int)
-    count = np.bincount(stretch, minlength=_FORM_BINS)
-    mean = np.bincount(stretch, residuals, minlength=_FORM_BINS) / np.maximum(count, 1)
-    return float(np.sqrt(count @ mean**2 / len(residuals)))
-
-
-def _gaps(sorted_angle_rad: FloatArray) -> tuple[NDArray[np.intp], float]:
-    """Return where the gaps of an arc end, as indices into its sorted angles, and their angles' sum."""
-    steps = np.diff(sorted_angle_rad)
-    wide = steps > max(_WIDEST_GAP_RAD, 8 * median_of(steps))
-    return np.flatnonzero(wide) + 1, float(steps[wide].sum())
-
-
-def _is_possible(arc: _Arc, diameter_mm: float | None, z_axis: str | None) -> bool:
+def _is_possible(arc: FoundArc, diameter_mm: float | None, z_axis: str | None) -> bool:
     return arc.is_clear and arc.tells_enough and _radius_fits(arc, diameter_mm) and _side_fits(arc, z_axis)
 
 
-def _radius_fits(arc: _Arc, diameter_mm: float | None) -> bool:
+def _radius_fits(arc: FoundArc, diameter_mm: float | None) -> bool:
     """Whether the circle can be cut from the sphere: no larger than it, within the noise and half a per cent."""
     if diameter_mm is None:
         return True
@@ -375,11 +222,11 @@ def _radius_fits(arc: _Arc, diameter_mm: float | None) -> bool:
     return SMALLEST_CIRCLE * diameter_mm / 2 <= arc.circle[2] <= largest_mm
 
 
-def _side_fits(arc: _Arc, z_axis: str | None) -> bool:
+def _side_fits(arc: FoundArc, z_axis: str | None) -> bool:
     return z_axis is None or arc.side == (1 if z_axis == "away" else -1)
 
 
-def _the_one(arcs: list[_Arc], diameter_mm: float | None, z_axis: str | None) -> _Arc:
+def _the_one(arcs: list[FoundArc], diameter_mm: float | None, z_axis: str | None) -> FoundArc:
     """Return the possible arc that is determined best, or raise the error that says why there is none."""
     possible = [arc for arc in arcs if _is_possible(arc, diameter_mm, z_axis)]
     if possible:
@@ -397,9 +244,9 @@ def _the_one(arcs: list[_Arc], diameter_mm: float | None, z_axis: str | None) ->
             "an arc of {long_deg:.0f}°, or one of {least_deg:.0f}° that tells its radius to {least_percent:g} %",
             "one of {extent_deg:.1f}° that tells it to {percent:.1f} %",
             "Move so that the stripe crosses more of the sphere and all of the visible side lies in range.",
-            long_deg=np.rad2deg(_LONG_RAD),
-            least_deg=np.rad2deg(_LEAST_EXTENT_RAD),
-            least_percent=100 * _LEAST_TOLD,
+            long_deg=np.rad2deg(LONG_RAD),
+            least_deg=np.rad2deg(LEAST_EXTENT_RAD),
+            least_percent=100 * LEAST_TOLD,
             extent_deg=np.rad2deg(best.extent_rad),
             percent=100 * best.told,
         )
@@ -415,10 +262,3 @@ def _the_one(arcs: list[_Arc], diameter_mm: float | None, z_axis: str | None) ->
         )
     assert diameter_mm is not None  # the radius is all that is left to be wrong
     raise radius_mismatch(float(best.circle[2]), diameter_mm, "arc")
-
-
-def _lag1_correlation(points: FloatArray, circle: FloatArray) -> float:
-    residuals = distances_to_circle(points, circle)
-    residuals = residuals - residuals.mean()
-    power = float(residuals @ residuals)
-    return float(residuals[1:] @ residuals[:-1]) / power if power > 0 else 0.0

@@ -6,7 +6,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,10 +19,11 @@ from calib_core.records import Capture, Cell, Measured
 from calib_core.steps import steps_that_show
 from server.live.agreement import Agreement
 from server.live.clock_watch import MeasuredClocks
-from server.live.exposures import Exposure, Optics, exposure_of, in_short
+from server.live.exposures import Exposure, Optics, exposure_of
 from server.live.link import Link
 from server.live.live_captures import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
+from server.live.shots import require_agreement, require_good, told_standing
 from server.live.standstill import Rest, Rules, stood_still
 from server.sources.device import Frame, Reading, Sample, host_now_s
 from server.store.audit import acting
@@ -36,7 +36,6 @@ Take = Callable[[Capture, Mapping[str, bytes]], Measured]
 SHOT_WAITS_S = 8.0
 _SAMPLES, _EXPOSURES, _SEEN = 4000, 12, 1200
 _NEW_PLACE_MM, _NEW_PLACE_RAD, _NEW_TABLE_DEG = 3.0, 0.01, 0.5
-_POSES_AGREE_MM, _POSES_AGREE_RAD = 1.0, 0.005
 _IDLE_S = 0.1
 
 
@@ -316,15 +315,15 @@ class LiveCell:
         exposures: list[Exposure],
     ) -> None:
         after = [e for e in exposures if e.frame.host_time_s >= shot.asked_s + self.rules.latency_s]
-        rest = stood_still(robot or _told(shot), after, self.rules, table)
+        rest = stood_still(robot or told_standing(shot), after, self.rules, table)
         rest = self._agreed(rest) if robot else rest
         if isinstance(rest, str):
             shot.why_not = rest
             return
         self._shots.popleft()
         try:
-            _require_agreement(shot, rest)
-            _require_good(rest)
+            require_agreement(shot, rest)
+            require_good(rest)
             shot.answer.set_result(self._store(cell, rest, taken, shot))
         except CalibrationError as error:
             shot.answer.set_exception(error)
@@ -385,31 +384,3 @@ class LiveCell:
 def no_scanner() -> ConflictError:
     """Return what is said where no scanner is connected."""
     return ConflictError("a scanner that is connected", "none", "Connect one in the session's devices.", "devices")
-
-
-def _told(shot: Shot) -> list[Sample]:
-    """Return a robot that stands where its program says it does, for a cell in which no other source tells."""
-    if shot.pose is None:
-        return []
-    times: Any = np.arange(shot.asked_s, host_now_s() + 0.1, 0.1)
-    return [Sample(float(t), base_from_tool0=shot.pose) for t in times]
-
-
-def _require_agreement(shot: Shot, rest: Rest) -> None:
-    """Refuse a pose from a program that the robot's own source contradicts."""
-    own = rest.robot.base_from_tool0 if rest.robot else None
-    if shot.pose is None or own is None or is_resting([own, shot.pose], _POSES_AGREE_MM, _POSES_AGREE_RAD):
-        return
-    apart_mm = float(np.linalg.norm(own.translation_mm - shot.pose.translation_mm))
-    raise ConflictError(
-        "one pose from the robot's program and its source",
-        "two that are {apart_mm:.1f} mm apart",
-        "Send the flange's pose in the base: tool 0, base 0.",
-        "pose",
-        apart_mm=apart_mm,
-    )
-
-
-def _require_good(rest: Rest) -> None:
-    if rest.chosen.weak:
-        raise ConflictError("a good arc of the sphere", *in_short(rest.chosen.weak))

@@ -1,39 +1,25 @@
-"""Machines' own files: what stands in a controller's or a scanner's, and a tool put into a backup."""
+"""Machines' own files: what stands in a controller's or a scanner's."""
 
 from typing import Annotated, Any, Literal
-from urllib.parse import quote
 
-from fastapi import File, Form, Path, Response, UploadFile
+from fastapi import File, Form, Response, UploadFile
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.captures.certificate import Certificate
-from calib_core.errors import InputError, TooLargeError
-from calib_core.messages import message
 from calib_core.poses.numbers import convention_named
 from calib_core.proof import Proof
 from calib_core.recognition.taken import TakenFor
 from calib_core.records import ArmTable
-from calib_core.records.faults import MOST_TEXT, allowed_faults
 from calib_core.records.field_errors import input_error
 from calib_core.robots.file_hints import Told
 from server.http.api_router import api_router
-from server.http.openapi import BYTES
 from server.http.strict_json import parse_object, plain_json
-from server.routes.dependencies import IdempotencyDep, SessionId, StoreDep, UploadMemoryDep
-from server.store.session_answer import answer_headers, session_answer
-from server.store.sessions import load_session
-from server.store.standing import with_moment
+from server.routes.dependencies import IdempotencyDep, UploadMemoryDep
+from server.routes.machine_files import Files, Word, contents_of, size_of
 
 router = api_router("machines")
-
-_MOST_FILES, _MOST_BYTES = 2000, 256_000_000
-_BINARY = {"*/*": {"schema": BYTES}}
-Files = Annotated[
-    list[UploadFile], File(description="The controller's files, or a zip of its backup.", examples=[["PK"]])
-]
-Word = Annotated[str, Form(max_length=1000)]
 
 
 class PoseOfFile(BaseModel):
@@ -194,16 +180,6 @@ class RecognisedFiles(BaseModel):
     missing: list[ReasonGiven]
 
 
-class ToolComparison(BaseModel):
-    """The tool as it stands in the controller beside the answer."""
-
-    equal: bool
-    words: str
-    position_mm: float | None
-    rotation_deg: float | None
-    faults: list[str] = Field(description="What speaks against using the answer: `stale`, `fail`, or both.")
-
-
 @router.get("/brands", response_model=Brands)
 def brands() -> Brands:
     """List the robot brands and other kinds of files that poses are read from."""
@@ -273,8 +249,8 @@ async def read_controller(
     ] = "{}",
 ) -> Response:
     """Return poses, tools and frames of a controller's files, before they are used; stores nothing."""
-    async with memory.taken(_size(files)):
-        contents = await _contents(files)
+    async with memory.taken(size_of(files)):
+        contents = await contents_of(files)
         said = Told.of({str(name): str(value) for name, value in parse_object(told, "told").items()})
         found = await run_in_threadpool(_read_controller, contents, brand or None, as_written, said)
     return JSONResponse(plain_json(found))
@@ -296,8 +272,8 @@ async def recognise_files(
     ] = "{}",
 ) -> Response:
     """Return what each file is taken for and why, and measurements paired with their poses; stores nothing."""
-    async with memory.taken(_size(files)):
-        contents = await _contents(files)
+    async with memory.taken(size_of(files)):
+        contents = await contents_of(files)
         known = parse_object(told, "told")
         found = await run_in_threadpool(_recognise, contents, known)
     return JSONResponse(plain_json(found))
@@ -321,111 +297,6 @@ async def read_scanner_file(
         told = parse_object(settings, "settings")
         reading = await run_in_threadpool(_read_points, data, name, kind, format or None, told)
     return JSONResponse(plain_json(reading))
-
-
-@router.post(
-    "/sessions/{session_id}/exports/{name}",
-    response_class=Response,
-    responses={200: {"description": "The file that was changed.", "content": _BINARY}},
-)
-async def export_into_backup(
-    session_id: SessionId,
-    name: Annotated[str, Path(max_length=64, description="As `GET /exports` lists them.", examples=["kuka"])],
-    backup: Files,
-    _: IdempotencyDep,
-    store: StoreDep,
-    memory: UploadMemoryDep,
-    settings: Annotated[
-        str,
-        Form(max_length=5000, description="The export's settings, as JSON.", examples=['{"tool": 3}']),
-    ] = "{}",
-    allow: Annotated[str, Form(max_length=MOST_TEXT, description="Names of faults, with commas between.")] = "",
-) -> Response:
-    """Return the file of a backup that defines the tool, with that one entry changed and every other byte kept.
-
-    Of several files it is the one that holds the entry; a zip comes back with that one file in it changed.
-    """
-    from calib_core.exports.backups import write_into
-
-    async with memory.taken(_size(backup)):
-        contents = await _contents(backup)
-
-        def written() -> tuple[str, bytes, dict[str, str]]:
-            with store.read() as db:
-                answer = session_answer(db, load_session(db, store.blobs, session_id))
-                answer = with_moment(db, answer, session_id)
-            chosen = parse_object(settings, "settings")
-            file, content = write_into(contents, answer, name, allowed_faults(allow), chosen)
-            return file, content, dict(answer_headers(answer))
-
-        file, content, headers = await run_in_threadpool(written)
-    plain = quote(file.replace("\\", "/").rsplit("/", 1)[-1])
-    headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{plain}"
-    return Response(content, media_type="application/octet-stream", headers=headers)
-
-
-@router.post("/sessions/{session_id}/read-back", response_model=ToolComparison)
-async def read_back_tool(
-    session_id: SessionId,
-    _: IdempotencyDep,
-    store: StoreDep,
-    memory: UploadMemoryDep,
-    files: Files = [],  # noqa: B006 — FastAPI copies defaults
-    tool: Word = "",
-    brand: Word = "",
-    numbers: Annotated[
-        str, Form(max_length=1000, description="As the pendant shows them.", examples=["0 0 184 0 45 0"])
-    ] = "",
-    convention: Word = "",
-) -> Response:
-    """Compare the tool in the controller, of its files or as numbers, with the answer: equal, or what differs."""
-    async with memory.taken(_size(files)):
-        contents = await _contents(files) if files else {}
-
-        def compared() -> tuple[dict[str, Any], dict[str, str]]:
-            from calib_core.robots.read_back import frame_in, read_back, typed_numbers
-
-            with store.read() as db:
-                answer = session_answer(db, load_session(db, store.blobs, session_id))
-            if bool(numbers.strip()) == bool(contents):
-                raise InputError("the controller's files or numbers", "both or neither", "Send one.", "read-back")
-            if contents:
-                known, pose = frame_in(contents, brand or None, tool or None, answer.mount_from_laser)
-            else:
-                known, pose = convention or answer.session.cell.pose_convention, typed_numbers(numbers)
-            found = read_back(pose, known, answer.mount_from_laser).of_answer(answer.faults)
-            return found.to_json(), dict(answer_headers(answer))
-
-        found, headers = await run_in_threadpool(compared)
-    return JSONResponse(plain_json(found), headers=headers)
-
-
-def _size(files: list[UploadFile]) -> int:
-    size = sum(file.size or 0 for file in files)
-    if size > _MOST_BYTES or len(files) > _MOST_FILES:
-        to_do = message("Send the files with programs, tools and frames alone.")
-        raise TooLargeError(
-            "at most {most_files} files and 256 MB",
-            "{count}, {size} bytes",
-            to_do,
-            "files",
-            most_files=_MOST_FILES,
-            count=len(files),
-            size=size,
-        )
-    return size
-
-
-async def _contents(files: list[UploadFile]) -> dict[str, bytes]:
-    contents: dict[str, bytes] = {}
-    for place, file in enumerate(files):
-        name = file.filename or message("file {place}", place=place + 1)
-        if name in contents:
-            raise InputError(
-                "file names that differ", "'{name}' twice", "Send each file once.", "files", name=name
-            )
-        contents[name] = await file.read()
-    return contents
 
 
 def _read_controller(

@@ -11,9 +11,9 @@ from calib_core.arms.errors import arm_moves
 from calib_core.captures.arm_joints import corrected_by
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
-from calib_core.simulation.arm_cell import ARM_KINDS, ArmCell, held_out_rms_mm, simulate_arm
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
+from tests.arm_cell import ARM_KINDS, ArmCell, held_out_rms_mm, simulate_arm
 
 
 def solved(session: Session) -> TcpResult:

@@ -17,7 +17,7 @@ from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import PlannedSet, Situation, planned_set
 from calib_core.records.planning import Limits
 from calib_core.simulation import SimulatedSession, simulate
-from calib_core.simulation.planned import take
+from tests.planned import take
 
 COUNT = 10
 SPHERE = SphereSize(40.0)

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 from faulty_robot import FaultyStream, Wire, samples
+from server.simulated_cell.gocator_server import GocatorServer
 
 from calib_core.robots import to_pose
-from server.simulated_cell.gocator_server import GocatorServer
 from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
 from server.simulated_cell.opcua_server import OpcUaServer
 from server.simulated_cell.rtde_server import RtdeServer

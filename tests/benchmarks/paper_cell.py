@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calib_core.simulation.arm_cell import ARM_KINDS, SimulatedArm, nominal_flange
+from tests.arm_cell import ARM_KINDS, SimulatedArm, nominal_flange
 
 KIND = ARM_KINDS["large"]
 RADIUS_MM, CENTER_SIGMA_MM, POINT_SIGMA_MM = 20.0, 0.03, 0.02

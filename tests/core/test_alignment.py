@@ -8,8 +8,8 @@ from scipy.stats import chi2
 from calib_core.errors import MeasurementError
 from calib_core.fusion.alignment import Alignment, best_fit, by_datum_points
 from calib_core.fusion.deviation import Nominal
-from calib_core.simulation import shapes
 from calib_core.simulation.part import build_part
+from tests import shapes
 
 NOISE_MM = 0.02
 

@@ -19,9 +19,9 @@ from calib_core.findings.catalogues import catalogue
 from calib_core.messages import made_lately
 from calib_core.records import Session
 from calib_core.records.evidence import Quantity, Table
-from calib_core.simulation.arm_cell import ArmCell, held_out_rms_mm, simulate_arm
 from calib_core.stages.tcp.record import TcpResult
 from server.cli import main
+from tests.arm_cell import ArmCell, held_out_rms_mm, simulate_arm
 from tests.benchmarks import bench_arm, bench_paper, paper_cell
 
 solved = bench_arm.solved

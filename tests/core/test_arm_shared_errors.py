@@ -5,9 +5,9 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from calib_core.simulation.arm_cell import ArmCell, held_out_rms_mm, simulate_arm
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
+from tests.arm_cell import ArmCell, held_out_rms_mm, simulate_arm
 
 
 def plain_fit(cell: ArmCell) -> tuple[np.ndarray, np.ndarray]:

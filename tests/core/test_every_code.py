@@ -27,7 +27,6 @@ from calib_core.review.check import check_session
 from calib_core.review.provenance import HISTORY_FILE, verify
 from calib_core.review.replay import replay
 from calib_core.simulation import simulate
-from calib_core.simulation.arm_cell import simulate_arm
 from calib_core.simulation.frame_camera import SimulatedCamera
 from calib_core.simulation.frame_cell import as_png
 from calib_core.simulation.frame_surfaces import BoardSurface
@@ -38,6 +37,7 @@ from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.verify.decision import Estimate, checked, decision_findings
 from calib_core.stages.verify.flatness import Plate
 from calib_core.stages.verify.limits import limit_findings
+from tests.arm_cell import simulate_arm
 from tests.trouble import all_table_troubles, all_troubles, troubled, troubled_table
 from tests.verified import brought_tool
 

@@ -134,6 +134,7 @@ def test_the_simulator_shares_no_code_with_the_solvers() -> None:
         f"calib_core.{p}" for p in ("frames", "chain", "sphere", "optics", "kernels", "fusion", "estimation")
     ]
     of_tests = [*(ROOT / "tests" / "trouble").glob("*.py"), *(ROOT / "tests").glob("*bound.py")]
+    of_tests += [ROOT / "tests" / f"{name}.py" for name in ("arm_cell", "fixed_board_cell", "planned", "shapes")]
     files = [*(f for f in SOURCES if name_of(f).startswith("calib_core/simulation/")), *of_tests]
     assert len(of_tests) > 9
     wrong = [

@@ -9,12 +9,12 @@ import pytest
 
 from calib_core.errors import InputError
 from calib_core.formats.points import read_file
-from server.simulated_cell.gocator_server import GocatorServer
 from server.simulated_cell.tcp_server import TcpServer
 from server.sources.device import Device, Frame
 from server.sources.gocator import GocatorSettings
 from server.sources.registry import SOURCES
 from tests.core.scanner_files import known, profile
+from tests.server.gocator_server import GocatorServer
 
 POINTS = profile()
 

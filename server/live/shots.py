@@ -1,0 +1,43 @@
+"""What a capture that was asked for must agree with."""
+
+from typing import Any
+
+import numpy as np
+
+from calib_core.captures.standstill import is_resting
+from calib_core.errors import ConflictError
+from server.live.exposures import in_short
+from server.live.live_captures import Shot
+from server.live.standstill import Rest
+from server.sources.device import Sample, host_now_s
+
+_POSES_AGREE_MM, _POSES_AGREE_RAD = 1.0, 0.005
+
+
+def told_standing(shot: Shot) -> list[Sample]:
+    """Return a robot that stands where its program says it does, for a cell in which no other source tells."""
+    if shot.pose is None:
+        return []
+    times: Any = np.arange(shot.asked_s, host_now_s() + 0.1, 0.1)
+    return [Sample(float(t), base_from_tool0=shot.pose) for t in times]
+
+
+def require_agreement(shot: Shot, rest: Rest) -> None:
+    """Refuse a pose from a program that the robot's own source contradicts."""
+    own = rest.robot.base_from_tool0 if rest.robot else None
+    if shot.pose is None or own is None or is_resting([own, shot.pose], _POSES_AGREE_MM, _POSES_AGREE_RAD):
+        return
+    apart_mm = float(np.linalg.norm(own.translation_mm - shot.pose.translation_mm))
+    raise ConflictError(
+        "one pose from the robot's program and its source",
+        "two that are {apart_mm:.1f} mm apart",
+        "Send the flange's pose in the base: tool 0, base 0.",
+        "pose",
+        apart_mm=apart_mm,
+    )
+
+
+def require_good(rest: Rest) -> None:
+    """Refuse an arc that says too little."""
+    if rest.chosen.weak:
+        raise ConflictError("a good arc of the sphere", *in_short(rest.chosen.weak))
