@@ -47,5 +47,5 @@ def test_a_dark_board_with_the_stripe_says_that_it_does_not_count_any_more() -> 
         data = {capture.files[0]: cv2.imencode(".png", frame)[1].tobytes()}
         seen[name] = measure_capture(session, capture, data.__getitem__)
     assert {name: one.verdict for name, one in seen.items()} == {"dark": "fail", "lit": "fail"}
-    assert "Dark boards do not count any more" in str(seen["dark"].reason)
-    assert "Dark boards" not in str(seen["lit"].reason)
+    assert "Dark boards do not count any more" in str(seen["dark"].to_do)
+    assert "Dark boards" not in str(seen["lit"].to_do)
