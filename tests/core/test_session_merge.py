@@ -19,8 +19,9 @@ from calib_core.fusion.overlap import move_of_pose_change
 from calib_core.graph.keys import inputs_sha256
 from calib_core.records import Session
 from calib_core.simulation import simulate
+from calib_core.stages.merge.calibration import Calibration, moves_of_scan
 from calib_core.stages.merge.record import MergeResult
-from calib_core.stages.merge.solve import CLOUD_FILE, MESH_FILE, _Calibration, _moves
+from calib_core.stages.merge.solve import CLOUD_FILE, MESH_FILE
 from calib_core.stages.pipeline import run
 
 sphere_scans = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("sphere_scans.py"))))
@@ -227,8 +228,8 @@ def test_the_moves_of_a_scan_by_tool_and_table_are_those_of_finite_steps():
     pose = RigidTransform.of(rng.normal(size=3), 500 * rng.normal(size=3), "base", "tool0")
     turn = RigidTransform.of([0, 0, -0.7], [0, 0, 0], "turntable", "turntable")
     point = np.array([5.0, 0.0, 180.0])
-    calibration = _Calibration(Placement(TOOL, TABLE), np.zeros((12, 12)), 0.05, 2e-4, 1e-4)
-    moves, _ = _moves(calibration, turn @ TABLE.inverse(), pose)
+    calibration = Calibration(Placement(TOOL, TABLE), np.zeros((12, 12)), 0.05, 2e-4, 1e-4)
+    moves, _ = moves_of_scan(calibration, turn @ TABLE.inverse(), pose)
 
     def place(change: np.ndarray) -> np.ndarray:
         tool, table = TOOL.perturbed(change[:6]), TABLE.perturbed(change[6:])
