@@ -15,7 +15,7 @@ from calib_core.simulation import simulate
 from calib_core.stages.guide import guide
 from server.cli import main
 
-SEEDS = 16
+SEEDS = 8
 
 
 def off(scenario: str, seed: int) -> tuple[FloatArray, FloatArray, str]:
@@ -111,10 +111,10 @@ def test_the_guide_speaks_of_the_ball_on_the_flange() -> None:
 def test_what_is_not_solved_for_it_is_refused_in_a_sentence_and_told_by_the_check() -> None:
     session, _ = cc.simulate("fixed-scanner", 8)
     captures = [
-        c.model_copy(update={"step": "verify"}) if k > 10 else c for k, c in enumerate(session.record.captures)
+        c.model_copy(update={"step": "recheck"}) if k > 10 else c for k, c in enumerate(session.record.captures)
     ]
     opened = cc.OpenSession(session.record.model_copy(update={"captures": captures}), session.read)
     assert set(opened.run()) == {"tcp"}
     with pytest.raises(cc.CalibrationError, match="not supported yet"):
-        opened.run("verify")
+        opened.run("recheck")
     assert any("not supported yet" in str(finding) for finding in opened.check())

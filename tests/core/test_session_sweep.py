@@ -17,7 +17,7 @@ from calib_core.simulation import SWEEP_SCENARIOS, SweepScenario, simulate
 from calib_core.simulation.sweep_cell import simulate_sweeps
 from calib_core.stages.pipeline import solve_stage
 
-SEEDS = range(3)
+SEEDS = range(2)
 
 
 @cache

@@ -36,7 +36,7 @@ def squared_error(of: Cell, solution: TcpSolution) -> float:
 
 
 @pytest.mark.parametrize(
-    ("figures", "seeds"), [(bench_tcp.accuracy, 10), (bench_tcp.rejection, 6)], ids=["accuracy", "rejection"]
+    ("figures", "seeds"), [(bench_tcp.accuracy, 6), (bench_tcp.rejection, 3)], ids=["accuracy", "rejection"]
 )
 def test_figures_over_many_seeds_hold(figures, seeds: int) -> None:
     rows = figures(range(seeds))
@@ -45,17 +45,16 @@ def test_figures_over_many_seeds_hold(figures, seeds: int) -> None:
 
 
 @pytest.mark.parametrize("scenario", ["tcp-mixed", "tcp-clouds", "tcp-centers", "tcp-stray", "tcp-background"])
-@pytest.mark.parametrize("seed", [1, 2])
-def test_every_kind_of_capture_gives_the_truth_within_its_uncertainty(scenario: str, seed: int) -> None:
+@pytest.mark.parametrize(("seed", "options"), [(1, GIVEN), (2, ESTIMATED)])
+def test_every_kind_of_capture_gives_the_truth_within_its_uncertainty(scenario: str, seed: int, options) -> None:
     of = cell(scenario, seed)
-    for options in (GIVEN, ESTIMATED):
-        solution = of.solve(options)
-        assert squared_error(of, solution) < CHI2_6_RARE
-        off = solution.joint.center_mm - np.array(of.simulated.truth["sphere_center_in_base_mm"])
-        assert squared(off, solution.covariance[6:9, 6:9]) < 21.1  # χ² of 3 at 1e-4
-        sides = of.simulated.truth["sides"]
-        assert {c: int(s) for c, s in zip(solution.captures, solution.sides, strict=True) if s} == sides
-        assert told(solution)[0] != "fail"
+    solution = of.solve(options)
+    assert squared_error(of, solution) < CHI2_6_RARE
+    off = solution.joint.center_mm - np.array(of.simulated.truth["sphere_center_in_base_mm"])
+    assert squared(off, solution.covariance[6:9, 6:9]) < 21.1  # χ² of 3 at 1e-4
+    sides = of.simulated.truth["sides"]
+    assert {c: int(s) for c, s in zip(solution.captures, solution.sides, strict=True) if s} == sides
+    assert told(solution)[0] != "fail"
 
 
 def test_the_stated_uncertainty_is_not_idle() -> None:
