@@ -96,6 +96,24 @@ def test_an_answer_tells_the_arms_errors_one_by_one() -> None:
     assert catalogue("de").say(made) == "Nullstellung von Gelenk 2"
 
 
+def test_poses_taken_again_tell_repeatability_as_iso_9283_words_it() -> None:
+    record = simulate_arm("small", 4, 12).session.model_dump(exclude_none=True, by_alias=True)
+    first, rng = record["captures"][0], np.random.default_rng(3)
+    centers = np.array(first["center_mm"]) + rng.normal(0, 0.05, (5, 3))
+    record["captures"] += [
+        first | {"id": f"again-{n}", "center_mm": c.tolist()} for n, c in enumerate(centers)
+    ]  # fmt: skip
+    result = solved(Session.model_validate(record))
+    (table,) = [block for block in result.evidence or [] if isinstance(block, Table) and block.id == "iso-9283"]
+    (row,) = table.rows
+    assert row.cells[0] == first["id"]
+    assert isinstance(row.cells[1], Quantity)
+    assert row.cells[1].value == 6
+    apart = np.linalg.norm((every := np.vstack([first["center_mm"], centers])) - every.mean(axis=0), axis=1)
+    assert isinstance(row.cells[2], Quantity)
+    assert row.cells[2].value == pytest.approx(apart.mean() + 3 * apart.std(ddof=1), abs=1e-6)
+
+
 def placed(result: TcpResult) -> tuple[np.ndarray, np.ndarray]:
     return np.array(result.base_from_laser), np.array(result.sphere_center_in_tool0_mm)
 

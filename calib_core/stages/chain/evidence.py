@@ -17,6 +17,7 @@ from calib_core.stages.evidence_parts import (
 from calib_core.stages.tcp.arm_found import arm_table
 from calib_core.stages.tcp.evidence import COLUMNS as TCP_COLUMNS
 from calib_core.stages.tcp.evidence import scanner_table, sphere_figures, tool_frame, tool_sigmas
+from calib_core.stages.tcp.pose_repeatability import repeatability_table
 from calib_core.stages.tcp.record import TcpResidual
 from calib_core.stages.turntable.evidence import COLUMNS as TABLE_COLUMNS
 from calib_core.stages.turntable.evidence import (
@@ -52,6 +53,7 @@ def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:
         table_noise(result),
         *scanner_table(result),
         *arm_table(result.arm_model),
+        *repeatability_table(session, result),
         *sphere_figures(result),
         *left_out(result.residuals),
         *residual_table(still, TCP_COLUMNS, "Each capture of the still sphere"),

@@ -29,6 +29,7 @@ from calib_core.stages.evidence_parts import (
     workpiece_table,
 )
 from calib_core.stages.tcp.arm_found import arm_table
+from calib_core.stages.tcp.pose_repeatability import repeatability_table
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.warm_up import drift_blocks
 
@@ -68,6 +69,7 @@ def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:
         noise_table(result.variance_components),
         *scanner_table(result),
         *arm_table(result.arm_model),
+        *repeatability_table(session, result),
         *sphere_figures(result),
         *left_out(result.residuals),
         *residual_table(result.residuals, COLUMNS),
