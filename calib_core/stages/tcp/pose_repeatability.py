@@ -33,15 +33,20 @@ def repeatability_table(session: Session, result: TcpResult | ChainResult) -> li
     rows = [_row(group) for group in groups if len(group) >= _LEAST_CYCLES]
     if not rows:
         return []
-    caption = (
-        "RP: mean and three standard deviations of the distances from their own mean; AP: how far that mean lies "
-        "from where the answer expects it. The scanner's noise is part of both. ISO 9283 asks for five poses, "
-        "30 times each, reached from one side."
-    )
     columns = [Column(label="First capture", align="left"), Column(label="Times")]
     columns += [Column(label="Repeatability RP", unit="mm"), Column(label="Accuracy AP", unit="mm")]
-    title = "Repeatability and accuracy of poses (ISO 9283)"
-    return [Table(id="iso-9283", title=title, detail=True, caption=caption, columns=columns, rows=rows)]
+    return [
+        Table(
+            id="iso-9283",
+            title="Repeatability and accuracy of poses (ISO 9283)",
+            detail=True,
+            caption="RP: mean and three standard deviations of the distances from their own mean; AP: how far "
+            "that mean lies from where the answer expects it. The scanner's noise is part of both. ISO 9283 asks "
+            "for five poses, 30 times each, reached from one side.",
+            columns=columns,
+            rows=rows,
+        )
+    ]
 
 
 def repeatability_mm(places_mm: FloatArray) -> float:
