@@ -97,30 +97,24 @@ def _like_corners(smooth: NDArray[np.float32], v: NDArray[np.int64], u: NDArray[
     return v[good], u[good]
 
 
-def _neighbours(points: FloatArray, hessians: FloatArray) -> list[list[int | None]]:
-    """Return of each corner which follow it along its edges: ahead, to one side, back, to the other side."""
+def _neighbours(points: FloatArray, hessians: FloatArray) -> list[list[int]]:
+    """Return of each corner which follow it along its edges: ahead, to one side, back, to the other; −1: none."""
     from scipy.spatial import KDTree
 
     edges = _edges(hessians)
-    count = min(_NEIGHBOURS + 1, len(points))
-    near = np.asarray(KDTree(points).query(points, k=count)[1])
-    found: list[list[int | None]] = []
-    for here, others in enumerate(near[:, 1:]):
-        steps = points[others] - points[here]
-        lengths = np.hypot(*steps.T)
-        bisector = edges[here, 0] + edges[here, 1]
-        bends = np.einsum("i,nij,j->n", bisector, hessians[others], bisector)
-        alike = np.abs(np.einsum("nki,ji->nkj", edges[others], edges[here]))
-        parallel = np.maximum(
-            np.minimum(alike[:, 0, 0], alike[:, 1, 1]), np.minimum(alike[:, 0, 1], alike[:, 1, 0])
-        ) > np.cos(_SKEW)
-        good = parallel & (bends * float(bisector @ hessians[here] @ bisector) < 0)
-        own: list[int | None] = []
-        for direction in (edges[here, 0], edges[here, 1], -edges[here, 0], -edges[here, 1]):
-            fits = np.flatnonzero(good & (steps @ direction > np.cos(_ASIDE) * lengths))
-            own.append(int(others[fits[0]]) if len(fits) else None)
-        found.append(own)
-    return found
+    near = np.asarray(KDTree(points).query(points, k=min(_NEIGHBOURS + 1, len(points)))[1])[:, 1:]
+    steps = points[near] - points[:, None]
+    bisectors = edges.sum(axis=1)
+    own = np.einsum("ni,nij,nj->n", bisectors, hessians, bisectors)
+    bends = np.einsum("ni,nkij,nj->nk", bisectors, hessians[near], bisectors)
+    alike = np.abs(np.einsum("nkai,nbi->nkab", edges[near], edges))
+    straight = np.minimum(alike[..., 0, 0], alike[..., 1, 1])
+    exchanged = np.minimum(alike[..., 0, 1], alike[..., 1, 0])
+    good = (np.maximum(straight, exchanged) > np.cos(_SKEW)) & (bends * own[:, None] < 0)
+    along = np.einsum("nki,ndi->ndk", steps, np.concatenate([edges, -edges], axis=1))
+    fits = good[:, None] & (along > np.cos(_ASIDE) * np.linalg.norm(steps, axis=2)[:, None])
+    first = np.take_along_axis(near, fits.argmax(axis=2), axis=1)
+    return np.where(fits.any(axis=2), first, -1).tolist()
 
 
 def _edges(hessians: FloatArray) -> FloatArray:
@@ -135,7 +129,7 @@ def _edges(hessians: FloatArray) -> FloatArray:
     return np.stack([np.cos(angles), np.sin(angles)], axis=2)
 
 
-def _joined(points: FloatArray, neighbours: list[list[int | None]]) -> list[FloatArray]:
+def _joined(points: FloatArray, neighbours: list[list[int]]) -> list[FloatArray]:
     """Return the sets of corners that follow each other, in their rows and columns, the largest first."""
     free, sets = set(range(len(points))), list[dict[tuple[int, int], int]]()
     for start in range(len(points)):
@@ -155,14 +149,14 @@ def _joined(points: FloatArray, neighbours: list[list[int | None]]) -> list[Floa
     return grids
 
 
-def _connected(start: int, neighbours: list[list[int | None]]) -> dict[tuple[int, int], int]:
+def _connected(start: int, neighbours: list[list[int]]) -> dict[tuple[int, int], int]:
     """Return the corners that a first one leads to, by row and column; only who name each other are neighbours."""
     places, turned = {(0, 0): start}, {start: 0}
     waiting = deque([((0, 0), start)])
     while waiting:
         (row, column), here = waiting.popleft()
         for side, other in enumerate(neighbours[here]):
-            if other is None or other in turned or here not in neighbours[other]:
+            if other < 0 or other in turned or here not in neighbours[other]:
                 continue
             # The other one's own first edge may point another way: it sees this one at its back.
             turn = (side + 2 - neighbours[other].index(here) + turned[here]) % 4
