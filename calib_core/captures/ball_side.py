@@ -5,6 +5,7 @@ from typing import Literal
 import numpy as np
 
 from calib_core.captures.observe import see_sphere
+from calib_core.cell.carriers import scanner_told
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
@@ -18,12 +19,11 @@ _CLEAR = 0.2  # of the radius: how far before its centre the middle of the seen 
 def side_of_ball(session: Session, read: ReadFile) -> Literal[1, -1] | None:
     """Return 1 where captures of the ball show z growing away from the scanner, −1 where toward it.
 
-    None where there are none, where they do not agree, or where `scanner.z_axis` was told.
+    None where there are none, where they do not agree, or where `z_axis` was told of every scanner.
     """
     steps = steps_that_show("sphere", "sphere-on-table")
-    captures = [c for c in session.captures if c.step in steps and c.kind != "center" and not c.excluded]
-    if session.cell.scanner.z_axis is not None:
-        return None
+    every = [c for c in session.captures if c.step in steps and c.kind != "center" and not c.excluded]
+    captures = [c for c in every if scanner_told(session.cell, c).z_axis is None]
     sides: list[int] = []
     for capture in captures[:_MOST_READ]:
         try:

@@ -7,9 +7,10 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from calib_core.captures.content import pose_of, read_as
+from calib_core.captures.placement import Placement
 from calib_core.captures.stripe_frames import read_profile_frame
 from calib_core.captures.sweep import IMAGES, read_sweep, sweep_poses
-from calib_core.cell.carriers import ball_on_flange
+from calib_core.cell.carriers import scanner_told, stands_still
 from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
 from calib_core.formats.shared.writing import FAR_MM
@@ -23,45 +24,6 @@ DEFAULT_SIGMA_MM = 0.02
 """Of a cloud without a grid, whose own noise is not estimated."""
 
 _SOME = 1000
-
-
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """The calibration that brings scans into one frame.
-
-    Parameters
-    ----------
-    mount_from_laser : RigidTransform
-    base_from_turntable : RigidTransform or None
-        None: no table, scans are merged in base.
-    direction : int
-        The table's sense of turning.
-    scale : float
-        How far the table turns for each unit that its encoder reads.
-    origin_mm : tuple of 3
-        Without a table, where in base the scans' frame has its zero: near the part, for single precision.
-    """
-
-    mount_from_laser: RigidTransform
-    base_from_turntable: RigidTransform | None
-    direction: int = 1
-    scale: float = 1.0
-    origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def turntable_from_base(self, capture: Capture) -> RigidTransform:
-        """Return the way from base into T at the table's angle, the identity without one; raises InputError."""
-        if self.base_from_turntable is None:
-            return RigidTransform.of([0.0, 0.0, 0.0], np.negative(self.origin_mm), "turntable", "base")
-        if capture.table_deg is None:
-            raise InputError(
-                "the table's angle in the scan's field 'table_deg'",
-                "none",
-                "Read it from the table and add it; 0 where the table was not turned.",
-                capture.id,
-            )
-        angle = self.direction * self.scale * float(np.deg2rad(capture.table_deg))
-        back = RigidTransform.of([0.0, 0.0, -angle], [0.0, 0.0, 0.0], "turntable", "turntable")
-        return back @ self.base_from_turntable.inverse()
 
 
 @dataclass(frozen=True)
@@ -116,11 +78,16 @@ def scan_groups(captures: Sequence[Capture]) -> list[ScanGroup]:
     for capture in captures:
         last = groups[-1][-1] if groups else None
         single = capture.kind in ("profile", "frame")
-        if last is not None and single and last.kind == capture.kind and last.table_deg == capture.table_deg:
+        if last is not None and single and _alike(last) == _alike(capture):
             groups[-1].append(capture)
         else:
             groups.append([capture])
     return [ScanGroup(tuple(group)) for group in groups]
+
+
+def _alike(capture: Capture) -> tuple[object, ...]:
+    """Return what profiles of one scan have in common: their kind, their scanner, and how they are turned."""
+    return capture.kind, capture.scanner, capture.table_deg, capture.axes_deg
 
 
 def read_scan(session: Session, group: ScanGroup, placement: Placement, read: ReadFile) -> Scan:
@@ -140,11 +107,8 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
     else:
         poses, captures, points = _profiles(session, group, read)
         near, organised = RigidTransform.identity("laser", "laser"), len(points) >= 3
-    ways = [
-        placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser @ near
-        for capture, pose in zip(captures, poses, strict=True)
-    ]
-    scanner = session.cell.scanner
+    ways = [placement.way(capture, pose) @ near for capture, pose in zip(captures, poses, strict=True)]
+    scanner = scanner_told(session.cell, first)
     sigma_mm = scanner.point_sigma_mm or (_noise_mm(points) if organised else DEFAULT_SIGMA_MM)
     looks = None if scanner.z_axis is None else -1 if scanner.z_axis == "toward" else 1
     return Scan(group.name, points, stack_matrices(ways), sigma_mm, organised=organised, looks_along_z=looks)
@@ -153,9 +117,8 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
 def poses_of(session: Session, group: ScanGroup) -> list[tuple[Capture, RigidTransform]]:
     """Return each profile's capture and where what carries the scanner is in base, one for a cloud."""
     pairs: list[tuple[Capture, RigidTransform]] = []
-    still = ball_on_flange(session.cell)
     for capture in group.captures:
-        if still:  # wherever the robot is
+        if stands_still(session.cell, capture):
             count = len(capture.files) if capture.kind == "sweep" else 1
             pairs += [(capture, RigidTransform.identity("base", "base"))] * count
         elif capture.kind == "sweep":

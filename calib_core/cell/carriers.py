@@ -64,6 +64,11 @@ def scanner_name(cell: Cell, capture: Capture) -> str:
     return (capture.scanner or next(iter(cell.scanners or ()), "")) if len(cell.scanners or {}) > 1 else ""
 
 
+def stands_still(cell: Cell, capture: Capture) -> bool:
+    """Return whether the scanner that took a capture stands still, wherever the robot is."""
+    return scanner_mount(cell, capture.scanner) == "base"
+
+
 def carriers_of(cell: Cell, capture: Capture) -> Carriers:
     """Return what carries scanner and ball in a capture; a turntable stands in base."""
     mount = scanner_mount(cell, capture.scanner)

@@ -1,7 +1,7 @@
 """The merged cloud of a session, or its scans where none is stored, as thin as a browser bears."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 import numpy as np
@@ -16,7 +16,8 @@ from calib_core.stages.merge.record import MergeResult
 from calib_core.steps import table_stages, tool_stages
 
 if TYPE_CHECKING:
-    from calib_core.captures.scans import Placement, ScanGroup
+    from calib_core.captures.placement import Placement
+    from calib_core.captures.scans import ScanGroup
 
 MAX_SCAN_POINTS = 500_000
 """At most this many points of cloud or scans are sent as a whole; with captures and details it stays below 1M."""
@@ -109,25 +110,27 @@ def merged_scans(
 
     Scans stand where the calibration puts them: nothing is registered here. Each is read once if `known` is kept.
     """
-    from calib_core.captures.scans import Placement, scan_groups
+    from calib_core.captures.placement import placement_of
+    from calib_core.captures.scans import scan_groups
 
-    tool = scanner_on_flange(session, results)
-    if tool is None:
-        return None
     scans = [c for c in session.captures if c.step == "scan" and not c.excluded]
-    table, most = _table(session, results), MAX_WAITING_POINTS
-    if not any(scan.table_deg is not None for scan in scans):
-        table = None
+    stages = dict.fromkeys((*tool_stages(), *table_stages()))
+    solved = [results[stage].model_dump(by_alias=True) for stage in stages if stage in results]
+    placement, most = placement_of(session.cell, scans, solved), MAX_WAITING_POINTS
+    if placement is None:
+        return None
+    turned = any(scan.table_deg is not None for scan in scans) or bool(placement.axes)
     merge = results.get("merge")
     if isinstance(merge, MergeResult):
         used = {row.capture for row in merge.residuals if row.used}
         scans, most = [scan for scan in scans if scan.id in used], MAX_SCAN_POINTS
-        table = table if merge.frame == "turntable" else None
+        turned = merge.frame == "turntable"
+    if not turned:
+        placement = replace(placement, base_from_turntable=None)
     groups = scan_groups(scans)
-    placement = Placement(tool, *table) if table else Placement(tool, None)
     known = {} if known is None else known
     waiting = not isinstance(merge, MergeResult)
-    basis = (tool.to_rows(), None if table is None else (table[0].to_rows(), table[1:]), waiting)
+    basis = (placement.told, waiting)
     placed: dict[str, np.ndarray] = {}
     measured = 0
     for group in groups:
@@ -143,7 +146,7 @@ def merged_scans(
     if not measured:
         return None
     numbers = np.repeat(np.arange(len(placed)), [len(cloud) for cloud in placed.values()])
-    frame = "base" if table is None else "turntable"
+    frame = "base" if placement.base_from_turntable is None else "turntable"
     points = np.concatenate(list(placed.values()))
     return MergedScans(points, numbers, tuple(placed), frame, measured, waiting=waiting)
 
@@ -177,14 +180,6 @@ def scanner_on_flange(session: Session, results: Mapping[str, Result]) -> RigidT
             return found if on_flange(found) else None
     known = known_scanner(session.cell)
     return known if known is not None and on_flange(known) else None
-
-
-def _table(session: Session, results: Mapping[str, Result]) -> tuple[RigidTransform, int, float] | None:
-    """Return the table's frame, its sense of turning and its scale."""
-    from server.scenes.turntable import table_facts
-
-    table = table_facts(session, results)
-    return None if table is None else (table.base_from_turntable, 1 if table.turns > 0 else -1, abs(table.turns))
 
 
 def _placed(points_in_laser: NDArray[np.float32], ways: FloatArray) -> FloatArray:

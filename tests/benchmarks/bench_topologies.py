@@ -1,9 +1,14 @@
 """Cells of other topologies: how far what is found is from the truth, in what is stated."""
 
+import hypothesis as hy
 import numpy as np
 from harness import Row
 
 import calib_core as cc
+from calib_core.library.opened import in_memory
+from calib_core.simulation import TopologyScenario
+from calib_core.simulation.topology_cell import simulate_topology
+from tests.topologies import topologies
 from tests.topology_errors import distances
 
 _CHI2_95 = {2: 5.99, 6: 12.59}
@@ -20,7 +25,40 @@ _SCENARIOS = {
 
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes as many cells as the figures ask for."""
-    return [row for name, counts in _SCENARIOS.items() for row in _rows(name, counts[0 if full else 1])]
+    rows = [row for name, counts in _SCENARIOS.items() for row in _rows(name, counts[0 if full else 1])]
+    return [*rows, _drawn(50 if full else 4)]
+
+
+def _drawn(count: int) -> Row:
+    """Return how many drawn topologies are solved within 3 × what is stated, or say what is undetermined."""
+    told: list[str] = []
+
+    @hy.settings(
+        max_examples=count, deadline=None, database=None, suppress_health_check=[*hy.HealthCheck], print_blob=False
+    )
+    @hy.seed(1)
+    @hy.given(topologies())
+    def solve(scenario: TopologyScenario) -> None:
+        told.append(_solved(scenario, len(told) + 1))
+
+    solve()
+    counted = ", ".join(f"{told.count(what)} {what}" for what in dict.fromkeys(told))
+    wrong = sum(what.startswith("wrong") for what in told)
+    return Row("drawn topologies", "each within 3 × its ± or named", f"{counted} of {len(told)}", wrong == 0)
+
+
+def _solved(scenario: TopologyScenario, number: int) -> str:
+    session, files, truth = simulate_topology(scenario, "drawn", number)
+    try:
+        results = in_memory(session, files).run()
+    except cc.CalibrationError:
+        return "named by an error"
+    last = results["chain" if "chain" in results else "tcp"]
+    if last.verdict == "fail":
+        return "named by findings"
+    three = {2: 9.0 * _CHI2_95[2] / 4, 6: 9.0 * _CHI2_95[6] / 4}
+    far = [name for name, squared, many, _ in distances(last, truth) if squared > three[many]]
+    return "wrong, with no word of it" if far else "solved"
 
 
 def _rows(scenario: str, cells: int) -> list[Row]:

@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from calib_core.captures.scans import Placement, read_scan, scan_groups
+from calib_core.captures.placement import Placement
+from calib_core.captures.scans import read_scan, scan_groups
 from calib_core.errors import MeasurementError
 from calib_core.frames import RigidTransform
 from calib_core.records import Session

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from calib_core.archive.stored_clouds import read_stored_ply
-from calib_core.captures.scans import Placement, read_scan, scan_groups
+from calib_core.captures.placement import Placement
+from calib_core.captures.scans import read_scan, scan_groups
 from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.points import parse_cloud
 from calib_core.formats.shared.writing import write_pieces
 from calib_core.frames import RigidTransform
 from calib_core.fusion.overlap import move_of_pose_change
 from calib_core.graph.keys import inputs_sha256
-from calib_core.records import Session
+from calib_core.records import Capture, Session
 from calib_core.simulation import simulate
 from calib_core.stages.merge.calibration import Calibration, moves_of_scan
 from calib_core.stages.merge.record import MergeResult
@@ -229,7 +230,8 @@ def test_the_moves_of_a_scan_by_tool_and_table_are_those_of_finite_steps():
     turn = RigidTransform.of([0, 0, -0.7], [0, 0, 0], "turntable", "turntable")
     point = np.array([5.0, 0.0, 180.0])
     calibration = Calibration(Placement(TOOL, TABLE), np.zeros((12, 12)), 0.05, 2e-4, 1e-4)
-    moves, _ = moves_of_scan(calibration, turn @ TABLE.inverse(), pose)
+    capture = Capture(id="s", step="scan", kind="cloud", files=["captures/s.ply"])
+    moves, _ = moves_of_scan(calibration, capture, turn @ TABLE.inverse(), pose)
 
     def place(change: np.ndarray) -> np.ndarray:
         tool, table = TOOL.perturbed(change[:6]), TABLE.perturbed(change[6:])

@@ -5,15 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.captures.scans import Placement, ScanGroup, poses_of
+from calib_core.captures.placement import Placement, placement_of
+from calib_core.captures.scans import ScanGroup, poses_of
 from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange
 from calib_core.errors import InputError
 from calib_core.findings.codes import merge as codes
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.self_calibration import SelfCalibration
 from calib_core.graph.stage_input import StageInput
-from calib_core.records import Cell, Finding, VarianceComponents
+from calib_core.records import Capture, Cell, Finding, VarianceComponents
 from calib_core.records.results import ArmModelFound
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.merge.record import SharedShift
@@ -23,10 +24,15 @@ from calib_core.stages.turntable.record import TurntableResult
 CALIBRATION_SHARE = 0.2
 """Of a merge's progress."""
 
+_STEPS = (1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2)  # rad and mm, of derivatives
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Where scans belong, the covariance (12, 12) of tool and table, the scatters of robot and table, the arm."""
+    """Where scans belong, how well that is known, the scatters of robot and table, the arm.
+
+    The covariance is of tool and table, then of `others`, scanners by their names, and of the cell's named axes.
+    """
 
     placement: Placement
     covariance: FloatArray
@@ -36,6 +42,7 @@ class Calibration:
     by: str = "known"
     findings: tuple[Finding, ...] = ()
     arm: ArmModelFound | None = None
+    others: tuple[str, ...] = ()
 
     @property
     def tells_scatter(self) -> bool:
@@ -61,18 +68,18 @@ def calibration_of_session(given: StageInput, with_table: bool) -> Calibration:
 
     stage = ("turntable" if scanner else "chain") if table_to_solve else "tcp"
     if not table_to_solve and scanner is not None:
-        return _calibration_of(given.session.cell, None)
+        return _calibration_of(given.session.cell, given.captures, None)
     if not table_to_solve and "tcp" not in steps:
         raise no_scanner("the scanner's pose on the flange")
     result = given.solve_other(stage, tell)
     assert isinstance(result, TcpResult | TurntableResult | ChainResult)
-    return _calibration_of(given.session.cell, result)
+    return _calibration_of(given.session.cell, given.captures, result)
 
 
-def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResult | None) -> Calibration:
+def _calibration_of(
+    cell: Cell, captures: Sequence[Capture], result: TcpResult | TurntableResult | ChainResult | None
+) -> Calibration:
     """Return the calibration out of what the user brings and what was solved."""
-    tool = result.mount_from_laser if result else known_scanner(cell)
-    table, direction, scale = cell.known.base_from_turntable, cell.turntable.direction or 1, 1.0
     covariance = np.zeros((12, 12))
     scatter = (cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0)
     angle_deg = cell.turntable.angle_sigma_deg or 0.0
@@ -84,8 +91,7 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
             findings.append(codes.CALIBRATION_FAILED(stage=result.stage))
     used = as_used(result.model_dump()) if result is not None else {}
     if isinstance(result, TurntableResult | ChainResult):
-        table, direction, angle_deg = used["base_from_turntable"], result.direction, result.angle_sigma_deg
-        scale += result.encoder_scale.error if result.encoder_scale.applied else 0.0
+        angle_deg = result.angle_sigma_deg
         # The turntable's covariance holds the tool's share where there is no joint one.
         covariance[6:, 6:] = used.get("turntable_covariance", used["covariance"])
     if isinstance(result, TcpResult | ChainResult):
@@ -93,14 +99,21 @@ def _calibration_of(cell: Cell, result: TcpResult | TurntableResult | ChainResul
     if isinstance(result, ChainResult):
         covariance[:6, 6:] = used["cross_covariance"]
         covariance[6:, :6] = np.transpose(used["cross_covariance"])
-    base_from_turntable = None if table is None else RigidTransform.from_rounded(table, "base", "turntable")
-    assert tool is not None, "the caller has seen to it"
-    placement = Placement(tool, base_from_turntable, direction, scale)
+    placement = placement_of(cell, captures, [] if result is None else [result.model_dump(by_alias=True)])
+    assert placement is not None, "the caller has seen to it"
+    told = [] if result is None else result.frames
+    frames = {one.scanner: one.covariance for one in told if one.outof == "laser"}
+    others = tuple(name for name in placement.mounts if placement.mounts[name] is not placement.first)
+    blocks = [frames.get(name) for name in others] + [axis.covariance for axis in placement.axes]
+    if placement.axes:  # each counts by itself
+        covariance[6:] = covariance[:, 6:] = 0.0
+    for block in blocks:
+        covariance = np.pad(covariance, (0, 6))
+        covariance[-6:, -6:] = 0.0 if block is None else block
     by: str = "known" if result is None else result.stage
-    if not on_flange(tool):  # no robot moves it
-        scatter = (0.0, 0.0)
     arm = getattr(result, "arm_model", None)
-    return Calibration(placement, covariance, *scatter, float(np.deg2rad(angle_deg)), by, tuple(findings), arm)
+    angle_rad = float(np.deg2rad(angle_deg))
+    return Calibration(placement, covariance, *scatter, angle_rad, by, tuple(findings), arm, others)
 
 
 def pose_errors(given: StageInput, groups: Sequence[ScanGroup], calibration: Calibration) -> PoseErrors:
@@ -115,14 +128,14 @@ def pose_errors(given: StageInput, groups: Sequence[ScanGroup], calibration: Cal
         pairs = poses_of(given.session, group)
         capture, pose = pairs[len(pairs) // 2]
         turntable_from_base = calibration.placement.turntable_from_base(capture)
-        moves, mine = moves_of_scan(calibration, turntable_from_base, pose)
+        moves, mine = moves_of_scan(calibration, capture, turntable_from_base, pose)
         common.append(moves @ root)
         own.append(mine)
     return PoseErrors(np.array(common), np.array(own))
 
 
 def _root(calibration: Calibration) -> FloatArray:
-    """Return the changes (12, 12) of tool and table by one sigma of independent errors, in columns."""
+    """Return the changes of all that was calibrated by one sigma of independent errors, in columns."""
     values, vectors = np.linalg.eigh(calibration.covariance)
     return vectors * np.sqrt(np.maximum(values, 0))
 
@@ -134,27 +147,41 @@ def shared_shift(calibration: Calibration, found: SelfCalibration | None) -> Sha
     root = _root(calibration)
     return SharedShift(
         directions=found.directions,
-        shift=(root @ found.shift).tolist(),
-        covariance=(root @ found.covariance @ root.T).tolist(),
+        shift=(root @ found.shift)[:12].tolist(),
+        covariance=(root @ found.covariance @ root.T)[:12, :12].tolist(),
     )
 
 
 def moves_of_scan(
-    calibration: Calibration, turntable_from_base: RigidTransform, base_from_tool0: RigidTransform
+    calibration: Calibration,
+    capture: Capture,
+    turntable_from_base: RigidTransform,
+    base_from_carrier: RigidTransform,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the moves (6, 12) of a scan by tool and table, and the covariance (6, 6) of those of its own."""
-    placement = calibration.placement
-    turntable_from_tool0 = turntable_from_base @ base_from_tool0
-    moves = np.zeros((6, 12))
-    moves[:, :6] = _by_pose(turntable_from_tool0.rotation, turntable_from_tool0 @ placement.mount_from_laser)
-    if placement.base_from_turntable is not None:
+    """Return the moves (6, n) of a scan by what was calibrated, and the covariance (6, 6) of those of its own."""
+    placement, mount = calibration.placement, calibration.placement.mount(capture)
+    carried = placement.carried(capture, base_from_carrier)
+    turntable_from_carrier = turntable_from_base @ carried
+    moves = np.zeros((6, len(calibration.covariance)))
+    others = 12 + 6 * len(calibration.others)
+    first = next((12 + 6 * n for n, name in enumerate(calibration.others) if name == capture.scanner), 0)
+    moves[:, first : first + 6] = _by_pose(turntable_from_carrier.rotation, turntable_from_carrier @ mount)
+    if placement.base_from_turntable is not None and not placement.axes:
         # B·exp(r), t + δ: a point of T moves by −r × p − Bᵀδ, seen at the table's angle.
         turned = turntable_from_base.rotation @ placement.base_from_turntable.rotation
         moves[:3, 6:9] = -turned
-        moves[3:, 9:] = -turntable_from_base.rotation
-    sigmas = np.repeat([calibration.orientation_sigma_rad, calibration.position_sigma_mm], 3)
-    robot = _by_pose(turntable_from_base.rotation, turntable_from_tool0) * sigmas
-    own = robot @ robot.T
+        moves[3:, 9:12] = -turntable_from_base.rotation
+    for a in range(len(placement.axes)):
+        back = placement.way(capture, base_from_carrier).inverse()
+        for n, step in enumerate(np.diag(_STEPS)):
+            moved = placement.with_axis_moved(a, step).way(capture, base_from_carrier) @ back
+            twist = [*vector_from_rotation(moved.rotation), *moved.translation_mm]
+            moves[:, others + 6 * a + n] = np.divide(twist, _STEPS[n])
+    own = np.zeros((6, 6))
+    if on_flange(mount):
+        sigmas = np.repeat([calibration.orientation_sigma_rad, calibration.position_sigma_mm], 3)
+        robot = _by_pose(turntable_from_carrier.rotation @ base_from_carrier.rotation.T, turntable_from_carrier)
+        own = (robot * sigmas) @ (robot * sigmas).T
     own[2, 2] += calibration.angle_sigma_rad**2 if placement.base_from_turntable is not None else 0.0
     return moves, own
 

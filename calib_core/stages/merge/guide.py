@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.captures.scans import Placement, ScanGroup, poses_of, scan_groups
-from calib_core.cell.found import known_scanner, placed_scanner
+from calib_core.captures.placement import Placement, placement_of
+from calib_core.captures.scans import ScanGroup, poses_of, scan_groups
+from calib_core.cell.carriers import scanner_told
 from calib_core.errors import InputError
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray
 from calib_core.messages import message, sentences
 from calib_core.records import GuideNow, Session
 from calib_core.stages.guide import GuideView
@@ -77,30 +78,19 @@ def guide(view: GuideView) -> GuideNow | None:
 
 def _placement(session: Session, data: Mapping[str, Mapping[str, Any]]) -> Placement | None:
     """Return tool and table as they were solved last, or as the user brought them; None without a tool."""
-    known = session.cell.known
     solved = [data[stage] for stage in ("chain", "turntable", "tcp") if stage in data]
-    tool = next(filter(None, map(placed_scanner, solved)), known_scanner(session.cell))
-    table = next((r for r in solved if "base_from_turntable" in r), None)
-    matrix = known.base_from_turntable if table is None else table["base_from_turntable"]
-    if tool is None:
-        return None
-    direction = (session.cell.turntable.direction or 1) if table is None else table["direction"]
-    return Placement(
-        tool,
-        None if matrix is None else RigidTransform.from_rounded(matrix, "base", "turntable"),
-        direction,
-    )
+    return placement_of(session.cell, [one for one in session.captures if one.step == "scan"], solved)
 
 
 def _views(session: Session, groups: Sequence[ScanGroup], placement: Placement) -> _Views:
     """Return from where each scan looked; raises InputError where a pose or a table angle is of no use."""
-    out = 1.0 if session.cell.scanner.z_axis == "toward" else -1.0
     toward: list[FloatArray] = []
     read_deg: list[float] = []
     for group in groups:
         pairs = poses_of(session, group)
         capture, pose = pairs[len(pairs) // 2]
-        way = placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser
+        way = placement.way(capture, pose)
+        out = 1.0 if scanner_told(session.cell, capture).z_axis == "toward" else -1.0
         toward.append(way.rotate([0.0, 0.0, out]))
         read_deg.append(capture.table_deg or 0.0)
     x, y, z = np.array(toward).T

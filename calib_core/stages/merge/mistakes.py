@@ -7,7 +7,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.captures.scans import Placement, ScanGroup, SessionScans, poses_of
+from calib_core.captures.placement import Placement
+from calib_core.captures.scans import ScanGroup, SessionScans, poses_of
 from calib_core.causes.readings import Reading, changes_of, readings
 from calib_core.errors import CalibrationError
 from calib_core.findings.codes import merge as codes
@@ -123,7 +124,7 @@ class Mistakes:
 
     def _way(self, name: str) -> FloatArray:
         capture, pose = self._middle(name)
-        return (self._placement.turntable_from_base(capture) @ pose @ self._placement.mount_from_laser).matrix
+        return self._placement.way(capture, pose).matrix
 
     def _middle(self, name: str) -> tuple[Capture, RigidTransform]:
         pairs = poses_of(self._session, self._groups[name])
@@ -209,8 +210,7 @@ class Mistakes:
             except CalibrationError:
                 continue
             anew = [
-                (self._placement.turntable_from_base(capture) @ pose @ self._placement.mount_from_laser).matrix
-                for capture, pose in zip(captures, poses, strict=True)
+                self._placement.way(capture, pose).matrix for capture, pose in zip(captures, poses, strict=True)
             ]
             moves = np.array([new @ np.linalg.inv(old) for new, old in zip(anew, where, strict=True)])
             if np.abs(moves[:, :3, 3]).max() > 1e5:

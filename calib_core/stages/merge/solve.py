@@ -13,7 +13,8 @@ from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, SCAN_COLUMN
 from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
-from calib_core.captures.scans import Placement, ScanGroup, SessionScans, local_origin_mm, poses_of, scan_groups
+from calib_core.captures.placement import Placement
+from calib_core.captures.scans import ScanGroup, SessionScans, local_origin_mm, poses_of, scan_groups
 from calib_core.cell.found import told_by
 from calib_core.errors import InputError
 from calib_core.findings import judgement, reasons_of
@@ -303,7 +304,7 @@ def _place(given: StageInput, plan: MergePlan, solution: MergeSolution, group: S
     """Return where the scanner stood in the middle of a scan, as rows of a 4×4 into the stored cloud's frame."""
     placement, pairs = plan.calibration.placement, poses_of(given.session, group)
     capture, pose = pairs[len(pairs) // 2]
-    place = (placement.turntable_from_base(capture) @ pose @ placement.mount_from_laser).matrix.copy()
+    place = placement.way(capture, pose).matrix.copy()
     moved = solution.registration or solution.self_calibration
     if moved is not None:
         place = moved.turntable_from_scan[solution.used.index(group.name)] @ place

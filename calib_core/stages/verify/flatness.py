@@ -7,7 +7,8 @@ import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.captures.contradictions import EXCLUDED, unfit
-from calib_core.captures.scans import Placement, ScanGroup, read_scan
+from calib_core.captures.placement import Placement
+from calib_core.captures.scans import ScanGroup, read_scan
 from calib_core.captures.sweep import sweep_poses
 from calib_core.cell.carriers import carriers_of
 from calib_core.errors import MeasurementError
