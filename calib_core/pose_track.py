@@ -59,7 +59,7 @@ def interpolate_poses(
         raise InputError(
             "finite times, each pose of the track at its own",
             "NaN or a time that stands twice",
-            "Correct them.",
+            "Correct it.",
             where,
         )
     outside = (wanted < at[0] - _SLACK_S) | (wanted > at[-1] + _SLACK_S)

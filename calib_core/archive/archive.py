@@ -294,7 +294,7 @@ def _reader(bag: Bag) -> ReadFile:
         plain = plain_name(name)
         place = f"{bag.where}: {name}"
         if plain not in there:
-            raise InputError("a file of the session", "none by this name", "Pack the session again.", place)
+            raise InputError("a file of the session", "none", "Pack the session again.", place)
         require_file_size(bag.size(plain), place)
         return bag.read(plain)
 
@@ -316,7 +316,7 @@ def _json_object(bag: Bag, name: str) -> dict[str, Any]:
     where = f"{bag.where}: {name}"
     if name not in bag.payload:
         raise InputError(
-            "an archive of a session, with data/{name}", "none", "Name another archive.", bag.where, name=name
+            "an archive of a session, with data/{name}", "none", "Name another.", bag.where, name=name
         )
     require_file_size(bag.size(name), where, MAX_SESSION_BYTES)
     data = parse_json(bag.read(name), where)
@@ -374,4 +374,4 @@ def _write_all(bag: Bag, folder: Path) -> None:
 
 def _no_place(error: OSError, path: Path) -> InputError:
     got = (error.strerror or type(error).__name__).lower()
-    return InputError("a place to write to", got, "Make room, or name a folder that may be written.", str(path))
+    return InputError("a place to write to", got, "Make room there, or name another folder.", str(path))

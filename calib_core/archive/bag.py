@@ -227,7 +227,7 @@ def _read(source: IO[bytes]) -> bytes:
 
 def _unreadable(place: str, error: OSError) -> InputError:
     got = (error.strerror or type(error).__name__).lower()
-    return InputError("a file that can be read", got, "Check its rights and the disk.", place)
+    return InputError("a file that can be read", got, "Check its permissions and the disk.", place)
 
 
 def _manifest_text(digests: Mapping[str, str]) -> bytes:
@@ -295,7 +295,7 @@ def _lines(files: ZipFiles, name: str) -> list[str]:
             message("at most {max_tag_bytes} bytes of a tag file", max_tag_bytes=_MAX_TAG_BYTES),
             f"{files.size(name)}",
         )
-        raise TooLargeError(need, got, "Split the session.", f"{files.where}: {name}")
+        raise TooLargeError(need, got, "Split it.", f"{files.where}: {name}")
     try:
         text = files.read(name).decode("utf-8-sig")
     except UnicodeDecodeError as error:

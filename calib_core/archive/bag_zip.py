@@ -16,7 +16,7 @@ from calib_core.messages import message
 
 CHUNK_BYTES = 1 << 20
 
-_COPY_AGAIN = message("Copy the archive again from where it was made.")
+_COPY_AGAIN = message("Copy it again.")
 _PACK_AGAIN = message("Make it with `scancell archive pack`, and import nothing that you did not expect to be so.")
 _END, _END_64, _LOCATOR_64 = b"PK\5\6", b"PK\6\6", b"PK\6\7"
 _END_BYTES, _LOCATOR_64_BYTES, _END_64_BYTES = 22, 20, 56
@@ -135,7 +135,9 @@ def _opened(source: Path | IO[bytes], where: str) -> Generator[IO[bytes]]:
         file = source.open("rb")
     except OSError as error:
         got = (error.strerror or type(error).__name__).lower()
-        raise InputError("an archive that can be read", got, "Check its rights and the disk.", where) from None
+        raise InputError(
+            "an archive that can be read", got, "Check its permissions and the disk.", where
+        ) from None
     with file:
         yield file
 

@@ -52,7 +52,7 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     """
     folder = folder_of(path)
     file = folder / SESSION_FILE
-    data = parse_json(read_bytes(file, message("Write the session's record there."), MAX_SESSION_BYTES), str(file))
+    data = parse_json(read_bytes(file, message("Write the session's record."), MAX_SESSION_BYTES), str(file))
     if not isinstance(data, dict):
         raise InputError(
             "a JSON object {…}", "a {name}", "Write the session's record.", str(file), name=type(data).__name__
@@ -103,7 +103,7 @@ def folder_of(path: Path) -> Path:
     need = message("a session folder with {session_file} in it", session_file=SESSION_FILE)
     if path.suffix.lower() == ".zip" and path.is_file():
         raise InputError(need, "an archive", "Unpack it, and name the session folder inside.", str(path))
-    got = message("another file") if path.exists() else message("nothing there")
+    got = message("something else") if path.exists() else message("nothing there")
     raise InputError(need, got, "Name the session's folder.", str(path))
 
 
@@ -117,7 +117,7 @@ def parse_json(data: bytes, where: str) -> Any:
             "JSON (UTF-8 text)", "a byte that is no text at {start}", to_do, where, start=error.start
         ) from None
     if not text.strip():
-        raise InputError("JSON", "an empty file", "Copy or save it again.", where)
+        raise InputError("JSON", "an empty file", "Copy it again.", where)
     try:
         return json.loads(text, object_pairs_hook=told_once)
     except InputError as error:
@@ -125,7 +125,7 @@ def parse_json(data: bytes, where: str) -> Any:
     except json.JSONDecodeError as error:
         if error.pos >= len(text.rstrip()):
             got = message("a text that ends too early, in line {lineno}", lineno=error.lineno)
-            raise InputError("JSON", got, "The file was cut off: copy it again.", where) from None
+            raise InputError("JSON", got, "Copy it again.", where) from None
         got = message(
             "something else in line {lineno}, column {colno} ({msg})",
             lineno=error.lineno,
@@ -134,7 +134,7 @@ def parse_json(data: bytes, where: str) -> Any:
         )
         raise InputError("JSON", got, to_do, where) from None
     except (RecursionError, ValueError):  # nested too deeply, or integers of thousands of digits
-        raise InputError("JSON of ordinary depth and numbers", "something beyond", to_do, where) from None
+        raise InputError("JSON of ordinary depth and numbers", "something else", to_do, where) from None
 
 
 def save_session(folder: Path, session: Session, files: Mapping[str, bytes]) -> None:

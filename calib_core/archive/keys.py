@@ -144,7 +144,7 @@ def trusted_key(key: str) -> TrustedKey:
     """Return the trusted key with a name or first digits; raises NotFoundError where there is not exactly one."""
     found = [one for one in keys().trusted if key and (one.name == key or one.key.startswith(key.lower()))]
     if len(found) != 1:
-        got = "none of them" if not found else f"{len(found)} of them"
+        got = "none" if not found else f"{len(found)} of them"
         to_do = "List them with `scancell trust`, and name one by more of its digits."
         raise NotFoundError("a trusted key, by its name or its first digits", f"{got}: {key[:80]!r}", to_do, "KEY")
     return found[0]

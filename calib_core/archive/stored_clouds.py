@@ -137,7 +137,7 @@ def _layout(head: bytes, size: int, where: str) -> _Layout:
     end = head.find(b"end_header\n")
     lines = head[: max(end, 0)].decode("ascii", "replace").splitlines()
     if end < 0 or lines[:2] != ["ply", "format binary_little_endian 1.0"]:
-        raise _not_ours(where, message("another file"))
+        raise _not_ours(where, message("something else"))
     vertices, names, faces, kinds = 0, list[str](), -1, set[str]()
     for line in lines[2:]:
         match line.split():

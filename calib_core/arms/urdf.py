@@ -74,7 +74,7 @@ def _table(to_base: list[_Joint], to_tip: list[_Joint], source: str, name: str) 
             along=_moving(along),
             aside=_moving(aside),
         )
-        to_do = message("Name the links at the arm's base and at its flange.")
+        to_do = message("Name the links at the arm's base and flange.")
         raise InputError("joints that lead from the base to the flange", got, to_do, name)
     place = np.eye(4)
     for joint in aside:

@@ -182,6 +182,11 @@ class TcpSolution:
     arm: ArmModel | None = None
     as_told: Held | None = None
 
+    @property
+    def stated_mm(self) -> float:
+        """How far off a point measured at the workpiece may be in the worst direction (k = 2)."""
+        return 2 * float(np.sqrt(np.linalg.eigvalsh(self.at_point)[-1]))
+
 
 def solve_tcp(
     observations: Sequence[SphereObservation],

@@ -33,7 +33,7 @@ from calib_core.formats.shared.writing import in_one_type, number_type
 from calib_core.frames import FloatArray, vector_from_rotation
 from calib_core.messages import message
 
-_TO_DO = message("Copy or export the cloud again.")
+_TO_DO = message("Copy or export it again.")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 
 _PAGE, _PAYLOAD = 1024, 1020
@@ -301,7 +301,7 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
         from pye57.exception import PyE57Exception
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[e57]'; or export the cloud as PLY.")
-        raise InputError("the extra 'e57', which reads E57", "an installation without it", to_do, name) from None
+        raise InputError("the extra 'e57', which reads E57", "none", to_do, name) from None
     with tempfile.TemporaryDirectory() as folder:  # libE57Format reads files alone
         path = Path(folder) / "scan.e57"
         path.write_bytes(data)
@@ -332,7 +332,7 @@ def scan_poses(data: bytes, name: str) -> list[list[float] | None]:
         import pye57
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[e57]'; or export the cloud as PLY.")
-        raise InputError("the extra 'e57', which reads E57", "an installation without it", to_do, name) from None
+        raise InputError("the extra 'e57', which reads E57", "none", to_do, name) from None
     found: list[list[float] | None] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scan.e57"

@@ -101,7 +101,7 @@ def _sections(text: str, where: str) -> list[_Section]:
         raise InputError(
             "the line 'End' of the section {name}",
             "the end of the file",
-            "It was cut off: export it again.",
+            "Copy or export it again.",
             where,
             name=name,
         )
@@ -114,7 +114,7 @@ def _profile(section: _Section, where: str, settings: GocatorSettings, kind: Poi
         raise InputError(
             "a column named Axis in the section {section}",
             "none",
-            "Export the data again.",
+            "Copy or export it again.",
             where,
             section=section.name,
         )
@@ -156,7 +156,7 @@ def _rows(section: _Section, place: int, header: list[str], where: str) -> list[
                     number=number,
                 ),
                 f"{len(fields)}",
-                "Export it again.",
+                "Copy or export it again.",
                 where,
             )
         row: dict[str, Any] = {"line": number, "Axis": fields[axis_at], "values": fields[axis_at + 1 :]}
@@ -204,7 +204,7 @@ def _frame_points(rows: list[dict[str, Any]], header: list[str], section: _Secti
     else:
         x = _numbers(header[header.index("Axis") + 1 :], section.first_line, where)
         if np.isnan(x).any() or (np.diff(x) == 0).any():
-            raise InputError("x positions behind Axis in the header", "others", "Export it again.", where)
+            raise InputError("x positions behind Axis in the header", "others", "Copy or export it again.", where)
     return np.column_stack([x, np.full(len(z), by_axis["Z"]["Y"]), z])
 
 
@@ -223,7 +223,7 @@ def _surface(section: _Section, where: str, settings: GocatorSettings) -> Readin
         raise InputError(
             "a line of x values in the section {section}",
             "none",
-            "Export the surface again.",
+            "Copy or export it again.",
             where,
             section=section.name,
         )
@@ -240,7 +240,7 @@ def _point_cloud(section: _Section, where: str, settings: GocatorSettings) -> Re
     rows, width = table.values.shape
     if width % 3:
         raise InputError(
-            "x, y, z after each other in a line", "{width} values", "Export it again.", where, width=width
+            "x, y, z after each other in a line", "{width} values", "Copy or export it again.", where, width=width
         )
     axes = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
     reading = points_of(table.values.reshape(-1, 3), axes, "cloud", where, settings)

@@ -106,7 +106,7 @@ def axes_grid(
         raise InputError(
             "y and {count} heights in a line, as many as the x in line {place}",
             "{width} from line {first_line} on",
-            "Export the grid again.",
+            "Copy or export it again.",
             where,
             count=len(head.x),
             place=head.place + 1,
@@ -118,7 +118,7 @@ def axes_grid(
     if len(bad):
         line = first_line + int(bad[0])
         raise InputError(
-            "y in the first column", "none in line {line}", "Export the grid again.", where, line=line
+            "y in the first column", "none in line {line}", "Copy or export it again.", where, line=line
         )
     told = told.model_copy(update={"missing": settings.missing})
     if settings.x_along == "columns":

@@ -48,7 +48,7 @@ def read(data: bytes, name: str, settings: HeightImageSettings, kind: PointKind 
             "an image of heights, grey with 16 bit or floating point", got, "Export the heights.", name
         )
     if settings.rows is not None and settings.rows > len(heights):
-        raise InputError("{rows} rows", f"{len(heights)}", "Correct the setting rows.", name, rows=settings.rows)
+        raise InputError("{rows} rows", f"{len(heights)}", "Correct it.", name, rows=settings.rows)
     return grid_of(heights[: settings.rows], settings, name)
 
 
@@ -70,7 +70,7 @@ def _float_tiff(data: bytes, name: str) -> NDArray[Any] | None:
     except InputError:
         raise
     except Exception as error:  # tifffile and its codecs raise what they will on damaged files
-        raise InputError("a whole TIFF image", f"{error}"[:120], "Export it again.", name) from None
+        raise InputError("a whole TIFF image", f"{error}"[:120], "Copy or export it again.", name) from None
 
 
 FORMAT = Format(

@@ -45,7 +45,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     if size[0] * size[1] != len(points):
         got = plural("{count} point", "{count} points", by="count", count=len(points))
         raise InputError(
-            "{width} rows of {height} points", got, "Export the cloud again.", name, width=size[0], height=size[1]
+            "{width} rows of {height} points", got, "Copy or export it again.", name, width=size[0], height=size[1]
         )
     return replace(reading, grid=size)
 

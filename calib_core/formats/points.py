@@ -98,7 +98,7 @@ def read_file(
     entry = FORMATS.get(format_name, name) if format_name else recognise(data, name, kind)[0]
     if not data:
         raise InputError(
-            "a {kind} with points", "an empty file", "Save the capture again.", name, kind=kind or "file"
+            "a {kind} with points", "an empty file", "Copy or export it again.", name, kind=kind or "file"
         )
     if entry.read is None:
         raise InputError(

@@ -81,7 +81,7 @@ def _scans(text: str, where: str) -> Iterator[tuple[list[list[float]], list[str]
         at = first + count
 
 
-_TO_DO = message("Copy or export the cloud again.")
+_TO_DO = message("Copy or export it again.")
 
 
 def _numbers(line: str) -> list[float]:

@@ -36,7 +36,7 @@ def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tup
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[ros]'.")
-        raise InputError("the library rosbags", "an installation without it", to_do, name) from None
+        raise InputError("the library rosbags", "none", to_do, name) from None
     with tempfile.TemporaryDirectory(prefix="scancell-bag-") as folder:
         file = Path(folder) / ("bag.mcap" if data.startswith(MCAP) else "bag.db3")
         file.write_bytes(data)

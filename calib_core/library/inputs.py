@@ -217,7 +217,7 @@ def _poses_of_text(cell: Cell, path: Path) -> list[Any]:
     lines = parse_pose_lines(cell.pose_convention, text)
     for line in lines:
         if line.problem:
-            raise InputError("a pose in each line", line.problem, "Correct it.", f"{path}: line {line.line}")
+            raise InputError("a pose a line", line.problem, "Correct it.", f"{path}: line {line.line}")
     return [line.numbers for line in lines]
 
 

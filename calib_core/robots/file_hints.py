@@ -52,7 +52,7 @@ class Told:
                     "at most {longest} characters", f"{len(word)}", "Say less.", f"told: {name}", longest=_LONGEST
                 )
         if words.get("unit", "mm") not in _UNITS:
-            raise InputError("mm or m", f"'{words['unit']}'", "Say one of these.", "told: unit")
+            raise InputError("mm or m", f"'{words['unit']}'", "Name one of these.", "told: unit")
         plain = {name: word for name, word in words.items() if word and name != "columns"}
         return cls(**plain, columns=tuple(words.get("columns", "").replace(",", " ").split()))
 

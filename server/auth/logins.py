@@ -171,7 +171,7 @@ def require_admin(settings: Settings) -> None:
     if not found:
         raise InputError(
             "a token of an admin, since a login is demanded here",
-            "none that is good",
+            "none",
             "Make one: scancell token create --role admin --name NAME --data {data}. "
             "On 127.0.0.1, the default, no login is needed.",
             settings.host,

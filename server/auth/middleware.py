@@ -86,7 +86,7 @@ class AuthMiddleware:
             elif look_up == logins.by_token:
                 _refusals(scope).wrong_secret(act.address)
                 raise LoginError(
-                    "a token that is good",
+                    "a good token",
                     "one that is unknown, expired or revoked",
                     "Ask an admin of this server for a new one.",
                     "Authorization",

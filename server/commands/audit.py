@@ -20,7 +20,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.errors import InputError
 
     if options.limit < 1:
-        raise InputError("a number of rows from 1", str(options.limit), "Give another.", "--limit")
+        raise InputError("a number of rows from 1", str(options.limit), "Name another.", "--limit")
     rows = _of_store(options) if options.server is None else _of_server(options)
     lines = [
         f"{row['at']}  {row['outcome']:7}  {row['who'] + ' (' + row['role'] + ')':32} {row['address']:15}  "

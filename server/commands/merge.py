@@ -109,7 +109,7 @@ def _captures(files: dict[str, Path], poses: Path | None) -> Iterable[dict[str, 
         pose = own if listed is None else listed.matrix.ravel().tolist()
         if pose is None and len(scans) > 1:
             to_do = message("Give --poses FILE, or export the scans as E57 or PTX with their poses.")
-            raise InputError("scans with their poses", "a file without one", to_do, str(files[name]))
+            raise InputError("scans with their poses", "none", to_do, str(files[name]))
         settings = {"format_settings": {"scan": k}} if _holds_scans(files[name]) else {}
         capture = {"id": f"s{number + 1:03d}", "step": "scan", "kind": "cloud", "files": [name]}
         yield capture | settings | {"pose": pose or _NOWHERE}

@@ -62,7 +62,7 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError(
             "a step among {planned_steps}",
             f"'{options.step}'",
-            "Name one of them.",
+            "Name one of these.",
             "--step",
             planned_steps=", ".join(planned_steps()),
         )

@@ -32,7 +32,7 @@ def serve(options: argparse.Namespace) -> int:
 
     host, port = options.host, options.port
     if not 0 <= port <= 65535:
-        raise InputError("a port from 0 to 65535", str(port), "Give another.", "--port")
+        raise InputError("a port from 0 to 65535", str(port), "Name another.", "--port")
     if options.open and (running := _running(host, port)):
         _open(running)
         print_result(options, f"The workbench runs already, at {running}", {"address": running})

@@ -86,5 +86,5 @@ def open_pool(settings: Settings, listen: Listen) -> Pool:
         from server.jobs.dask_pool import DaskPool
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[dask]'; or leave SCANCELL_DASK out.")
-        raise InputError("the extra 'dask'", "an installation without it", to_do, "dask") from None
+        raise InputError("the extra 'dask'", "none", to_do, "dask") from None
     return DaskPool(settings, listen)

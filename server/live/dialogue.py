@@ -72,7 +72,7 @@ def next_message(received: bytes) -> tuple[str, bytes] | None:
         raise InputError(
             "at most {longest_message} characters",
             "more",
-            "Send one pose at a time.",
+            "Send one at a time.",
             longest_message=LONGEST_MESSAGE,
         )
     return (text[:end].decode("ascii", errors="replace"), text[end:]) if end else None

@@ -258,5 +258,10 @@ def require_live(cells: LiveCells, session_id: str) -> LiveCell:
     """Return a session's live cell; raises ConflictError where no device is connected."""
     live = cells.live(session_id)
     if live is None:
-        raise ConflictError("a device that is connected for this session", "none", "Connect one.", "devices")
+        raise ConflictError(
+            "a device that is connected for this session",
+            "none",
+            "Connect one in the session's devices.",
+            "devices",
+        )
     return live

@@ -121,7 +121,7 @@ def profile_in(picture: Picture, calibration: ProfileCalibration) -> FloatArray:
     points = triangulate_stripe(calibration, picture.stripe).profile_mm
     if not len(points):
         to_do = message("Check that camera and plane of light are those of this scanner.")
-        raise MeasurementError("a stripe on the plane of light", "none of it", to_do)
+        raise MeasurementError("a stripe on the plane of light", "none", to_do)
     return points
 
 

@@ -231,7 +231,7 @@ def _require_offset(speed_mm_s: float, clocks: MeasuredClocks, same_clocks: bool
     if offset is None or not same_clocks:
         raise ConflictError(
             "the offset between the clocks, for a move at {speed_mm_s:.0f} mm/s",
-            "none that was measured",
+            "none",
             "Measure the clocks' offset first, or capture at standstill.",
             "clock-offset",
             speed_mm_s=speed_mm_s,
@@ -240,7 +240,7 @@ def _require_offset(speed_mm_s: float, clocks: MeasuredClocks, same_clocks: bool
         raise ConflictError(
             "clocks that were watched for three seconds since a device was away",
             "fewer",
-            "Record again in a moment.",
+            "Record again.",
             "clock-offset",
         )
     if abs(drift_s) >= LEAST_DRIFT_S and abs(drift_s) * speed_mm_s > MOST_SHIFT_MM:

@@ -158,7 +158,7 @@ class RobotPorts:
 
     async def _do(self, session_id: str, message: Message, act: Act) -> Answer:
         if message.action == "token":
-            raise InputError("a token in the first line alone", "another one", "Send captures now.")
+            raise InputError("a token in the first line alone", "something else", "Send captures now.")
         if message.action == "done":
             count = len(await run_in_threadpool(self._ids, session_id))
             return Answer(True, f"done {count} captures")

@@ -72,7 +72,7 @@ def pdf_of(
     program = browser()
     if program is None:
         to_do = message("Install one of them where this runs. {instead}", instead=instead)
-        raise InputError("Chromium, Chrome or Edge, which prints the PDF", "none of them", to_do, where)
+        raise InputError("Chromium, Chrome or Edge, which prints the PDF", "none", to_do, where)
     with tempfile.TemporaryDirectory(prefix="scancell-", ignore_cleanup_errors=True) as folder:
         source, target = Path(folder) / "report.html", Path(folder) / "report.pdf"
         source.write_text(page.replace("<head>", f"<head>{_POLICY}", 1), encoding="utf-8")

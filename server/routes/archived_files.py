@@ -68,7 +68,7 @@ def get_kept(
         session_row(db, session_id)
         kept = archived_files(db, session_id)
     if name not in kept:
-        there = ", ".join(sorted(kept)) or "it kept none"
+        there = ", ".join(sorted(kept)) or "none"
         raise NotFoundError(
             "a file that the session's archive held ({there})",
             repr(name[:80]),

@@ -87,12 +87,12 @@ async def add(
     """
     data = parse_json(record, "record")
     if not isinstance(data, dict):
-        raise InputError("a JSON object as the record", type(data).__name__, "Send one capture.", "record")
+        raise InputError("a JSON object as the record", type(data).__name__, "Send one at a time.", "record")
     if len(files) > settings.max_files_per_capture:
         raise TooLargeError(
             "at most {max_files_per_capture} files",
             f"{len(files)}",
-            "Split the capture.",
+            "Split it.",
             "files",
             max_files_per_capture=settings.max_files_per_capture,
         )

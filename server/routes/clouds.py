@@ -91,4 +91,4 @@ def _missing(stored: StoredSession, name: str) -> NotFoundError:
     if there:
         return NotFoundError("a cloud among {there}", repr(name), "Name one of these.", "name", there=there)
     to_do = message("POST …/sessions/{stored}/solve/merge makes them.", stored=stored.id)
-    return NotFoundError("a merged cloud", "none in this session", to_do, "name")
+    return NotFoundError("a merged cloud", "none", to_do, "name")

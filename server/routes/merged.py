@@ -149,7 +149,7 @@ def _merged(stored: StoredSession) -> MergedScans:
     merged = merged_cloud(results, stored.read_output)
     if merged is None:
         to_do = message("POST …/sessions/{stored}/solve/merge makes it.", stored=stored.id)
-        raise NotFoundError("a merged cloud", "none in this session", to_do, "merge")
+        raise NotFoundError("a merged cloud", "none", to_do, "merge")
     return merged
 
 
@@ -169,7 +169,7 @@ def _deviation(stored: StoredSession, merged: MergedScans, against: Against) -> 
         reference = reference_mesh(stored.session, stored.read_output, stored.results.get("merge"))
         if reference is None:
             to_do = message("PUT …/merged/reference with an STL, PLY or OBJ file, or compare with the sphere.")
-            raise NotFoundError("a reference mesh", "none in this session", to_do, "against")
+            raise NotFoundError("a reference mesh", "none", to_do, "against")
     return cloud_deviation(merged.points_mm, against, reference)
 
 

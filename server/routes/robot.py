@@ -85,7 +85,7 @@ async def say(session_id: ExistingSession, request: Request, ports: RobotPortsDe
         raise TooLargeError(
             "at most {longest_message} bytes",
             f"{len(body)}",
-            "Send one line.",
+            "Send one at a time.",
             "request",
             longest_message=LONGEST_MESSAGE,
         )

@@ -127,9 +127,7 @@ def parse_state(page: str, kind: str) -> dict[str, float]:
                 except ValueError:
                     continue
     if not found:
-        raise InputError(
-            "a state of the kind {kind}", "a page without it", "Check the mechanical unit.", kind, kind=kind
-        )
+        raise InputError("a state of the kind {kind}", "none", "Check the mechanical unit.", kind, kind=kind)
     return found
 
 

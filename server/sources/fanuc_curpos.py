@@ -74,7 +74,7 @@ class FanucCurpos:
             raise InputError(
                 "motion group {group} in {path}",
                 got,
-                "Name another group.",
+                "Name another group or axis.",
                 "group",
                 group=chosen.group,
                 path=_PATH,
@@ -104,7 +104,7 @@ class FanucCurpos:
         else:
             return None
         if place >= len(values):
-            raise InputError("the table's axis", "none in the file", "Name another group or axis.", "table_axis")
+            raise InputError("the table's axis", "none", "Name another group or axis.", "table_axis")
         return values[place]
 
     def close(self) -> None:

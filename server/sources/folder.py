@@ -101,7 +101,7 @@ def capture_of(
     if "pose" not in record and record["step"] not in steps_that_show("board") and record["kind"] != "center":
         raise InputError(
             "the pose of this file",
-            "none beside it",
+            "none",
             "Write {name}.txt with the pose line, or a line that begins with {name_other} in poses.txt.",
             name,
             name=Path(name).stem,
@@ -152,7 +152,7 @@ def _fields(text: str, note: str) -> dict[str, Any]:
             "JSON", "something else ({error})", "Write the capture's record as JSON.", note, error=error
         ) from None
     if not isinstance(data, dict):
-        raise InputError("a JSON object", type(data).__name__, "Write the capture's record.", note)
+        raise InputError("a JSON object", type(data).__name__, "Write the capture's record as JSON.", note)
     return {name: value for name, value in data.items() if name not in ("files", "measured")}
 
 

@@ -61,7 +61,7 @@ class PoseLines:
 def _line(received: bytes) -> tuple[str, bytes] | None:
     line, end, rest = received.partition(b"\n")
     if not end and len(line) > _LONGEST:
-        raise InputError("lines of poses", "4 KiB without an end of line", "End each with CR LF.")
+        raise InputError("a pose a line", "4 KiB without an end of line", "End each with CR LF.")
     return (line.decode("latin-1").replace('"', " ").strip(), rest) if end else None
 
 

@@ -130,7 +130,7 @@ class Rosbridge:
         except ValueError:
             raise InputError("JSON from the bridge", "something else", "Check the address.", "url") from None
         if not isinstance(heard, dict):
-            raise InputError("an operation of rosbridge", "another value", "Check the address.", "url")
+            raise InputError("an operation of rosbridge", "something else", "Check the address.", "url")
         told = cast("dict[str, Any]", heard)
         if told.get("op") == "status" and told.get("level") == "error":
             raise InputError("a subscription", str(told.get("msg"))[:200], "Check topics and types.", "topic")

@@ -84,7 +84,9 @@ def back_up(settings: Settings, target: Path, progress: Progress = lambda _fract
         return _written(settings, source, target, progress)
     except OSError as error:
         got = (error.strerror or type(error).__name__).lower()
-        raise InputError("a place to write to", got, "Make room, or name another folder.", str(target)) from None
+        raise InputError(
+            "a place to write to", got, "Make room there, or name another folder.", str(target)
+        ) from None
 
 
 def _is_ours(path: Path) -> bool:
@@ -234,11 +236,15 @@ def _manifest(source: Path) -> dict[str, Any]:
     file = source / MANIFEST
     if not file.is_file():
         to_do = message("Name the folder that `scancell backup --out` wrote.")
-        raise InputError("a backup with {manifest}", "none there", to_do, str(source), manifest=MANIFEST)
+        raise InputError("a backup with {manifest}", "none", to_do, str(source), manifest=MANIFEST)
     manifest = parse_json(file.read_bytes(), str(file))
     if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
         raise InputError(
-            "a backup of the form {format}", "another", "Use the version that wrote it.", str(file), format=_FORMAT
+            "a backup of the form {format}",
+            "another",
+            "Use the version that wrote it, or a later one.",
+            str(file),
+            format=_FORMAT,
         )
     return manifest
 
@@ -257,7 +263,7 @@ def _fill(connection: sa.Connection, folder: Path, manifest: Mapping[str, Any]) 
         if batch:
             connection.execute(sa.insert(table), batch)
         if digest.hexdigest() != manifest["sha256"].get(table.name):
-            got, to_do = message("another content"), message("Use another backup.")
+            got, to_do = message("something else"), message("Use another backup.")
             raise DamagedError("{table}.jsonl as it was written", got, to_do, str(folder), table=table.name)
         _renumber(connection, table)
 

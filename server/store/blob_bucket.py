@@ -204,7 +204,7 @@ def _client(endpoint: str | None, timeout_s: float, attempts: int) -> Any:
         from botocore.config import Config
     except ImportError:
         to_do = message("Install it: pip install 'scancell[s3]'; or leave SCANCELL_BLOBS out.")
-        raise InputError("the extra 's3' for blobs in an S3 store", "an installation without it", to_do) from None
+        raise InputError("the extra 's3' for blobs in an S3 store", "none", to_do) from None
     config = Config(
         connect_timeout=timeout_s,
         read_timeout=timeout_s,

@@ -129,5 +129,5 @@ def require_same(digest: str, found: str) -> None:
     if digest != found:
         to_do = message("Put it back from a backup; `scancell doctor` names what else is damaged.")
         raise DamagedError(
-            "the stored file {digest}… as it was stored", "another content", to_do, "blobs", digest=digest[:12]
+            "the stored file {digest}… as it was stored", "something else", to_do, "blobs", digest=digest[:12]
         )

@@ -97,7 +97,7 @@ def file_digest(db: Transaction, session_id: str, capture_id: str, name: str) ->
             repr(name),
             "Take a name from the capture's `files`.",
             capture_id,
-            digests=", ".join(sorted(digests)) or "it has none",
+            digests=", ".join(sorted(digests)) or "none",
         )
     return digests[matching[0]]
 

@@ -72,7 +72,7 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
         )
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[postgres]'; or leave SCANCELL_DATABASE_URL out.")
-        raise InputError("the extra 'postgres'", "an installation without it", to_do, "database_url") from None
+        raise InputError("the extra 'postgres'", "none", to_do, "database_url") from None
 
 
 def _json_text(data: Any) -> str:

@@ -59,4 +59,4 @@ def require_store(settings: Settings) -> None:
     """Refuse a data folder in which no server has stored anything yet; raises InputError."""
     if settings.database_url is None and not (settings.data / "scancell.db").is_file():
         to_do = message("Name the folder that `scancell serve --data` uses.")
-        raise InputError("a data folder with a store", "none there", to_do, str(settings.data))
+        raise InputError("a data folder with a store", "none", to_do, str(settings.data))

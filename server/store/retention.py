@@ -38,7 +38,7 @@ def require_limits(limits: Mapping[str, float | None]) -> None:
         raise InputError(" or ".join(limits), "neither", "Say what need not be kept.", "retention")
     for name, limit in limits.items():
         if limit is not None and not (math.isfinite(limit) and 0 <= limit <= _MOST):
-            raise InputError("a number from 0 to {most:g}", f"{limit:g}", "Give another.", name, most=_MOST)
+            raise InputError("a number from 0 to {most:g}", f"{limit:g}", "Name another.", name, most=_MOST)
 
 
 def sessions_beyond(

@@ -56,9 +56,7 @@ class StoredSession:
     def read(self, name: str) -> bytes:
         """Return the bytes of a capture's file; raises NotFoundError."""
         if name not in self.digests:
-            raise NotFoundError(
-                "a file named {name}", "none in this session", "Check the capture's `files`.", name, name=name
-            )
+            raise NotFoundError("a file named {name}", "none", "Check the capture's `files`.", name, name=name)
         return self.blobs.read(self.digests[name])
 
     def read_output(self, name: str) -> bytes | None:

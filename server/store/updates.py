@@ -98,7 +98,7 @@ def go_back(data: Path) -> WentBack:
         earlier = [name for name in _kept_revisions(data) if before is not None and name < before]
         if before is None or not earlier:
             to_do = message("Start the version of scancell that you want to use: it says whether it can.")
-            raise InputError("a data folder that an update changed", "none in it", to_do, str(data))
+            raise InputError("a data folder that an update changed", "none", to_do, str(data))
         if before not in known_revisions():
             to_do = message("Go back with the version that wrote it, then install the earlier one.")
             raise InputError("a database of this version or an earlier one", before, to_do, str(data))

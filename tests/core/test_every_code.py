@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from cells import GIVEN, Cell
 
 from calib_core.archive.archive import pack_files
 from calib_core.archive.bag import open_bag, write_bag
@@ -34,6 +35,7 @@ from calib_core.simulation.frames import Exposure, render
 from calib_core.simulation.motion import pose, turn
 from calib_core.sphere.arc import fit_arc
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.verdict import doubts_about_two_steps
 from calib_core.stages.verify.decision import Estimate, checked, decision_findings
 from calib_core.stages.verify.flatness import Plate
 from calib_core.stages.verify.limits import limit_findings
@@ -244,6 +246,18 @@ def tool_of(trouble: str) -> Case:
     return case
 
 
+def two_steps(times: float) -> Case:
+    """The paper's two steps off a right answer by so many times its ±, known to a micrometre."""
+
+    def case() -> Iterable[Finding]:
+        right = Cell.of("tcp-centers", 1).solve(GIVEN)
+        shift = np.array([0, 0, 0, times * right.stated_mm, 0, 0])
+        off = replace(right.joint, mount_from_laser=right.joint.mount_from_laser.perturbed(shift))
+        return doubts_about_two_steps(replace(right, two_step=off, two_step_covariance=1e-6 * np.eye(6)))
+
+    return case
+
+
 MOMENT = ("drift", "overdue", "equipment-changed", "verify-undecided")
 
 
@@ -322,6 +336,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "arm-errors-applied": (of_arm(errors="apply"), of_arm(size=0.0, errors="apply")),
     "arm-errors-not-better": (of_arm(size=0.0, errors="apply"), of_arm(errors="apply")),
     "joints-read-otherwise": (of_arm(turned=True), of_arm()),
+    "two-steps-differ": (two_steps(1.1), two_steps(0.9)),
     "replayed-other-revision": (after_replay(verdict="none", method_revision=0), after_replay(verdict="none")),
 }
 WITHOUT_A_ROW = """
@@ -352,7 +367,7 @@ stripe-beyond-distortion swapped-poses sweep-empty sweep-few-profiles sweep-of-o
 table-angles table-angles-do-not-fit table-angles-not-read table-angles-repeat table-angles-scatter
 table-captures-contradict table-direction table-play table-scatter-beyond-told tcp-doubtful-before
 tcp-failed-before tilt-and-centre-correlated tool-position-undetermined tool-position-weak
-tool-rotation-undetermined tool-rotation-weak tool-seen-elsewhere-on-table two-steps-differ
+tool-rotation-undetermined tool-rotation-weak tool-seen-elsewhere-on-table
 verify-captures-disagree verify-limit-not-checked verify-not-held-out verify-of-failed-answer verify-scatter-fails
 verify-scatter-large verify-tool-without-uncertainty view-not-used
 """

@@ -135,4 +135,4 @@ def test_an_answer_of_an_older_revision_stays_fresh_and_solving_anew_is_offered(
     assert "solve anew" in str(step.note)
     replayed = replay(folders / "tcp")
     assert replayed.equal
-    assert cc.load(folders / "tcp").run()["tcp"].method_revision == 2
+    assert cc.load(folders / "tcp").run()["tcp"].method_revision == 3

@@ -22,7 +22,7 @@ CHANGED_TOOL = Code(
     "changed-tool",
     "warning",
     text="The scanner seems to sit otherwise on the flange from {since} on (by {shift_mm:.2f} mm and {turn_deg:.2f}°).",
-    to_do="Fix it firmly and take the captures before or after that again.",
+    to_do="Fix it firmly and repeat the captures before or after that.",
     title="The scanner moved on the flange before {since}",
     meaning="From one capture on, the scanner sits elsewhere on the flange.",
     decided="A tool of its own for the captures from there on makes all of them likelier by a factor that chance does "

@@ -128,10 +128,11 @@ FEW_CAPTURES = Code(
 TWO_STEPS_DIFFER = Code(
     "two-steps-differ",
     "warning",
-    text="The joint answer and the paper's two steps differ by more than their uncertainty ({shift_mm:.2f} mm, "
-    "{turn_deg:.2f}°): the pure translations may not have kept their orientation.",
+    text="At the workpiece the joint answer and the paper's two steps differ by more than is stated "
+    "({shift_mm:.2f} mm, {turn_deg:.2f}°): the pure translations may not have kept their orientation.",
     meaning="The paper's method rests on shifts of the flange without any turn. Where these turned, it is off.",
-    decided="The difference is one that chance gives in one session of a thousand (χ² with six degrees of freedom).",
+    decided="Chance gives such a difference in one session of a thousand (χ² with six degrees of freedom), and it "
+    "is larger at the workpiece than the stated uncertainty (k = 2).",
     usual_causes="Shifts that turned the flange a little, errors of arm or scanner that move both answers otherwise.",
     behind=("tool-seen-elsewhere-on-table",),
 )

@@ -103,7 +103,7 @@ def _require_announced(table: TextTable, where: str) -> None:
         raise InputError(
             "the {first} points that the first line announces",
             f"{len(table.values)}",
-            "Copy or export the file again.",
+            "Copy or export it again.",
             where,
             first=int(first),
         )

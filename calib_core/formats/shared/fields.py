@@ -70,7 +70,7 @@ def require_axes(names: list[str], where: str, format_name: str) -> None:
 def wrong(where: str, format_name: str, got: str) -> InputError:
     """Return the error of a file that is not what its ending says."""
     return InputError(
-        "a {format_name} file of points x y z", got, "Export the cloud again.", where, format_name=format_name
+        "a {format_name} file of points x y z", got, "Copy or export it again.", where, format_name=format_name
     )
 
 

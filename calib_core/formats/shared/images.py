@@ -42,7 +42,7 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
     import cv2
 
     if not data:
-        raise InputError("an image", "an empty file", "Export the frame again.", where)
+        raise InputError("an image", "an empty file", "Copy or export it again.", where)
     try:
         width, height, pixel_bytes, complete = _header(data)
     except (struct.error, IndexError, ValueError):
@@ -53,7 +53,7 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
         raise InputError(
             "an image",
             "a header that says {width}×{height} pixels",
-            "Export the frame again.",
+            "Copy or export it again.",
             where,
             width=width,
             height=height,
@@ -88,7 +88,7 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
     except cv2.error:
         image = None
     if image is None:
-        raise InputError("a readable image", "damaged content", "Export the frame again.", where)
+        raise InputError("a readable image", "damaged content", "Copy or export it again.", where)
     return _as_grey_or_rgb(np.asarray(image), where)
 
 
@@ -108,7 +108,7 @@ def _as_grey_or_rgb(image: NDArray[Any], where: str) -> ImageArray:
 
 
 def _truncated(where: str, got: str) -> InputError:
-    return InputError("a complete image file", got, "It is truncated: copy or export the frame again.", where)
+    return InputError("a complete image file", got, "Copy or export it again.", where)
 
 
 def _header(data: bytes) -> tuple[int, int, float, bool]:

@@ -36,7 +36,7 @@ def decode_text(data: bytes, where: str, example: str) -> str:
     """Return the text of a file in UTF-8, UTF-16 or Windows' Latin; raises InputError where it is none."""
     if not data.strip():
         raise InputError(
-            "lines of numbers ({example})", "an empty file", "Save the capture again.", where, example=example
+            "lines of numbers ({example})", "an empty file", "Copy or export it again.", where, example=example
         )
     text = _decoded(data)
     if text is None:

@@ -84,7 +84,7 @@ def replacing(path: Path, durable: bool = True) -> Generator[IO[bytes]]:
     except OSError as error:
         _remove(temporary)
         got = error.strerror or type(error).__name__
-        to_do = message("Make room, or name a folder that may be written.")
+        to_do = message("Make room there, or name another folder.")
         raise InputError("a place to write to", got, to_do, str(path)) from None
     except BaseException:
         _remove(temporary)
@@ -104,7 +104,7 @@ def require_replaceable(path: Path) -> None:
     if path.exists() and not path.is_file():
         got = "a folder" if path.is_dir() else "a device or the like"
         raise InputError(
-            "a file or a new name", "{found}, which is not replaced", "Name another file.", str(path), found=got
+            "a file or a new name", "{found}, which is not replaced", "Name another.", str(path), found=got
         )
 
 

@@ -101,7 +101,7 @@ def plan_of(
     if not 0 < speed_mm_s <= 250.0:
         raise InputError("a speed up to 250 mm/s", f"{speed_mm_s:g}", "Go slowly.", "speed_mm_s")
     if not 20.0 <= approach_mm <= 1000.0:
-        raise InputError("an approach of 20 to 1000 mm", f"{approach_mm:g}", "Change it.", "approach_mm")
+        raise InputError("an approach of 20 to 1000 mm", f"{approach_mm:g}", "Correct it.", "approach_mm")
 
     def numbers(pose: RigidTransform) -> tuple[float, ...]:
         return tuple(to_pose(program.convention, pose))

@@ -29,7 +29,7 @@ def find(data: bytes, name: str, told: Told) -> Found:
     source = source_of(data, name)
     rows = [(line, text) for line, text in source.lines() if text.strip() and not text.lstrip().startswith("#")]
     if not rows:
-        raise InputError("a table of poses", "an empty file", "Save the poses again.", name)
+        raise InputError("a table of poses", "an empty file", "Save them again.", name)
     separator = _separator([text for _, text in rows])
     head = _cells(rows[0][1], separator)
     has_head = not any(_is_number(cell) for cell in head)
@@ -121,7 +121,7 @@ def _unit_stated(head: Sequence[str], roles: Sequence[str], convention: str, whe
     right = "rad" if known.form == "rotation-vector" else "deg"
     if len(places) > 1 or not places <= {"", *UNITS}:
         got = " and ".join(unit or "none" for unit in sorted(places))
-        raise InputError("one unit for x, y and z in the header", got, "Correct the header.", where)
+        raise InputError("one unit for x, y and z in the header", got, "Correct it.", where)
     if angles - {right} and known.form != "quaternion":
         got = message("a header that says {angles}", angles=" and ".join(sorted(angles)))
         to_do = message("Convert them, or name another convention than '{convention}'.", convention=convention)

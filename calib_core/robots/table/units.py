@@ -43,7 +43,7 @@ def scale_of(convention: str, unit: str, places: Sequence[Sequence[float]], wher
     ]
     if len(fits) != 1:
         to_do = message("Say unit=mm or unit=m.")
-        raise InputError("the unit of the positions", "none in the file", to_do, where)
+        raise InputError("the unit of the positions", "none", to_do, where)
     doubt = message(
         "The file states no unit: {fits} is taken, since the flange would be out of an arm's reach otherwise.",
         fits=fits[0],

@@ -134,13 +134,16 @@ def doubts_about_two_steps(solution: TcpSolution) -> list[Finding]:
         return []
     if solution.held.errors:
         return []  # of arm or scanner: they move the two steps otherwise, and are said, with what to do
-    difference = solution.joint.mount_from_laser.difference(solution.two_step.mount_from_laser)
+    joint, two_step = solution.joint.mount_from_laser, solution.two_step.mount_from_laser
+    difference = joint.difference(two_step)
     distance = float(difference @ np.linalg.solve(solution.two_step_covariance, difference))
-    if distance <= _CHI2_6_RARE:
+    there = solution.seen_in_laser_mm
+    shift_mm = float(np.linalg.norm(joint.apply(there) - two_step.apply(there)))
+    if distance <= _CHI2_6_RARE or shift_mm <= solution.stated_mm:
         return []
     return [
         codes.TWO_STEPS_DIFFER(
-            shift_mm=float(np.linalg.norm(difference[3:])),
+            shift_mm=shift_mm,
             turn_deg=float(np.rad2deg(np.linalg.norm(difference[:3]))),
         )
     ]

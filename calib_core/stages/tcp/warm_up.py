@@ -51,7 +51,7 @@ def session_drift(solution: TcpSolution) -> SessionDrift | None:
 
 def _is_covered(drift: WarmUp, solution: TcpSolution) -> bool:
     """Return whether the answer's uncertainty may have room for it: the answer is that of the session's middle."""
-    stated_mm = 2 * float(np.sqrt(np.linalg.eigvalsh(solution.at_point)[-1]))
+    stated_mm = solution.stated_mm
     surely_mm = drift.drift_mm - drift.uncertainty_mm
     return surely_mm <= min(2 * stated_mm, _LARGE_MM)
 

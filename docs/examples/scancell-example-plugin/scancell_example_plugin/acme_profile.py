@@ -18,7 +18,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     """Return the points of a profile, NaN where nothing came back."""
     body = data[len(_HEAD) :]
     if len(body) % 8:
-        raise InputError("pairs of 32-bit numbers", f"{len(body)} bytes", "Copy the file again.", name)
+        raise InputError("pairs of 32-bit numbers", f"{len(body)} bytes", "Copy it again.", name)
     counts = np.frombuffer(body, ">i4").reshape(-1, 2)
     points = np.where(counts == _MISSING, np.nan, counts / 1000.0)
     return Reading("profile", points, {"x": "first", "z": "second"}, "um", "format")
