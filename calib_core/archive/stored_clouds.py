@@ -153,7 +153,7 @@ def _layout(head: bytes, size: int, where: str) -> _Layout:
             case _:
                 raise _not_ours(where, message("a line {line!r} in its header", line=line[:60]))
     if len(kinds) != 1:
-        raise _not_ours(where, message("another file"))
+        raise _not_ours(where, message("something else"))
     start = end + len(b"end_header\n")
     layout = _Layout(tuple(names), vertices, None if faces < 0 else faces, start, kinds.pop())
     expected = layout.faces_at + max(faces, 0) * _FACE.itemsize

@@ -53,7 +53,24 @@ def run(full: bool) -> list[Row]:
             f"{moved:+,}",
             moved < -0.12 * before.total(),
         ),
+        _messages(),
     ]
+
+
+def _messages() -> Row:
+    """Return how many texts are translated; the pages of codes are documentation and stand beside them."""
+    count = {
+        file: _git("show", f"HEAD:{file}").count("\nmsgid ") - 1 for file in _git("ls-files", "*de*.po").split()
+    }
+    page = count["web/texts/de.po"]
+    codes = count["calib_core/findings/locale/de/pages.po"]
+    rest = sum(count.values()) - page - codes
+    return Row(
+        "messages to translate: the page's; all others (and texts of the codes' pages)",
+        "≤ 1,800",
+        f"{page:,}; {rest:,} ({codes:,})",
+        page + rest <= 1_800,
+    )
 
 
 def lines(revision: str) -> Counter[str]:

@@ -49,7 +49,7 @@ def write_profile(folder, name, points):
 
 def test_empty_profile(folder, capsys):
     (folder / "captures" / "p03.csv").write_bytes(b"")
-    refused(folder, capsys, "captures/p03.csv", "an empty file", "Save the capture again")
+    refused(folder, capsys, "captures/p03.csv", "an empty file", "Copy or export it again")
 
 
 def test_profile_of_a_header_alone(folder, capsys):

@@ -238,7 +238,9 @@ def verification(off_mm: float, *, shuffled: bool = False, seed: int = 5, some: 
     return case
 
 
+@cache
 def tool_of(trouble: str) -> Case:
+    @cache
     def case() -> Iterable[Finding]:
         cell = troubled(all_troubles()[trouble], 0)
         return solve_stage(cell.session, "tcp", cell.files.__getitem__).findings
@@ -336,40 +338,48 @@ CASES: dict[str, tuple[Case, Case]] = {
     "arm-errors-applied": (of_arm(errors="apply"), of_arm(size=0.0, errors="apply")),
     "arm-errors-not-better": (of_arm(size=0.0, errors="apply"), of_arm(errors="apply")),
     "joints-read-otherwise": (of_arm(turned=True), of_arm()),
+    "scanner-shear": (tool_of("scanner: shear of 2 %"), tool_of("arms: clean")),
+    "scanner-scale-off": (tool_of("scanner: x 1 % too long"), tool_of("arms: clean")),
+    "arm-lengths-off": (tool_of("arms: poses 0.5 % too long"), tool_of("arms: clean")),
+    "swapped-poses": (tool_of("books: two poses swapped"), tool_of("arms: clean")),
+    "moved-sphere": (tool_of("sphere: moved by 5 mm for good"), tool_of("arms: clean")),
+    "captures-contradict": (tool_of("sphere: moved by 3 mm in one capture"), tool_of("arms: clean")),
+    "shifted-poses": (tool_of("books: poses shifted by one"), tool_of("arms: clean")),
+    "drift-covered": (tool_of("sphere: drifts by 0.3 mm"), tool_of("arms: clean")),
+    "many-captures-contradict": (tool_of("books: tool changed midway by 2 mm, 1°"), tool_of("arms: clean")),
+    "tool-rotation-weak": (tool_of("scanner: shear of 2 %"), tool_of("arms: clean")),
     "two-steps-differ": (two_steps(1.1), two_steps(0.9)),
     "replayed-other-revision": (after_replay(verdict="none", method_revision=0), after_replay(verdict="none")),
 }
 WITHOUT_A_ROW = """
-angles-look-like-radians answer-differs answer-not-replayed arm-lags arm-lengths-off arm-less-true-than-told
-axis-direction-weak axis-place-undetermined axis-tilt-undetermined axis-wobbles board-and-sphere-differ board-bent
+angles-look-like-radians answer-differs answer-not-replayed arm-lags arm-less-true-than-told axis-direction-weak
+axis-place-undetermined axis-tilt-undetermined axis-wobbles board-and-sphere-differ board-bent
 board-corners-covered board-edges-soft board-lines-close board-looks-the-same-turned board-mirroring-not-seen
 board-pitch-by-robot board-pitch-doubtful board-pitch-not-checked board-pitches-differ board-saturated
 board-shape-solved boards-not-tilted calibration-changed calibration-holds camera-by-robot-differs
 camera-model-chosen camera-not-converged camera-not-refined camera-on-flange-weak capture-files-removed
 capture-joints-apart capture-not-finite capture-not-measured capture-not-still capture-of-unknown-scanner
-capture-waits captures-contradict captures-count-less chain-table-differs chain-tool-differs changed-tool
-corners-far-off corners-left-out corners-off-prediction distortion-folds distortion-terms-at-zero drift-covered
-drift-in-session encoder-eccentric encoder-scale expansion-unknown few-boards-carry-plane few-captures
-few-poses-repeated few-views focal-length-unsure frame-in-colour frame-not-used frame-waits-for-calibration
-frames-in-colour image-not-covered joints-contradict-poses lag-not-checked length-at-temperature
-light-plane-outdated line-off-plane many-captures-contradict many-table-captures-contradict measuring-failed
-merge-calibration-failed merge-inside-out merge-no-mesh merge-no-overlap merge-no-self-calibration
-merge-nominal-alike merge-nominal-far merge-nominal-not-found merge-one-table-angle merge-outside-doubtful
-merge-pose-reading merge-pose-scatter merge-scan-elsewhere merge-scans-alone merge-scans-apart
-merge-scans-do-not-fit merge-scans-far-off merge-scans-in-metres merge-swapped-scans merge-table-direction
-merge-table-steps most-frames-not-used most-lines-off-plane moved-sphere no-line-on-board one-height
-optics-by-tool-alone plane-normal-open plane-normal-weak plane-not-determined plane-through-camera plate-alone
-plate-without-limit play-not-checked point-noise-differs point-unit pose-columns-swapped pose-list-order
-pose-not-repeated pose-reading poses-do-not-fit poses-not-of-the-flange poses-repeat poses-scatter scaled-profile
-scan-of-no-use scanner-bow scanner-scale-off scanner-shear scatter-beyond-told shifted-poses sphere-diameter
+capture-waits captures-count-less chain-table-differs chain-tool-differs changed-tool corners-far-off
+corners-left-out corners-off-prediction distortion-folds distortion-terms-at-zero drift-in-session
+encoder-eccentric encoder-scale expansion-unknown few-boards-carry-plane few-captures few-poses-repeated few-views
+focal-length-unsure frame-in-colour frame-not-used frame-waits-for-calibration frames-in-colour image-not-covered
+joints-contradict-poses lag-not-checked length-at-temperature light-plane-outdated line-off-plane
+many-table-captures-contradict measuring-failed merge-calibration-failed merge-inside-out merge-no-mesh
+merge-no-overlap merge-no-self-calibration merge-nominal-alike merge-nominal-far merge-nominal-not-found
+merge-one-table-angle merge-outside-doubtful merge-pose-reading merge-pose-scatter merge-scan-elsewhere
+merge-scans-alone merge-scans-apart merge-scans-do-not-fit merge-scans-far-off merge-scans-in-metres
+merge-swapped-scans merge-table-direction merge-table-steps most-frames-not-used most-lines-off-plane
+no-line-on-board one-height optics-by-tool-alone plane-normal-open plane-normal-weak plane-not-determined
+plane-through-camera plate-alone plate-without-limit play-not-checked point-noise-differs point-unit
+pose-columns-swapped pose-list-order pose-not-repeated pose-reading poses-do-not-fit poses-not-of-the-flange
+poses-repeat poses-scatter scaled-profile scan-of-no-use scanner-bow scatter-beyond-told sphere-diameter
 sphere-diameter-told sphere-remounted sphere-side-open stage-not-supported stored-error stored-note stored-warning
-stripe-beyond-distortion swapped-poses sweep-empty sweep-few-profiles sweep-of-object sweep-profiles
-table-angles table-angles-do-not-fit table-angles-not-read table-angles-repeat table-angles-scatter
-table-captures-contradict table-direction table-play table-scatter-beyond-told tcp-doubtful-before
-tcp-failed-before tilt-and-centre-correlated tool-position-undetermined tool-position-weak
-tool-rotation-undetermined tool-rotation-weak tool-seen-elsewhere-on-table
-verify-captures-disagree verify-limit-not-checked verify-not-held-out verify-of-failed-answer verify-scatter-fails
-verify-scatter-large verify-tool-without-uncertainty view-not-used
+stripe-beyond-distortion sweep-empty sweep-few-profiles sweep-of-object sweep-profiles table-angles
+table-angles-do-not-fit table-angles-not-read table-angles-repeat table-angles-scatter table-captures-contradict
+table-direction table-play table-scatter-beyond-told tcp-doubtful-before tcp-failed-before
+tilt-and-centre-correlated tool-position-undetermined tool-position-weak tool-rotation-undetermined
+tool-seen-elsewhere-on-table verify-captures-disagree verify-limit-not-checked verify-not-held-out
+verify-of-failed-answer verify-scatter-fails verify-scatter-large verify-tool-without-uncertainty view-not-used
 """
 """Codes that have no row here yet; it only shrinks."""
 
