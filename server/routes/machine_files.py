@@ -38,7 +38,7 @@ async def contents_of(files: list[UploadFile]) -> dict[str, bytes]:
         name = file.filename or message("file {place}", place=place + 1)
         if name in contents:
             raise InputError(
-                "file names that differ", "'{name}' twice", "Send each file once.", "files", name=name
+                "file names that differ", "'{name}' twice", "Name each file once.", "files", name=name
             )
         contents[name] = await file.read()
     return contents

@@ -99,7 +99,9 @@ async def read_back_tool(
             with store.read() as db:
                 answer = session_answer(db, load_session(db, store.blobs, session_id))
             if bool(numbers.strip()) == bool(contents):
-                raise InputError("the controller's files or numbers", "both or neither", "Send one.", "read-back")
+                raise InputError(
+                    "the controller's files or numbers", "both or neither", "Give one of them.", "read-back"
+                )
             if contents:
                 known, pose = frame_in(contents, brand or None, tool or None, answer.mount_from_laser)
             else:

@@ -85,7 +85,7 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
         raise InputError(
             "lines of numbers ({example})",
             "no line with a number",
-            "Save the capture again.",
+            "Copy or export it again.",
             where,
             example=example,
         )
@@ -108,7 +108,7 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
         raise InputError(
             "lines of numbers ({example})",
             "no line with a number",
-            "Save the capture again.",
+            "Copy or export it again.",
             where,
             example=example,
         )
@@ -121,7 +121,7 @@ def _require_empty_end(values: FloatArray, where: str, line: int) -> None:
         raise InputError(
             "a name for each of {width} columns",
             "{width_other} in the header above line {line}",
-            "Correct the header.",
+            "Correct it.",
             where,
             width=values.shape[1],
             width_other=values.shape[1] - 1,
