@@ -2,12 +2,13 @@
 
 import os
 from collections.abc import Callable, Iterator
+from time import sleep
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from calib_core.frames import vector_from_rotation
 from calib_core.robots import parse_pose
@@ -58,6 +59,12 @@ def test_every_deed_is_taken_back_in_turn(open_page: Callable[..., Any], api: ht
     assert watched.complaints == []
 
 
+def answer_late(route: Route) -> None:
+    """Let a request wait as on a busy server."""
+    sleep(0.5)
+    route.continue_()
+
+
 def test_an_edited_cell_and_added_files_are_taken_back(
     open_page: Callable[..., Any], api: httpx.Client, tmp_path: Any
 ) -> None:
@@ -71,8 +78,13 @@ def test_an_edited_cell_and_added_files_are_taken_back(
     page.locator("sc-intake input[type=file]").first.set_input_files(sorted(tmp_path.iterdir()))
     poses = "\n".join(" ".join(map(str, capture["pose"])) for capture in record["captures"][:2])
     page.get_by_label("Poses, one line per capture").fill(poses)
+    page.route("**/guide*", answer_late)
     page.get_by_role("button", name="Add 2 captures").click()
-    expect(rows(page)).to_have_count(2)
+    told = page.wait_for_function(
+        "() => document.querySelector('.toast') && document.querySelectorAll('table.captures tbody tr').length"
+    )
+    assert told.json_value() == 2, "what is told is shown"
+    page.unroute("**/guide*")
     cell = api.get(f"/sessions/{session}").json()["cell"]
     page.get_by_role("button", name="Edit cell").click()
     page.get_by_label("Sphere diameter in mm").fill("25.4")

@@ -5,13 +5,13 @@ import { attempt } from "./toasts.js";
 
 const NEAR = "300px";
 
-/** A place for a part, and the part in it once it is near. @param {() => Promise<HTMLElement>} make */
+/** A place for a part, which comes into it once it is near; who keeps the place keeps the part. @param {() => Promise<HTMLElement>} make */
 export function later(make) {
   const place = h("div", { class: "later" });
   const watch = new IntersectionObserver((seen) => {
     if (!seen.some(({ isIntersecting }) => isIntersecting)) return;
     watch.disconnect();
-    void attempt(async () => place.replaceWith(await make()));
+    void attempt(async () => place.append(await make()));
   }, { rootMargin: NEAR });
   watch.observe(place);
   return place;

@@ -34,6 +34,7 @@ export class IntakePanelElement extends StateElement {
   #timer = 0;
   #reading = 0;
   #restored = false;
+  #isSending = false;
   #isKnown = () => {};
   #known = new Promise((/** @type {(value?: unknown) => void} */ resolve) => { this.#isKnown = resolve; });
   #text = h("textarea", { id: "pose-lines", rows: 6, spellcheck: "false", autocomplete: "off", oninput: () => this.#later() });
@@ -169,9 +170,7 @@ export class IntakePanelElement extends StateElement {
       // A session that holds nothing yet becomes the one in the folder; a filled one keeps its cell.
       const taken = this.state.captures.length > 0 || await attempt(() => api.changeSession(this.state.id, { cell, ...(name ? { name } : {}) }));
       if (!taken) return;
-      const outcome = await send(this.state.id, folder.captures, this.#progress);
-      this.#tell(outcome);
-      this.#wait(outcome.left);
+      this.#wait((await this.#deliver(folder.captures)).left);
     } else {
       await this.#takeFiles(found);
     }
@@ -352,21 +351,31 @@ export class IntakePanelElement extends StateElement {
 
   /** The actions beside it solve once all are stored. */
   async #sendAndSolve() {
-    if (!await this.#send()) return;
-    await this.state.reload();
-    this.dispatchEvent(new Event("solve"));
+    if (await this.#send()) this.dispatchEvent(new Event("solve"));
   }
 
   /** Whether all could be stored. @returns {Promise<boolean>} */
   async #send() {
-    const parcels = this.#parcels();
+    const parcels = this.#isSending ? [] : this.#parcels(); // once, however often it is clicked
     if (!parcels.length || !await attempt(() => this.#adoptConvention())) return false;
-    const outcome = await send(this.state.id, parcels, this.#progress);
+    const outcome = await this.#deliver(parcels);
     for (const file of outcome.files) this.#stored.add(file);
-    this.#tell(outcome);
     if (outcome.problems.length) this.#draw();
     else this.close();
     return !outcome.problems.length;
+  }
+
+  /** Send, and tell it once table and guide show what came. @param {readonly Parcel[]} parcels */
+  async #deliver(parcels) {
+    this.#isSending = true;
+    try {
+      const outcome = await send(this.state.id, parcels, this.#progress);
+      if (outcome.sent.length) await this.state.reload();
+      this.#tell(outcome);
+      return outcome;
+    } finally {
+      this.#isSending = false;
+    }
   }
 
   /** The poses were looked at in another convention than the cell's: that one becomes the cell's. */

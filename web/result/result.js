@@ -12,7 +12,8 @@ import { truthSection } from "./truth.js";
 /** @import {StageResult} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 /** @import {Renderer} from "../blocks/index.js" */
-/** @typedef {{ blocks?: Record<string, Renderer>, after?: (context: import("../blocks/index.js").Context) => HTMLElement[], settings?: HTMLElement, approval?: HTMLElement }} StageElements what a stage draws itself */
+/** @typedef {(name: string, make: () => HTMLElement) => HTMLElement} Keep answers the same element each time that the page draws itself anew */
+/** @typedef {{ blocks?: Record<string, Renderer>, after?: (context: import("../blocks/index.js").Context, keep: Keep) => HTMLElement[], settings?: HTMLElement, approval?: HTMLElement }} StageElements what a stage draws itself */
 
 const SLICE_MS = 16;
 
@@ -20,8 +21,8 @@ export class ResultElement extends StateElement {
   #ended = "";
   #due = true;
   #drawing = 0;
-  /** What leads on, by stage: made once, for what is clicked while it is replaced does nothing. @type {Map<string, HTMLElement>} */
-  #links = new Map();
+  /** Made once: what is clicked or typed in while it is replaced would be lost. @type {Map<string, HTMLElement>} */
+  #kept = new Map();
 
   parts = /** @type {const} */ (["results", "guide", "selection", "job", "view", "step"]);
 
@@ -49,7 +50,7 @@ export class ResultElement extends StateElement {
     if (!result) return empty(state.without(stage));
     if (this.querySelector(".empty")) empty("loading");
     // What draws evidence is loaded with the first result.
-    const [own, { sections }] = await Promise.all([elementsOf(state, stage), import("../blocks/index.js")]);
+    const [own, { sections }] = await Promise.all([elementsOf(state, stage, this.#keep), import("../blocks/index.js")]);
     /** @type {HTMLElement[]} */
     const drawn = [];
     let start = performance.now();
@@ -67,6 +68,13 @@ export class ResultElement extends StateElement {
     this.#markPicked();
   }
 
+  /** @type {Keep} */
+  #keep = (name, make) => {
+    const kept = this.#kept.get(name) ?? make();
+    this.#kept.set(name, kept);
+    return kept;
+  };
+
   /** @returns {HTMLDetailsElement[]} */
   #details() {
     return [...this.querySelectorAll("details")];
@@ -83,14 +91,12 @@ export class ResultElement extends StateElement {
     yield* sections(evidenceOf(result).slice(leading(result).length), context, own.blocks);
     if (!evidenceOf(result).length) yield h("p", { class: "soft" }, t("result.no_evidence"));
     if (!("timeline" in state)) {
-      yield* own.after?.(context) ?? [];
+      yield* own.after?.(context, this.#keep) ?? [];
       if (own.settings) yield own.settings;
       if (own.approval) yield own.approval;
     }
     if ("timeline" in state) return; // the review itself has these
-    const links = this.#links.get(stage) ?? resultLinks(state.id, stage);
-    this.#links.set(stage, links);
-    yield links;
+    yield this.#keep(`links of ${stage}`, () => resultLinks(state.id, stage));
     yield historySection(state.id, stage);
   }
 
@@ -105,15 +111,17 @@ function tellsTheAnswer({ results, stages }, stage) {
   return of !== undefined && (stage === of || stage === "verify");
 }
 
-/** What a stage draws itself, and the form of its settings; most have neither. @param {SessionState} state @param {string} stage @returns {Promise<StageElements>} */
-async function elementsOf(state, stage) {
+/** What a stage draws itself, and the form of its settings; most have neither. @param {SessionState} state @param {string} stage @param {Keep} keep @returns {Promise<StageElements>} */
+async function elementsOf(state, stage, keep) {
   const info = state.stages.find(({ name }) => name === stage);
   /** @type {StageElements} */
   let own = info?.element ? (await import(`../stages/${stage}/index.js`)).elements : {};
   if (tellsTheAnswer(state, stage) && !("timeline" in state)) own = { ...own, approval: make((await import("./approval.js")).ApprovalElement, { state }) };
   // What must be known from the start (a board) belongs to the cell.
   const required = /** @type {string[] | undefined} */ (info?.settings["required"]);
-  return info?.settings_field && !required?.length && !("timeline" in state) ? { ...own, settings: later(async () => (await import("./solve-settings.js")).solveSettings(state, info)) } : own;
+  if (!info?.settings_field || required?.length || "timeline" in state) return own;
+  const told = JSON.stringify(/** @type {Record<string, unknown>} */ (state.session?.cell ?? {})[info.settings_field]);
+  return { ...own, settings: keep(`settings of ${stage} ${told}`, () => later(async () => (await import("./solve-settings.js")).solveSettings(state, info))) };
 }
 
 /** @param {HTMLDetailsElement} details */

@@ -125,7 +125,7 @@ def sphere_figures(result: TcpResult | ChainResult) -> list[AnyBlock]:
         return []
     names = ("x", "y", "z")
     values = zip(names, result.sphere_center_mm, strict=True)
-    where = "in base" if result.sphere_center_in_base_mm is not None else "on the flange"
+    where = message("in base" if result.sphere_center_in_base_mm is not None else "on the flange")
     figures = [
         Figure(
             detail=True, label=message("Centre {axis}, {where}", axis=n, where=where), quantity=fixed(v, 3, "mm")

@@ -314,16 +314,14 @@ def _shift(cell: Cell, motion: Motion, home: RigidTransform) -> GuideNow:
     pose = next_shift(motion, home, length_mm)
     parallel = count >= LEAST_SHIFTS and not motion.shifts_differ
     on_flange = ball_on_flange(cell)
-    where = "in base" if on_flange else "on the flange"
-    why = message(
-        "Two shifts that are not parallel fix the scanner's rotation {place}; a third makes it sure.", place=where
-    )
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="capture",
         instruction=_SHIFTS[on_flange, parallel],
-        why=why,
+        why="Two shifts that are not parallel fix the scanner's rotation in base; a third makes it sure."
+        if on_flange
+        else "Two shifts that are not parallel fix the scanner's rotation on the flange; a third makes it sure.",
         exit=message(
             "{wanted_shifts} shifts with one orientation, not all parallel; {least_shifts} are the least.",
             wanted_shifts=WANTED_SHIFTS,

@@ -13,10 +13,10 @@ import { attempt } from "../../components/toasts.js";
 style("merged");
 
 export const elements = {
-  /** @param {Context} context */
-  after: ({ state, stage }) => {
+  /** @param {Context} context @param {import("../../result/result.js").Keep} keep */
+  after: ({ state, stage }, keep) => {
     const result = /** @type {MergeResult} */ (/** @type {unknown} */ (state.results[stage]));
-    return [files(result, state.id), ...(result.cloud ? [later(async () => make((await import("./merged.js")).MergedElement, { state, stage }))] : [])];
+    return [files(result, state.id), ...(result.cloud ? [keep("merged", () => later(async () => make((await import("./merged.js")).MergedElement, { state, stage })))] : [])];
   },
 };
 

@@ -22,7 +22,7 @@ const STEPS = 400;
 const CLICKS = /** @type {const} */ (["measure", "datum"]);
 const DATUM_POINTS = 6;
 
-/** How each session's cloud was looked at last: a new result draws this part of the page afresh. @type {Map<string, CloudView>} */
+/** How each session's cloud was looked at last: the page may be left and come back to. @type {Map<string, CloudView>} */
 const views = new Map();
 
 /** Datum points that are being picked, in the cloud's frame, by session. @type {Map<string, number[][]>} */
@@ -56,7 +56,9 @@ export class MergedElement extends StateElement {
   #measured = [];
   #deviation = h("div", { class: "merged-answer", "aria-live": "polite" });
 
-  parts = /** @type {const} */ ([]);
+  /** The result that is shown. */ #shown = "";
+
+  parts = /** @type {const} */ (["results"]);
 
   build() {
     const view = this.#view;
@@ -65,7 +67,6 @@ export class MergedElement extends StateElement {
     this.#against.value = view.against;
     this.#keep.checked = view.keep === "above";
     this.#diameter.value = String(inField(view.diameter_mm));
-    this.#reach();
     this.append(h(
       "section", { class: "panel", "aria-labelledby": "merged-title" },
       h("h2", { id: "merged-title" }, t("merged.title")),
@@ -74,11 +75,22 @@ export class MergedElement extends StateElement {
       this.#compared, this.#known, this.#reference, this.#deviation,
       field("cloud-axis", t("merged.section"), this.#axis), this.#cut, this.#section, this.#clicking, this.#picked,
     ));
+  }
+
+  /** A new result is looked at as the one before. */
+  update() {
+    const now = this.#merge?.inputs_sha256;
+    if (!now || now === this.#shown) return;
+    this.#shown = now;
+    this.#slab = null;
+    this.#reach();
     this.#changed();
+    this.#drawPicked();
   }
 
   disconnectedCallback() {
     super.disconnectedCallback();
+    this.#shown = "";
     window.clearTimeout(this.#timer);
   }
 
