@@ -1854,7 +1854,7 @@ export interface RecognisedFile {
   values: Record<string, string | number>;
   why: string;
   name: string;
-  taken_for: "profiles" | "clouds" | "frames" | "boards" | "poses" | "backup" | "certificate" | "session" | "nothing";
+  taken_for: "profiles" | "clouds" | "frames" | "boards" | "centers" | "poses" | "backup" | "certificate" | "session" | "nothing";
   preview: number[][];
 }
 

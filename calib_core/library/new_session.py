@@ -10,6 +10,7 @@ from typing import Any
 
 from calib_core.disk import remove_folder
 from calib_core.errors import ConflictError, InputError
+from calib_core.formats.format import Unit
 from calib_core.messages import message
 from calib_core.recognition.taken import GivenFile, TakenFor
 
@@ -46,6 +47,7 @@ def new_session(
     convention: str | None = None,
     sphere_mm: float | None = None,
     told: Mapping[str, TakenFor] | None = None,
+    unit: Unit | None = None,
 ) -> NewSession:
     """Make a session folder of the files that lie in a folder and in those below it; nothing in it is changed.
 
@@ -61,11 +63,13 @@ def new_session(
         The sphere's diameter.
     told : mapping, optional
         What files are taken for, by their names, whatever their content says.
+    unit : str, optional
+        That of a laser tracker's points, where their file states none.
 
     Raises
     ------
     InputError
-        If the folder cannot be read, or the convention is unknown.
+        If the folder cannot be read, the convention is unknown, or nothing says the unit of a tracker's points.
     ConflictError
         If `out` holds something already, or lies in the folder.
     """
@@ -78,7 +82,11 @@ def new_session(
     if convention is not None:
         convention_named(convention)
     target = _target(root, Path(out) if out is not None else None)
-    found = recognise(_given(root), told, convention, sphere_mm)
+    found = recognise(_given(root), told, convention, sphere_mm, unit)
+    open_unit = next((look.file.name for look in found.looks if look.reason.code == "centers-unit"), None)
+    if open_unit is not None:
+        to_do = message("Write it there, as in X [mm], or tell it by --unit.")
+        raise InputError("the unit of the tracker's points", "none in the file", to_do, open_unit)
     made = session_of(found, root.resolve().name)
     target.mkdir(parents=True, exist_ok=True)
     try:

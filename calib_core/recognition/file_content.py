@@ -2,6 +2,7 @@
 
 from calib_core.disk import is_system_file
 from calib_core.errors import CalibrationError, InputError
+from calib_core.formats.format import Unit
 from calib_core.formats.points import FORMATS
 from calib_core.formats.points import recognise as format_of
 from calib_core.formats.shared.text_style import looks_like_text
@@ -11,6 +12,7 @@ from calib_core.recognition.number_rows import rows_in
 from calib_core.recognition.pose_rows import poses_in
 from calib_core.recognition.storage import look_at_storage
 from calib_core.recognition.taken import GivenFile, Look, PoseList, Reason, TakenFor, nothing, preview_of
+from calib_core.recognition.tracker_points import HINT, centers_in
 from calib_core.robots.compiled import compiled
 from calib_core.robots.registry import BRANDS
 from calib_core.robots.text import decoded
@@ -24,8 +26,11 @@ _LEAST_POINTS = 8
 KINDS: dict[str, TakenFor] = {"profile": "profiles", "cloud": "clouds", "frame": "frames"}
 
 
-def look_at(file: GivenFile) -> Look:
-    """Return what a file is by itself; what others beside it make of it comes later."""
+def look_at(file: GivenFile, unit: Unit | None = None) -> Look:
+    """Return what a file is by itself; what others beside it make of it comes later.
+
+    `unit` is that of a tracker's points where their file states none.
+    """
     if file.refused:
         return nothing(file.refused)
     if not file.data:
@@ -42,7 +47,7 @@ def look_at(file: GivenFile) -> Look:
         return _controllers(file, _unpacked(file)) or nothing("binary")
     if not looks_like_text(file.head) or _is_binary_format(file):
         return _binary(file)
-    return _text(file)
+    return _text(file, unit)
 
 
 def _is_binary_format(file: GivenFile) -> bool:
@@ -89,7 +94,7 @@ def _points(file: GivenFile, name: str, title: str, how: str) -> Look:
     return Look(KINDS[kind], Reason("points", {"title": title, "how": how}), preview=preview)
 
 
-def _text(file: GivenFile) -> Look:
+def _text(file: GivenFile, unit: Unit | None) -> Look:
     text = decoded(file.head)
     begins = text.lstrip()[:1]
     if begins and begins in "{[":
@@ -100,6 +105,8 @@ def _text(file: GivenFile) -> Look:
         return Look("certificate", Reason("certificate"))
     if text.startswith("%YAML:1.0") or "<opencv_storage>" in text[:400]:
         return look_at_storage(file, text)
+    if HINT.search(text) and (found := _centers(file, unit)) is not None:
+        return found
     for step in (_listing, _controllers, _table):
         found = step(file, text)
         if found is not None:
@@ -131,6 +138,21 @@ def _with_poses(poses: PoseList, where: str = "", sphere_mm: float | None = None
     if len(poses.rows) == 1 and keys:  # one alone among settings: a result of theirs, unless a scan has its name
         values["keys"] = keys
     return Look("poses", Reason("poses", values), poses=poses, sphere_mm=sphere_mm)
+
+
+def _centers(file: GivenFile, told: Unit | None) -> Look | None:
+    """Return a laser tracker's points."""
+    if not file.whole or len(file.data) > _MOST_POSE_BYTES:
+        return None
+    centers = centers_in(decoded(file.data), file.name, told)
+    if centers is None:
+        return None
+    count = len(centers.points)
+    if centers.unit is None:
+        return Look("centers", Reason("centers-unit", {"points": count}), centers=centers)
+    sigma = f", each axis ± {centers.sigma_mm:.3g} mm (1 sigma)" if centers.sigma_mm else ""
+    reason = Reason("centers", {"points": count, "unit": centers.unit, "sigma": sigma})
+    return Look("centers", reason, centers=centers)
 
 
 def _listing(file: GivenFile, text: str) -> Look | None:

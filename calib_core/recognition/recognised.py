@@ -1,6 +1,5 @@
 """All files of a folder or a drop recognised together: each one named, poses handed to measurements."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.errors import CalibrationError
+from calib_core.formats.format import Unit
 from calib_core.recognition.conventions import Choice, chosen_convention
 from calib_core.recognition.file_content import look_at
 from calib_core.recognition.pairing import By, natural, paired
@@ -28,10 +28,18 @@ _SAME_MM = 1e-3
 
 @dataclass(frozen=True)
 class Pair:
-    """A measurement and its pose, or either alone: places in the lists of files and poses."""
+    """A measurement and its pose, or either alone: places in the lists of files and poses.
+
+    `point` is the measurement's place in a file of several, a laser tracker's.
+    """
 
     file: int | None
     pose: int | None
+    point: int | None = None
+
+    def to_json(self) -> dict[str, int | None]:
+        """Return it as JSON data; a tracker's points, which are no files to send, leave their pose alone."""
+        return {"file": self.file if self.point is None else None, "pose": self.pose}
 
 
 @dataclass(frozen=True)
@@ -82,7 +90,7 @@ class Recognised:
                 for look in self.looks
             ],
             "poses": [row.to_json() for row in self.poses],
-            "pairs": [{"file": pair.file, "pose": pair.pose} for pair in self.pairs],
+            "pairs": [pair.to_json() for pair in self.pairs if pair.point is None or pair.pose is not None],
             "paired_by": self.by,
             "convention": None if self.choice is None else self.choice.to_json(),
             "sphere_diameter_mm": self.sphere_mm,
@@ -97,6 +105,7 @@ def recognise(
     told: Mapping[str, TakenFor] | None = None,
     convention: str | None = None,
     sphere_mm: float | None = None,
+    unit: Unit | None = None,
 ) -> Recognised:
     """Return what files are: each of them is named, none is left out.
 
@@ -109,20 +118,24 @@ def recognise(
         In which the poses are written, where it is known.
     sphere_mm : float, optional
         The sphere's diameter, where it is known.
+    unit : str, optional
+        That of a laser tracker's points, where their file states none.
     """
-    looks = [_look(file, (told or {}).get(file.name), k) for k, file in enumerate(files)]
-    looks = _with_controllers(looks)
+    looks = [_look(file, (told or {}).get(file.name), k, unit) for k, file in enumerate(files)]
+    looks = _with_controllers(_without_other_scanners(looks))
     order = sorted(
-        (k for k, look in enumerate(looks) if look.taken_for in MEASUREMENTS),
+        (k for k, look in enumerate(looks) if look.taken_for in (*MEASUREMENTS, "centers")),
         key=lambda k: natural(looks[k].file.name),
     )
-    looks, lists, doubts = _pose_lists(looks, [looks[k].file for k in order])
+    measured = [place for k in order for place in _places(looks, k)]
+    given = [_measurement(looks, *place) for place in measured]
+    looks, lists, doubts = _pose_lists(looks, given)
     rows: list[PoseRow] = []
     pairs: dict[int, int] = {}
     by: By | None = None
-    for group, poses in _by_folder([looks[k].file for k in order], lists):
-        found = paired([looks[order[k]].file.name for k in group], poses.rows)
-        pairs |= {order[group[place]]: len(rows) + row for place, row in found.row_of.items()}
+    for group, poses in _by_folder(given, lists):
+        found = paired([given[k].name for k in group], poses.rows)
+        pairs |= {group[place]: len(rows) + row for place, row in found.row_of.items()}
         by = by or found.by
         doubts += [found.doubt] if found.doubt else []
         rows += poses.rows
@@ -135,20 +148,49 @@ def recognise(
     if sphere_mm is None and len(told_spheres) == 1:
         sphere_mm, sphere_from = next(iter(told_spheres.items()))
     used = set(pairs.values())
-    listed = [Pair(k, pairs.get(k)) for k in order] + [Pair(None, k) for k in range(len(rows)) if k not in used]
+    listed = [Pair(k, pairs.get(place), point) for place, (k, point) in enumerate(measured)]
+    listed += [Pair(None, k) for k in range(len(rows)) if k not in used]
     missing = _missing(looks, listed, choice, sphere_mm)
     return Recognised(
         tuple(looks), tuple(rows), tuple(listed), by, choice, sphere_mm, sphere_from, tuple(doubts), tuple(missing)
     )
 
 
-def _look(file: GivenFile, told: TakenFor | None, place: int) -> Look:
+def _places(looks: Sequence[Look], k: int) -> list[tuple[int, int | None]]:
+    """Return the measurements of a file: itself, or a tracker's points where their unit is known."""
+    if looks[k].taken_for != "centers":
+        return [(k, None)]
+    centers = looks[k].centers
+    return [] if centers is None or centers.unit is None else [(k, point) for point in range(len(centers.points))]
+
+
+def _measurement(looks: Sequence[Look], k: int, point: int | None) -> GivenFile:
+    """Return a measurement as a file by whose name its pose is found; a tracker's point has its own name."""
+    file, centers = looks[k].file, looks[k].centers
+    if centers is None or point is None:
+        return file
+    return replace(file, name=f"{file.folder}/{centers.points[point].name}".lstrip("/"))
+
+
+def _without_other_scanners(looks: list[Look]) -> list[Look]:
+    """Leave a tracker's points aside where other scans lie beside them: one session's scanner took either."""
+    if not any(look.taken_for in ("profiles", "clouds", "frames") for look in looks):
+        return looks
+    return [
+        replace(look, taken_for="nothing", reason=Reason("centers-beside", {"points": len(look.centers.points)}))
+        if look.centers is not None
+        else look
+        for look in looks
+    ]
+
+
+def _look(file: GivenFile, told: TakenFor | None, place: int, unit: Unit | None) -> Look:
     if place >= MOST_FILES:
         return replace(nothing("beyond", most=MOST_FILES), file=file)
     if told == "nothing" or told in MEASUREMENTS:
         return Look(told, Reason("told"), file=file)
     try:
-        look = look_at(file)
+        look = look_at(file, unit)
     except CalibrationError as error:
         look = nothing("damaged", because=error.reason)
     if told is not None and look.taken_for != told:
@@ -245,24 +287,19 @@ def _by_folder(files: Sequence[GivenFile], lists: Sequence[PoseList]) -> list[tu
 def _missing(
     looks: Sequence[Look], pairs: Sequence[Pair], choice: Choice | None, sphere_mm: float | None
 ) -> list[Reason]:
-    kinds = Counter(look.taken_for for look in looks)
-    measured = kinds["profiles"] + kinds["clouds"] + kinds["frames"]
-    if not measured + kinds["boards"]:
+    shown = [p for p in pairs if p.file is not None]
+    if not shown:
         return [Reason("missing-measurements")]
     missing: list[Reason] = []
-    bare = [looks[p.file].file.name for p in pairs if p.file is not None and p.pose is None]
-    lacking = [name for name in bare if not _is_board(looks, name)]
-    if lacking and len(lacking) == measured:
+    posed = [p for p in shown if p.file is not None and looks[p.file].taken_for != "boards"]
+    lacking = [_measurement(looks, p.file or 0, p.point).name for p in posed if p.pose is None]
+    if lacking and len(lacking) == len(posed):
         missing.append(Reason("missing-poses"))
     elif lacking:
         listed = ", ".join(lacking[:8]) + (" and more" if len(lacking) > 8 else "")
         missing.append(Reason("missing-poses-of", {"names": listed}))
     if choice is not None and not choice.sure and any(p.pose is not None for p in pairs):
         missing.append(Reason("missing-convention", {"choices": choice.why}))
-    if sphere_mm is None and kinds["profiles"] + kinds["clouds"]:
+    if sphere_mm is None and any(look.taken_for in ("profiles", "clouds") for look in looks):
         missing.append(Reason("missing-sphere"))
     return missing
-
-
-def _is_board(looks: Sequence[Look], name: str) -> bool:
-    return any(look.file.name == name and look.taken_for == "boards" for look in looks)

@@ -1,5 +1,6 @@
 """The session that recognised files make: a capture a measurement, with its pose."""
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,15 +31,23 @@ def session_of(found: Recognised, name: str) -> MadeSession:
     files: dict[str, str] = {}
     capture_of: dict[str, str] = {}
     taken: set[str] = set()
+    sigmas: list[float] = []
     for pair in found.pairs:
         if pair.file is None:
             continue
         look = found.looks[pair.file]
-        own = _free(look, taken)
-        ending = re.search(r"\.[A-Za-z0-9]{1,8}\Z", look.file.name)
-        copy = f"captures/{own}{ending[0].lower() if ending else ''}"
-        files[copy], capture_of[look.file.name] = look.file.name, own
-        record: dict[str, Any] = {"id": own, "step": _step(look), "kind": _KINDS[look.taken_for], "files": [copy]}
+        record: dict[str, Any]
+        if look.centers is not None and pair.point is not None:
+            point = look.centers.points[pair.point]
+            own = _free((point.name, f"{look.file.stem}-{point.name}"), taken)
+            record = {"id": own, "step": "tcp", "kind": "center", "center_mm": list(point.center_mm)}
+            sigmas += [look.centers.sigma_mm] if look.centers.sigma_mm else []
+        else:
+            own = _free((look.file.stem, look.file.name.rpartition(".")[0].replace("/", "-")), taken)
+            ending = re.search(r"\.[A-Za-z0-9]{1,8}\Z", look.file.name)
+            copy = f"captures/{own}{ending[0].lower() if ending else ''}"
+            files[copy], capture_of[look.file.name] = look.file.name, own
+            record = {"id": own, "step": _step(look), "kind": _KINDS[look.taken_for], "files": [copy]}
         if pair.pose is not None:
             row = found.poses[pair.pose]
             record |= {"pose": list(row.numbers), "source": f"{row.file}:{row.line}"}
@@ -52,6 +61,9 @@ def session_of(found: Recognised, name: str) -> MadeSession:
     kinds = {capture["kind"] for capture in captures}
     if len(kinds) == 1:
         cell["scanner"] = {"kind": kinds.pop()}
+    if cell.get("scanner") == {"kind": "center"}:  # a tracker stands still, the robot carries its target
+        cell["arrangement"] = "sphere-on-robot"
+        cell["scanner"] |= {"point_sigma_mm": math.hypot(*sigmas) / len(sigmas) ** 0.5} if sigmas else {}
     record = {"format": "scancell-session/1", "name": name, "cell": cell, "captures": captures}
     return MadeSession(parse_session(record, "session.json"), files, capture_of, tuple(_notes(found)))
 
@@ -62,6 +74,8 @@ def _notes(found: Recognised) -> list[str]:
         notes.append(f"The poses' convention is '{found.choice.convention}'. {found.choice.why}")
     if found.by is not None:
         notes.append(f"Measurements and poses were paired by {found.by}.")
+    if any(pair.point is not None for pair in found.pairs):
+        notes.append("The laser tracker stands still, and the robot carries its target (`sphere-on-robot`).")
     if found.sphere_from:
         notes.append(f"The sphere's diameter, {found.sphere_mm} mm, is from {found.sphere_from}.")
     return notes
@@ -73,9 +87,10 @@ def _step(look: Look) -> str:
     return "tcp"
 
 
-def _free(look: Look, taken: set[str]) -> str:
-    """Return a capture's id, of the file's name; with its folder before it where two files have one name."""
-    for wanted in (look.file.stem, look.file.name.rpartition(".")[0].replace("/", "-")):
+def _free(names: tuple[str, str], taken: set[str]) -> str:
+    """Return a capture's id, of the first of two names that is free; with a number behind it where none is."""
+    clean = ""
+    for wanted in names:
         clean = re.sub(r"[^A-Za-z0-9._-]", "-", wanted).lstrip("._-")[:56] or "capture"
         if clean not in taken:
             break

@@ -2,16 +2,22 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from calib_core.frames import FloatArray
 
+if TYPE_CHECKING:
+    from calib_core.recognition.tracker_points import Centers
+
 TakenFor = Literal[
-    "profiles", "clouds", "frames", "boards", "poses", "backup", "certificate", "session", "nothing"
+    "profiles", "clouds", "frames", "boards", "centers", "poses", "backup", "certificate", "session", "nothing"
 ]
-"""What a file can be taken for; `backup` is a controller's file with tools and frames, but no poses."""
+"""What a file can be taken for; `backup` is a controller's file with tools and frames, but no poses.
+
+`centers` are a laser tracker's points: each is a measurement of its own.
+"""
 
 TAKEN_FOR: tuple[TakenFor, ...] = get_args(TakenFor)
 MEASUREMENTS: tuple[TakenFor, ...] = ("profiles", "clouds", "frames", "boards")
@@ -32,6 +38,9 @@ _REASONS = {
     "table": "{rows} rows of {columns} numbers{cut}: points.",
     "picture": "An image.",
     "board": "An image of a board: {how}.",
+    "centers": "{points} points of a laser tracker in {unit}{sigma}.",
+    "centers-unit": "{points} points of a laser tracker, and nothing says their unit.",
+    "centers-beside": "{points} points of a laser tracker: give them a folder of their own, without other scans.",
     "mesh": "A mesh, not a measurement.",
     "poses": "{poses} poses of {numbers} numbers{where}.",
     "controller-poses": "{brand}: {poses} poses, {tools} tools, {frames} frames.",
@@ -161,6 +170,7 @@ class Look:
     sphere_mm: float | None = None
     file: GivenFile = GivenFile("", b"")
     preview: tuple[tuple[float, float], ...] = ()
+    centers: "Centers | None" = None
 
 
 def nothing(code: str, **values: str | float) -> Look:

@@ -1,0 +1,147 @@
+"""A laser tracker's points become `center` captures of a scanner that stands still, and solve to the truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import calib_core as cc
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from calib_core.library.new_session import new_session
+from calib_core.poses.numbers import to_pose
+from calib_core.recognition.tracker_points import centers_in
+from server.cli import main
+
+RNG = np.random.default_rng(37)
+_MATRIX = np.eye(4)
+_MATRIX[:3, :3] = Rotation.from_euler("xyz", [2, -3, 140], degrees=True).as_matrix()
+_MATRIX[:3, 3] = [2100, -900, 300]
+BASE_FROM_TRACKER = RigidTransform(_MATRIX, "base", "laser")
+TARGET_IN_TOOL0_MM = np.array([40.0, -25.0, 110.0])
+SIGMA_MM = 0.015
+U95_MM = 1.96 * SIGMA_MM
+
+
+def _poses(count: int) -> list[np.ndarray]:
+    matrices = []
+    for _ in range(count):
+        matrix = np.eye(4)
+        matrix[:3, :3] = Rotation.from_rotvec(RNG.normal(0, 0.6, 3)).as_matrix()
+        matrix[:3, 3] = RNG.uniform([600, -400, 300], [1200, 400, 900])
+        matrices.append(matrix)
+    return matrices
+
+
+POSES = _poses(16)
+TRACKER_FROM_BASE = np.linalg.inv(BASE_FROM_TRACKER.matrix)
+POINTS_MM = [
+    (TRACKER_FROM_BASE @ pose @ [*TARGET_IN_TOOL0_MM, 1])[:3] + RNG.normal(0, SIGMA_MM, 3) for pose in POSES
+]
+
+
+def leica(unit: str = "mm", header: bool = True) -> str:
+    """A CSV whose axes are named in the order z, x, y, beside a U95 of each point."""
+    factor = {"mm": 1.0, "m": 1e-3, "in": 1 / 25.4}[unit]
+    stated = f" [{unit}]" if header else ""
+    rows = [
+        f"P{k},2026-11-20 10:{k:02d}:00,{z * factor:.9f},{x * factor:.9f},{y * factor:.9f},{U95_MM * factor:.9f}"
+        for k, (x, y, z) in enumerate(POINTS_MM, start=1)
+    ]
+    return "\n".join([f"Name,Time,Z{stated},X{stated},Y{stated},U95{stated}", *rows]) + "\n"
+
+
+def spatial_analyzer(unit: str = "Millimeters") -> str:
+    rows = [f"A::Robot::P{k} {x:.6f} {y:.6f} {z:.6f}" for k, (x, y, z) in enumerate(POINTS_MM, start=1)]
+    return "\n".join(["// SpatialAnalyzer", f"// Units: {unit}", *rows]) + "\n"
+
+
+def poses_text() -> str:
+    rows = [to_pose("kuka", RigidTransform(pose, "base", "tool0")) for pose in POSES]
+    named = [f"P{k}," + ",".join(f"{v:.7f}" for v in row) for k, row in reversed(list(enumerate(rows, start=1)))]
+    return "\n".join(["name,X,Y,Z,A,B,C", *named]) + "\n"
+
+
+def lay(folder: Path, **files: str) -> Path:
+    folder.mkdir()
+    for name, text in files.items():
+        (folder / name.replace("_", ".")).write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "text",
+    [leica(), leica("m"), leica("in"), leica().replace(",", ";").replace(".", ","), spatial_analyzer()],
+    ids=["mm", "m", "in", "decimal commas", "SpatialAnalyzer"],
+)
+def test_a_trackers_points_and_the_controllers_poses_solve_to_where_the_tracker_stands(
+    tmp_path: Path, text: str
+) -> None:
+    folder = lay(tmp_path / "in", tracker_csv=text, poses_csv=poses_text())
+    made = new_session(folder, convention="kuka")
+    assert made.missing == ()
+    assert {file["name"]: file["taken_for"] for file in made.files} == {
+        "tracker.csv": "centers",
+        "poses.csv": "poses",
+    }
+    session = cc.load(made.folder)
+    assert (session.cell.arrangement, session.cell.scanner.kind) == ("sphere-on-robot", "center")
+    told = session.cell.scanner.point_sigma_mm
+    assert told == pytest.approx(SIGMA_MM, rel=1e-5) if "U95" in text else told is None
+    by_name = {capture.id: capture for capture in session.captures}
+    for k, point in enumerate(POINTS_MM, start=1):
+        np.testing.assert_allclose(by_name[f"P{k}"].center_mm, point, atol=1e-5)
+    result = session.run("tcp")["tcp"]
+    error = BASE_FROM_TRACKER.difference(RigidTransform.from_rounded(result.base_from_laser, "base", "laser"))
+    assert np.linalg.norm(error[3:]) < 0.2  # at 2.3 m
+    assert float(error @ np.linalg.solve(np.array(result.covariance), error)) < 22.5  # 99.9 %
+
+
+def test_a_unit_is_never_taken_in_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = lay(tmp_path / "in", tracker_csv=leica("m", header=False), poses_csv=poses_text())
+    with pytest.raises(InputError, match=r"tracker\.csv.*unit"):
+        new_session(folder, tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+    assert main(["new", str(folder), "--convention", "kuka", "--unit", "m"]) == 0
+    assert "16 points of a laser tracker in m" in capsys.readouterr().out
+    centers = [capture.center_mm for capture in cc.load(tmp_path / "in-session").captures]
+    np.testing.assert_allclose(sorted(centers), sorted(map(tuple, POINTS_MM)), atol=1e-5)
+    stated = centers_in(leica("m"), "tracker.csv", "mm")
+    assert stated is not None
+    assert stated.unit == "m"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "X,Y,Z\n1.0,2.0,3.0\n4.0,5.0,6.0\n",
+        "measured by laser tracker\nX,Y,Z,A,B,C\n1.0,2.0,3.0,4.0,5.0,6.0\n",
+        "Point Easting Northing Height\nP1 1.0 2.0 3.0\n",
+        "! conveyor tracker\nPTP P1\n",
+    ],
+    ids=["a cloud", "poses", "a survey", "a program"],
+)
+def test_what_is_no_trackers_stays_what_it_is(text: str) -> None:
+    assert centers_in(text, "file") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("Name,X [mm],Y [mm],Z [mm],U95\nP1,1.0,2.0,3.0,0.03\nP2,1.0,2.0\n", "line 3"),
+        ("Name,X [mm],Y [mm],Z [mm],U95\nP1,1.0,n/a,3.0,0.03\n", "'n/a' in line 2"),
+        ("// SpatialAnalyzer\nP1 1.0 2.0 3.0 0.01\n", "line 2"),
+    ],
+)
+def test_a_row_that_is_damaged_or_open_to_doubt_is_named(text: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        centers_in(text, "file.csv")
+
+
+def test_points_beside_scans_of_another_scanner_are_left_aside_and_named(tmp_path: Path) -> None:
+    scan = "x_mm,z_mm\n" + "".join(f"{k / 10},{100 - (k - 50) ** 2 / 800:.3f}\n" for k in range(100))
+    made = new_session(lay(tmp_path / "in", tracker_csv=leica(), scan_csv=scan, poses_csv=poses_text()))
+    tracker = next(file for file in made.files if file["name"] == "tracker.csv")
+    assert (tracker["taken_for"], made.captures) == ("nothing", 1)
+    assert "a folder of their own" in tracker["why"]
