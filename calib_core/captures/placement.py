@@ -111,10 +111,21 @@ class Placement:
 
     def carried(self, capture: Capture, base_from_carrier: RigidTransform) -> RigidTransform:
         """Return where what carries a capture's scanner is, the axes that carry the robot moved."""
-        if not self.axes or not on_flange(self.mount(capture)):
-            return base_from_carrier
+        return self.foot(capture) @ base_from_carrier if on_flange(self.mount(capture)) else base_from_carrier
+
+    def foot(self, capture: Capture, ball: str = "base", off: Mapping[str, float] | None = None) -> RigidTransform:
+        """Return how axes moved the robot, as seen from what carries a ball: base, or an axis of the object.
+
+        `off` is added to the axes' readings, rad and mm.
+        """
         feet = [axis.edge.name for axis in self.axes if axis.edge.carries == "robot"]
-        return self._moved(feet[-1] if feet else "base", capture) @ base_from_carrier
+        foot = self._moved(feet[-1] if feet else "base", capture, off)
+        return self._moved(ball, capture, off).inverse() @ foot
+
+    @property
+    def in_base(self) -> "Placement":
+        """The same for an object that stands in base."""
+        return replace(self, base_from_turntable=None, carrier="base")
 
     def turntable_from_base(self, capture: Capture) -> RigidTransform:
         """Return the way from base into T as the axes stand, the identity without any; raises InputError."""
@@ -136,13 +147,13 @@ class Placement:
         back = RigidTransform.of([0.0, 0.0, -angle], [0.0, 0.0, 0.0], "turntable", "turntable")
         return back @ self.base_from_turntable.inverse()
 
-    def _moved(self, carrier: str, capture: Capture) -> RigidTransform:
+    def _moved(self, carrier: str, capture: Capture, off: Mapping[str, float] | None = None) -> RigidTransform:
         """Return how an axis, and those that it stands on, moved in base what they carry."""
         every = {axis.edge.name: axis for axis in self.axes}
         read = read_axes(self.cell, capture) if self.cell else {}
         moved = RigidTransform.identity("base", "base")
         while carrier in every:
-            moved = every[carrier].motion(read.get(carrier, 0.0)) @ moved
+            moved = every[carrier].motion(read.get(carrier, 0.0) + (off or {}).get(carrier, 0.0)) @ moved
             carrier = every[carrier].edge.on
         return moved
 

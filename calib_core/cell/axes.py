@@ -90,6 +90,21 @@ def axis_of_mounts(cell: Cell, captures: Sequence[Capture]) -> dict[str, str]:
     return found
 
 
+def carrier_told(cell: Cell, capture: Capture) -> str:
+    """Return what carries the ball of a capture that names it as a still one, base where nothing is told."""
+    told = {ball.name: ball.on for ball in cell.spheres or []}
+    return told.get(capture.mount or "") or "base"
+
+
+def axes_needed(cell: Cell) -> set[str]:
+    """Return the axes by which the robot, or a ball that is told to be on one, is moved."""
+    needed = {axis.name for axis in cell.axes or [] if axis.carries == "robot"}
+    needed |= {ball.on or "" for ball in cell.spheres or []}
+    for axis in reversed(moved_axes(cell)):
+        needed |= {axis.on} if axis.name in needed else set()
+    return needed
+
+
 def names_axes(cell: Cell) -> bool:
     """Return whether a cell names its axes, beside or in place of the one turntable."""
     return bool(cell.axes)

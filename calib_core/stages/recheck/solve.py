@@ -19,11 +19,20 @@ from calib_core.stages.recheck.compare import Alike, Change, compared
 from calib_core.stages.recheck.record import Changed, RecheckResidual, RecheckResult, RecheckRound
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.solve import observe_stage
+from calib_core.stages.verify.on_axes import axes_of_answer, on_axes
 from calib_core.stages.verify.tool import Tool
 
 ENOUGH = 3
 _ANSWER_SHARE = 0.6
 _NEAR_MM, _NEAR_RAD = 20.0, float(np.deg2rad(3.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Stop:
+    """What was seen with the flange where the axes brought it, and the arm's own pose."""
+
+    seen: SphereObservation
+    arm: RigidTransform
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +60,10 @@ def solve(given: StageInput) -> RecheckResult:
     assert isinstance(answer, TcpResult | ChainResult)
     own = {capture.id for capture in given.captures if capture.step == "recheck"}
     used = {row.capture for row in answer.residuals if row.used}
-    then = [o for o in observed.observations if o.capture not in own and o.capture in used]
-    pairs, alone = _paired([o for o in observed.observations if o.capture in own], then)
+    on = on_axes(observed.observations, given.captures, axes_of_answer(given.session.cell, answer))
+    stops = [_Stop(seen, o.base_from_tool0) for seen, o in zip(on, observed.observations, strict=True)]
+    then = [stop for stop in stops if stop.seen.capture not in own and stop.seen.capture in used]
+    pairs, alone = _paired([stop for stop in stops if stop.seen.capture in own], then)
     if not pairs:
         raise MotionError(
             "captures with step 'recheck' from poses of the calibration",
@@ -99,20 +110,21 @@ def solve(given: StageInput) -> RecheckResult:
     )
 
 
-def _paired(now: Sequence[SphereObservation], then: Sequence[SphereObservation]) -> tuple[list[_Pair], list[str]]:
+def _paired(now: Sequence[_Stop], then: Sequence[_Stop]) -> tuple[list[_Pair], list[str]]:
     """Return each capture with the nearest of the calibration; a pose that comes again begins a round."""
     pairs: list[_Pair] = []
     alone: list[str] = []
-    number, seen = 1, dict[str, str]()
-    for one in now:
-        nearest = min((o for o in then if o.kind == one.kind), key=lambda o: _distance(one, o), default=None)
-        if nearest is None or _distance(one, nearest) > 1:
+    number, repeated = 1, dict[str, str]()
+    for stop in now:
+        one, alike = stop.seen, [other for other in then if other.seen.kind == stop.seen.kind]
+        nearest = min(alike, key=lambda other: _distance(stop, other), default=None)
+        if nearest is None or _distance(stop, nearest) > 1:
             alone.append(one.capture)
             continue
-        if seen.get(nearest.capture, one.capture) != one.capture:
-            number, seen = number + 1, {}
-        seen[nearest.capture] = one.capture
-        pairs.append(_Pair(nearest, one, number))
+        if repeated.get(nearest.seen.capture, one.capture) != one.capture:
+            number, repeated = number + 1, {}
+        repeated[nearest.seen.capture] = one.capture
+        pairs.append(_Pair(nearest.seen, one, number))
     paired = {pair.now.capture for pair in pairs}
     return pairs, [name for name in dict.fromkeys(alone) if name not in paired]
 
@@ -122,8 +134,9 @@ def is_repeated(one: RigidTransform, other: RigidTransform) -> bool:
     return _apart(one, other) <= 1
 
 
-def _distance(one: SphereObservation, other: SphereObservation) -> float:
-    return _apart(one.base_from_tool0, other.base_from_tool0)
+def _distance(one: _Stop, other: _Stop) -> float:
+    by_axes = _apart(one.seen.base_from_tool0, other.seen.base_from_tool0)
+    return max(by_axes, _apart(one.arm, other.arm))  # an arm that stands elsewhere errs in another way
 
 
 def _apart(one: RigidTransform, other: RigidTransform) -> float:

@@ -14,7 +14,7 @@ from calib_core.cell.carriers import carriers_of
 from calib_core.errors import MeasurementError
 from calib_core.findings import Finding, reasons_of
 from calib_core.findings.codes.verify import PLATE_NOT_TURNED, POINTS_BESIDE_PLATE
-from calib_core.frames import FloatArray, RigidTransform, stack_matrices
+from calib_core.frames import FloatArray, stack_matrices
 from calib_core.messages import message
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
@@ -65,8 +65,8 @@ class Plate:
         return found
 
 
-def plate(session: Session, captures: Sequence[Capture], read: ReadFile, tool: RigidTransform) -> Plate | None:
-    """Return the plate that captures show with a tool, None where there is no capture of one.
+def plate(session: Session, captures: Sequence[Capture], read: ReadFile, placement: Placement) -> Plate | None:
+    """Return the plate that captures show by where the scanner is, None where there is no capture of one.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def plate(session: Session, captures: Sequence[Capture], read: ReadFile, tool: R
         if capture.id in unused:
             continue
         try:
-            own, turned = _on_carrier(session, capture, read, tool)
+            own, turned = _on_carrier(session, capture, read, placement)
         except MeasurementError as error:
             unused[capture.id] = str(error)
             continue
@@ -218,16 +218,16 @@ def _figures(points: FloatArray) -> tuple[float, float]:
 
 
 def _on_carrier(
-    session: Session, capture: Capture, read: ReadFile, tool: RigidTransform
+    session: Session, capture: Capture, read: ReadFile, placement: Placement
 ) -> tuple[FloatArray, FloatArray]:
     """Return a capture's points (N, 3) on what carries the plate, and how the scanner was turned there (3, 3)."""
-    scan = read_scan(session, ScanGroup((capture,)), Placement(tool, None), read)
+    scan = read_scan(session, ScanGroup((capture,)), placement, read)
     rows = np.asarray(scan.points_in_laser_mm, dtype=float)
     ways = scan.turntable_from_laser
     if carriers_of(session.cell, capture).over_robot < 0:  # the flange carries the plate
         sweep = capture.kind == "sweep"
         poses = sweep_poses(session.cell, capture) if sweep else [pose_of(session.cell, capture)]
-        ways = stack_matrices([pose.inverse() for pose in poses]) @ ways
+        ways = stack_matrices([(placement.foot(capture) @ pose).inverse() for pose in poses]) @ ways
     ways = np.broadcast_to(ways, (len(rows), 4, 4))
     points = (np.einsum("pij,pcj->pci", ways[:, :3, :3], rows) + ways[:, None, :3, 3]).reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]

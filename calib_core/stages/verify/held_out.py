@@ -263,14 +263,19 @@ class _Seen:
         return np.hstack([skew(center), -self._tool.mount_from_laser.rotation.T])
 
     def pose_covariance(self, center: FloatArray) -> FloatArray:
-        """Return the covariance (3, 3) of the centre in L by the error of the robot's pose."""
+        """Return the covariance (3, 3) of the centre in L by the errors of the robot's pose and of the axes."""
         over, base_from_tool0 = self._observation.carriers.over_robot, self._observation.base_from_tool0
         if over == 0:
             return np.zeros((3, 3))
+        by_axes = np.zeros((3, 0))
+        if (moves := self._tool.axis_moves.get(self._observation.capture)) is not None:
+            in_base = center if over > 0 else base_from_tool0.apply(center)
+            seen = self._laser_from_ball if over > 0 else self._tool.mount_from_laser.inverse()
+            by_axes = seen.rotation @ (moves[3:] - skew(in_base) @ moves[:3])
         arm = skew(base_from_tool0.inverse().apply(center) if over > 0 else center)  # from the flange to the ball
         turning, shifting = self._tool.orientation_sigma_rad**2, self._tool.position_sigma_mm**2
         turned = self._tool.mount_from_laser.rotation.T if over > 0 else self._laser_from_ball.rotation
-        return turned @ (turning * arm @ arm.T + shifting * np.eye(3)) @ turned.T
+        return turned @ (turning * arm @ arm.T + shifting * np.eye(3)) @ turned.T + by_axes @ by_axes.T
 
     def covariance(self, center: FloatArray) -> FloatArray:
         """Return the covariance of what was measured, the pose's error with it."""

@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED
+from calib_core.captures.placement import Placement
 from calib_core.cell.carriers import other_end, scanner_mount
 from calib_core.cell.found import known_scanner, told_by
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -30,6 +31,7 @@ from calib_core.stages.verify.decision import TITLES, checked, decision_findings
 from calib_core.stages.verify.flatness import Plate, plate
 from calib_core.stages.verify.held_out import HeldOut, held_out, together
 from calib_core.stages.verify.limits import LIMITS, limit_findings
+from calib_core.stages.verify.on_axes import axes_of_answer, axis_moves, on_axes
 from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
 from calib_core.stages.verify.tool import Tool
@@ -55,15 +57,17 @@ def solve(given: StageInput) -> VerifyResult:
     MotionError
         If fewer than two captures show it, or captures of a plate alone do not tell its flatness.
     """
-    tool, verified, doubts, arm = _tool(given)
+    tool, axes, verified, doubts, arm = _tool(given)
     given = replace(given, captures=corrected_captures(given.session.cell, given.captures, arm))
     steps = {capture.step for capture in given.captures if not capture.excluded}
     if "plate" in steps and "verify" not in steps:
-        return _by_plate_alone(given, tool, verified, doubts)
+        return _by_plate_alone(given, tool, axes, verified, doubts)
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
     of_sphere = [capture for capture in given.captures if capture.step == "verify"]
     observed = observe_stage(replace(given, captures=of_sphere))
-    same = [] if verified == "known" else _that_calibrated(given, of_sphere, observed.observations)
+    observed = replace(observed, observations=on_axes(observed.observations, of_sphere, axes))
+    tool = replace(tool, axis_moves=axis_moves(of_sphere, axes))
+    same = [] if verified == "known" else _that_calibrated(given, of_sphere, observed.observations, axes)
     observed = _without(observed, same)
     limits = given.session.cell.verification
     count = len({o.capture for o in observed.observations})
@@ -87,9 +91,7 @@ def solve(given: StageInput) -> VerifyResult:
             least_captures=LEAST_CAPTURES,
             alone=alone[0],
         )
-    flat = plate(
-        given.session, [c for c in given.captures if c.step == "plate"], given.read, tool.mount_from_laser
-    )
+    flat = _plate(given, tool, axes)
     late = limit_findings(limits)
     checks = _flatness(limits, flat)
     findings, found, doubtful = [*same], None, list[Finding]()
@@ -155,7 +157,10 @@ def _centers(found: Mapping[str, list[float]]) -> dict[str, Any]:
 
 
 def _that_calibrated(
-    given: StageInput, held_out: Sequence[Capture], seen: Sequence[SphereObservation]
+    given: StageInput,
+    held_out: Sequence[Capture],
+    seen: Sequence[SphereObservation],
+    axes: Placement | None,
 ) -> list[Finding]:
     """Return which captures of the verification are those of the calibration."""
     verifying, steps = {c.id for c in held_out}, steps_that_show("sphere", "sphere-on-table")
@@ -164,7 +169,7 @@ def _that_calibrated(
     own = [capture for capture in held_out if not capture.excluded]
     still = [capture for capture in used if capture.step == "tcp"]
     before = observe_stage(replace(given, captures=still)).observations if still else []
-    return that_calibrated(own, used, seen, before, given.read)
+    return that_calibrated(own, used, seen, on_axes(before, still, axes), given.read)
 
 
 def _without(observed: Observed, same: Sequence[Finding]) -> Observed:
@@ -187,11 +192,17 @@ def _limited(limits: Verification) -> bool:
     return any(value is not None for name, value in limits.model_dump().items() if name in LIMITS)
 
 
-def _by_plate_alone(given: StageInput, tool: Tool, verified: str, doubts: list[Finding]) -> VerifyResult:
+def _plate(given: StageInput, tool: Tool, axes: Placement | None) -> Plate | None:
+    captures = [capture for capture in given.captures if capture.step == "plate"]
+    return plate(given.session, captures, given.read, axes or Placement(tool.mount_from_laser, None))
+
+
+def _by_plate_alone(
+    given: StageInput, tool: Tool, axes: Placement | None, verified: str, doubts: list[Finding]
+) -> VerifyResult:
     """Return what a flat plate says of the tool, where no sphere was captured."""
     limits = given.session.cell.verification
-    captures = [capture for capture in given.captures if capture.step == "plate"]
-    flat = plate(given.session, captures, given.read, tool.mount_from_laser)
+    flat = _plate(given, tool, axes)
     checks = _flatness(limits, flat)
     if flat is None or not checks:
         to_do = "" if flat is None else flat.why_not
@@ -292,18 +303,18 @@ def _spacing(
     return [] if error is None else [checked("spacing", error, told.spacing_mm)]
 
 
-def _tool(given: StageInput) -> tuple[Tool, str, list[Finding], ArmModelFound | None]:
-    """Return the tool to verify, its stage or "known", what is to be doubted about it, and the arm's errors."""
+def _tool(given: StageInput) -> tuple[Tool, Placement | None, str, list[Finding], ArmModelFound | None]:
+    """Return the tool to verify, the axes, its stage or "known", what is to be doubted, and the arm's errors."""
     cell = given.session.cell
     if (tool := known_scanner(cell)) is not None:
         robot = cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0
-        return Tool(tool, np.zeros((6, 6)), *robot), "known", [], None
+        return Tool(tool, np.zeros((6, 6)), *robot), None, "known", [], None
     stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"
     answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
     assert isinstance(answer, ToolResult)
     failed = answer.verdict == "fail"
     doubts = [codes.VERIFIED_ANSWER_FAILS(stage=stage)] if failed else []
-    return Tool.of(answer), stage, doubts, answer.arm_model
+    return Tool.of(answer), axes_of_answer(cell, answer), stage, doubts, answer.arm_model
 
 
 def _of_scatter(found: HeldOut, knows_uncertainty: bool, decision: Decision | None) -> list[Finding]:

@@ -1,6 +1,7 @@
 """The tool that is verified."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,12 +21,16 @@ class Tool:
         Rotation perturbing on the right, rad and mm; zeros where it is taken as exact.
     position_sigma_mm, orientation_sigma_rad : float
         Of the robot's poses.
+    axis_moves : mapping
+        By captures, how one sigma of each error of the cell's axes turns and shifts the robot (6, n), rad and mm,
+        as seen from what carries the ball.
     """
 
     mount_from_laser: RigidTransform
     covariance: FloatArray
     position_sigma_mm: float = 0.0
     orientation_sigma_rad: float = 0.0
+    axis_moves: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
 
     @classmethod
     def of(cls, answer: ToolResult) -> "Tool":

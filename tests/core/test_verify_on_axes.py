@@ -1,0 +1,105 @@
+"""A verification and a recheck take the robot where its rail, and the ball where its axis, brought it."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.errors import MotionError
+from calib_core.frames import FloatArray
+from calib_core.records import Session
+from calib_core.simulation import TOPOLOGY_SCENARIOS, SimulatedSession
+from calib_core.simulation.motion import pose
+from calib_core.simulation.profile_cell import pose_numbers
+from calib_core.simulation.scenarios import TcpScenario
+from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.recheck.record import RecheckResult
+from calib_core.stages.verify.record import VerifyResult
+from tests.core.test_simulation import matrix_from_abb
+from tests.core.test_simulation_topology import moved
+
+RAIL = replace(TOPOLOGY_SCENARIOS["rail"], cell=TcpScenario(translations=6, orientations=24))
+POSITIONER = replace(TOPOLOGY_SCENARIOS["positioner"], told="names", on_axes=24)
+
+
+def simulated_cell(scenario: Any, seed: int) -> SimulatedSession:
+    return SimulatedSession(*simulate_topology(scenario, "drawn", seed), None)
+
+
+def shifted(capture: dict[str, Any], by_mm: FloatArray) -> None:
+    """Let the flange be told elsewhere, along its own axes."""
+    capture["pose"] = pose_numbers(matrix_from_abb(capture["pose"]) @ pose(np.eye(3), by_mm))
+
+
+def verified(cell: SimulatedSession, step: str, off_mm: float = 0.0) -> VerifyResult:
+    """Return what every third capture of a step says of what the others say, the scanner moved since then."""
+    record = cell.session.to_json()
+    for capture in [one for one in record["captures"] if one["step"] == step][::3]:
+        capture["step"] = "verify"
+        shifted(capture, np.array([off_mm, 0.0, 0.0]))
+    result = solve_stage(Session.model_validate(record), "verify", cell.files.__getitem__)
+    assert isinstance(result, VerifyResult)
+    return result
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_a_cell_on_a_rail_is_verified_where_the_rail_brought_it(seed: int) -> None:
+    cell = simulated_cell(RAIL, seed)
+    good = verified(cell, "tcp")
+    assert good.verdict == "pass", good.warnings
+    assert good.held_out_scatter_rms_mm is not None
+    assert good.held_out_scatter_rms_mm < 1.0
+    assert verified(cell, "tcp", 4.0).verdict == "fail"
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_a_told_ball_on_a_positioner_is_verified_where_its_axes_brought_it(seed: int) -> None:
+    cell = simulated_cell(POSITIONER, seed)
+    good = verified(cell, "turntable")
+    assert good.verdict != "fail", good.warnings
+    assert good.held_out_scatter_rms_mm is not None
+    assert good.held_out_scatter_rms_mm < 1.0
+    assert verified(cell, "turntable", 4.0).verdict == "fail"
+
+
+def rechecked(cell: SimulatedSession, rail_mm: float, back: bool) -> RecheckResult:
+    """Return what captures say that see the same as before with the robot further along its rail, or not."""
+    record, files = cell.session.to_json(), dict(cell.files)
+    along = moved(cell.truth["axes"][0], rail_mm)
+    for capture in record["captures"][8:14]:
+        own = {
+            **capture,
+            "id": f"r-{capture['id']}",
+            "step": "recheck",
+            "files": [f"captures/r-{capture['id']}.csv"],
+        }
+        text = files[capture["files"][0]].decode()
+        files[own["files"][0]] = noisy(text)
+        own["axes_mm"] = {"rail": capture["axes_mm"]["rail"] + rail_mm}
+        if back:
+            own["pose"] = pose_numbers(np.linalg.inv(along) @ matrix_from_abb(capture["pose"]))
+        record["captures"].append(own)
+    result = solve_stage(Session.model_validate(record), "recheck", files.__getitem__)
+    assert isinstance(result, RecheckResult)
+    return result
+
+
+def noisy(text: str) -> bytes:
+    """Return a profile with every point a little elsewhere."""
+    rng, lines = np.random.default_rng(1), text.splitlines()
+    for k, line in enumerate(lines[1:], start=1):
+        x, z = line.split(",")
+        lines[k] = line if not z else f"{x},{float(z) + 0.02 * rng.standard_normal():.4f}"
+    return "\n".join(lines).encode()
+
+
+def test_a_recheck_takes_the_robot_where_its_rail_brought_it() -> None:
+    cell = simulated_cell(RAIL, 1)
+    assert rechecked(cell, 4.0, back=True).holds
+    wrong = rechecked(cell, 4.0, back=False)
+    assert not wrong.holds
+    assert wrong.change_mm == pytest.approx(4.0, abs=1.0)
+    with pytest.raises(MotionError):  # another place of the rail is another pose
+        rechecked(cell, 60.0, back=False)
