@@ -45,7 +45,7 @@ _TITLES = templates(
 )
 _TO_DO = templates(
     {
-        400: "Correct it.",
+        400: "Correct the request.",
         404: "Check the address; /docs lists them all.",
         405: "Use one of the methods that the Allow header names; /docs lists them all.",
         408: "Send it again; the same Idempotency-Key keeps it from counting twice.",

@@ -89,9 +89,9 @@ def frame(name: str, pose: RigidTransform) -> Node:
 
 
 def label(name: str, position_mm: ArrayLike, text: str, size: float = 1.0, anchor: str = "bottom-center") -> Node:
-    """Return a text that always faces the viewer."""
+    """Return a text that always faces the viewer; viser packs plain strings alone."""
     position = tuple(float(v) * METRES_PER_MM for v in np.asarray(position_mm, dtype=float))
-    arguments = {"text": text, "position": position, "font_screen_scale": size, "anchor": anchor}
+    arguments = {"text": str(text), "position": position, "font_screen_scale": size, "anchor": anchor}
     return Node(name, "add_label", arguments)
 
 

@@ -80,7 +80,7 @@ class OpcUa:
                 raise InputError(
                     "a good value of every node",
                     "none of {node}",
-                    "Check its address and the device's id.",
+                    "Check its id.",
                     node,
                     node=node,
                 )

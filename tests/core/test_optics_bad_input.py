@@ -76,7 +76,7 @@ def test_files_that_are_no_frames_are_refused_before_they_are_unpacked(simulated
     whole = simulated.files[capture.files[0]]
     bomb = whole[:16] + (12_000).to_bytes(4, "big") + (10_000).to_bytes(4, "big") + whole[24:]
     for data, error, words in (
-        (whole[:20_000], InputError, "truncated"),
+        (whole[:20_000], InputError, "breaks off"),
         (bomb, TooLargeError, "120 megapixels"),
         (b"", InputError, "an empty file"),
     ):

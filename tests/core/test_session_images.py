@@ -95,5 +95,5 @@ def test_a_chunk_that_claims_more_than_the_file_has_is_a_truncated_file() -> Non
     data = bytearray(encode(".png", GREY))
     place = data.index(b"IDAT") - 4
     data[place : place + 4] = struct.pack(">I", 1_000_000_000)  # a decoder would make room for it
-    with pytest.raises(InputError, match="truncated"):
+    with pytest.raises(InputError, match="breaks off"):
         decode_image(bytes(data), "f.png")

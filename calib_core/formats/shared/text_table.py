@@ -121,7 +121,7 @@ def _require_empty_end(values: FloatArray, where: str, line: int) -> None:
         raise InputError(
             "a name for each of {width} columns",
             "{width_other} in the header above line {line}",
-            "Correct it.",
+            "Correct the header.",
             where,
             width=values.shape[1],
             width_other=values.shape[1] - 1,

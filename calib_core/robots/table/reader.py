@@ -121,7 +121,7 @@ def _unit_stated(head: Sequence[str], roles: Sequence[str], convention: str, whe
     right = "rad" if known.form == "rotation-vector" else "deg"
     if len(places) > 1 or not places <= {"", *UNITS}:
         got = " and ".join(unit or "none" for unit in sorted(places))
-        raise InputError("one unit for x, y and z in the header", got, "Correct it.", where)
+        raise InputError("one unit for x, y and z in the header", got, "Correct the header.", where)
     if angles - {right} and known.form != "quaternion":
         got = message("a header that says {angles}", angles=" and ".join(sorted(angles)))
         to_do = message("Convert them, or name another convention than '{convention}'.", convention=convention)
