@@ -7,7 +7,7 @@ from calib_core.messages import message, plural
 CALCULATED = message("a calculated position has no value in the file")
 CUT = message("is the file cut?")
 CUT_LINE = message("the file ends in this line, without an end of line: {cut}", cut=CUT)
-TWICE = message("one that stands twice")
+TWICE = message("it stands there twice")
 UNMATCHED = message("its brackets do not match: {cut}", cut=CUT)
 
 
