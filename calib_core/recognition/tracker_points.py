@@ -131,6 +131,8 @@ def _header(lines: Sequence[tuple[int, str]]) -> tuple[int, _Columns] | None:
         before = min(x, y, z) - 1
         name = next((k for k, word in enumerate(plain) if word in _NAMES), before if before >= 0 else None)
         spreads = [(k, 1 / COVERAGE) for k, word in enumerate(plain) if _OF_95.fullmatch(word)]
+        if len(spreads) > 3:  # of each axis, and of the point beside them
+            spreads = [one for one in spreads if re.search("[xyz]", plain[one[0]])]
         spreads = spreads or [(k, 1.0) for k, word in enumerate(plain) if _OF_SIGMA.fullmatch(word)]
         of_axes = axes[x][1] or under[x]
         own: list[Unit | None] = [unit or below for (_, unit), below in zip(axes, under, strict=True)]

@@ -11,6 +11,8 @@ from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.library.new_session import new_session
 from calib_core.poses.numbers import to_pose
+from calib_core.recognition.recognised import recognise
+from calib_core.recognition.taken import GivenFile
 from calib_core.recognition.tracker_points import centers_in
 from server.cli import main
 
@@ -145,3 +147,18 @@ def test_points_beside_scans_of_another_scanner_are_left_aside_and_named(tmp_pat
     tracker = next(file for file in made.files if file["name"] == "tracker.csv")
     assert (tracker["taken_for"], made.captures) == ("nothing", 1)
     assert "a folder of their own" in tracker["why"]
+
+
+def test_the_uncertainty_of_each_axis_counts_and_not_the_points_own_beside_it() -> None:
+    header = "Point,X [mm],Y [mm],Z [mm],U95 X [mm],U95 Y [mm],U95 Z [um],U95 [mm]"
+    found = centers_in(f"{header}\nP1,1.0,2.0,3.0,0.0196,0.0196,19.6,0.05\n", "file.csv")
+    assert found is not None
+    assert (found.unit, found.points[0].center_mm) == ("mm", (1.0, 2.0, 3.0))
+    assert found.sigma_mm == pytest.approx(0.01)
+
+
+def test_a_page_is_shown_the_file_and_offered_no_file_a_point() -> None:
+    files = [GivenFile("tracker.csv", leica().encode()), GivenFile("poses.csv", poses_text().encode())]
+    shown = recognise(files, convention="kuka").to_json()
+    assert shown["files"][0]["reason"] == "centers"
+    assert shown["pairs"] == [{"file": None, "pose": pose} for pose in reversed(range(16))]

@@ -190,7 +190,10 @@ def _external(external: dict[str, dict[str, float]], row: re.Match[str], line: i
 def _position(name: str, text: str, kind: str, tool: int | None, user: int | None, line: int, file: str) -> Taught:
     if kind == "PULSE":
         raise ValueError(
-            message("pulses alone, no pose: record Cartesian positions (POSTYPE BASE), or name the arm")
+            message(
+                "pulses alone, no pose: how many make a degree stands in the controller, not in the job; "
+                "record Cartesian positions (POSTYPE BASE)"
+            )
         )
     if not kind:
         raise ValueError(message("no ///POSTYPE says what its numbers are"))
