@@ -79,12 +79,13 @@ def test_an_edited_cell_and_added_files_are_taken_back(
     poses = "\n".join(" ".join(map(str, capture["pose"])) for capture in record["captures"][:2])
     page.get_by_label("Poses, one line per capture").fill(poses)
     page.route("**/guide*", answer_late)
-    page.get_by_role("button", name="Add 2 captures").click()
+    page.get_by_role("button", name="Add 2 captures").dblclick()  # sent once
     told = page.wait_for_function(
         "() => document.querySelector('.toast') && document.querySelectorAll('table.captures tbody tr').length"
     )
     assert told.json_value() == 2, "what is told is shown"
     page.unroute("**/guide*")
+    assert len(stored(api, session)) == 2
     cell = api.get(f"/sessions/{session}").json()["cell"]
     page.get_by_role("button", name="Edit cell").click()
     page.get_by_label("Sphere diameter in mm").fill("25.4")
