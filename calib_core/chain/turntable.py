@@ -46,6 +46,7 @@ from calib_core.frames import FloatArray, RigidTransform
 Progress = Callable[[float, str], None]
 _LEAST_CAPTURES = 4
 _SAME_POSE_MM = 1e-6
+_LEANED_RAD = np.deg2rad(10.0)
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,29 @@ class TurntableSolution:
         """Whether the axis that carries the sphere is rotary."""
         layout = self.state.walk.layout
         return layout.axes[layout.table].kind == "rotary"
+
+    @property
+    def tilted(self) -> bool:
+        """Whether a rotary axis under it leaned the one that carries the sphere, and so tells its direction, too."""
+        walk, axes = self.state.walk, self.state.position.axes
+        layout = walk.layout
+        on_it = np.isin(walk.place, layout.on_axis(layout.table))
+        under = layout.axes[layout.table].on
+        for a in reversed(range(layout.table)):
+            edge, across = layout.axes[a], np.cross(axes[a].rotation[:, 2], axes[layout.table].rotation[:, 2])
+            if edge.name == under:
+                under = edge.on
+                if (
+                    edge.kind == "rotary"
+                    and np.linalg.norm(across) * np.ptp(walk.readings[on_it, a]) > _LEANED_RAD
+                ):
+                    return True
+        return False
+
+    @property
+    def reading_sigma(self) -> float:
+        """The standard deviation of that axis's readings, rad or mm."""
+        return self.sigmas.axes[self.state.walk.layout.table] if self.sigmas.axes else 0.0
 
 
 def solve_turntable(

@@ -100,7 +100,11 @@ def axis_figures(result: TableLike) -> list[AnyBlock]:
         ),
         Figure(label="Sphere off its circle, across, RMS", quantity=rms(result.radial_rms_mm, "mm")),
         Figure(label="Sphere off its circle, along, RMS", quantity=rms(result.axial_rms_mm, "mm")),
-        Figure(label="Sphere off its circle, around, RMS", quantity=rms(result.angle_rms_deg, "°")),
+        *(
+            [Figure(label="Sphere off its circle, around, RMS", quantity=rms(result.angle_rms_deg, "°"))]
+            if result.reading_sigma_mm is None
+            else []
+        ),
     ]
 
 
@@ -118,7 +122,8 @@ def mountings(result: TableLike) -> list[AnyBlock]:
 
 def table_rows(result: TableLike) -> list[TurntableResidual]:
     """Return the residuals of captures on the table."""
-    return [r for r in result.residuals if isinstance(r, TurntableResidual) and r.table_deg is not None]
+    rows = [r for r in result.residuals if isinstance(r, TurntableResidual)]
+    return [r for r in rows if r.table_deg is not None or r.radial_mm is not None]
 
 
 def wobble(rows: Sequence[object]) -> list[AnyBlock]:
@@ -208,5 +213,7 @@ def table_noise(result: TableLike) -> Table:
     """Return the standard deviations that the answer rests on."""
     parts = result.variance_components
     estimated = any(name.startswith("angle") for name in parts.estimated)
-    angle = quantity(result.angle_sigma_deg, "°")
-    return noise_table(parts, [("Table's angle", angle, "estimated" if estimated else "given")])
+    told = "estimated" if estimated else "given"
+    if result.reading_sigma_mm is not None:
+        return noise_table(parts, [("Axis's reading", quantity(result.reading_sigma_mm, "mm"), told)])
+    return noise_table(parts, [("Table's angle", quantity(result.angle_sigma_deg, "°"), told)])

@@ -26,6 +26,8 @@ _BY_MEDIAN = 1.4826  # a normal distribution's standard deviation by its median 
 
 def play_findings(result: TableLike) -> list[Finding]:
     """Return what angles that were captured twice say of the table's play, or that nothing says it."""
+    if result.reading_sigma_mm is not None:
+        return []  # a linear axis: its captures have no angles
     rows = [row for row in result.residuals if isinstance(row, TurntableResidual) and row.used]
     found = [
         (abs(again.angle_deg - first.angle_deg), first, again)

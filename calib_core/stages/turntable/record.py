@@ -66,7 +66,8 @@ class TableFields(Record):
 
     point_in_base = base_from_turntable · Rz(direction · table angle) · point_in_turntable.  `covariance` of
     base_from_turntable has rank 5, since T's x axis follows from z; `axis_direction_sigma_deg` is the standard
-    deviation of the angle between true and stated axis.
+    deviation of the angle between true and stated axis.  A linear axis errs in its readings by `reading_sigma_mm`;
+    its `angle_sigma_deg` and `angle_rms_deg` are 0, and its captures have no angles.
     """
 
     base_from_turntable: OpenMatrix4
@@ -81,6 +82,7 @@ class TableFields(Record):
     circles: list[TableCircle] = Field(default_factory=list)
     circles_axis_direction_in_base: Vector3 | None = None
     angle_sigma_deg: float
+    reading_sigma_mm: float | None = None
     encoder_scale: EncoderScaleError
     radial_rms_mm: float
     axial_rms_mm: float

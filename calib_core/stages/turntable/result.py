@@ -97,11 +97,12 @@ def table_fields(observations: Sequence[TableObservation], table: TurntableSolut
         "circles_axis_direction_in_base": None
         if table.circles.direction is None
         else _towards(table.circles.direction, frame.axis).tolist(),
-        "angle_sigma_deg": float(np.rad2deg(table.sigmas.angle_rad)),
+        "angle_sigma_deg": float(np.rad2deg(table.reading_sigma)) if table.turns else 0.0,
+        "reading_sigma_mm": None if table.turns else table.reading_sigma,
         "encoder_scale": EncoderScaleError.model_validate(asdict(table.encoder)),
         "radial_rms_mm": _rms(residuals.radial_mm[used]),
         "axial_rms_mm": _rms(residuals.axial_mm[used]),
-        "angle_rms_deg": float(np.rad2deg(_rms(residuals.angle_rad[used]))),
+        "angle_rms_deg": float(np.rad2deg(_rms(residuals.angle_rad[used]))) if table.turns else 0.0,
     }
 
 
@@ -134,14 +135,14 @@ def table_rows(
             used=bool(table.used[k]),
             reason=None if table.used[k] else reasons.get(o.sphere.capture),
             mount=o.mount or None,
-            table_deg=float(np.rad2deg(o.angle_rad)),
+            table_deg=float(np.rad2deg(o.angle_rad)) if table.turns else None,
             points=len(o.sphere.points_in_laser_mm),
             surface_rms_mm=float(residuals.surface_rms_mm[k]),
             center_distance_mm=float(residuals.distance_mm[k]),
             radial_mm=float(residuals.radial_mm[k]),
             tangential_mm=float(residuals.tangential_mm[k]),
             axial_mm=float(residuals.axial_mm[k]),
-            angle_deg=float(np.rad2deg(residuals.angle_rad[k])),
+            angle_deg=float(np.rad2deg(residuals.angle_rad[k])) if table.turns else None,
             center_in_base_mm=residuals.centers_in_base[k].tolist(),
             mahalanobis=float(np.sqrt(table.squared_distance[k])),
             side=int(residuals.sides[k]) or None,

@@ -132,8 +132,7 @@ def _doubts_about_axis(table: TurntableSolution) -> list[Finding]:
         )
     if not table.turns:
         return found
-    heights = table.frame.mounts_mm[:, 2]
-    if np.ptp(heights) < _ONE_HEIGHT_MM:
+    if np.ptp(table.frame.mounts_mm[:, 2]) < _ONE_HEIGHT_MM and not table.tilted:
         found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg))
     elif values[-1] > _WEAK_RAD**2:
         found.append(codes.AXIS_WEAK(weakest=weakest, tilt_deg=tilt_deg))
