@@ -684,6 +684,7 @@ class ChainResult(Record):
     circles: list[TableCircle] | None = None
     circles_axis_direction_in_base: list[float] | None = None
     angle_sigma_deg: float
+    reading_sigma_mm: float | None = None
     encoder_scale: EncoderScaleError
     radial_rms_mm: float
     axial_rms_mm: float
@@ -952,6 +953,7 @@ class TurntableResult(Record):
     circles: list[TableCircle] | None = None
     circles_axis_direction_in_base: list[float] | None = None
     angle_sigma_deg: float
+    reading_sigma_mm: float | None = None
     encoder_scale: EncoderScaleError
     radial_rms_mm: float
     axial_rms_mm: float

@@ -554,6 +554,7 @@ export interface ChainResult {
   circles?: TableCircle[];
   circles_axis_direction_in_base?: number[] | null;
   angle_sigma_deg: number;
+  reading_sigma_mm?: number | null;
   encoder_scale: EncoderScaleError;
   radial_rms_mm: number;
   axial_rms_mm: number;
@@ -2391,6 +2392,7 @@ export interface StoredChainResult {
   circles?: TableCircle[];
   circles_axis_direction_in_base?: number[] | null;
   angle_sigma_deg: number;
+  reading_sigma_mm?: number | null;
   encoder_scale: EncoderScaleError;
   radial_rms_mm: number;
   axial_rms_mm: number;
@@ -2680,6 +2682,7 @@ export interface StoredTurntableResult {
   circles?: TableCircle[];
   circles_axis_direction_in_base?: number[] | null;
   angle_sigma_deg: number;
+  reading_sigma_mm?: number | null;
   encoder_scale: EncoderScaleError;
   radial_rms_mm: number;
   axial_rms_mm: number;
@@ -3020,6 +3023,7 @@ export interface TurntableResult {
   circles?: TableCircle[];
   circles_axis_direction_in_base?: number[] | null;
   angle_sigma_deg: number;
+  reading_sigma_mm?: number | null;
   encoder_scale: EncoderScaleError;
   radial_rms_mm: number;
   axial_rms_mm: number;

@@ -160,7 +160,7 @@ class TurntableSolution:
 
     @property
     def tilted(self) -> bool:
-        """Whether a rotary axis under it leaned the one that carries the sphere, and so tells its direction, too."""
+        """Whether a rotary axis under it leaned the one that carries the sphere: that tells its direction, too."""
         walk, axes = self.state.walk, self.state.position.axes
         layout = walk.layout
         on_it = np.isin(walk.place, layout.on_axis(layout.table))
@@ -169,10 +169,8 @@ class TurntableSolution:
             edge, across = layout.axes[a], np.cross(axes[a].rotation[:, 2], axes[layout.table].rotation[:, 2])
             if edge.name == under:
                 under = edge.on
-                if (
-                    edge.kind == "rotary"
-                    and np.linalg.norm(across) * np.ptp(walk.readings[on_it, a]) > _LEANED_RAD
-                ):
+                leaned = np.linalg.norm(across) * np.ptp(walk.readings[on_it, a])
+                if edge.kind == "rotary" and leaned > _LEANED_RAD:
                     return True
         return False
 

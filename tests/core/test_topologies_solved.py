@@ -1,5 +1,8 @@
 """Cells of other topologies are solved as well as they say, by the truth of a simulator of its own."""
 
+from typing import Any
+
+import numpy as np
 import pytest
 
 import calib_core as cc
@@ -45,3 +48,24 @@ def test_two_scanners_at_one_stop_are_known_to_each_other_better_than_on_the_fla
             assert squared < CHI2[freedom]
             errors.setdefault(name, []).append(error_mm)
     assert sum(errors["laser:left_from_laser:right"]) < 0.4 * sum(errors["tool0_from_laser"]) / 2
+
+
+def chain_of(scenario: str) -> dict[str, Any]:
+    return cc.simulate(scenario, 1)[0].run()["chain"].to_json()
+
+
+def test_a_plate_that_an_axis_leans_is_not_said_to_be_at_one_height() -> None:
+    assert "one-height" not in {finding["code"] for finding in chain_of("plate-on-positioner")["findings"]}
+
+
+def test_a_linear_axis_errs_in_mm_and_has_no_angles() -> None:
+    result = chain_of("slide")
+    assert result["reading_sigma_mm"] == pytest.approx(0.02)  # as told
+    assert result["angle_sigma_deg"] == result["angle_rms_deg"] == 0.0
+    assert {row.get("table_deg") for row in result["residuals"]} == {None}
+
+
+def test_of_several_axes_the_one_with_the_ball_tells_how_its_readings_err() -> None:
+    result = chain_of("rail-positioner")
+    assert result["angle_sigma_deg"] == pytest.approx(np.rad2deg(5e-5), rel=0.01)
+    assert result["reading_sigma_mm"] is None

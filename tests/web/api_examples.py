@@ -264,6 +264,7 @@ def record_live(recorder: Recorder, folder: Path) -> None:
         "request": {"xml": "<dcc:digitalCalibrationCertificate …"},
         "answer": {
             "identifier": "K-123",
+            "equipment": {"kind": "sphere", "certificate": {"number": "K-123"}},
             "diameters": [
                 {
                     "name": "Diameter",
