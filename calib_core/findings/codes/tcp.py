@@ -29,7 +29,7 @@ ROTATION_OPEN = Code(
 POSITION_WITHOUT_TURNS = Code(
     "tool-position-without-turns",
     "warning",
-    text="The scanner's position on the flange is not determined along {axes}: the machine did not turn about an axis "
+    text="The scanner's position is not determined along {axes}: the machine did not turn about an axis "
     "across it.",
     to_do="Where scanner and table are used together it is not needed. For the position itself, tilt the flange about "
     "{across} and capture again, or measure it.",

@@ -171,7 +171,7 @@ ONE_HEIGHT = Code(
     "(±{tilt_deg:.3f}°).",
     to_do="Mount the sphere 100 mm or more higher and capture it all around again.",
     meaning="A circle tells its axis's direction by its plane alone; two heights tell it by their distance.",
-    decided="All mountings lie within 20 mm along the axis.",
+    decided="All mountings lie within 20 mm along the axis, and no axis under the table leaned it.",
     usual_causes="One mounting.",
 )
 
