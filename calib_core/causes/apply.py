@@ -28,10 +28,9 @@ def merge_patch(data: Any, changes: Any) -> Any:
 
 def patch_back(before: Any, changes: Any) -> Any:
     """Return the merge patch that undoes changes of `before`: what they added is removed by null."""
-    if not isinstance(changes, Mapping):
+    if not isinstance(changes, Mapping) or not isinstance(before, Mapping):
         return before
-    fields = before if isinstance(before, Mapping) else {}
-    return {name: patch_back(fields[name], change) if name in fields else None for name, change in changes.items()}
+    return {name: patch_back(before[name], change) if name in before else None for name, change in changes.items()}
 
 
 def applied(session: Session, changes: Changes) -> tuple[Session, Changes]:

@@ -62,10 +62,10 @@ def result_text(
     parts = [
         f"{result.get('stage', '')}: {word}  ({about})\n{meaning}",
         blocks_text(headline, said=said),
-        _sentences("warn", warnings[:MOST_IN_SIGHT], said),
+        _sentences(_WORDS["warn"], warnings[:MOST_IN_SIGHT], said),
         blocks_text(rest, said=said),
-        _sentences("warn", warnings[MOST_IN_SIGHT:], said),
-        _sentences("info", result.get("notes") or [], said),
+        _sentences(_WORDS["warn"], warnings[MOST_IN_SIGHT:], said),
+        _sentences(_WORDS["info"], result.get("notes") or [], said),
     ]
     return plain("\n\n".join(part for part in parts if part))
 
@@ -76,9 +76,9 @@ def verdict_words(verdict: str, said: Catalogue = ENGLISH) -> tuple[str, str]:
     return word, meaning
 
 
-def _sentences(level: str, texts: Sequence[str], said: Catalogue) -> str:
-    """Return sentences, each after its label."""
-    return "\n".join(line for text in texts for line in _wrapped(said.say(_WORDS[level]), text))
+def _sentences(label: str, texts: Sequence[str], said: Catalogue) -> str:
+    """Return sentences, each after the same label."""
+    return "\n".join(line for text in texts for line in _wrapped(said.say(label), text))
 
 
 def split_headline(blocks: Sequence[AnyBlock]) -> tuple[list[AnyBlock], list[AnyBlock]]:

@@ -1,10 +1,12 @@
 """Repeatability and accuracy of poses, as ISO 9283 words them, where poses were taken several times."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from calib_core.captures.content import pose_of
+from calib_core.errors import InputError
 from calib_core.evidence.numbers import fixed
 from calib_core.frames import FloatArray
 from calib_core.records import Session
@@ -19,7 +21,7 @@ _SAME_MM, _SAME_RAD = 0.1, 2e-4  # as controllers report one pose several times
 def repeatability_table(session: Session, result: TcpResult | ChainResult) -> list[AnyBlock]:
     """Return repeatability RP and accuracy AP of each pose that was taken three times or more."""
     found = [row for row in result.residuals if isinstance(row, TcpResidual) and row.used and _offset(row)]
-    poses = {one.id: pose_of(session.cell, one).matrix for one in session.captures if one.pose is not None}
+    poses = _poses(session)
     groups: list[list[TcpResidual]] = []
     for row in found:
         if row.capture not in poses:
@@ -47,6 +49,15 @@ def repeatability_table(session: Session, result: TcpResult | ChainResult) -> li
             rows=rows,
         )
     ]
+
+
+def _poses(session: Session) -> dict[str, FloatArray]:
+    """Return the poses that can be read by the session's convention, which may be another one since the result."""
+    found: dict[str, FloatArray] = {}
+    for one in session.captures:
+        with suppress(InputError):
+            found[one.id] = pose_of(session.cell, one).matrix
+    return found
 
 
 def repeatability_mm(places_mm: FloatArray) -> float:
