@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 from faulty_robot import FaultyStream, Wire, samples
-from server.simulated_cell.gocator_server import GocatorServer
 
 from calib_core.robots import to_pose
 from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
 from server.simulated_cell.opcua_server import OpcUaServer
 from server.simulated_cell.rtde_server import RtdeServer
 from server.sources.device import Sample, host_now_s
+from tests.server.gocator_server import GocatorServer
 from tests.server.live_rig import LineServer, Rig
 from tests.server.test_live_robot_sources import CURPOS, page, web_server
 
