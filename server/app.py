@@ -35,6 +35,7 @@ from server.jobs.jobs import Jobs
 from server.jobs.kernels import KernelCompiler
 from server.jobs.measuring_processes import Measuring
 from server.jobs.page_process import PageProcess
+from server.jobs.processes import replace_all
 from server.live.armed_table import ArmedTables
 from server.live.in_scene import follow_robot
 from server.live.manager import LiveCells
@@ -178,6 +179,9 @@ def _get_ready(measuring: Measuring, kernels: KernelCompiler) -> None:
     """Have a process that measures first; then what nobody waits for."""
     measuring.warm_up()
     kernels.start()
+    if kernels.wait():
+        replace_all()
+        measuring.warm_up()
 
 
 def _start(store: Store, jobs: Jobs) -> None:

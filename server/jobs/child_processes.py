@@ -7,6 +7,7 @@ tenth of a second then, also the one that takes the place of a cancelled job's.
 import os
 import signal
 import sys
+import threading
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
@@ -18,6 +19,36 @@ if sys.platform == "win32":
 else:
     from multiprocessing.context import ForkServerContext as _Context
     from multiprocessing.context import ForkServerProcess as _Process
+
+
+_starting = threading.Lock()
+"""Held while a process is started, or what processes are forked from is left."""
+_times_loaded = 0
+
+
+def times_loaded() -> int:
+    """Return how often processes were made to load everything anew: those of an earlier count are outdated."""
+    return _times_loaded
+
+
+def load_anew() -> int | None:
+    """Have processes that start from now on load everything anew, as kernels that were compiled meanwhile.
+
+    Return the number of what the earlier ones were forked from, if any: it ends after the last of them.
+    """
+    global _times_loaded
+    with _starting:
+        _times_loaded += 1
+        if sys.platform == "win32":
+            return None
+        from multiprocessing import forkserver
+
+        server: Any = forkserver._forkserver  # pyright: ignore[reportAttributeAccessIssue, reportPrivateUsage]
+        pid: int | None = server._forkserver_pid
+        if pid is not None:  # forgotten, as the library forgets one that has died; killed, it could end no process
+            os.close(server._forkserver_alive_fd)
+            server._forkserver_address = server._forkserver_alive_fd = server._forkserver_pid = None
+        return pid
 
 
 @contextmanager
@@ -110,5 +141,5 @@ def end_loading() -> None:
 
 class _UninterruptedProcess(_Process):
     def start(self) -> None:
-        with ignoring_interrupts():
+        with _starting, ignoring_interrupts():
             super().start()

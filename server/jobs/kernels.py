@@ -124,7 +124,7 @@ class KernelCompiler:
 
     def __init__(self) -> None:
         self._process: Any = None
-        self._stopping = threading.Event()
+        self._replaces = False
 
     @property
     def state(self) -> Literal["ready", "compiling"]:
@@ -134,6 +134,7 @@ class KernelCompiler:
 
     def start(self) -> None:
         """Begin."""
+        self._replaces = all_are_compiled() and not own_are_compiled()
         process = get_context("spawn").Process(target=_compile_all, daemon=True, name="kernels")
         with (
             suppress(OSError),
@@ -142,10 +143,11 @@ class KernelCompiler:
             process.start()
             self._process = process
 
-    def wait(self) -> None:
-        """Wait until all are there."""
+    def wait(self) -> bool:
+        """Wait until all are there; return whether they take the place of such as were brought along."""
         if self._process is not None:
             self._process.join()
+        return self._replaces and own_are_compiled()
 
     def stop(self) -> None:
         """End; what was compiled is kept."""

@@ -5,6 +5,7 @@ whoever waits is told, and no other process is concerned.  One that ended or was
 """
 
 import logging
+import os
 import pickle
 import signal
 import threading
@@ -13,9 +14,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, Final, TypeVar
+from weakref import WeakSet
 
 from calib_core.compiled import on_compiling
-from server.jobs.child_processes import WorkerContext
+from server.jobs.child_processes import WorkerContext, load_anew, times_loaded
 
 log = logging.getLogger("scancell")
 Answer = TypeVar("Answer")
@@ -24,6 +26,9 @@ _START_TIMEOUT_S: Final = 300.0  # kernels are compiled where no cache of them i
 _COMPILING_TIMEOUT_S: Final = 600.0
 _READY, _COMPILING, _TOLD, _ANSWER, _RAISED = range(5)
 """What a process sends, each with a value."""
+
+
+_known: "WeakSet[Processes]" = WeakSet()
 
 
 class ProcessEndedError(Exception):
@@ -50,6 +55,7 @@ class Processes:
         self._idle: list[_Process] = []
         self._all: set[_Process] = set()
         self._closed = False
+        _known.add(self)
 
     @property
     def pids(self) -> list[int]:
@@ -113,6 +119,14 @@ class Processes:
                 if process.pid == pid:
                     process.kill()
 
+    def renew(self) -> None:
+        """End those that wait for questions; the others end after their answers if they are outdated."""
+        with self._lock:
+            idle, self._idle = self._idle, []
+            self._all.difference_update(idle)
+        for process in idle:
+            process.end()
+
     def stop(self) -> None:
         """End all at once; one that still starts is ended by whoever waits for it."""
         with self._lock:
@@ -145,7 +159,7 @@ class Processes:
     def _give_back(self, process: "_Process") -> None:
         with self._lock:
             known = process in self._all  # else `stop` ends it
-            usable = known and process.usable
+            usable = known and process.usable and process.loaded == times_loaded()
             if usable:
                 self._idle.append(process)
             else:
@@ -159,6 +173,7 @@ class _Process:
     """One process that was started here; `usable` while it was ready, and in time with all answers."""
 
     def __init__(self, context: WorkerContext, begin: Callable[..., None], *given: object) -> None:
+        self.loaded = times_loaded()
         self._connection, other = context.Pipe()
         self._process: Any = context.Process(target=_serve, args=(other, begin, given), daemon=True)
         self._process.start()
@@ -214,6 +229,15 @@ class _Process:
         self.kill()
         self._process.join()
         self._connection.close()
+
+
+def replace_all() -> None:
+    """Replace all processes of this server, each after its answer, by such as load everything anew."""
+    before = load_anew()
+    for processes in tuple(_known):
+        processes.renew()
+    if before is not None:
+        threading.Thread(target=os.waitpid, args=(before, 0), daemon=True, name="outdated processes").start()
 
 
 def leave_interrupts_to_the_server() -> None:

@@ -1,5 +1,8 @@
 """Kernels are compiled behind the served page; once all are there, no start does it again."""
 
+import json
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -44,6 +47,17 @@ def test_kernels_that_are_brought_along_serve_until_the_processors_own_are_there
     note_that_all_are_compiled()
     assert taken() is None
     assert all_are_compiled()
+
+
+def test_processes_take_faster_kernels_once_they_are_there(tmp_path: Path) -> None:
+    """One that is busy answers first, or is ended as ever; then none is left that has what was brought along."""
+    command = [sys.executable, "-m", "tests.server.replaced_processes", str(tmp_path)]
+    found = json.loads(subprocess.run(command, capture_output=True, check=True, timeout=300).stdout)
+    able = all(get_host_cpu_features().get(name) for name in ("avx2", "fma"))
+    assert found["taken"] == [BASELINE if able else None, None]
+    assert found["answers"] == ["done", "ProcessEndedError"]
+    assert not found["kept"]
+    assert found["ended"]
 
 
 def test_what_is_compiled_is_counted() -> None:
