@@ -4,7 +4,6 @@ import os
 import re
 import subprocess
 import sys
-import venv
 from pathlib import Path
 
 LOCK = Path(__file__).resolve().parents[1] / "requirements-image.lock"
@@ -12,15 +11,17 @@ _LOCKED = re.compile(r"^[\w.-]+==[^\\\n]+", re.MULTILINE)
 _INSTALLED = "import importlib.metadata as m; print(*(f'{d.name}=={d.version}' for d in m.distributions()))"
 
 
-def make(place: Path, wheel: Path) -> Path:
+def make(place: Path, wheel: Path, of: str = sys.executable) -> Path:
     """Install a wheel in the lock's versions, from what uv has kept, else anew; return the folder of its programs.
+
+    `of` is the Python that it is an environment of.
 
     Raises
     ------
     SystemExit
         If it cannot be installed: with what the installer says.
     """
-    venv.create(place, with_pip=False)
+    subprocess.run([of, "-m", "venv", "--without-pip", str(place)], check=True)
     programs = place / ("Scripts" if os.name == "nt" else "bin")
     constraints = place / "constraints.txt"
     constraints.write_text("\n".join(_LOCKED.findall(LOCK.read_text(encoding="utf-8"))), encoding="utf-8")

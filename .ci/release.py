@@ -1,8 +1,8 @@
 """What a release is made of, and tried: `make release OUT=dist [PYTHON_ZIP=…] [SIGNING_KEY=…] [IMAGE_TOOL=…]`.
 
-The wheels, one of them with compiled kernels for this Python, the portable zip where Windows' Python is given, the
-image where podman or docker is named, a list of parts (CycloneDX), notes of one page, and the SHA-256 of each; all
-are read again, and the wheel solves a session.
+The wheels, on Linux one with compiled kernels for each Python at hand, the portable zip where Windows' Python is
+given (and a wheel with its kernels where these are), the image where podman or docker is named, a list of parts
+(CycloneDX), notes of one page, and the SHA-256 of each; all are read again, and each wheel solves a session.
 SIGNING_KEY is an ssh key with which the list of SHA-256 is signed: who has its public half checks it by
 `ssh-keygen -Y verify`.
 """
@@ -32,6 +32,7 @@ SUMS = "SHA256SUMS"
 PARTS = "parts.cdx.json"
 NOTES = "NOTES.md"
 _NOTES_LINES = 60
+_PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 _LOCKED = re.compile(r"^([\w.-]+)==([^\s;\\]+)", re.MULTILINE)
 _HASH = re.compile(r"--hash=sha256:([0-9a-f]{64})")
 
@@ -111,14 +112,16 @@ def list_of_parts(wheel: Path) -> dict[str, Any]:
     }
 
 
-def notes(changes: str) -> str:
-    """Return the first section of the changes, at most one page of it."""
+def notes(changes: str, wheels: list[str]) -> str:
+    """Return the first section of the changes, at most one page of it, and which wheels bring kernels."""
     section = re.split(r"^## ", changes, flags=re.MULTILINE)[1].strip().splitlines()
     kept = section[:_NOTES_LINES]
     while len(kept) < len(section) and kept and not section[len(kept)].startswith("- "):
         kept.pop()
     more = ["", "The rest stands in CHANGELOG.md."] if len(kept) < len(section) else []
-    return "\n".join([f"# {kept[0]}", *kept[1:], *more, ""])
+    fast = ", ".join(name for name in wheels if not name.endswith("-any.whl")) or "none"
+    told = ["", f"Wheels with compiled kernels: {fast}. Any other installation compiles them at its first start."]
+    return "\n".join([f"# {kept[0]}", *kept[1:], *more, *told, ""])
 
 
 def sums(folder: Path) -> str:
@@ -159,10 +162,10 @@ def _ran(programs: Path, *words: str) -> bytes:
     return subprocess.run(command, cwd=programs, env=environment, capture_output=True, check=True).stdout
 
 
-def try_out(wheel: Path, parts: dict[str, Any]) -> None:
+def try_out(wheel: Path, python: str, parts: dict[str, Any]) -> None:
     """Install a wheel where nothing else is, look for parts that are not listed, and solve a session."""
     with tempfile.TemporaryDirectory() as folder:
-        programs = clean_environment.make(Path(folder) / "environment", wheel)
+        programs = clean_environment.make(Path(folder) / "environment", wheel, python)
         assert unlisted(parts, clean_environment.installed(programs)) == []
         if not wheel.name.endswith("-any.whl"):
             assert json.loads(_ran(programs, "warm", "--any-processor", "--json"))["compiled"] == 0
@@ -170,11 +173,22 @@ def try_out(wheel: Path, parts: dict[str, Any]) -> None:
             _ran(programs, *words)
 
 
-def wheel_with_kernels(wheel: Path) -> Path:
-    """Compile the kernels with this Python, where the wheel is installed alone; write the wheel that has them."""
-    tag = f"cp{sys.version_info[0]}{sys.version_info[1]}-none-manylinux_2_28_x86_64"
+def pythons() -> dict[str, str]:
+    """Return the Pythons that are at hand here, of those that scancell runs on: versions and programs."""
+    found: dict[str, str] = {}
+    for version in _PYTHONS:
+        command = [sys.executable, "-m", "uv", "python", "find", "--system", "--no-python-downloads", version]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode == 0:
+            found[version] = done.stdout.strip()
+    return found
+
+
+def wheel_with_kernels(wheel: Path, version: str, python: str) -> Path:
+    """Compile the kernels with a Python, where the wheel is installed alone; write the wheel that has them."""
+    tag = f"cp{version.replace('.', '')}-none-manylinux_2_28_x86_64"
     with tempfile.TemporaryDirectory() as folder:
-        programs = clean_environment.make(Path(folder) / "environment", wheel)
+        programs = clean_environment.make(Path(folder) / "environment", wheel, python)
         _ran(programs, "warm", "--any-processor")
         (compiled,) = Path(folder).glob(f"environment/lib/*/site-packages/{kernels.FOLDER}")
         return kernels.with_kernels(wheel, compiled, tag)
@@ -199,30 +213,34 @@ def make(
     compiled: Path | None = None,
     *,
     compiles: bool = True,
-) -> Path:
-    """Make all parts of a release in a folder, and read them again; return the wheel that this Python installs.
+) -> dict[Path, str]:
+    """Make all parts of a release in a folder, and read them again; return the wheels to try, with their Pythons.
 
-    `compiled` holds kernels for the portable zip; `compiles`: whether there is a wheel with this Python's.
+    `compiled` holds kernels for the portable zip; `compiles`: whether there are wheels with those of Pythons here.
     """
     out.mkdir(parents=True, exist_ok=True)
     wheel = wheelhouse.build(out)
     wheelhouse.build(out, wheelhouse.ROOT / "scancell_client")
-    parts = list_of_parts(wheel)
+    parts, made = list_of_parts(wheel), {}
     if compiles and (sys.platform, platform.machine()) == ("linux", "x86_64"):
-        wheel = wheel_with_kernels(wheel)
+        made = {wheel_with_kernels(wheel, *python): python[1] for python in pythons().items()}
     if python_zip is not None:
         portable.make(python_zip, out, house, compiled)
-        parts["components"].append(part_of_python(python_zip))
+        parts["components"].append(windows := part_of_python(python_zip))
+        if compiled is not None:
+            kernels.with_kernels(wheel, compiled, f"cp{windows['version'].replace('.', '')}-none-win_amd64")
     if image_tool is not None:
         image(out, parts["metadata"]["component"]["version"], image_tool)
     (out / PARTS).write_text(json.dumps(parts, indent=1) + "\n", encoding="utf-8")
     changes = (wheelhouse.ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    (out / NOTES).write_text(notes(changes), encoding="utf-8")
+    (out / NOTES).write_text(
+        notes(changes, sorted(file.name for file in out.glob("scancell-*.whl"))), encoding="utf-8"
+    )
     (out / SUMS).write_text(sums(out), encoding="utf-8")
     if key is not None:
         sign(out, key)
     check(out)
-    return wheel
+    return made or {wheel: sys.executable}
 
 
 def main() -> None:
@@ -236,8 +254,8 @@ def main() -> None:
     parser.add_argument("--image-tool", help="podman or docker: the image too")
     options = parser.parse_args()
     given = (options.python_zip, options.signing_key, options.wheelhouse, options.image_tool, options.kernels)
-    wheel = make(options.out, *given)
-    try_out(wheel, list_of_parts(wheel))
+    for wheel, python in make(options.out, *given).items():
+        try_out(wheel, python, list_of_parts(wheel))
     for path in sorted(options.out.iterdir()):
         print(f"{path.stat().st_size / 1e6:8.1f} MB  {path.name}")
     if options.signing_key is None:

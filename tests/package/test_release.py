@@ -78,9 +78,13 @@ def test_the_notes_are_one_page_of_the_newest_section() -> None:
         + "".join(f"- change {k}\n  more of it\n" for k in range(50))
         + "\n## 1.0\n\n- old\n"
     )
-    text = release.notes(changes)
+    names = ["scancell-2.0-cp312-none-win_amd64.whl", "scancell-2.0-py3-none-any.whl"]
+    text = release.notes(changes, names)
     assert text.startswith("# 2.0\n")
-    assert len(text.splitlines()) <= 63
+    assert len(text.splitlines()) <= 65
+    *text, told = text.rstrip().splitlines()
+    assert told.startswith("Wheels with compiled kernels: scancell-2.0-cp312-none-win_amd64.whl. ")
+    text = "\n".join(text)
     assert "old" not in text
     assert "CHANGELOG.md" in text
     assert text.rstrip().splitlines()[-3].strip() == "more of it"  # no half of a change
