@@ -52,6 +52,7 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
     """Return what a result's frames mean at the workpiece; nothing for stages without such frames.
 
     Places that are known to no better than a metre are left out: there the result itself says "not determined".
+    So are all of a result that failed: no ± is believed of it.
 
     Parameters
     ----------
@@ -66,8 +67,8 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
         If a frame or a covariance of the result is none.
     """
     stage = result.get("stage")
-    if result.get("up_to_shift"):  # where in base a point lies is not determined
-        return []
+    if result.get("up_to_shift") or result.get("verdict") == "fail":
+        return []  # where in base a point lies is not determined, or not by captures that contradict each other
     found: list[AtWorkpiece] = []
     if stage in tool_stages():
         point = seen_in_laser_mm(session, result)

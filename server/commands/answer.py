@@ -53,10 +53,11 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
         ("Scanner's position", answer.position_sigma_mm, "mm"),
         ("Scanner's orientation", answer.rotation_sigma_deg, "°"),
     )
+    believed = answer.verdict != "fail"
     blocks: list[AnyBlock] = [
         Figure(label=label, quantity=plus_minus(sigma, unit), remark="worst direction")
         for label, sigma, unit in known
-        if sigma is not None
+        if sigma is not None and believed
     ]
     blocks += [
         Figure(label="Cell", text=answer.cell),
@@ -71,7 +72,8 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
     for found, into, outof, title in frames:
         if found is not None:
             frame = RigidTransform.from_rounded(found.matrix, into, outof)
-            blocks.append(frame_block(answer.pose_convention, frame, found.covariance, title=title))
+            covariance = found.covariance if believed else None
+            blocks.append(frame_block(answer.pose_convention, frame, covariance, title=title))
     title = said.say(STAGES.get(answer.stage, "stage").title)
     return result_text(title, answer.to_json(), [block_in(block, said) for block in blocks], said)
 

@@ -177,6 +177,18 @@ def test_the_headline_is_the_uncertainty_at_the_workpiece(turntable_results):
     assert first.label == "At the workpiece"
 
 
+@pytest.mark.parametrize("stage", ["tcp", "turntable", "chain"])
+def test_what_failed_states_no_uncertainty_of_its_frames(turntable_results, stage):
+    session, results = turntable_results
+    blocks = stored_evidence(session, {**results[stage], "verdict": "fail", "evidence": []})
+    end = next(k for k, block in enumerate(blocks) if block.title)
+    assert not [block.label for block in blocks[:end] if isinstance(block, Figure) and block.quantity]
+    frames = [block for block in blocks if isinstance(block, Frame)]
+    assert frames
+    assert all(frame.covariance is None for frame in frames)
+    assert not any(number.quantity.uncertainty for frame in frames for number in frame.numbers)
+
+
 def test_a_verification_reads_the_same_everywhere(solved_folder):
     seen = {"capture": "v01", "used": True, "center_distance_mm": 0.05, "mahalanobis": 1.2}
     result = {

@@ -78,7 +78,9 @@ def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:
 
 
 def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
-    """Return how well the tool's position and orientation are known."""
+    """Return how well the tool's position and orientation are known; of what failed no ± is believed."""
+    if result.verdict == "fail":
+        return []
     if result.up_to_shift is not None:
         turns = np.array(result.covariance, dtype=float)[:3, :3]
         worst_deg = float(np.rad2deg(np.sqrt(np.linalg.eigvalsh(turns)[-1])))
@@ -96,9 +98,8 @@ def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
     if result.up_to_shift is not None:
         return open_frame(session, result.mount_from_laser, "Scanner on the flange")
     title = "Scanner on the flange" if on_flange(result.mount_from_laser) else "Scanner in base"
-    return frame_block(
-        session.cell.pose_convention, result.mount_from_laser, result.covariance, id="tool", title=title
-    )
+    covariance = None if result.verdict == "fail" else result.covariance
+    return frame_block(session.cell.pose_convention, result.mount_from_laser, covariance, id="tool", title=title)
 
 
 def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:

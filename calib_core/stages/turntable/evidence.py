@@ -60,7 +60,9 @@ def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
 
 
 def axis_sigmas(result: TableLike) -> list[AnyBlock]:
-    """Return how well the axis is known."""
+    """Return how well the axis is known; of what failed no ± is believed."""
+    if result.verdict == "fail":
+        return []
     if result.up_to_shift is not None:
         return [Figure(label="Axis, direction", quantity=plus_minus(result.axis_direction_sigma_deg, "°"))]
     return [
@@ -73,9 +75,9 @@ def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequen
     """Return the table's frame in the robot's base at angle zero; z is the axis."""
     if result.up_to_shift is not None:
         return open_frame(session, placed_table(result.model_dump()), "Turntable in the robot's base")
-    frame = placed_table(result.model_dump())
+    frame, believed = placed_table(result.model_dump()), None if result.verdict == "fail" else covariance
     return frame_block(
-        session.cell.pose_convention, frame, covariance, id="table", title="Turntable in the robot's base"
+        session.cell.pose_convention, frame, believed, id="table", title="Turntable in the robot's base"
     )
 
 
