@@ -5,7 +5,10 @@ from collections import deque
 import numpy as np
 
 from calib_core.captures.standstill import is_resting
+from calib_core.cell.found import known_scanner, on_flange
+from calib_core.frames import FloatArray
 from calib_core.messages import message
+from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
 from server.live.exposures import Exposure
 from server.live.standstill import Rest, Rules
@@ -13,6 +16,7 @@ from server.sources.device import Sample
 
 _STRIPE_MOVED_MM, _STRIPE_STOOD_MM = 0.5, 0.02
 _ROBOT_MOVED_MM, _JOINT_TURNED_DEG = 3.0, 0.5
+_BALL_MOVED_MM = 8.0  # more than a tool is off by that was solved, less than a ball moves by with its table
 _MOST_ARCS = 2000
 
 
@@ -27,15 +31,17 @@ class Agreement:
 
     def __init__(self, rules: Rules) -> None:
         self._rules = rules
-        self.forget()
+        self.forget(is_remounted=True)
 
-    def forget(self) -> None:
+    def forget(self, *, is_remounted: bool) -> None:
         """Begin anew: a device was lost, or the sphere may have been moved by hand."""
         self._stands: Sample | None = None
         self._table_deg: float | None = None
         self._since_s = -np.inf
         self._arcs: deque[ArcFit] = deque(maxlen=_MOST_ARCS)
         self._before: Rest | None = None
+        if is_remounted:
+            self._on_table: Rest | None = None
 
     def tell(self, sample: Sample) -> None:
         """Take where the robot or the table stands."""
@@ -55,6 +61,25 @@ class Agreement:
         late = exposure.frame.host_time_s <= self._since_s + self._rules.latency_s
         if exposure.arc is not None and exposure.frame.fresh and not late:
             self._arcs.append(exposure.arc)
+
+    def table_contradiction(self, now: Rest, cell: Cell) -> str:
+        """Return what speaks against a standstill's angle of the table, "" where nothing does.
+
+        A ball on the table, seen by a known tool, is where it was as long as the angle is the same.
+        """
+        before = self._on_table
+        if before is None or before.table_deg is None or now.table_deg is None:
+            self._on_table = now
+            return ""
+        moved_mm = _ball_moved_mm(before, now, cell)
+        if abs(now.table_deg - before.table_deg) > self._rules.table_deg or moved_mm < _BALL_MOVED_MM:
+            self._on_table = now
+            return ""
+        return message(
+            "the ball moved by {moved_mm:.0f} mm while the table's angle stood. Is the angle still being sent? If "
+            "the ball was moved by hand, turn the table once",
+            moved_mm=moved_mm,
+        )
 
     def contradiction(self, now: Rest) -> str:
         """Return what speaks against a standstill's pose or exposures, "" where nothing does.
@@ -129,3 +154,21 @@ def _turned_deg(one: Sample, other: Sample) -> float:
     if one.joints_deg is None or other.joints_deg is None or not len(one.joints_deg) == len(other.joints_deg) == 6:
         return 0.0
     return float(np.abs(np.subtract(one.joints_deg, other.joints_deg)).max())
+
+
+def _ball_moved_mm(before: Rest, now: Rest, cell: Cell) -> float:
+    """Return how far a ball moved in the base at least, on whichever side of the light it lay; 0: unknown."""
+    places = [_ball_places_mm(rest, cell) for rest in (before, now)]
+    return float(np.linalg.norm(places[0][:, None] - places[1], axis=2).min()) if all(map(len, places)) else 0.0
+
+
+def _ball_places_mm(rest: Rest, cell: Cell) -> FloatArray:
+    """Return both places (2, 3) in the base where a ball may be; none where pose, diameter or tool are unknown."""
+    arc, pose, mount = rest.chosen.arc, rest.robot.base_from_tool0 if rest.robot else None, known_scanner(cell)
+    if arc is None or cell.sphere_diameter_mm is None or mount is None or (on_flange(mount) and pose is None):
+        return np.empty((0, 3))
+    beside_mm = np.sqrt(max((cell.sphere_diameter_mm / 2) ** 2 - arc.radius_mm**2, 0.0))
+    x_mm, z_mm = arc.center_mm
+    places = np.array([[x_mm, side * beside_mm, z_mm, 1.0] for side in (-1, 1)])
+    base_from_laser = pose.matrix @ mount.matrix if pose is not None and on_flange(mount) else mount.matrix
+    return (places @ base_from_laser.T)[:, :3]

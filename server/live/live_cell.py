@@ -92,7 +92,9 @@ class LiveCell:
     def settings(self, settings: CaptureSettings) -> None:
         with self._arrived:
             self._settings = settings
-            self._agreement.forget()  # another step or mounting: the sphere may have been moved by hand
+            self._agreement.forget(
+                is_remounted=True
+            )  # another step or mounting: the sphere may have been moved by hand
 
     def add(self, link: Link) -> None:
         """Take a device's link in place of the one of its name, and start it."""
@@ -156,7 +158,7 @@ class LiveCell:
                 self._seen.clear()
                 self._frame = None
                 self.clock_watch.scanner.clear()
-            self._agreement.forget()
+            self._agreement.forget(is_remounted=False)
             self.version += 1
 
     def ask(self, shot: Shot) -> None:
@@ -293,7 +295,7 @@ class LiveCell:
         if self._shots:
             self._serve(self._shots[0], cell, taken, robot, table, exposures)
             return
-        rest = self._agreed(stood_still(robot, exposures, self.rules, table))
+        rest = self._agreed(stood_still(robot, exposures, self.rules, table), cell)
         weak = None if isinstance(rest, str) else rest.chosen.weak
         self.waits_for = rest if isinstance(rest, str) else "" if weak is None else sentence_of(weak)
         self.is_taken = False
@@ -316,7 +318,7 @@ class LiveCell:
     ) -> None:
         after = [e for e in exposures if e.frame.host_time_s >= shot.asked_s + self.rules.latency_s]
         rest = stood_still(robot or told_standing(shot), after, self.rules, table)
-        rest = self._agreed(rest) if robot else rest
+        rest = self._agreed(rest, cell) if robot else rest
         if isinstance(rest, str):
             shot.why_not = rest
             return
@@ -328,17 +330,19 @@ class LiveCell:
         except CalibrationError as error:
             shot.answer.set_exception(error)
 
-    def _agreed(self, rest: Rest | str) -> Rest | str:
+    def _agreed(self, rest: Rest | str, cell: Cell) -> Rest | str:
         """Return a standstill that poses and stripe do not contradict, or why there is none.
 
         Where the sphere stands on a table that tells no angle, it may have been turned by hand.
         """
         if isinstance(rest, str):
             return rest
-        if rest.table_deg is None and self.settings.step in steps_that_show("sphere-on-table"):
+        on_table = self.settings.step in steps_that_show("sphere-on-table")
+        if rest.table_deg is None and on_table:
             return rest
         with self._arrived:
-            return self._agreement.contradiction(rest) or rest
+            told = self._agreement.table_contradiction(rest, cell) if on_table else ""
+            return told or self._agreement.contradiction(rest) or rest
 
     def _expire(self) -> None:
         while self._shots and host_now_s() - self._shots[0].asked_s > SHOT_WAITS_S:

@@ -85,18 +85,18 @@ class FaultyStream:
 
 
 def samples(moment: Callable[[], Moment], clock: Clock) -> Callable[[], Sample]:
-    """Return what a controller tells of its flange, with stamps by its kind of clock."""
+    """Return what a controller tells of its flange and table, with stamps by its kind of clock."""
     changed: list[tuple[str, float]] = []
 
     def now() -> Sample:
         at, now_s = moment(), host_now_s()
         pose = RigidTransform.from_rounded(at.reported.tolist(), "base", "tool0")
         if clock == "none":
-            return Sample(now_s, None, pose, moving=at.moving)
+            return Sample(now_s, None, pose, table_deg=at.table_deg, moving=at.moving)
         seen = repr(pose.matrix.tolist())
         if clock == "every-reading" or not changed or changed[0][0] != seen:
             changed[:] = [(seen, now_s)]
-        return Sample(now_s, changed[0][1], pose, moving=at.moving)
+        return Sample(now_s, changed[0][1], pose, table_deg=at.table_deg, moving=at.moving)
 
     return now
 
@@ -115,7 +115,7 @@ class FaultyRobot:
 
     def read(self) -> Sample | None:
         time.sleep(_EVERY_S)
-        return replace(self._told(), host_time_s=host_now_s(), moving=None)
+        return replace(self._told(), host_time_s=host_now_s(), table_deg=None, moving=None)
 
 
 def source_of(told: Callable[[], Sample], clock: Clock) -> Source:

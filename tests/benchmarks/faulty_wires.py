@@ -13,10 +13,14 @@ import numpy as np
 from faulty_robot import FaultyStream, Wire, samples
 
 from calib_core.robots import to_pose
+from calib_core.simulation.live_camera import HEIGHT_PX, WIDTH_PX, LiveCamera
+from server.simulated_cell.gige_server import GigeServer
 from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
+from server.simulated_cell.modbus_server import ANGLE, MOVING, ModbusServer
 from server.simulated_cell.opcua_server import OpcUaServer
 from server.simulated_cell.rtde_server import RtdeServer
 from server.sources.device import Sample, host_now_s
+from tests.server.gige_network import only_camera
 from tests.server.gocator_server import GocatorServer
 from tests.server.live_rig import LineServer, Rig
 from tests.server.test_live_robot_sources import CURPOS, page, web_server
@@ -171,6 +175,8 @@ ROBOTS = {
 
 @dataclass(frozen=True)
 class _Seen:
+    """What a scanner saw: points, or an image."""
+
     host_time_s: float
     device_time_s: float
     points: np.ndarray
@@ -194,7 +200,36 @@ def _gocator(rig: Rig, wire: Wire):
     return _stopped(server, host="127.0.0.1", port=server.port)
 
 
-SCANNERS = {"gocator": _gocator}
+@contextmanager
+def _genicam(rig: Rig, wire: Wire) -> Iterator[Settings]:
+    rng = np.random.default_rng(5)
+    lens = LiveCamera(rng)
+
+    def seen() -> _Seen:
+        now_s = host_now_s()
+        return _Seen(now_s, now_s, lens.image(rig.cell.points(now_s, rng), rng))
+
+    stream = FaultyStream(seen, wire)
+
+    def expose(_: float) -> tuple[np.ndarray, float]:
+        told = stream()
+        return told.points, told.device_time_s
+
+    with only_camera():
+        server = GigeServer(expose, (WIDTH_PX, HEIGHT_PX), 20.0)
+        with _stopped(server, address="127.0.0.1", interface="127.0.0.1") as at:
+            yield at
+
+
+SCANNERS = {"gocator": _gocator, "genicam": _genicam}
+
+
+def _modbus(told: Told):
+    server = ModbusServer(lambda: ((sample := told()).table_deg or 0.0, bool(sample.moving)))
+    return _stopped(server, host="127.0.0.1", port=server.port, address=ANGLE, moving=MOVING)
+
+
+TABLES = {"modbus": _modbus}
 
 
 @contextmanager
@@ -206,5 +241,5 @@ def device(name: str, rig: Rig, wire: Wire) -> Generator[Settings]:
         return
 
     told = samples(lambda: rig.cell.at(time.monotonic()), "every-reading")
-    with ROBOTS[name](FaultyStream(told, wire)) as settings:
+    with {**ROBOTS, **TABLES}[name](FaultyStream(told, wire)) as settings:
         yield settings

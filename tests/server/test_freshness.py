@@ -96,6 +96,8 @@ EACH: dict[str, Fault] = {
     "kukavarproxy": "freeze",
     "fanuc-curpos": "duplicated",
     "gocator": "late",
+    "genicam": "stale",
+    "modbus": "freeze",
 }
 """One fault a source and one source a fault; `scancell bench freshness` tries all of them."""
 
