@@ -798,6 +798,7 @@ export interface DriftPoint {
   flagged: boolean;
   level: number;
   outlier?: boolean;
+  like?: number;
   environment?: Environment | null;
 }
 

@@ -2,7 +2,8 @@
 
 Every figure of a session is held against the mean of those before it, weighed by their covariances.  A difference
 that the uncertainties explain in fewer than 0.06 % of cases is flagged, so that a series of thirty raises a false
-alarm in fewer than 2 %; from there on the series has a new level.
+alarm in fewer than 2 %; from there on the series has a new level.  Sessions of one program of poses are held
+against how they scatter as well (`between_sessions`): that is less than their ±, of which they share most.
 """
 
 from collections import Counter
@@ -19,11 +20,10 @@ from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rota
 from calib_core.messages import message, sentences
 from calib_core.records import Finite, Record
 from calib_core.records.policy import Environment
+from calib_core.review.between_sessions import LEAST_LIKE, Measured, SolvedSession, held_against_like, like_last
 from calib_core.review.drift_trend import (
     ByTemperature,
     DriftTrend,
-    Measured,
-    SolvedSession,
     by_temperature,
     forecast,
     said_by_temperature,
@@ -33,6 +33,9 @@ from calib_core.review.drift_trend import (
 from calib_core.steps import tool_stages
 
 FALSE_ALARM: Final = 6e-4
+_FALSE_BY_SCATTER: Final = 4e-4
+_LEAST_STEP: Final = 1.0
+"""In stated standard deviations, squared: half the ± that is stated, or a change matters to nobody."""
 _LEAST_SIGMA: Final = 1e-9
 _OF_TOOL: Final = ("tool", "verification")
 """The figures that the limit of the tool's error holds for."""
@@ -41,9 +44,11 @@ _OF_TOOL: Final = ("tool", "verification")
 class DriftPoint(Record):
     """One session in a series: how far its figure lies from the mean of those before, ± `uncertainty` (k = 2).
 
-    `limit` is the control limit in the direction of the change, null for the first of a level.  `level` counts the
+    `limit` is the control limit in the direction of the change, null for the first of a level; it rests on how
+    the `like` sessions before it scatter that had the same poses, or (0) on the stated ±.  `level` counts the
     levels: a flagged session begins another, unless the next one is back at the level before: then it is an
-    `outlier`.  `environment` are the temperatures that its session tells.
+    `outlier`.
+    `environment` are the temperatures that its session tells.
     """
 
     session: str
@@ -55,6 +60,7 @@ class DriftPoint(Record):
     flagged: bool
     level: int
     outlier: bool = False
+    like: int = 0
     environment: Environment | None = None
 
 
@@ -143,9 +149,10 @@ class Charted:
     change: float
     uncertainty: float
     limit: float | None
-    flagged: bool
-    level: int
+    flagged: bool = False
+    level: int = 1
     outlier: bool = False
+    like: int = 0
 
 
 def charted(measured: Sequence[Measured]) -> list[Charted]:
@@ -158,18 +165,18 @@ def charted(measured: Sequence[Measured]) -> list[Charted]:
     level, earlier = _Level(), None
     for one in measured:
         if not rows:
-            rows.append(Charted(0.0, 2 * _worst(one.covariance), None, False, 1))
+            rows.append(Charted(0.0, 2 * _worst(one.covariance), None))
             level.add(one)
             continue
-        change, uncertainty, limit, crosses = level.held_against(one)
-        back = earlier.held_against(one) if earlier is not None and crosses else None
-        if back is not None and earlier is not None and not back[3]:
+        held = level.held_against(one)
+        back = earlier.held_against(one) if earlier is not None and held.flagged else None
+        if back is not None and earlier is not None and not back.flagged:
             rows[-1] = replace(rows[-1], outlier=True)
-            rows.append(Charted(*back[:3], False, rows[-1].level - 1))
+            rows.append(replace(back, level=rows[-1].level - 1))
             level, earlier = earlier, None
         else:
-            rows.append(Charted(change, uncertainty, limit, crosses, rows[-1].level + crosses))
-            level, earlier = (_Level(), level) if crosses else (level, None)
+            rows.append(replace(held, level=rows[-1].level + held.flagged))
+            level, earlier = (_Level(), level) if held.flagged else (level, None)
         level.add(one)
     return rows
 
@@ -180,13 +187,15 @@ class _Level:
     def __init__(self) -> None:
         self._information: FloatArray = np.zeros((1, 1))
         self._weighed: FloatArray = np.zeros(1)
+        self._members: list[Measured] = []
 
     def add(self, one: Measured) -> None:
         information = np.linalg.inv(one.covariance)
         self._information = self._information + information
         self._weighed = self._weighed + information @ one.value
+        self._members.append(one)
 
-    def held_against(self, one: Measured) -> tuple[float, float, float, bool]:
+    def held_against(self, one: Measured) -> Charted:
         """Return a session's change from the mean, its ±, the control limit that way, and whether it is beyond."""
         from scipy.special import chdtri  # late: it brings what takes a third of a second
 
@@ -195,7 +204,22 @@ class _Level:
         length, squared = float(np.linalg.norm(change)), float(change @ np.linalg.solve(spread, change))
         crossed = float(chdtri(len(change), FALSE_ALARM))
         limit = (length / np.sqrt(squared) if squared > 0 else _worst(spread)) * np.sqrt(crossed)
-        return length, 2 * _worst(spread), float(limit), bool(squared > crossed)
+        by_scatter, like = self._limit_by_scatter(one, length)
+        shortest = min(float(limit), by_scatter)
+        return Charted(
+            length, 2 * _worst(spread), shortest, length > shortest, like=like if by_scatter < limit else 0
+        )
+
+    def _limit_by_scatter(self, one: Measured, length: float) -> tuple[float, int]:
+        """Return how far a session may lie from others of its program as those scatter, and how many they are."""
+        from scipy.special import fdtri  # late, as above
+
+        like = [other for _, other in like_last([*self._members, one])][:-1]
+        if len(like) < LEAST_LIKE:
+            return np.inf, 0
+        squared, ratio = held_against_like(one, like)
+        crossed = max(_LEAST_STEP, float(fdtri(1, len(like) - 1, 1 - _FALSE_BY_SCATTER)) * ratio)
+        return (length * np.sqrt(crossed / squared) if squared > 0 else np.inf), len(like)
 
     def mean(self) -> tuple[FloatArray, FloatArray]:
         covariance: FloatArray = np.asarray(np.linalg.inv(self._information), dtype=np.float64)
@@ -240,25 +264,32 @@ def _flags(series: DriftSeries) -> list[str]:
     unit, digits = ("mm", 2) if series.unit == "mm" else ("°", 3)
     back = message("The session after it was back where the cell had been: an outlier.")
     return [
-        sentences(
-            [
-                message(
-                    "{title} changed by {change:.{digits}f} ± {uncertainty:.{digits}f} {unit} with session "
-                    "{p}: more than uncertainty explains (limit {limit:.{digits}f} {unit}).",
-                    title=series.title,
-                    change=p.change,
-                    uncertainty=p.uncertainty,
-                    unit=unit,
-                    digits=digits,
-                    p=p.name or p.session,
-                    limit=p.limit,
-                ),
-                back if p.outlier else "",
-            ]
-        )
+        sentences([_said_change(series.title, p, unit, digits), back if p.outlier else ""])
         for p in series.points
         if p.flagged and p.limit is not None
     ]
+
+
+def _said_change(title: str, point: DriftPoint, unit: str, digits: int) -> str:
+    told = {
+        **{name: getattr(point, name) for name in ("change", "uncertainty", "limit", "like")},
+        "title": title,
+        "unit": unit,
+        "digits": digits,
+        "p": point.name or point.session,
+    }
+    if not point.like:
+        return message(
+            "{title} changed by {change:.{digits}f} ± {uncertainty:.{digits}f} {unit} with session "
+            "{p}: more than uncertainty explains (limit {limit:.{digits}f} {unit}).",
+            **told,
+        )
+    return message(
+        "{title} changed by {change:.{digits}f} {unit} with session {p}: more than the {like} sessions before it "
+        "at the same poses scatter (limit {limit:.{digits}f} {unit}); they share most of the stated "
+        "± {uncertainty:.{digits}f} {unit}.",
+        **told,
+    )
 
 
 def _require_each_once(sessions: Sequence[SolvedSession]) -> None:
@@ -363,7 +394,9 @@ def _verified(session: SolvedSession) -> Measured | None:
     if found is None:
         return None
     sigma = max(float(found["uncertainty_mm"]) / 2, _LEAST_SIGMA)
-    return Measured(session, np.array([float(found["value_mm"])]), np.array([[sigma**2]]))
+    # Its captures are others than those of the answer: of its poses nothing is known here.
+    alone = replace(session, program=None)
+    return Measured(alone, np.array([float(found["value_mm"])]), np.array([[sigma**2]]))
 
 
 def _regular(covariance: FloatArray) -> FloatArray:

@@ -1,18 +1,24 @@
 """How a figure creeps from session to session: slope, cumulative sum, forecast, and what temperature explains."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from calib_core.estimation import chance_of
+from calib_core.estimation import chance_of, f_chance_of
 from calib_core.frames import FloatArray
 from calib_core.messages import message, sentences
 from calib_core.moment import text_of
 from calib_core.records import Finite, Record
-from calib_core.records.policy import Environment
+from calib_core.review.between_sessions import (
+    LEAST_LIKE,
+    Measured,
+    SolvedSession,
+    in_sigmas,
+    like_last,
+    scatter_ratio,
+)
 
 FALSE_TREND: Final = 0.011
 _FALSE_BY_TEMPERATURE: Final = 0.005
@@ -63,40 +69,6 @@ class ByTemperature(Record):
     uncertainty: Finite
     chance: Finite
     found: bool
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedSession:
-    """A session of a cell: its latest results as JSON data, when they were solved, and which of them are stale.
-
-    `limit_mm` is that of the tool's error, where the cell has one; `environment` the temperatures that were told.
-    """
-
-    session: str
-    name: str
-    date: str
-    results: Mapping[str, Mapping[str, Any]]
-    stale: frozenset[str] = frozenset()
-    limit_mm: float | None = None
-    environment: Environment | None = None
-
-    def of(self, stage: str) -> Mapping[str, Any] | None:
-        """Return a stage's result, None without one that its captures and its cell still give."""
-        return None if stage in self.stale else self.results.get(stage)
-
-    @property
-    def answer(self) -> Mapping[str, Any] | None:
-        """The whole chain or, without one, the tool."""
-        return self.of("chain") or self.of("tcp")
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """A figure of one session: its value (n,) and covariance (n, n)."""
-
-    session: SolvedSession
-    value: FloatArray
-    covariance: FloatArray
 
 
 def trend_of(measured: Sequence[Measured]) -> DriftTrend | None:
@@ -223,8 +195,31 @@ def _said_forecast(found: DriftForecast | None) -> str:
     return sentences([told, day])
 
 
-def _slope(measured: Sequence[Measured], places: FloatArray) -> tuple[float, float, float]:
-    """Return the length of a figure's slope over places, its ± (k = 2), and how often chance gives as much."""
+_Slope = tuple[float, float, float]
+"""The length of a figure's slope over places, its ± (k = 2), and how often chance gives as much."""
+
+
+def _slope(measured: Sequence[Measured], places: FloatArray) -> _Slope:
+    """Return the slope by the stated covariances, or by the scatter of sessions of the newest's program."""
+    like = like_last(measured)
+    by_stated = _slope_as_stated(measured, places)
+    if len(like) < LEAST_LIKE or float(np.ptp(at := places[[k for k, _ in like]])) == 0:
+        return by_stated
+    return min(by_stated, _slope_by_scatter([one for _, one in like], at - at.mean()), key=lambda found: found[2])
+
+
+def _slope_by_scatter(like: Sequence[Measured], places: FloatArray) -> _Slope:
+    covariance = np.mean([one.covariance for one in like], axis=0)
+    values, known = np.array([one.value for one in like]), float(places @ places)
+    rows = in_sigmas(values - values.mean(axis=0), covariance)
+    slope, left = places @ rows / known, len(like) - 2
+    ratio = scatter_ratio(rows - np.outer(places, slope), left)
+    uncertainty = 2 * float(np.sqrt(ratio * np.linalg.eigvalsh(covariance)[-1] / known))
+    chance = f_chance_of(float(slope @ slope) * known / ratio, 1, left)
+    return float(np.linalg.norm(places @ values / known)), uncertainty, chance
+
+
+def _slope_as_stated(measured: Sequence[Measured], places: FloatArray) -> _Slope:
     size = len(measured[0].value)
     information, weighed = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
     for place, one in zip(places, measured, strict=True):

@@ -11,8 +11,8 @@ from server.console.output import print_result
 
 if TYPE_CHECKING:
     from calib_core.records.policy import Environment
+    from calib_core.review.between_sessions import SolvedSession
     from calib_core.review.drift import CellDrift
-    from calib_core.review.drift_trend import SolvedSession
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,16 +68,14 @@ def _solved(path: Path) -> tuple["SolvedSession", str | None]:
     from calib_core.archive.folder import load_session
     from calib_core.archive.stored_results import stored_results
     from calib_core.graph.keys import Graph
-    from calib_core.review.drift_trend import SolvedSession
+    from calib_core.review.between_sessions import solved_session
 
     with opened(path) as folder:
         session, read = load_session(folder)
         results = stored_results(folder)
         stale = Graph.stale_of(session, read, results)
         date = solved_when(folder, results, unpacked=is_archive(path))
-    name, limit_mm = session.name or path.name, session.cell.verification.tool_mm
-    found = SolvedSession(str(path), name, date, results, stale, limit_mm, session.environment)
-    return found, session.cell.id
+    return solved_session(str(path), date, session, results, stale, path.name), session.cell.id
 
 
 def _text(found: "CellDrift") -> str:

@@ -9,13 +9,12 @@ from calib_core.archive.seals import sealed
 from calib_core.errors import ConflictError, NotFoundError
 from calib_core.messages import message
 from calib_core.moment import now
-from calib_core.records.policy import Environment
 from calib_core.review.answer import SessionAnswer, cell_id_of
-from calib_core.review.drift_trend import SolvedSession
+from calib_core.review.between_sessions import SolvedSession, solved_session
 from server.store.audit import note_change
 from server.store.database import record_event
 from server.store.models import Data, ReleaseRow, SessionRow
-from server.store.sessions import latest_results, locked_session
+from server.store.sessions import latest_results, locked_session, stored_record
 from server.store.staleness import stale_stages
 from server.store.webhooks import tell
 
@@ -52,18 +51,10 @@ def cell_sessions(db: Transaction, cell: str, most: int = 100) -> list[SolvedSes
 
 def _solved_session(db: Transaction, session: Data, stale: frozenset[str]) -> SolvedSession:
     """Return a session as drift takes it; neither an import nor solving it once more makes it new."""
-    results, record = latest_results(db, session["id"]), db.get_one(SessionRow, session["id"]).record
+    found, results = stored_record(db, session["id"]), latest_results(db, session["id"])
     solved = (results.get("chain") or results.get("tcp") or {}).get("solved")
-    told = record.get("environment")
-    return SolvedSession(
-        session["id"],
-        session["name"],
-        min(solved or session["created"], session["created"]),
-        results,
-        stale,
-        limit_mm=(record["cell"].get("verification") or {}).get("tool_mm"),
-        environment=Environment.model_validate(told) if told else None,
-    )
+    date = min(solved or session["created"], session["created"])
+    return solved_session(session["id"], date, found, results, stale)
 
 
 def sessions_of_cell(db: Transaction, cell: str) -> list[str]:

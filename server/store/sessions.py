@@ -229,6 +229,15 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
     )
 
 
+def stored_record(db: Transaction, session_id: str) -> Session:
+    """Return a session's record with its captures; raises NotFoundError."""
+    row = session_row(db, session_id)
+    captures = db.scalars(
+        select(CaptureRow.record).where(CaptureRow.session_id == session_id).order_by(CaptureRow.position)
+    )
+    return parse_session({**row.record, "captures": list(captures)}, session_id)
+
+
 def latest_results(db: Transaction, session_id: str) -> dict[str, Data]:
     """Return each stage's latest result, as JSON data."""
     latest = select(func.max(ResultRow.number)).where(ResultRow.session_id == session_id).group_by(ResultRow.stage)

@@ -4,11 +4,12 @@ import numpy as np
 from cells import GIVEN, Cell
 from harness import Row
 
+from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.warm_up import WarmUp
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform, skew
+from calib_core.review.between_sessions import Measured, SolvedSession
 from calib_core.review.drift import charted
-from calib_core.review.drift_trend import Measured, SolvedSession
 from calib_core.simulation.motion import pose
 from calib_core.stages.pipeline import stage_input
 from calib_core.stages.tcp.solve import solve_tcp_captures
@@ -122,12 +123,16 @@ def _is_found(series: list[Measured], at: int, rng: np.random.Generator) -> bool
 def session_point(seed: int) -> Measured:
     """Return where the scanner's point lies on the flange by one session, against the truth."""
     cell = Cell.of("tcp", seed)
-    solution = cell.solve(GIVEN)
+    return point_of(cell, cell.solve(GIVEN))
+
+
+def point_of(cell: Cell, solution: TcpSolution) -> Measured:
+    """Return where a solution of a cell puts the scanner's point on the flange, against the truth."""
     tool: RigidTransform = solution.joint.mount_from_laser
     follows = np.hstack([-tool.rotation @ skew(_POINT), np.eye(3)])
     covariance = follows @ solution.covariance[:6, :6] @ follows.T
     return measured(tool.apply(_POINT) - cell.truth.apply(_POINT), covariance)
 
 
-def measured(value: FloatArray, covariance: FloatArray) -> Measured:
-    return Measured(SolvedSession("s", "", "", {}), value, covariance)
+def measured(value: FloatArray, covariance: FloatArray, program: FloatArray | None = None) -> Measured:
+    return Measured(SolvedSession("s", "", "", {}, program=program), value, covariance)

@@ -1,30 +1,51 @@
-"""Histories of 60 sessions of a cell: creep, steps, nothing at all; errors drawn from solved covariances."""
+"""Histories of 60 sessions of a cell: creep, steps, nothing at all.
+
+Of poses that vary the errors are drawn from solved covariances; of one program they are drawn as nights scatter that
+were simulated and solved: the arm errs alike at the same poses, but for a third of its error, and all noise is new.
+"""
+
+from collections.abc import Callable
 
 import numpy as np
-from bench_drift import measured, session_point
+from bench_drift import measured, point_of, session_point
+from cells import GIVEN, SPHERE, Cell
 from harness import Row
 
+from calib_core.captures.observe import observe_capture
+from calib_core.chain.tcp import solve_tcp
 from calib_core.frames import FloatArray
+from calib_core.records import Capture
+from calib_core.review.between_sessions import Measured
 from calib_core.review.drift import charted
-from calib_core.review.drift_trend import Measured, trend_of
+from calib_core.review.drift_trend import trend_of
+from calib_core.simulation.motion import pose, turn
+from calib_core.simulation.profile_cell import shot_from
+from calib_core.simulation.writing import shot_files, shot_record
 
 _LONG, _STEP_AT, _FOUND_BEFORE_MM = 60, 20, 0.3
+_NEW_EACH_NIGHT = 1 / 3
+_PAPERS = "the paper's arm"
+Draw = Callable[[list[int], float], list[Measured]]
+"""A history by its seed, creeping by so many mm a session."""
 
 
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes the 200 histories of the target."""
     kinds = [session_point(seed).covariance for seed in range(6)]
     count = 200 if full else 40
+    programs = [_nights(seed, 24 if full else 10) for seed in range(4 if full else 1)]
     return [
-        *histories(count, kinds, "the paper's arm"),
-        *best_possible(count, kinds, "the paper's arm"),
-        *histories(count, [one / 9 for one in kinds], "an arm three times as good"),
+        *histories(count, varying(kinds), f"{_PAPERS}, poses that vary"),
+        *best_possible(count, kinds, f"{_PAPERS}, poses that vary"),
+        *histories(count, varying([one / 9 for one in kinds]), "an arm three times as good, poses that vary"),
+        *histories(count, of_a_program(programs), f"{_PAPERS}, the same poses each night"),
+        *as_solved(programs),
     ]
 
 
-def histories(count: int, kinds: list[FloatArray], arm: str) -> list[Row]:
+def histories(count: int, draw: Draw, arm: str) -> list[Row]:
     """Return what is told of long histories: cells that creep, that make a step, and that stay as they are."""
-    quiet = [_history(kinds, [number, 63]) for number in range(count)]
+    quiet = [draw([number, 63], 0.0) for number in range(count)]
     steps = sum(any(row.flagged for row in charted(history)) for history in quiet)
     trends = sum(_trend_begins(history) is not None for history in quiet)
     rows = [
@@ -33,7 +54,7 @@ def histories(count: int, kinds: list[FloatArray], arm: str) -> list[Row]:
         Row(f"{arm}, the same: false trends", "≤ 20 %", f"{trends / count:.1%}", trends <= 0.2 * count),
     ]  # fmt: skip
     for creep_mm in (0.01, 0.03):
-        begins = [_trend_begins(_history(kinds, [number, 64], creep_mm)) for number in range(count)]
+        begins = [_trend_begins(draw([number, 64], creep_mm)) for number in range(count)]
         found = sum(at is not None and at * creep_mm < _FOUND_BEFORE_MM for at in begins)
         what = f"{arm}, creeping {creep_mm:g} mm a session: found before {_FOUND_BEFORE_MM:g} mm"
         rows.append(Row(what, "≥ 90 %", f"{found / count:.1%}", found >= 0.9 * count))
@@ -42,6 +63,66 @@ def histories(count: int, kinds: list[FloatArray], arm: str) -> list[Row]:
         what = f"{arm}, a step of {step_mm:g} mm: found at once"
         rows.append(Row(what, "≥ 95 %", f"{found / count:.1%}", found >= 0.95 * count))
     return rows
+
+
+def as_solved(programs: list[list[Measured]]) -> list[Row]:
+    """Return what is told of the nights that were solved, in their order: nothing happened in them."""
+    long = len(programs[0])
+    steps = sum(any(row.flagged for row in charted(nights)) for nights in programs)
+    found = sum(_finds_step(nights, 0.3, n, long - 1) for n, nights in enumerate(programs))
+    what = f"{_PAPERS}, {len(programs)} cells of {long} nights solved at the same poses"
+    return [
+        Row(f"{what}: false steps", "0", f"{steps}", steps == 0),
+        Row(f"{what}: a step of 0.3 mm found at once", f"{len(programs)}", f"{found}", found == len(programs)),
+    ]
+
+
+def varying(kinds: list[FloatArray]) -> Draw:
+    """Return how histories are drawn whose poses are others each time: nothing is shared."""
+    return lambda seed, creep_mm: _history(kinds, seed, creep_mm)
+
+
+def of_a_program(programs: list[list[Measured]]) -> Draw:
+    """Return how histories of one program are drawn: they scatter as its solved nights do."""
+
+    def draw(seed: list[int], creep_mm: float) -> list[Measured]:
+        rng = np.random.default_rng(seed)
+        nights = programs[rng.integers(len(programs))]
+        scatter = np.cov(np.array([one.value for one in nights]).T)
+        way = rng.normal(size=3)
+        way *= creep_mm / np.linalg.norm(way)
+        picked = [nights[rng.integers(len(nights))] for _ in range(_LONG)]
+        return [
+            measured(rng.multivariate_normal(k * way, scatter), one.covariance, one.session.program)
+            for k, one in enumerate(picked)
+        ]
+
+    return draw
+
+
+def _nights(seed: int, count: int) -> list[Measured]:
+    """Return nights of one cell: the same poses, ball and arm, whose errors stay but for a share."""
+    cell = Cell.of("tcp", seed)
+    world = cell.simulated.world
+    assert world is not None
+    stay = np.sqrt(1 - _NEW_EACH_NIGHT**2) * np.random.default_rng([seed, 70]).normal(size=(len(world.shots), 6))
+    sigmas = np.repeat([world.options.orientation_sigma_rad, world.options.position_sigma_mm], 3)
+    program = np.array([shot.commanded for shot in world.shots])
+    found: list[Measured] = []
+    for night in range(count):
+        rng = np.random.default_rng([seed, night, 71])
+        seen = []
+        for shot, error in zip(
+            world.shots, (stay + _NEW_EACH_NIGHT * rng.normal(size=stay.shape)) * sigmas, strict=True
+        ):
+            rotation, place = shot.commanded[:3, :3] @ turn(error[:3]), shot.commanded[:3, 3] + error[3:]
+            center = world.sphere_center_in_base_mm
+            again = shot_from(world, shot.name, shot.kind, shot.commanded, pose(rotation, place), center, rng)
+            capture, files = Capture.model_validate(shot_record(again, world)), shot_files(again, world)
+            seen.append(observe_capture(cell.simulated.session, capture, files.__getitem__))
+        told = point_of(cell, solve_tcp(seen, SPHERE, GIVEN))
+        found.append(measured(told.value, told.covariance, program))
+    return found
 
 
 def best_possible(count: int, kinds: list[FloatArray], arm: str) -> list[Row]:
@@ -108,8 +189,8 @@ def _trend_begins(history: list[Measured]) -> int | None:
     return None
 
 
-def _finds_step(history: list[Measured], step_mm: float, seed: int) -> bool:
+def _finds_step(history: list[Measured], step_mm: float, seed: int, at: int = _STEP_AT) -> bool:
     way = np.random.default_rng([seed, 65]).normal(size=3)
-    last = history[_STEP_AT]
-    moved = measured(last.value + step_mm * way / np.linalg.norm(way), last.covariance)
-    return charted([*history[:_STEP_AT], moved])[-1].flagged
+    last = history[at]
+    value = last.value + step_mm * way / np.linalg.norm(way)
+    return charted([*history[:at], measured(value, last.covariance, last.session.program)])[-1].flagged

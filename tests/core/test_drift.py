@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from calib_core.errors import InputError
-from calib_core.frames import RigidTransform, rotation_from_vector
+from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.records.policy import Environment
+from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import CellDrift, cell_drift
-from calib_core.review.drift_trend import SolvedSession
 
 SPREAD = np.diag([1e-4, 1e-4, 1e-4, 0.03, 0.02, 0.05]) ** 2
 
@@ -150,3 +150,51 @@ def test_what_follows_the_temperature_of_the_arm_is_told_beside_it() -> None:
     assert any("follows the arm's temperature: 0.0" in said for said in found.trends)
     assert found.series[2].temperature is not None
     assert not found.series[2].temperature.found
+
+
+def at(poses: int, off_mm: float = 0.0) -> FloatArray:
+    """Return a program of poses, the last one off by so much."""
+    program = np.tile(np.eye(4), (poses, 1, 1))
+    program[:, 0, 3] = 100.0 * np.arange(poses)
+    program[-1, 1, 3] = off_mm
+    return program
+
+
+def nightly(number: int, shift_mm: float = 0.0, program: FloatArray | None = None) -> SolvedSession:
+    """Return a night whose tool scatters by a tenth of its stated ±."""
+    rng = np.random.default_rng([number, 6])
+    found = session(number)
+    tool = RigidTransform.of(rotation_from_vector([0.3, 0.1, -1.2]), [35.0, -120.0, 140.0], "tool0", "laser")
+    noise = 0.1 * rng.normal(size=6) * np.sqrt(np.diag(SPREAD)) + [0, 0, 0, 0, shift_mm, 0]
+    chain = {**found.results["chain"], "tool0_from_laser": tool.perturbed(noise).to_rows()}
+    return replace(found, results={"chain": chain}, program=at(14) if program is None else program)
+
+
+def test_nights_at_the_same_poses_tell_a_step_that_their_stated_uncertainty_hides() -> None:
+    nights = [nightly(k, 0.06 * (k == 8)) for k in range(9)]
+    found = cell_drift(nights)
+    last = found.series[0].points[-1]
+    assert (last.flagged, last.like) == (True, 8)
+    assert last.limit is not None
+    assert last.change < last.uncertainty  # it is less than the stated ± of the difference
+    assert "the 8 sessions before it at the same poses scatter" in found.flags[0]
+    # At other poses the arm errs otherwise: there only the stated ± counts.
+    elsewhere = [*nights[:8], nightly(8, 0.06, at(14, off_mm=40.0))]
+    assert flagged(cell_drift(elsewhere))["tool"] == []
+    unknown = [replace(night, program=None) for night in nights]
+    assert flagged(cell_drift(unknown))["tool"] == []
+    # Less than half the stated ± is no step, however well the nights agree.
+    small = cell_drift([nightly(k, 0.01 * (k == 8)) for k in range(9)])
+    assert small.flags == []
+
+
+def test_nights_at_the_same_poses_tell_a_creep_early() -> None:
+    creeping = [nightly(k, 0.01 * k) for k in range(8)]
+    trend = cell_drift(creeping).series[0].trend
+    assert trend is not None
+    assert trend.found
+    assert trend.per_session == pytest.approx(0.01, abs=1.5 * trend.uncertainty)
+    by_stated = cell_drift([replace(night, program=None) for night in creeping]).series[0].trend
+    assert by_stated is not None
+    assert by_stated.uncertainty > 3 * trend.uncertainty
+    assert not by_stated.found

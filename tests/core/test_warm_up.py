@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from calib_core.records import Session
+from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import cell_drift
-from calib_core.review.drift_trend import SolvedSession
 from calib_core.simulation.motion import FloatArray, pose
 from calib_core.stages.pipeline import run, stage_input
 from calib_core.stages.tcp.record import SessionDrift, TcpResult
