@@ -1,8 +1,7 @@
 """Histories of 60 sessions of a cell: creep, steps, nothing at all.
 
-Of poses that vary the errors are drawn from solved covariances; of one program they are drawn as nights scatter
-that were simulated and solved: the arm errs alike at the same poses, but for a third of its error, and all noise is
-new.
+Of poses that vary the errors are drawn from solved covariances.  Of one program they are drawn as nights scatter
+that were simulated and solved: at the same poses the arm errs alike, but for a third, and all noise is new.
 """
 
 from collections.abc import Callable
