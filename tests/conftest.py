@@ -45,25 +45,48 @@ refuse_changes_of_open_files()
 settings.register_profile("scancell", deadline=None, derandomize=True, database=None, max_examples=40)
 settings.load_profile("scancell")
 
-# From a quarter of a minute on: begun last, they would keep one process busy while the others have nothing left.
-LONGEST = {
-    "test_turntable_walk.py",
-    "test_frames_walk.py",
-    "test_walk.py",
-    "test_random_walk.py",
-    "test_live_panel.py",
-    "test_schema_fuzzing.py",
-    "test_access.py",
-    "test_kill.py",
-    "test_robot_programs.py",
-    "test_live_calibration.py",
-    "test_scene_tools.py",
-}
+# Those of single tests that take longest, and files of several; the longest first.
+LONGEST = (
+    "web/test_turntable_walk.py",
+    "web/test_live_panel.py",
+    "web/test_ways.py",
+    "server/test_outages.py",
+    "web/test_restart.py",
+    "server/test_kill.py",
+    "web/test_frames_walk.py",
+    "server/test_access.py",
+    "server/test_schema_fuzzing.py",
+    "package/test_wheel.py",
+    "web/test_figures.py",
+    "web/test_walk.py",
+    "web/test_problems_page.py",
+    "server/test_demo.py",
+    "server/test_kernels.py",
+    "core/test_compiled.py",
+    "web/test_random_walk.py",
+    "server/test_robot_programs.py",
+    "server/test_live_calibration.py",
+    "web/test_scene_tools.py",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the longest tests begin first."""
-    items.sort(key=lambda item: item.path.name not in LONGEST)
+    """Let the longest tests begin first, a like share of them in each process: begun last, one would do them alone.
+
+    `--dist worksteal` gives each process a run of the tests as they stand here, and takes from the runs' ends later.
+    """
+    place = {name: number for number, name in enumerate(LONGEST)}
+    of = {item: place.get("/".join(item.path.parts[-2:]), -1) for item in items}
+    others = [item for item in items if of[item] < 0]
+    longest = sorted((item for item in items if of[item] >= 0), key=of.__getitem__)
+    processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    ordered: list[pytest.Item] = []
+    for process in range(processes):
+        own = [item for item in longest if of[item] % processes == process]
+        size = (len(items) - len(ordered)) // (processes - process) - len(own)
+        ordered += [*own, *others[: max(size, 0)]]
+        del others[: max(size, 0)]
+    items[:] = [*ordered, *others]
 
 
 def pytest_collection_finish() -> None:

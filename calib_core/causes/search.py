@@ -113,8 +113,11 @@ def _coarse_of_some(
 
 def _scatter(sought: Sought, misfit: FloatArray, known: np.ndarray) -> FloatArray:
     """Return a quantile (N,) of the known captures' distances, beyond the median: a few always fit by chance."""
-    distances = np.where(known, sought.distances(misfit), np.nan)
-    return np.nanquantile(distances, 0.6, axis=1)
+    distances = np.sort(np.where(known, sought.distances(misfit), np.nan), axis=1)  # what is not known stands last
+    at = 0.6 * np.maximum(np.count_nonzero(~np.isnan(distances), axis=1) - 1, 0)[:, None]
+    below = at.astype(int)
+    near, far = (np.take_along_axis(distances, place, axis=1) for place in (below, np.ceil(at).astype(int)))
+    return (near + (at - below) * (far - near))[:, 0]
 
 
 def _apart(rotations: FloatArray) -> list[FloatArray]:

@@ -5,6 +5,7 @@ surface exactly.
 """
 
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,14 +52,18 @@ def top_mm(x: FloatArray, y: FloatArray) -> FloatArray:
     return HEIGHT_MM + 3 * np.sin(x / 14) * np.cos(y / 11) + 0.0006 * x * y
 
 
+@cache
 def build_part() -> PartMesh:
-    """Return the part, standing on z = 0 of T about its axis."""
+    """Return the part, standing on z = 0 of T about its axis; one for all, its arrays not to be written."""
     pieces = [*_walls(), *_tops(), *_holes(), _ball(), _post()]
     points = np.concatenate([corners.reshape(-1, 3) for corners in pieces])
     unique, index = np.unique(np.round(points, 9), axis=0, return_inverse=True)
     triangles = index.reshape(-1, 3)
     solid = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
-    return PartMesh(unique, triangles[solid], np.array(BALL_MM), BALL_RADIUS_MM)
+    part = PartMesh(unique, triangles[solid], np.array(BALL_MM), BALL_RADIUS_MM)
+    for array in (part.points_mm, part.triangles, part.ball_center_mm):
+        array.flags.writeable = False
+    return part
 
 
 def _height(x: FloatArray, y: FloatArray, raised: bool) -> FloatArray:

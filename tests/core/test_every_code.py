@@ -73,16 +73,23 @@ def again(**fields: Any) -> list[dict[str, Any]]:
 
 def three_balls(shifted_mm: float) -> Case:
     """Return what a plate's captures say, the fourth of them by a pose that is wrong by so much."""
-    made = simulate("plate", 2)
-    data = made.session.to_json()
-    pose = data["captures"][3]["pose"]
-    data["captures"][3]["pose"] = [pose[0] + shifted_mm, pose[1] - shifted_mm, *pose[2:]]
-    return lambda: solve_stage(parse_session(data), "tcp", made.files.__getitem__).findings
+
+    def case() -> Iterable[Finding]:
+        made = simulate("plate", 2)
+        data = made.session.to_json()
+        pose = data["captures"][3]["pose"]
+        data["captures"][3]["pose"] = [pose[0] + shifted_mm, pose[1] - shifted_mm, *pose[2:]]
+        return solve_stage(parse_session(data), "tcp", made.files.__getitem__).findings
+
+    return case
 
 
 def of_scenario(scenario: str) -> Case:
-    made = simulate(scenario, 1)
-    return lambda: solve_stage(made.session, "tcp", made.files.__getitem__).findings
+    def case() -> Iterable[Finding]:
+        made = simulate(scenario, 1)
+        return solve_stage(made.session, "tcp", made.files.__getitem__).findings
+
+    return case
 
 
 def turned_alike() -> list[dict[str, Any]]:
@@ -126,11 +133,15 @@ def flat() -> Iterable[Finding]:
 
 def board_at(aside: float) -> Case:
     """Return what is seen of a board whose middle stands so far aside, in parts of its distance."""
-    scene = BoardSurface(pose(turn([0.2, 0.1, 0.1]), [240 * aside - 36.0, -22.0, 240.0]), 9, 6, 9.0)
-    frame = render(SimulatedCamera(), [scene], None, Exposure(ambient=180.0), np.random.default_rng(0))
-    told = {"id": "b01", "step": "camera", "kind": "frame", "files": ["b01.png"]}
-    session = session_of([told], board={"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 9.0})
-    return lambda: measure_capture(session, session.captures[0], lambda _: as_png(frame)).findings
+
+    def case() -> Iterable[Finding]:
+        scene = BoardSurface(pose(turn([0.2, 0.1, 0.1]), [240 * aside - 36.0, -22.0, 240.0]), 9, 6, 9.0)
+        frame = render(SimulatedCamera(), [scene], None, Exposure(ambient=180.0), np.random.default_rng(0))
+        told = {"id": "b01", "step": "camera", "kind": "frame", "files": ["b01.png"]}
+        session = session_of([told], board={"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 9.0})
+        return measure_capture(session, session.captures[0], lambda _: as_png(frame)).findings
+
+    return case
 
 
 def first_seen() -> Iterable[Finding]:

@@ -13,7 +13,6 @@ import pytest
 
 import server.jobs.worker
 from calib_core.errors import InputError
-from server.jobs.dask_pool import DaskPool
 from server.jobs.measuring_processes import Measuring
 from server.settings import Settings
 from server.store.blob_places import open_blobs
@@ -81,6 +80,8 @@ def test_captures_of_a_batch_are_measured_by_the_cluster(
 def test_a_merge_goes_over_the_workers_and_is_the_same_byte_for_byte(
     tmp_path: Path, cluster: str, memory_mb: float
 ) -> None:
+    from server.jobs.dask_pool import DaskPool
+
     settings = Settings(data=tmp_path, dask=cluster)
     record, files = vase_session(5, 60)
     record["cell"]["merge"]["memory_mb"] = memory_mb
@@ -157,6 +158,8 @@ def assert_gone(process: int) -> None:
 
 
 def test_without_its_cluster_the_server_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    from server.jobs.dask_pool import DaskPool
+
     monkeypatch.setattr("server.jobs.dask_pool._CONNECT_S", 0.5)
     with pytest.raises(InputError, match="SCANCELL_DASK"):
         DaskPool(Settings(dask="tcp://127.0.0.1:9"), print)

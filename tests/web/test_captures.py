@@ -190,7 +190,7 @@ def test_two_captures_side_by_side_with_the_motion_between_them(
     expect(both.locator("svg.profile-plot")).to_have_count(2)
     captures = stored(api, session)
     zones = [f"{captures[name]['measured']['zone']:.2f}" for name in ("p06", "p01")]
-    assert both.get_by_role("row", name="r/R").locator("td").all_inner_texts() == zones
+    expect(both.get_by_role("row", name="r/R").locator("td")).to_have_text(zones)
     a, b = (parse_pose("abb", captures[name]["pose"]) for name in ("p06", "p01"))
     distance_mm = np.linalg.norm(b.translation_mm - a.translation_mm)
     turn_deg = np.rad2deg(np.linalg.norm(vector_from_rotation(a.rotation.T @ b.rotation)))
