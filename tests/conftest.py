@@ -71,9 +71,9 @@ LONGEST = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the longest tests begin first, a like share of them in each process: begun last, one would do them alone.
+    """Let the longest tests begin first, a like share in each process: begun last, one would do them alone.
 
-    `--dist worksteal` gives each process a run of the tests as they stand here, and takes from the runs' ends later.
+    `--dist worksteal` gives each process a run of the tests in this order, and takes from the runs' ends later.
     """
     place = {name: number for number, name in enumerate(LONGEST)}
     of = {item: place.get("/".join(item.path.parts[-2:]), -1) for item in items}
