@@ -4,21 +4,25 @@ numba keeps the machine code of a kernel under the hash of its own file.  The co
 linked into it, so a change of theirs would leave it stale; here the hash covers what a kernel imports too.
 
 An image, a portable zip or a wheel may bring kernels for any x86-64 processor of the last ten years (`BASELINE`).
-A process takes them until all are there for the machine's own, which are compiled beside and faster.
+A process takes them until all are there for the machine's own, which are compiled beside and faster.  Where the
+package may not be written, as one that an administrator installed, both are kept in the user's cache folder.
 Imported alone this module brings no numba.
 """
 
 import hashlib
 import os
 import re
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
 KERNELS = Path(__file__).resolve().parent / "kernels"
+_BESIDE = KERNELS / "__pycache__"
 _IMPORT = re.compile(r"^from calib_core\.kernels\.(\w+) import", re.MULTILINE)
 
 BASELINE = "x86-64-v3"
@@ -87,14 +91,23 @@ def own_are_compiled() -> bool:
 
 
 def _noted(processor: str | None) -> bool:
-    file = stamp_file(processor)
-    return file is not None and file.exists()
+    return any(file.exists() for file in stamp_files(processor))
 
 
-def stamp_file(processor: str | None = None) -> Path | None:
-    """Return the file that says that all kernels are there for a processor; None where none can be kept."""
+def note_that_all_are_compiled(processor: str | None = None) -> None:
+    """Leave word for later starts, in the first place that may be written."""
+    for file in stamp_files(processor):
+        with suppress(OSError):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.touch()
+            return
+
+
+def stamp_files(processor: str | None = None) -> list[Path]:
+    """Return the files of which one says that all kernels are there for a processor."""
     import llvmlite.binding
     import numba
+    from numba.core.caching import UserWideCacheLocator
 
     digest = hashlib.sha256()
     for source in sorted(KERNELS.glob("*.py")):
@@ -102,8 +115,9 @@ def stamp_file(processor: str | None = None) -> Path | None:
     processor = processor or llvmlite.binding.get_host_cpu_name()
     digest.update(f"{numba.__version__} {sys.version_info[:2]} {sys.platform} {processor}".encode())
     place = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(place) if place else KERNELS / "__pycache__"
-    return folder / f"all-{digest.hexdigest()[:16]}.compiled" if os.access(folder, os.W_OK) else None
+    of_user = UserWideCacheLocator(stamp_files, str(KERNELS / "__init__.py")).get_cache_path()
+    folders = [Path(place)] if place else [_BESIDE, Path(of_user)]
+    return [folder / f"all-{digest.hexdigest()[:16]}.compiled" for folder in folders]
 
 
 def _places() -> list[Any]:
@@ -127,7 +141,14 @@ def _places() -> list[Any]:
         """The package's `__pycache__`."""
 
     class _KernelsOfUser(Ours, caching.UserWideCacheLocator):
-        """The user's cache folder, where the package may not be written."""
+        """The user's cache folder, where the package may not be written; what it brings is taken along."""
+
+        @classmethod
+        def from_function(cls, py_func: Any, py_file: str) -> Any:
+            found = super().from_function(py_func, py_file)
+            if found is not None:
+                _take_along(Path(found.get_cache_path()))
+            return found
 
     class _KernelsOfProcess(Ours, caching.InTreeCacheLocator):
         """A folder that lasts as long as the process."""
@@ -136,6 +157,19 @@ def _places() -> list[Any]:
             return _folder_of_process().name
 
     return [_KernelsWhereAsked, _KernelsBesideSources, _KernelsOfUser, _KernelsOfProcess]
+
+
+@cache
+def _take_along(folder: Path) -> None:
+    """Copy what lies beside the package's sources and is not there yet; an index comes after what it names."""
+    from calib_core.disk import replace_file
+
+    for file in sorted(_BESIDE.glob("*.nb[ci]")):
+        target, fresh = folder / file.name, folder / f"{file.name}.{os.getpid()}"
+        if not target.exists():
+            with suppress(OSError):
+                shutil.copyfile(file, fresh)
+                replace_file(fresh, target)
 
 
 @cache

@@ -14,8 +14,8 @@ def _run(options: argparse.Namespace) -> int:
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor, as_completed
 
-    from calib_core.compiled import BASELINE
-    from server.jobs.kernels import PARTS, compiled_for, note_that_all_are_compiled
+    from calib_core.compiled import BASELINE, note_that_all_are_compiled
+    from server.jobs.kernels import PARTS, compiled_for
 
     started, compiled = time.monotonic(), 0
     processor = "baseline" if options.any_processor else "own"

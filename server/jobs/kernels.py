@@ -7,7 +7,13 @@ from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from typing import Any, Final, Literal
 
-from calib_core.compiled import all_are_compiled, compile_for, on_compiling, own_are_compiled, stamp_file
+from calib_core.compiled import (
+    all_are_compiled,
+    compile_for,
+    note_that_all_are_compiled,
+    on_compiling,
+    own_are_compiled,
+)
 from server.jobs.child_processes import ignoring_interrupts
 
 _OTHERS: Final = "16 bits, E57, depths"
@@ -94,13 +100,6 @@ def compiling_beside(part: str) -> Generator[None]:
     finally:
         process.kill()
         process.join()
-
-
-def note_that_all_are_compiled(processor: str | None = None) -> None:
-    """Leave word for later starts."""
-    file = stamp_file(processor)
-    if file is not None:
-        file.touch()
 
 
 def _compile_all() -> None:

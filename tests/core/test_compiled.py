@@ -25,17 +25,17 @@ _SCRIPT = (
 def package(tmp_path: Path) -> Path:
     kernels = tmp_path / "calib_core" / "kernels"
     kernels.mkdir(parents=True)
-    for name in ("__init__.py", "compiled.py", "kernels/__init__.py"):
+    for name in ("__init__.py", "compiled.py", "disk.py", "kernels/__init__.py"):
         shutil.copy(ROOT / "calib_core" / name, kernels.parent / name)
     (kernels / "callee.py").write_text(_KERNEL.format("", "callee", "x + 1"))
     (kernels / "caller.py").write_text(_KERNEL.format(_CALLER, "caller", "10 * callee(x)"))
     return tmp_path
 
 
-def ran(package: Path, **environment: str) -> list[str]:
+def ran(package: Path, script: str = _SCRIPT, **environment: str) -> list[str]:
     plain = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA")}
     done = subprocess.run(
-        [sys.executable, "-B", "-c", _SCRIPT],
+        [sys.executable, "-B", "-c", script],
         cwd=package,
         env=plain | {"PYTHONPATH": str(package)} | environment,
         capture_output=True,
@@ -50,6 +50,35 @@ def test_a_change_of_a_called_kernel_is_seen(package: Path) -> None:
     assert ran(package) == ["20.0", "0"]  # nothing is compiled a second time
     (package / "calib_core" / "kernels" / "callee.py").write_text(_KERNEL.format("", "callee", "x + 2"))
     assert ran(package) == ["30.0", "2"]
+
+
+def test_what_a_package_brings_is_taken_along_where_it_may_not_be_written(package: Path, tmp_path: Path) -> None:
+    """As one that an administrator installed: read, and not written."""
+    assert ran(package) == ["20.0", "2"]
+    beside = package / "calib_core" / "kernels" / "__pycache__"
+    home = tmp_path / "home"
+    places = {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache"), "LOCALAPPDATA": str(home)}
+    script = (
+        "from numba.core import caching\nfrom calib_core import compiled\n"
+        "def refused(*_): raise OSError\n"
+        "caching.InTreeCacheLocator.ensure_cache_path = refused\n"
+        "compiled.note_that_all_are_compiled()\nassert compiled.own_are_compiled()\n" + _SCRIPT
+    )
+    assert ran(package, script, **places) == ["20.0", "0"]
+    (folder,) = {file.parent for file in home.rglob("*.nbc")}
+    brought = {file.name for file in beside.glob("*.nb[ci]")}
+    assert {file.name for file in folder.iterdir()} == brought
+
+
+def test_all_is_noted_where_it_may_be_written(package: Path, tmp_path: Path) -> None:
+    (package / "calib_core" / "kernels" / "__pycache__").write_text("a file: no folder can be made here")
+    home = tmp_path / "home"
+    places = {"HOME": str(home), "XDG_CACHE_HOME": str(home / "cache"), "LOCALAPPDATA": str(home)}
+    asks = "from calib_core import compiled\nprint(compiled.own_are_compiled())\n"
+    notes = "compiled.note_that_all_are_compiled()\nprint(compiled.own_are_compiled())"
+    assert ran(package, asks + notes, **places) == ["False", "True"]
+    assert ran(package, asks, **places) == ["True"]
+    assert list(home.rglob("*.compiled"))
 
 
 def test_a_package_that_may_not_be_written_is_compiled_elsewhere(package: Path, tmp_path: Path) -> None:

@@ -12,9 +12,8 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
-from calib_core.compiled import BASELINE
+from calib_core.compiled import BASELINE, note_that_all_are_compiled
 from server.jobs.child_processes import WorkerContext
-from server.jobs.kernels import note_that_all_are_compiled
 from server.jobs.processes import Processes, replace_all
 
 _tell: Callable[[object], None]

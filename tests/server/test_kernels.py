@@ -10,14 +10,19 @@ import httpx
 import pytest
 from llvmlite.binding import get_host_cpu_features
 
-from calib_core.compiled import BASELINE, all_are_compiled, stamp_file, take_brought_along
-from server.jobs.kernels import KernelCompiler, compiled_for, note_that_all_are_compiled
+from calib_core.compiled import (
+    BASELINE,
+    all_are_compiled,
+    note_that_all_are_compiled,
+    stamp_files,
+    take_brought_along,
+)
+from server.jobs.kernels import KernelCompiler, compiled_for
 
 
 def test_what_is_compiled_is_noted_where_it_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    file = stamp_file()
-    assert file is not None
+    (file,) = stamp_files()
     assert file.parent == tmp_path
     note_that_all_are_compiled()
     assert file.exists()
