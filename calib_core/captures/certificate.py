@@ -9,10 +9,12 @@ import math
 import re
 from collections.abc import Sequence
 
-from calib_core.errors import InputError
+from calib_core.errors import CalibrationError, InputError
+from calib_core.findings.codes.circumstances import CERTIFICATE_FILE
 from calib_core.formats.shared.xml_file import Element, elements
 from calib_core.messages import message, plural
-from calib_core.records import Record
+from calib_core.records import Finding, Record, Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.records.policy import Equipment, EquipmentCertificate
 
 _MM = {"metre": 1000.0, "m": 1000.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3}
@@ -85,6 +87,34 @@ def read_certificate(data: bytes, where: str = "certificate", *, of_sphere: bool
     equipment = _equipment(found, next(iter(numbers), ""), "sphere" if diameters else "")
     equipment = equipment.model_copy(update=_expansion(reals, found, where))
     return Certificate(identifier=next(iter(numbers), ""), diameters=diameters, equipment=equipment)
+
+
+def certificate_findings(session: Session, read: ReadFile) -> list[Finding]:
+    """Return a warning for each certificate whose file is not in the session, or is another piece's."""
+    pieces = [one for one in session.cell.equipment or () if one.certificate and one.certificate.file]
+    return [finding for one in pieces if (finding := _file_finding(one, read)) is not None]
+
+
+def _file_finding(one: Equipment, read: ReadFile) -> Finding | None:
+    told = one.certificate or EquipmentCertificate()
+    file, piece = told.file or "", " ".join(part for part in (one.kind, one.name, one.serial) if part)
+    try:
+        content = read(file)
+    except (CalibrationError, LookupError, OSError):
+        return CERTIFICATE_FILE(where="cell.equipment", what="missing", piece=piece, file=file)
+    if not content.lstrip().startswith(b"<"):
+        return None
+    try:
+        item = read_certificate(content, file, of_sphere=False).equipment
+    except InputError:
+        return None
+    pairs = [(item.certificate and item.certificate.number, told.number), (item.serial, one.serial)]
+    for found, expected in pairs:
+        if found and expected and found != expected:
+            return CERTIFICATE_FILE(
+                where="cell.equipment", what="differs", piece=piece, file=file, found=found, told=expected
+            )
+    return None
 
 
 def _equipment(every: Sequence[Element], number: str, kind: str) -> Equipment:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
+from calib_core.captures.certificate import certificate_findings
 from calib_core.captures.certificate_dates import overdue_certificates
 from calib_core.captures.content import pose_of, read_as, sphere_of
 from calib_core.captures.contradictions import unfit
@@ -58,6 +59,7 @@ def check_session(
         *_unsuited(session, used),
         *_doubtful(used, read),
         *overdue_certificates(session, now()),
+        *certificate_findings(session, read),
     ]
     findings += [*_missing(session, used), *_brought(session), *_cell(session, used)]
     for stage in stages():

@@ -20,7 +20,7 @@ from server.store.backlog import measure_anew
 from server.store.calibrations import calibrated
 from server.store.captures import capture_data, capture_row, change_capture
 from server.store.database import Store
-from server.store.equipment import with_registered
+from server.store.equipment import keep_certificates, with_registered
 from server.store.models import Data
 from server.store.sessions import (
     change_session,
@@ -117,6 +117,8 @@ def corrected_session(
         if anew and not at_once:
             measure_anew(db, session_id, {c.id: to_wait(c, "cell") for c in captures})
         change_session(db, row, {n: v for n, v in session.to_json().items() if n != "captures"}, measured)
+        if session.cell.equipment != before.session.cell.equipment:
+            keep_certificates(db, store.blobs, session_id, session.cell.equipment or ())
         return session_data(db, row), etag(row)
 
 

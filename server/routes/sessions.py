@@ -51,7 +51,7 @@ from server.routes.dependencies import (
 )
 from server.routes.tokens import IdentityDep
 from server.sources.simulated import simulated_session
-from server.store.equipment import with_registered
+from server.store.equipment import keep_certificates, with_registered
 from server.store.models import Data
 from server.store.releases import require_not_in_force
 from server.store.sessions import (
@@ -88,9 +88,11 @@ def create(body: SessionRequest, idempotency: IdempotencyDep, store: StoreDep) -
     require_consistent(parsed.cell)
 
     def act(db: Any) -> Data:
-        session = with_registered(db, parsed).to_json()
-        del session["captures"]
-        return session_data(db, create_session(db, session, simulated))
+        session = with_registered(db, parsed)
+        record = {name: value for name, value in session.to_json().items() if name != "captures"}
+        row = create_session(db, record, simulated)
+        keep_certificates(db, store.blobs, row.id, session.cell.equipment or ())
+        return session_data(db, row)
 
     answer, _ = idempotency.run(store, body.to_json(), 201, act)
     return created(answer, "/api/v1/sessions/{id}")

@@ -1,5 +1,8 @@
 """The register of equipment: sessions refer to its pieces, and keep what it said when they were stored."""
 
+import re
+from collections.abc import Sequence
+from pathlib import PurePosixPath
 from secrets import token_hex
 
 from sqlalchemy import select
@@ -10,8 +13,11 @@ from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records import Session
 from calib_core.records.policy import Equipment
+from server.store.archived_files import add_archived_files
 from server.store.audit import note_change, note_difference
+from server.store.blobs import Blobs
 from server.store.models import Data, EquipmentRow, required
+from server.store.process_data import Output
 
 
 def list_equipment(db: Transaction) -> list[Data]:
@@ -62,8 +68,33 @@ def with_registered(db: Transaction, session: Session) -> Session:
     return session.model_copy(update={"cell": session.cell.model_copy(update={"equipment": told})})
 
 
+def keep_certificates(db: Transaction, blobs: Blobs, session_id: str, equipment: Sequence[Equipment]) -> None:
+    """Keep the files of registered pieces' certificates with a session, so that its archive has them too."""
+    for one in equipment:
+        row = db.get(EquipmentRow, one.register_id) if one.register_id else None
+        file = one.certificate.file if one.certificate else None
+        if row is not None and row.certificate_file and file and file == _kept_as(row.id, file):
+            content = row.certificate_file
+            add_archived_files(db, session_id, {file: Output(blobs.put(content), len(content))})
+
+
 def _registered(db: Transaction, one: Equipment) -> Equipment:
     if one.register_id is None:
         return one
     row = equipment_row(db, one.register_id)
-    return Equipment.model_validate({**one.to_json(), **row.record, "register_id": row.id})
+    found = Equipment.model_validate({**one.to_json(), **row.record, "register_id": row.id})
+    if found.certificate is None or found.certificate.file is None or not _has_file(db, row.id):
+        return found
+    told = found.certificate.model_copy(update={"file": _kept_as(row.id, found.certificate.file)})
+    return found.model_copy(update={"certificate": told})
+
+
+def _kept_as(piece: str, name: str) -> str:
+    """Return under which name a session keeps the file of a registered piece's certificate."""
+    ending = PurePosixPath(name).suffix
+    return f"certificates/{piece}{ending if re.fullmatch(r'[.][A-Za-z0-9]{1,8}', ending) else ''}"
+
+
+def _has_file(db: Transaction, piece: str) -> bool:
+    query = select(EquipmentRow.id).where(EquipmentRow.id == piece, EquipmentRow.certificate_file.is_not(None))
+    return db.scalar(query) is not None

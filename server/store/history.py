@@ -105,6 +105,7 @@ def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment
         digests=digests,
         outputs=stored.outputs,
         blobs=blobs,
+        kept=stored.kept,
     )
     return Moment(place, then, numbers)
 

@@ -3,7 +3,7 @@
 import re
 import secrets
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from sqlalchemy import Select, Text, cast, delete, func, or_, select, tuple_
 from sqlalchemy.orm import Session as Transaction
@@ -24,7 +24,8 @@ from server.store.record_cache import KeptRecords
 from server.store.session_files import files_read
 from server.store.staleness import stale_stages
 
-OF_ARCHIVE = "archive"
+OF_ARCHIVE, ARCHIVED = "archive", "archive:"
+"""What lies beside session and results, and how its names begin: so no stage's output ever has the same."""
 """In place of a stage: of outputs that came with an archive and belong to none."""
 
 
@@ -41,7 +42,7 @@ class StoredSession:
 
     `digests` maps the file names in the captures' records to the SHA-256 of their content; `results` maps each
     stage to its latest result, as JSON data; `outputs` the names of what stages made beside them; `simulated` is
-    the simulated cell that it is of.
+    the simulated cell that it is of; `kept` the SHA-256 of what else lies beside it, certificates among it.
     """
 
     id: str
@@ -52,12 +53,14 @@ class StoredSession:
     outputs: Mapping[str, Output]
     blobs: Blobs
     simulated: Data | None = None
+    kept: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of a capture's file; raises NotFoundError."""
-        if name not in self.digests:
+        """Return the bytes of a capture's file, or of one that lies beside them; raises NotFoundError."""
+        digest = self.digests.get(name) or self.kept.get(name)
+        if digest is None:
             raise NotFoundError("a file named {name}", "none", "Check the capture's `files`.", name, name=name)
-        return self.blobs.read(self.digests[name])
+        return self.blobs.read(digest)
 
     def read_output(self, name: str) -> bytes | None:
         """Return the bytes of a file that a stage made, None where there is none of this name."""
@@ -214,16 +217,15 @@ def load_session(db: Transaction, blobs: Blobs, session_id: str) -> StoredSessio
         .order_by(CaptureRow.position)
     ).all()
     files = db.execute(files_read([session_id]))
-    outputs = db.scalars(
-        select(OutputRow).where(OutputRow.session_id == session_id, OutputRow.stage != OF_ARCHIVE)
-    )
+    beside = db.scalars(select(OutputRow).where(OutputRow.session_id == session_id)).all()
     return StoredSession(
         id=session_id,
         session=parse_session({**row.record, "captures": [c.record for c in captures]}, session_id),
         measured=_MeasuredWhenAsked({c.id: c.measured for c in captures}),
         results=latest_results(db, session_id),
         digests={name: sha256 for _, name, sha256 in files},
-        outputs={row.name: Output(row.sha256, row.size) for row in outputs},
+        outputs={row.name: Output(row.sha256, row.size) for row in beside if row.stage != OF_ARCHIVE},
+        kept={row.name.removeprefix(ARCHIVED): row.sha256 for row in beside if row.stage == OF_ARCHIVE},
         blobs=blobs,
         simulated=row.simulated,
     )

@@ -63,6 +63,10 @@ def due(day: str) -> dict[str, Any]:
     return {"kind": "sphere", "serial": "S-1", "certificate": {"number": "K-1", "due": day}}
 
 
+def filed(name: str) -> dict[str, Any]:
+    return {"kind": "sphere", "certificate": {"number": "K-1", "file": name}}
+
+
 def changed(at: int, **fields: Any) -> list[dict[str, Any]]:
     return [{**c, **fields} if k == at else c for k, c in enumerate(TCP)]
 
@@ -303,6 +307,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "tilts-too-few": (check(turned_alike()), check()),
     "shifts-few": (check(turned_each()), check()),
     "captures-counted": (check(), check(TABLE)),
+    "certificate-file": (check(TCP, equipment=[filed("none.pdf")]), check(TCP, equipment=[due("2999-01-01")])),
     "certificate-overdue": (check(TCP, equipment=[due("2026-01-01")]), check(TCP, equipment=[due("2999-01-01")])),
     "capture-while-moving": (check(changed(0, moving=True)), check(changed(0, moving=False))),
     "capture-of-other-setting": (

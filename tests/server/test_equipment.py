@@ -1,5 +1,8 @@
 """The register of equipment: sessions refer to its pieces, and keep what it said."""
 
+from io import BytesIO
+from zipfile import ZipFile
+
 import httpx
 
 from tests.server.live_server import assert_problem
@@ -16,6 +19,38 @@ DCC = b"""<?xml version="1.0" encoding="UTF-8"?>
  </dcc:contact>
  </dcc:calibrationLaboratory></dcc:administrativeData></dcc:digitalCalibrationCertificate>"""
 UR = {"pose_convention": "ur"}
+
+
+def test_a_certificate_s_file_travels_with_the_session_and_its_archive(client: httpx.Client) -> None:
+    made = client.post("/equipment", json={"kind": "sphere"}).json()["id"]
+    client.put(f"/equipment/{made}/certificate", files={"file": ("K 123.xml", DCC)}).raise_for_status()
+    cell = {**UR, "equipment": [{"kind": "sphere", "register_id": made}]}
+    session = client.post("/sessions", json={"name": "certified", "cell": cell}).raise_for_status().json()
+    (piece,) = session["cell"]["equipment"]
+    file = piece["certificate"]["file"]
+    assert file == f"certificates/{made}.xml"
+    assert client.get(f"/sessions/{session['id']}/kept/{file}").content == DCC
+    assert "certificate-file" not in codes_of_check(client, session["id"])
+    client.put(f"/equipment/{made}/certificate", files={"file": ("new.xml", DCC.replace(b"K-123", b"K-9"))})
+    packed = client.get(f"/sessions/{session['id']}/archive").raise_for_status().content
+    with ZipFile(BytesIO(packed)) as archive:  # what was used does not change afterwards
+        (name,) = (name for name in archive.namelist() if name.endswith(file))
+        assert archive.read(name) == DCC
+    zipped = {"Content-Type": "application/zip"}
+    there = client.post("/archives", content=packed, headers=zipped).raise_for_status().json()["id"]
+    assert client.get(f"/sessions/{there}/kept/{file}").content == DCC
+    assert "certificate-file" not in codes_of_check(client, there)
+    # Of another piece, or not there at all, it is told.
+    wrong = [{**piece, "register_id": None, "serial": "S-1"}]
+    client.patch(f"/sessions/{there}", json={"cell": {"equipment": wrong}}).raise_for_status()
+    assert "certificate-file" in codes_of_check(client, there)
+    wrong = [{"kind": "sphere", "certificate": {"file": "elsewhere.pdf"}}]
+    client.patch(f"/sessions/{there}", json={"cell": {"equipment": wrong}}).raise_for_status()
+    assert "certificate-file" in codes_of_check(client, there)
+
+
+def codes_of_check(client: httpx.Client, session: str) -> list[str]:
+    return [one["code"] for one in client.get(f"/sessions/{session}/check").json()["findings"]]
 
 
 def test_a_certificate_is_read_whole_and_sessions_keep_what_the_register_said(

@@ -32,6 +32,22 @@ EXPANSION_UNKNOWN = Code(
     since="0.2",
 )
 
+CERTIFICATE_FILE = Code(
+    "certificate-file",
+    "warning",
+    text={
+        "missing": "The certificate of {piece} is said to be in {file}, which is not in the session.",
+        "differs": "The certificate in {file} is {found}, that of {piece} is told as {told}.",
+    },
+    by="what",
+    to_do="Put the certificate of this piece into the session's folder under that name, or correct `certificate`.",
+    meaning="Whoever checks traceability later finds another certificate than the one that is told, or none.",
+    decided="`certificate.file` of a piece in `cell.equipment` names a file of the session. Where it is a digital "
+    "certificate (DCC), its number and its item's serial number are compared with those that are told.",
+    usual_causes="A file that was renamed or left behind, or last year's certificate.",
+    since="0.2",
+)
+
 CERTIFICATE_OVERDUE = Code(
     "certificate-overdue",
     "warning",
