@@ -21,12 +21,15 @@ SCANNER_FRAMES: Final = (ON_FLANGE, "base_from_laser")
 class UpToShift(Record):
     """Scanner and table up to one shift of both, by a machine that did not turn enough to tell more.
 
+    A machine that moved along one line alone leaves a rotation about its `travel` open, too.
+
     The scanner's place along `directions`, in the frame of what carries it, is not determined.  Here it is as if
     one component for each of them were zero: all that scanner and table are used for together does not depend on
     it.  The other fields are those of the result by the same names, with numbers in place of null.
     """
 
     directions: list[Vector3]
+    travel: Vector3 | None = None
     tool0_from_laser: Matrix4 | None = None
     base_from_laser: Matrix4 | None = None
     base_from_turntable: Matrix4 | None = None

@@ -25,6 +25,7 @@ _SEARCH_CAPTURES = 40  # more do not make the search safer, only slower
 # some are by good ones alone.
 _STARTS_BY_FEW = 480
 _FEW = 5
+_BESIDE_MM = 5.0  # from its told side a sphere is no nearer
 _ALIKE_RAD, _ALIKE_MM = 0.02, 10.0  # captures of poses so near to each other say one thing, not many
 
 
@@ -139,10 +140,17 @@ def find_starts(centers: Centers) -> list[Start]:
     if len(some) < count:
         guesses = [(s.rotation, s.translation, s.center) for s in starts[:_BEST]]
         starts = sorted(settled(centers, guesses), key=badness)
-    rivals = [s for s in starts[1:] if _is_rival(s, starts[0])]
+    likely = [s for s in starts[1:] if _keeps_told(s, centers)]
+    rivals = [s for s in likely if _is_rival(s, starts[0])]
     best = replace(starts[0], rival_scatter_mm=rivals[0].scatter_mm if rivals else None)
-    others = {s.sides.tobytes(): s for s in reversed(starts) if s.sides.tobytes() != best.sides.tobytes()}
+    others = {s.sides.tobytes(): s for s in reversed(likely) if s.sides.tobytes() != best.sides.tobytes()}
     return [best, *sorted(others.values(), key=badness)]
+
+
+def _keeps_told(start: Start, centers: Centers) -> bool:
+    """Return whether a guess has most spheres whose side is told on that side."""
+    told = start.misfit_mm[~centers.open_side]
+    return len(told) == 0 or float(np.median(told)) < _BESIDE_MM
 
 
 def badness(start: Start) -> float:

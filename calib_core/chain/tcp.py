@@ -227,7 +227,7 @@ def solve_tcp(
     observations = with_own_sigmas(observations, sphere, options.point_sigma_mm)
     data = chain_data(observations, sphere, point_sigma, options.priors, layout)
     data = replace(data, pose_scale=visits_of(data))
-    shifts = open_shifts(data)
+    shifts = open_shifts(data).held_at(starts[0][0])
     data = shifts.holding(data)
     starts = [[shifts.start_at_zero(one) for one in of_scanner] for of_scanner in starts]
     given = options.position_sigma_mm, options.orientation_sigma_rad, *options.sigmas_of(layout)

@@ -128,6 +128,8 @@ class TurntableSolution:
         How table or sphere moved in the course of the captures, beyond chance.
     tool_move : ToolMove or None
         How far the captures of the table see the tool elsewhere than those of the stage before.
+    mirror : TableCovariance or None
+        The part of `covariance` that is due to the answer mirrored at the plane of light, which fits as well.
     by_arm_mm : float
         How much those of the stage before scatter alike: the arm, not the table.
     """
@@ -150,6 +152,7 @@ class TurntableSolution:
     pattern: Pattern | None = None
     move: TableMove | None = None
     tool_move: ToolMove | None = None
+    mirror: TableCovariance | None = None
     by_arm_mm: float = 0.0
 
     @property
@@ -251,8 +254,16 @@ def solve_turntable(
         pattern=pattern_of(judged),
         move=table_move_of(judged, len(observations)),
         tool_move=move,
+        mirror=mirror_of(spread, state, options.direction),
         by_arm_mm=tool.held.sigmas.largest_position_mm if tool.held else 0.0,
     )
+
+
+def mirror_of(spread: FloatArray, state: ChainState, direction: int | None) -> TableCovariance | None:
+    """Return a spread by the mirrored answer as the table's covariance, None where there is none."""
+    layout = state.walk.layout
+    size = layout.axis_and_places(layout.table)
+    return frame_covariance(state.table, spread[np.ix_(size, size)], direction) if spread.any() else None
 
 
 def paper_circles(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import Message, message
 
 _TRANSLATION_LIMIT_MM = 5.0
@@ -93,6 +93,14 @@ def without_turns(directions: FloatArray) -> list[OpenDirection]:
         OpenDirection(np.concatenate([np.zeros(3), _signed(v)]), np.inf, _axis_name(v), _across(v))
         for v in directions
     ]
+
+
+def about_travel(travel: FloatArray | None, carrier_from_laser: RigidTransform) -> list[OpenDirection]:
+    """Return the rotation about the one line of travel (3,), of the frame of what carries the scanner."""
+    if travel is None:
+        return []
+    axis = carrier_from_laser.rotation.T @ travel
+    return [OpenDirection(np.concatenate([_signed(axis), np.zeros(3)]), np.inf, _axis_name(axis))]
 
 
 def _degrees(angle_rad: float) -> str:

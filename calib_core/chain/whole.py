@@ -47,6 +47,7 @@ from calib_core.chain.turntable import (
     TurntableOptions,
     TurntableSolution,
     corrected_table,
+    mirror_of,
     paper_circles,
     table_with_effective_points,
     with_table_sigmas,
@@ -134,11 +135,15 @@ def solve_chain(
             for o, seen in zip(table_observations, spheres[len(tcp_observations) :], strict=True)
         ]
     held = with_tool_move(unmoved, turntable.tool_move, len(tcp_observations))
-    held = _with_mirror([*tcp_observations, *(o.placed for o in table_observations)], judged, held, options)
+    spread = mirror_spread(
+        [*tcp_observations, *(o.placed for o in table_observations)], judged.data, held.state, options.direction
+    )
+    held = replace(held, covariance=with_spread(held.covariance, spread))
     covariance = held.covariance
     still = _tcp_part(tcp_observations, tcp, judged, held, point_sigma)
     turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoder, options)
-    turning = replace(turning, tool_move=turntable.tool_move, by_arm_mm=turntable.by_arm_mm)
+    mirror = mirror_of(spread, held.state, options.direction)
+    turning = replace(turning, tool_move=turntable.tool_move, by_arm_mm=turntable.by_arm_mm, mirror=mirror)
     layout = judged.data.walk.layout
     size = layout.axis_and_places(layout.table)
     tool_shift = tcp.joint.mount_from_laser.difference(still.joint.mount_from_laser)
@@ -165,13 +170,6 @@ def solve_chain(
         arm_with_table=held.arm and held.arm.of(by_unknowns),
         left_of_table=None if held.left is None else by_unknowns @ held.left,
     )
-
-
-def _with_mirror(
-    observations: Sequence[SphereObservation], judged: Judged, held: Held, options: TurntableOptions
-) -> Held:
-    spread = mirror_spread(observations, judged.data, held.state, options.direction)
-    return replace(held, covariance=with_spread(held.covariance, spread))
 
 
 def _judge(

@@ -129,7 +129,7 @@ class FoundAxis(_Carried):
     """
 
     kind: Literal["rotary", "linear"]
-    axis_direction: Vector3
+    axis_direction: OpenVector3
     axis_point_mm: OpenVector3 | None = None
     direction: Literal[1, -1] = 1
     scale: float = 1.0

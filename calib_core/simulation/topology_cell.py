@@ -24,7 +24,8 @@ from calib_core.simulation.writing import cloud_xyz, profile_csv
 _TRIES = 4000
 _LOOKING_DOWN = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4])
 _NOMINAL = turn([0.35, 0.0, 0.0]).T
-_ALONG = np.array([0.64, 0.6, 0.48])
+_TRAVEL = np.array([0.88, -0.47, 0.06]) / np.linalg.norm([0.88, -0.47, 0.06])
+_BEFORE_MM = 240.0
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class TopologyScenario:
         Captures of each mounting of balls on an axis.
     scanner_scale : float
         By which a scanner's files are too large.
+    side_told : bool
+        The session tells of one capture of each step on which side of the plane of light its ball is.
     """
 
     description: str
@@ -60,6 +63,7 @@ class TopologyScenario:
     machine: Literal["arm", "gantry", "scara", "linear"] = "arm"
     on_axes: int = 16
     scanner_scale: float = 1.0
+    side_told: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +98,8 @@ def simulate_topology(
             if not balls:
                 continue
             record, content = _written(options, stop, scanner, capture, points)
+            if options.side_told and not any("side" in one and one["step"] == record["step"] for one in captures):
+                record |= _side(world, stop, scanner, balls)
             captures.append(record)
             files |= content
             seen[capture] = balls
@@ -197,8 +203,6 @@ def _aimed(
     on, mounted = world.scanners[scanner]
     foot = world.base_from_foot(where)
     at = draw_centers(1, cell, rng)[0]
-    if options.machine == "linear":
-        at = np.array([0.0, 0.5 * world.radii_mm[ball.name], 190.0])
     turned, about = _orientation(options, equal, rng)
     if on.on == "tool0":
         rotation = turned @ (about @ mounted[:3, :3].T if options.machine == "arm" else about @ _NOMINAL)
@@ -209,9 +213,28 @@ def _aimed(
         held = world.balls[ball.name][1] if ball.on == "tool0" else np.array([0.0, 0.0, 400.0])
         wanted = pose(rotation, mounted[:3, :3] @ at + mounted[:3, 3] - rotation @ held)
     if options.machine == "linear":
-        wanted[:3, 3] += rng.uniform(-25.0, 25.0) * _ALONG
+        wanted[:3, 3] = _on_travel(world, mounted, wanted[:3, :3], ball, at[1], where)
     inverse = pose(foot[:3, :3].T, -foot[:3, :3].T @ foot[:3, 3])
     return rounded_pose(inverse @ wanted)
+
+
+def _on_travel(
+    world: TopologyWorld,
+    mounted: FloatArray,
+    rotation: FloatArray,
+    ball: BallOptions,
+    beside_mm: float,
+    where: Readings,
+) -> FloatArray:
+    """Return where on its one line the flange shows a ball `beside_mm` from the plane of light, (3,) in base.
+
+    The line leads past the first ball, which is then in the middle of the scanner's view.
+    """
+    first = world.ball_in_base(next(iter(world.balls)), np.eye(4), {})
+    line = first - rotation @ (mounted[:3, :3] @ [0.0, 0.0, _BEFORE_MM] + mounted[:3, 3])
+    normal = rotation @ mounted[:3, 1]
+    off = world.ball_in_base(ball.name, np.eye(4), where) - line - rotation @ mounted[:3, 3]
+    return line + (normal @ off - beside_mm) / (normal @ _TRAVEL) * _TRAVEL
 
 
 def _orientation(
@@ -258,6 +281,13 @@ def _points(
         found.append(noisy(points, _center(world, stop, scanner, name), world.radii_mm[name], errors))
         seen.append(name)
     return np.concatenate([*found, np.zeros((0, 3))]) * options.scanner_scale, seen
+
+
+def _side(world: TopologyWorld, stop: _Stop, scanner: str, balls: Sequence[str]) -> dict[str, int]:
+    """Return on which side of the plane of light a capture's one ball is, nothing where that is not plain to see."""
+    y = float(_center(world, stop, scanner, balls[0])[1])
+    plain = len(balls) == 1 and abs(y) > 0.3 * world.radii_mm[balls[0]]
+    return {"side": 1 if y > 0 else -1} if plain else {}
 
 
 def _nearest(points: FloatArray, options: TcpScenario) -> FloatArray:

@@ -24,6 +24,7 @@ _NEAR_AXIS: Final = (  # where a fixed scanner's flat light meets them at all an
     BallOptions("low", "table", (1035.0, -250.0, 440.0), mount="low"),
     BallOptions("high", "table", (978.0, -222.0, 456.0), mount="high"),
 )
+_LOWER: Final = (_ON_TABLE[0], replace(_ON_TABLE[1], at_mm=(940.0, -180.0, 540.0)))
 _RAIL: Final = AxisOptions("rail", "linear", "robot", None, (0.0, 1.0, 0.0), low=0.0, high=1200.0, sigma=0.02)
 _SLIDE: Final = AxisOptions("slide", "linear", "object", None, (1.0, 0.0, 0.0), low=0.0, high=400.0, sigma=0.02)
 _ON_SLIDE: Final = BallOptions("slide", "slide", (800.0, -150.0, 430.0), mount="slide")
@@ -42,7 +43,7 @@ _GANTRY: Final = TcpScenario(translations=14, orientations=0)
 TOPOLOGY_SCENARIOS: Mapping[str, TopologyScenario] = MappingProxyType({
     "fixed-scanner-turntable": TopologyScenario(
         "the scanner stands still before a turntable; the robot brings a ball, too",
-        (ScannerOptions(on="base"),), (_ON_FLANGE, *_NEAR_AXIS), (_TABLE,), _WIDE,
+        (ScannerOptions(on="base"),), (_ON_FLANGE, *_NEAR_AXIS), (_TABLE,), _WIDE, side_told=True,
     ),
     "two-scanners": TopologyScenario("two scanners on the flange see one ball at once", _PAIR, at_once=True),
     "two-scanners-in-turn": TopologyScenario("two scanners on the flange, one after the other", _PAIR),
@@ -87,8 +88,8 @@ TOPOLOGY_SCENARIOS: Mapping[str, TopologyScenario] = MappingProxyType({
     ),
     "scara": TopologyScenario("a machine of three translations and one turn", machine="scara"),
     "linear-turntable": TopologyScenario(
-        "a scanner on one linear axis before a turntable", balls=(_FLOOR, *_ON_TABLE), axes=(_TABLE,),
-        machine="linear",
+        "a scanner on one linear axis before a turntable",
+        balls=(BallOptions(at_mm=(780.0, -132.0, 430.0)), *_LOWER), axes=(_TABLE,), cell=_WIDE, machine="linear", side_told=True,
     ),
     "rail-positioner": TopologyScenario(
         "a rail under the robot and a positioner under the part",

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from calib_core.cell.found import UpToShift
 from calib_core.evidence.numbers import (
     decimals_of,
     fixed,
@@ -88,8 +89,10 @@ def frame_block(
     )
 
 
-def open_frame(session: Session, frame: RigidTransform, title: str) -> Note:
+def open_frame(session: Session, frame: RigidTransform, title: str, shift: UpToShift) -> Note:
     """Return how a frame is turned, in the session's convention, where its position is open."""
+    if shift.travel is not None:
+        return Note(title=title, text=message("Not determined by itself: all poses lie on one line."))
     convention = CONVENTIONS[session.cell.pose_convention]
     if convention.form == "matrix":
         numbers = ", ".join(f"{value:.6f}" for value in frame.rotation.ravel())

@@ -17,34 +17,29 @@ def without_open_places(result: _R, shifts: OpenShifts) -> _R:
     """Return a result in which what the motions do not determine is null, and how it is used all the same."""
     if not len(shifts.directions):
         return result
-    mount = result.mount_from_laser
-    on_mount, in_base = shifts.of_mount, shifts.of_ball
+    mount, turned = result.mount_from_laser, shifts.travel is not None
+    on_mount, in_base = (_pose(places, turned) for places in (shifts.of_mount, shifts.of_ball))
     told: dict[str, Any] = {f"{mount.into}_from_laser": _opened(mount.to_rows(), on_mount)}
     if not isinstance(result, TcpResult):
-        told |= {
-            "base_from_turntable": _opened(result.base_from_turntable, in_base),
-            "axis_point_in_base_mm": _vector(result.axis_point_in_base_mm, in_base),
-            "axis_point_sigma_mm": np.nan if in_base.any() else result.axis_point_sigma_mm,
-            "axis_point_covariance": _rows(result.axis_point_covariance, in_base, in_base),
-        }
+        told |= _open_table(result, in_base)
     if isinstance(result, TcpResult | ChainResult):
         told |= {
-            "covariance": _rows(result.covariance, _pose(on_mount), _pose(on_mount)),
+            "covariance": _rows(result.covariance, on_mount, on_mount),
             f"sphere_center_in_{result.spheres[0].carrier}_mm": None,
-            "sphere_center_covariance": _rows(result.sphere_center_covariance, in_base, in_base),
+            "sphere_center_covariance": _rows(result.sphere_center_covariance, in_base[3:], in_base[3:]),
             "workpiece": None,
             "confidence_95": {k: v for k, v in result.confidence_95.items() if not _is_open(k, on_mount)},
         }
     if isinstance(result, TurntableResult):
-        told["covariance"] = _rows(result.covariance, _pose(in_base), _pose(in_base))
+        told["covariance"] = _rows(result.covariance, in_base, in_base)
     if isinstance(result, ChainResult):
-        told["turntable_covariance"] = _rows(result.turntable_covariance, _pose(in_base), _pose(in_base))
-        told["cross_covariance"] = _rows(result.cross_covariance, _pose(on_mount), _pose(in_base))
+        told["turntable_covariance"] = _rows(result.turntable_covariance, in_base, in_base)
+        told["cross_covariance"] = _rows(result.cross_covariance, on_mount, in_base)
     told["spheres"] = [
         ball.model_copy(
             update={
-                "center_mm": _vector(ball.center_mm, in_base),
-                "covariance": _rows(ball.covariance, in_base, in_base),
+                "center_mm": _vector(ball.center_mm, in_base[3:]),
+                "covariance": _rows(ball.covariance, in_base[3:], in_base[3:]),
             }
         )
         if ball.carrier == result.spheres[0].carrier and not isinstance(result, TurntableResult)
@@ -54,8 +49,9 @@ def without_open_places(result: _R, shifts: OpenShifts) -> _R:
     told["axes"] = [
         axis.model_copy(
             update={
-                "axis_point_mm": axis.axis_point_mm and _vector(axis.axis_point_mm, in_base),
-                "covariance": _rows(axis.covariance, _pose(in_base), _pose(in_base)),
+                "axis_direction": _vector(axis.axis_direction, in_base[:3]),
+                "axis_point_mm": axis.axis_point_mm and _vector(axis.axis_point_mm, in_base[3:]),
+                "covariance": _rows(axis.covariance, in_base, in_base),
             }
         )
         for axis in result.axes
@@ -64,21 +60,42 @@ def without_open_places(result: _R, shifts: OpenShifts) -> _R:
         frame.model_copy(
             update={
                 "matrix": _opened(frame.matrix, on_mount),
-                "covariance": frame.covariance and _rows(frame.covariance, _pose(on_mount), _pose(on_mount)),
+                "covariance": frame.covariance and _rows(frame.covariance, on_mount, on_mount),
             }
         )
         if (frame.into, frame.outof) == (mount.into, "laser")
         else frame
         for frame in result.frames
     ]
-    own = result.model_dump(include=set(UpToShift.model_fields) - {"directions"})
-    told["up_to_shift"] = UpToShift(directions=shifts.directions.tolist(), **own)
+    own = result.model_dump(include=set(UpToShift.model_fields) - {"directions", "travel"})
+    travel = None if shifts.travel is None else shifts.travel.tolist()
+    told["up_to_shift"] = UpToShift(directions=shifts.directions.tolist(), travel=travel, **own)
     return result.model_copy(update=told)
+
+
+def _open_table(result: TurntableResult | ChainResult, in_base: np.ndarray) -> dict[str, Any]:
+    turned, places = in_base[:3], in_base[3:]
+    told: dict[str, Any] = {
+        "base_from_turntable": _opened(result.base_from_turntable, in_base),
+        "axis_point_in_base_mm": _vector(result.axis_point_in_base_mm, places),
+        "axis_point_sigma_mm": np.nan if places.any() else result.axis_point_sigma_mm,
+        "axis_point_covariance": _rows(result.axis_point_covariance, places, places),
+    }
+    if turned.any():
+        told |= {
+            "axis_direction_in_base": _vector(result.axis_direction_in_base, turned),
+            "axis_direction_sigma_deg": np.nan,
+            "axis_direction_covariance": _rows(result.axis_direction_covariance, turned, turned),
+            "circles": [],
+            "circles_axis_direction_in_base": None,
+        }
+    return told
 
 
 def _opened(rows: Any, is_open: np.ndarray) -> list[list[float]]:
     matrix = np.array(rows, dtype=float)
-    matrix[:3, 3] = _vector(matrix[:3, 3], is_open)
+    matrix[:3, 3] = _vector(matrix[:3, 3], is_open[3:])
+    matrix[:3, :3] = np.where(is_open[:3].any(), np.nan, matrix[:3, :3])
     return matrix.tolist()
 
 
@@ -90,9 +107,10 @@ def _rows(values: Any, down: np.ndarray, across: np.ndarray) -> list[list[float]
     return np.where(down[:, None] | across, np.nan, np.array(values, dtype=float)).tolist()
 
 
-def _pose(is_open: np.ndarray) -> np.ndarray:
-    return np.concatenate([np.zeros(3, dtype=bool), is_open])
+def _pose(is_open: np.ndarray, turned: bool) -> np.ndarray:
+    """Return which of rx ry rz tx ty tz are open, (6,)."""
+    return np.concatenate([np.full(3, turned), is_open])
 
 
 def _is_open(name: str, is_open: np.ndarray) -> bool:
-    return name.startswith("t") and bool(is_open["xyz".index(name[1])])
+    return bool(is_open[3 * name.startswith("t") + "xyz".index(name[1])])

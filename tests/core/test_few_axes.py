@@ -52,6 +52,45 @@ def test_a_gantry_with_a_table_knows_the_scanner_in_the_tables_frame() -> None:
     assert np.linalg.norm(np.cross(axis, axis_off)) < 0.5  # along it the origin is a matter of rule
 
 
+def test_a_scanner_on_one_linear_axis_knows_the_table_but_not_its_turn_about_the_travel() -> None:
+    simulated, truth = cc.simulate("linear-turntable", 1)
+    results = simulated.run()
+    for stage in ("tcp", "turntable", "chain"):
+        assert results[stage].verdict == "warn"
+    data = result_data(results["chain"])
+    json.dumps(data, allow_nan=False)
+    assert "tool-rotation-about-travel" in {one["code"] for one in data["findings"]}
+    assert {value for row in data["tool0_from_laser"][:3] for value in row} == {None}
+    assert data["axis_direction_in_base"] == [None, None, None]
+    assert len(data["undetermined"]) == 4
+    scanner, table, turned = placed_scanner(data), placed_table(data), simulated_orientation(simulated)
+    assert scanner is not None
+    true_table, true_tool = np.array(truth["base_from_turntable"]), np.array(truth["tool0_from_laser"])
+    seen = (turned @ scanner.rotation).T @ table.rotation[:, 2]
+    true = (turned @ true_tool[:3, :3]).T @ true_table[:3, 2]
+    assert np.linalg.norm(np.cross(seen, true)) < np.deg2rad(0.2)  # a mirrored one leans by 14°
+    scale = np.abs(data["up_to_shift"]["turntable_covariance"])
+    assert np.isfinite(np.array(scale, dtype=float)).all()
+
+
+def untold(scenario: str) -> cc.OpenSession:
+    """Return a simulated session in which no capture's side is told."""
+    simulated, _ = cc.simulate(scenario, 1)
+    captures = [one.model_copy(update={"side": None}) for one in simulated.captures]
+    return cc.OpenSession(simulated.record.model_copy(update={"captures": captures}), simulated.read)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "stage", "code"),
+    [("linear-turntable", "tcp", "tool-mirrored"), ("fixed-scanner-turntable", "turntable", "axis-mirrored")],
+)
+def test_a_mirrored_answer_is_named_with_the_side_to_tell(scenario: str, stage: str, code: str) -> None:
+    result = untold(scenario).run(stage)[stage]
+    assert result.verdict == "fail"
+    named = next(one for one in result.findings if one.code == code)
+    assert "side" in named.to_do
+
+
 def simulated_orientation(simulated: cc.OpenSession) -> np.ndarray:
     """Return the one orientation (3, 3) in which a gantry holds its flange."""
     from calib_core.captures.content import pose_of

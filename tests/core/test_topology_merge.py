@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pytest
 
 import calib_core as cc
 from calib_core.frames import FloatArray
@@ -100,8 +101,9 @@ def test_a_part_on_a_positioner_is_merged_by_all_its_axes() -> None:
     assert result.overlap_rms_mm < 0.4
 
 
-def test_a_gantrys_scans_of_a_part_on_a_table_are_merged() -> None:
-    simulated, truth = cc.simulate("gantry-turntable", 1)
+@pytest.mark.parametrize("scenario", ["gantry-turntable", "linear-turntable"])
+def test_scans_of_a_part_on_a_table_by_a_machine_of_few_axes_are_merged(scenario: str) -> None:
+    simulated, truth = cc.simulate(scenario, 1)
     record = simulated.record.to_json()
     files = {name: simulated.read(name) for capture in simulated.captures for name in capture.files}
     tool, table = np.array(truth[ON_FLANGE]), np.array(truth["base_from_turntable"])
@@ -110,6 +112,10 @@ def test_a_gantrys_scans_of_a_part_on_a_table_are_merged() -> None:
     place = table @ pose(np.eye(3), [0.0, 0.0, 60.0])
     laser = pose(rotation @ tool[:3, :3], [0.0, 0.0, 0.0])
     laser[:3, 3] = place[:3, 3] + [0.0, 0.0, 25.0] - 200.0 * laser[:3, 2]
+    if scenario == "linear-turntable":  # where its one line leads past the part
+        first, last = (np.array(truth["base_from_tool0"][name]) @ tool for name in ("p01", "p20"))
+        travel, off = (last - first)[:3, 3], place[:3, 3] - first[:3, 3]
+        laser[:3, 3] = first[:3, 3] + (laser[:3, 1] @ off) / (laser[:3, 1] @ travel) * travel
     stops = [(pose(turn([0, 0, -np.deg2rad(d)]), [0, 0, 0]) @ back(place) @ laser, d) for d in range(0, 360, 60)]
     captures, more = take_scans(
         OPTIONS, part, ScanCell(tool, place), [(v, float(d)) for v, d in stops], np.random.default_rng(1)

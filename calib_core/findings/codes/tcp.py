@@ -39,6 +39,31 @@ POSITION_WITHOUT_TURNS = Code(
     usual_causes="A gantry, a Cartesian machine or a SCARA; or the captures with tilts are still missing.",
 )
 
+ROTATION_ABOUT_TRAVEL = Code(
+    "tool-rotation-about-travel",
+    "warning",
+    text="The scanner's rotation about laser {axis} is not determined: the machine moved along one line only.",
+    to_do="Where scanner and table are used together it is not needed. For the rotation itself, move the flange "
+    "across that line by 50 mm or more and capture again, or measure how the scanner is turned about it.",
+    meaning="A machine of one linear axis sees the same when scanner, ball and table are turned together about its "
+    "travel. All else is determined and given.",
+    decided="All poses have one orientation, to 0.06°, and lie on one line, to 0.1 mm.",
+    usual_causes="A scanner on one linear axis; or the captures beside its line are still missing.",
+)
+
+TOOL_MIRRORED = Code(
+    "tool-mirrored",
+    "error",
+    text="Not determined: scanner and sphere, mirrored at the plane of light, fit the captures as well.",
+    to_do="Tell of one capture on which side of the plane of light the sphere's centre is (side: 1 or −1 along the "
+    "scanner's y).",
+    meaning="A machine that moves along one line sees the same profiles of the mirrored cell. A part that is merged "
+    "by the mirrored answer is the part's mirror image.",
+    decided="All poses lie on one line, all captures are profiles, and no capture's side is told.",
+    usual_causes="A scanner on one linear axis.",
+    fixed=True,
+)
+
 POSITION_OPEN = Code(
     "tool-position-undetermined",
     "error",

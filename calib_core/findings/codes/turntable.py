@@ -13,6 +13,21 @@ AXIS_TILT_OPEN = Code(
     fixed=True,
 )
 
+AXIS_MIRRORED = Code(
+    "axis-mirrored",
+    "error",
+    text="Not determined: the axis, mirrored at the scanner's plane of light, fits the captures as well; it leans by "
+    "{lean_deg:.1f}° from the stated one.",
+    to_do="Tell of one capture on the table on which side of the plane of light the sphere's centre is (side: 1 or "
+    "−1 along the scanner's y).",
+    meaning="A scanner that stands still before an axis sees the same profiles of the mirrored axis and spheres. A "
+    "part that is merged by the mirrored answer is the part's mirror image.",
+    decided="Only profiles of one scanner that stands still show the axis, no capture's side is told, and both "
+    "answers lie more than 0.5° apart.",
+    usual_causes="A scanner that stands still before a turntable.",
+    fixed=True,
+)
+
 AXIS_PLACE_OPEN = Code(
     "axis-place-undetermined",
     "error",

@@ -83,6 +83,8 @@ def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
         return []
     if result.up_to_shift is not None:
         turns = np.array(result.covariance, dtype=float)[:3, :3]
+        if not np.isfinite(turns).all():
+            return []
         worst_deg = float(np.rad2deg(np.sqrt(np.linalg.eigvalsh(turns)[-1])))
         quantity_deg = plus_minus(worst_deg, "°")
         return [Figure(label="Scanner's orientation", quantity=quantity_deg, remark="worst direction")]
@@ -96,7 +98,7 @@ def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
 def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
     """Return the scanner's frame on the flange, or in base, to be typed into the controller."""
     if result.up_to_shift is not None:
-        return open_frame(session, result.mount_from_laser, "Scanner on the flange")
+        return open_frame(session, result.mount_from_laser, "Scanner on the flange", result.up_to_shift)
     title = "Scanner on the flange" if on_flange(result.mount_from_laser) else "Scanner in base"
     covariance = None if result.verdict == "fail" else result.covariance
     return frame_block(session.cell.pose_convention, result.mount_from_laser, covariance, id="tool", title=title)

@@ -13,7 +13,7 @@ from calib_core.chain.model import Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp import TcpSolution
-from calib_core.chain.undetermined import without_turns
+from calib_core.chain.undetermined import about_travel, without_turns
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.records import Capture, Undetermined, VarianceComponents
@@ -49,7 +49,11 @@ def tcp_result(
         center_scatter_rms_mm=joint.center_scatter_rms_mm,
         undetermined=[
             Undetermined(direction=d.direction.tolist(), description=str(d.description))
-            for d in (*solution.undetermined, *without_turns(solution.shifts.directions))
+            for d in (
+                *solution.undetermined,
+                *about_travel(solution.shifts.travel, joint.mount_from_laser),
+                *without_turns(solution.shifts.directions),
+            )
         ],
         two_step=_two_step(solution),
         variance_components=_variance_components(solution),

@@ -11,7 +11,7 @@ from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, named
 from calib_core.chain.repeated import repeats
 from calib_core.chain.tcp import TcpSolution
-from calib_core.chain.undetermined import OpenDirection, without_turns
+from calib_core.chain.undetermined import OpenDirection, about_travel, without_turns
 from calib_core.findings import Finding
 from calib_core.findings.code import Code
 from calib_core.findings.codes import tcp as codes
@@ -41,7 +41,7 @@ def tcp_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> lis
         Those of the session, of which the causes' remedies tell.
     """
     misfit = _misfit(solution)
-    failures = [*(misfit or _undetermined(solution)), *_too_many_rejected(solution)]
+    failures = [*(misfit or [*_undetermined(solution), *_mirrored(solution, captures)]), *_too_many_rejected(solution)]
     found = [*failures, *_doubts_about_captures(solution, captures)]
     if not failures:
         found += _doubts_about_motion(solution)
@@ -63,7 +63,16 @@ def _undetermined(solution: TcpSolution) -> list[Finding]:
         across = sorted({axis for one in some for axis in one.across.split(", ")})
         axes = ", ".join(one.axis for one in some)
         found.append(codes.POSITION_WITHOUT_TURNS(axes=axes, across=", ".join(across)))
+    for one in about_travel(solution.shifts.travel, solution.joint.mount_from_laser):
+        found.append(codes.ROTATION_ABOUT_TRAVEL(axis=one.axis))
     return found
+
+
+def _mirrored(solution: TcpSolution, captures: Sequence[Capture]) -> list[Finding]:
+    """Return that nothing tells the answer from its mirror image, where one line of profiles is all there is."""
+    told = any(one.side is not None and one.id in solution.captures for one in captures)
+    profiles = all(zone is not None for zone in solution.zones)
+    return [codes.TOOL_MIRRORED()] if solution.shifts.travel is not None and profiles and not told else []
 
 
 def _open(directions: Sequence[OpenDirection], rotation: Code, position: Code) -> list[Finding]:

@@ -61,7 +61,7 @@ def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
 
 def axis_sigmas(result: TableLike) -> list[AnyBlock]:
     """Return how well the axis is known; of what failed no ± is believed."""
-    if result.verdict == "fail":
+    if result.verdict == "fail" or np.isnan(result.axis_direction_sigma_deg):
         return []
     if result.up_to_shift is not None:
         return [Figure(label="Axis, direction", quantity=plus_minus(result.axis_direction_sigma_deg, "°"))]
@@ -74,7 +74,8 @@ def axis_sigmas(result: TableLike) -> list[AnyBlock]:
 def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequence[float]]) -> AnyBlock:
     """Return the table's frame in the robot's base at angle zero; z is the axis."""
     if result.up_to_shift is not None:
-        return open_frame(session, placed_table(result.model_dump()), "Turntable in the robot's base")
+        frame = placed_table(result.model_dump())
+        return open_frame(session, frame, "Turntable in the robot's base", result.up_to_shift)
     frame, believed = placed_table(result.model_dump()), None if result.verdict == "fail" else covariance
     return frame_block(
         session.cell.pose_convention, frame, believed, id="table", title="Turntable in the robot's base"
@@ -84,7 +85,12 @@ def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequen
 def axis_figures(result: TableLike) -> list[AnyBlock]:
     """Return the axis, how the angles count, and how far the sphere is off its circles."""
     sigmas = np.sqrt(np.maximum(np.diag(np.array(result.axis_point_covariance, dtype=float)), 0.0))
-    direction = direction_text(result.axis_direction_in_base, float(np.deg2rad(result.axis_direction_sigma_deg)))
+    told = not np.isnan(result.axis_direction_sigma_deg)
+    direction = (
+        direction_text(result.axis_direction_in_base, float(np.deg2rad(result.axis_direction_sigma_deg)))
+        if told
+        else message("not determined")
+    )
     known = [k for k, sigma in enumerate(sigmas) if np.isfinite(sigma)]
     decimals = plus_minus(float(np.nanmax([*sigmas, 0.0])), "mm").decimals
     point = ", ".join(number_text(result.axis_point_in_base_mm[k], decimals) for k in known)

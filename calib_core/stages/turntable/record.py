@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from calib_core.cell.found import ScannerPlaced
-from calib_core.records.base import Open, OpenMatrix4, OpenRows, OpenVector3, Record, Rows, Vector3
+from calib_core.records.base import Open, OpenMatrix4, OpenRows, OpenVector3, Record, Vector3
 from calib_core.records.results import CaptureResidual, Result, Undetermined, VarianceComponents
 from calib_core.records.topology import TopologyFields
 
@@ -71,12 +71,12 @@ class TableFields(Record):
     """
 
     base_from_turntable: OpenMatrix4
-    axis_direction_in_base: Vector3
+    axis_direction_in_base: OpenVector3
     axis_point_in_base_mm: OpenVector3
     direction: Literal[1, -1]
-    axis_direction_covariance: Rows
+    axis_direction_covariance: OpenRows
     axis_point_covariance: OpenRows
-    axis_direction_sigma_deg: float
+    axis_direction_sigma_deg: Open
     axis_point_sigma_mm: Open
     mounts: list[TableMount]
     circles: list[TableCircle] = Field(default_factory=list)

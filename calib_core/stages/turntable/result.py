@@ -44,7 +44,7 @@ def turntable_result(
         **judgement(findings),
         **mount_fields(solution),
         covariance=solution.covariance.pose.tolist(),
-        undetermined=undetermined_of_table(solution.covariance),
+        undetermined=undetermined_of_table(solution),
         variance_components=variance_components(solution),
         residuals=table_rows(observations, solution, findings),
         axes=axes_found(solution.state, solution.unknowns_covariance, known="robot"),

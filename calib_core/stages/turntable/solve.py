@@ -56,7 +56,7 @@ def solve(given: StageInput) -> TurntableResult:
     else:
         solved = tcp_of(given)
         tool, sphere = tool_of(solved), solved.sphere
-        found = _about_tool(solved)
+        found = _about_tool(solved, given.session.captures)
     table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
     found += findings_of_table(given, table, sphere, tool.mounts)
     found += beyond_told_sigma(table.solution.sigmas, table.solution.options.position_sigma_mm)
@@ -108,11 +108,11 @@ def tool_of(solved: SolvedTcp) -> "KnownTool":
     return KnownTool(solution.joint.mount_from_laser, solution.held, two_step, arm)
 
 
-def _about_tool(solved: SolvedTcp) -> list[Finding]:
+def _about_tool(solved: SolvedTcp, captures: Sequence[Capture]) -> list[Finding]:
     """Return what is to be said of the tool that a table is solved by."""
     from calib_core.stages.tcp.verdict import tcp_findings
 
-    verdict = verdict_of(tcp_findings(solved.solution))
+    verdict = verdict_of(tcp_findings(solved.solution, captures))
     found = [codes.TCP_FAILED()] if verdict == "fail" else [codes.TCP_DOUBTFUL()] if verdict == "warn" else []
     return [*found, codes.BY_TOOL_ALONE()] if solved.solution.optics else found
 

@@ -1,6 +1,7 @@
 """Whether a turntable can be trusted: everything that is noticed of a solution, as findings."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,16 +32,19 @@ def table_findings(
     table: TurntableSolution, observations: Sequence[TableObservation], cell: Cell
 ) -> list[Finding]:
     """Return what is noticed of a turntable: root causes first, and not what follows from them."""
-    failures = [*_undetermined(table.covariance), *_failures(table, observations)]
+    failures = [*_undetermined(table), *_failures(table, observations)]
     found = [*failures, *_doubts_about_captures(table, observations), *direction_findings(cell, table.frame)]
     if not failures:
         found += [*_doubts_about_axis(table), *_doubts_about_encoder(table)]
     return found
 
 
-def _undetermined(covariance: TableCovariance) -> list[Finding]:
-    tilts, shifts = _open_tilts(covariance), _open_shifts(covariance)
+def _undetermined(table: TurntableSolution) -> list[Finding]:
+    sure = _without_mirror(table)
+    tilts, shifts = _open_tilts(sure), _open_shifts(sure)
     found: list[Finding] = []
+    if table.mirror is not None and (lean_rad := _mirrored_rad(table.mirror)) > _UNDETERMINED_RAD:
+        found.append(codes.AXIS_MIRRORED(lean_deg=float(np.rad2deg(lean_rad))))
     if tilts:
         axes = ", ".join(f"{_words(axis)} (±{_degrees(value)})" for value, axis in tilts)
         found.append(codes.AXIS_TILT_OPEN(axes=axes, uncertainty_deg=_two_sigma_deg(tilts[-1][0])))
@@ -48,6 +52,23 @@ def _undetermined(covariance: TableCovariance) -> list[Finding]:
         axes = ", ".join(f"{_words(axis)} (±{2 * np.sqrt(value):.1f} mm)" for value, axis in shifts)
         found.append(codes.AXIS_PLACE_OPEN(axes=axes, uncertainty_mm=float(2 * np.sqrt(shifts[-1][0]))))
     return found
+
+
+def _without_mirror(table: TurntableSolution) -> TableCovariance:
+    """Return the covariance without what the mirrored answer adds to it: that is said by itself."""
+    if (mirror := table.mirror) is None:
+        return table.covariance
+    own = table.covariance
+    return replace(
+        own,
+        axis_direction=own.axis_direction - mirror.axis_direction,
+        axis_point=own.axis_point - mirror.axis_point,
+    )
+
+
+def _mirrored_rad(mirror: TableCovariance) -> float:
+    """Return by how much the mirrored axis leans from the stated one; each has half the chance."""
+    return float(np.sqrt(2) * mirror.axis_direction_sigma_rad)
 
 
 def _open_tilts(covariance: TableCovariance) -> list[tuple[float, FloatArray]]:
@@ -60,9 +81,14 @@ def _open_shifts(covariance: TableCovariance) -> list[tuple[float, FloatArray]]:
     return [(float(v), axis) for v, axis in zip(values, vectors.T, strict=True) if v > _UNDETERMINED_MM**2]
 
 
-def undetermined_of_table(covariance: TableCovariance) -> list[Undetermined]:
+def undetermined_of_table(table: TurntableSolution) -> list[Undetermined]:
     """Return the directions in which the axis is not fixed: tilts beyond 0.5°, shifts beyond 3 mm."""
     found: list[Undetermined] = []
+    covariance = _without_mirror(table)
+    if table.mirror is not None and _mirrored_rad(table.mirror) > _UNDETERMINED_RAD:
+        lean = np.linalg.eigh(table.mirror.axis_direction)[1][:, -1]
+        said = message("the axis may be its mirror image at the plane of light: tell the side of one capture")
+        found.append(Undetermined(direction=lean.tolist(), description=str(said)))
     for value, axis in _open_tilts(covariance):
         said = message(
             "the axis may lean towards {axis} (±{tilt}): capture the sphere all around, well off the axis and at "
