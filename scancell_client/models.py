@@ -1125,6 +1125,7 @@ class Undetermined(Record):
 class UpToShift(Record):
     """Scanner and table up to one shift of both, by a machine that did not turn enough to tell more."""
     directions: list[list[float]]
+    travel: list[float] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
     base_from_turntable: list[list[float]] | None = None

@@ -3078,6 +3078,7 @@ export interface Undetermined {
 
 export interface UpToShift {
   directions: number[][];
+  travel?: number[] | null;
   tool0_from_laser?: number[][] | null;
   base_from_laser?: number[][] | null;
   base_from_turntable?: number[][] | null;

@@ -14,7 +14,6 @@ from calib_core.records.base import (
     OpenVector3,
     Positive,
     Record,
-    Vector3,
     WrittenRecord,
     mismatch,
 )

@@ -284,7 +284,7 @@ def _points(
 
 
 def _side(world: TopologyWorld, stop: _Stop, scanner: str, balls: Sequence[str]) -> dict[str, int]:
-    """Return on which side of the plane of light a capture's one ball is, nothing where that is not plain to see."""
+    """Return on which side of the plane of light a capture's one ball plainly is, else nothing."""
     y = float(_center(world, stop, scanner, balls[0])[1])
     plain = len(balls) == 1 and abs(y) > 0.3 * world.radii_mm[balls[0]]
     return {"side": 1 if y > 0 else -1} if plain else {}

@@ -89,7 +89,8 @@ TOPOLOGY_SCENARIOS: Mapping[str, TopologyScenario] = MappingProxyType({
     "scara": TopologyScenario("a machine of three translations and one turn", machine="scara"),
     "linear-turntable": TopologyScenario(
         "a scanner on one linear axis before a turntable",
-        balls=(BallOptions(at_mm=(780.0, -132.0, 430.0)), *_LOWER), axes=(_TABLE,), cell=_WIDE, machine="linear", side_told=True,
+        balls=(BallOptions(at_mm=(780.0, -132.0, 430.0)), *_LOWER), axes=(_TABLE,), cell=_WIDE,
+        machine="linear", side_told=True,
     ),
     "rail-positioner": TopologyScenario(
         "a rail under the robot and a positioner under the part",

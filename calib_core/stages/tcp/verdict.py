@@ -41,7 +41,10 @@ def tcp_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> lis
         Those of the session, of which the causes' remedies tell.
     """
     misfit = _misfit(solution)
-    failures = [*(misfit or [*_undetermined(solution), *_mirrored(solution, captures)]), *_too_many_rejected(solution)]
+    failures = [
+        *(misfit or [*_undetermined(solution), *_mirrored(solution, captures)]),
+        *_too_many_rejected(solution),
+    ]
     found = [*failures, *_doubts_about_captures(solution, captures)]
     if not failures:
         found += _doubts_about_motion(solution)
