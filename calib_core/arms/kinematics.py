@@ -125,12 +125,23 @@ def joint_lines(
 
     The arguments and what is raised are those of `flange_of_joints`.
     """
+    at, last = joint_frames(arm, joints_deg, joints_mm)
+    signs = np.array([float(joint.sign) for joint in arm.joints])
+    return at[:, :3, 3], signs[:, None] * at[:, :3, 2], last[:3, 3]
+
+
+def joint_frames(
+    arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return frames (n, 4, 4) about whose z, times the joint's sign, each joint turns, and the flange's (4, 4).
+
+    In base, mm; the arguments and what is raised are those of `flange_of_joints`.
+    """
     frames = _frames(arm, joints_deg, joints_mm)
     after = arm.convention == "modified"
     at = [frames[n + 1] if after else _at_joint(frames[n], joint) for n, joint in enumerate(arm.joints)]
     last = frames[-1] if arm.last_from_tool0 is None else frames[-1] @ np.array(arm.last_from_tool0)
-    signs = np.array([float(joint.sign) for joint in arm.joints])
-    return np.array([m[:3, 3] for m in at]), signs[:, None] * np.array([m[:3, 2] for m in at]), last[:3, 3]
+    return np.array(at), last
 
 
 def _frames(

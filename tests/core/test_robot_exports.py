@@ -43,7 +43,11 @@ BACKUPS = {
               "  $TOOL := POS(0, 0, 120, 0, 0, 0, '') -- old\n  $UFRAME := POS(1,2,3,4,5,6,'')\nEND a\n", {}),
 }  # fmt: skip
 SESSION: Session = parse_session(
-    {"format": "scancell-session/1", "name": "Zelle „4“", "cell": {"pose_convention": "kuka"}}
+    {
+        "format": "scancell-session/1",
+        "name": "Zelle „4“",
+        "cell": {"pose_convention": "kuka", "robot": {"arm": "ur10e"}},
+    }
 )
 
 
@@ -55,6 +59,13 @@ def results(tool: RigidTransform = TOOL, verdict: str = "pass") -> dict[str, Any
         "inputs_sha256": "ab" * 32,
         "covariance": COVARIANCE,
         "method": "test",
+        "arm_model": {
+            "names": ["joint_2_zero_deg"],
+            "values": [0.1],
+            "sigmas": [0.02],
+            "held_out_rms_mm": [1.0, 0.5],
+            "worth_it": True,
+        },
         "residuals": [],
         "variance_components": {
             "point_sigma_mm": 0.02,
