@@ -108,8 +108,6 @@ def answered(page: Page, client: httpx.Client) -> None:
     wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=300)
     page.goto(f"/sessions/{session}#result")
     expect(page.locator(".answer-card")).to_be_visible()
-    scene_frame(page)
-    page.wait_for_timeout(4000)
 
 
 def reviewed(page: Page, client: httpx.Client) -> None:
@@ -131,7 +129,7 @@ def access(page: Page, client: httpx.Client) -> None:
 PICTURES = {
     "start": Picture(start),
     "start-dark": Picture(start, theme="dark"),
-    "measuring": Picture(measuring, height=1000),
+    "measuring": Picture(measuring, height=1000, scene=True),
     "measuring-tablet": Picture(measuring, 1024, 768, touch=True),
     "measuring-upright": Picture(measuring, 768, 1024, touch=True, theme="dark"),
     "columns": Picture(columns, height=1000),
@@ -166,6 +164,9 @@ def take(browser: Browser, client: httpx.Client, name: str) -> Path:
     page.wait_for_function(
         "() => [...document.images].every((image) => image.complete || image.loading === 'lazy')"
     )
+    if picture.scene:
+        scene_frame(page)
+        page.wait_for_timeout(3000)
     page.wait_for_timeout(900)
     path = FOLDER / f"page-{name}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -177,6 +178,7 @@ def take(browser: Browser, client: httpx.Client, name: str) -> Path:
 
 def main(names: list[str]) -> None:
     """Take the named pictures, or all."""
+    expect.set_options(timeout=60_000)  # as the context's
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         with serving(Settings(data=Path(folder), port=0, warm_up=False)) as client:
