@@ -62,7 +62,7 @@ unit: setup
 	$(BIN)/python -m pytest --last-failed --last-failed-no-failures none
 
 test-fast: setup
-	@$(BIN)/python -m pytest -n 4 --dist worksteal -p tests.fast -r fE tests/core tests/server
+	@$(BIN)/python -m pytest -n 2 --dist worksteal -p tests.fast -r fE tests/core tests/server
 
 catalogues: setup
 	$(BIN)/python -m tests.catalogues

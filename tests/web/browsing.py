@@ -42,6 +42,14 @@ _SLOW_SCENE = """if (location.pathname.includes("/scenes/")) {
   window.cancelAnimationFrame = clearTimeout;
 }"""
 
+_SLOW_PREVIEWS = """{
+  const send = WebSocket.prototype.send;
+  WebSocket.prototype.send = function (words) {
+    if (words !== "next") send.call(this, words);
+    else setTimeout(() => { if (this.readyState === WebSocket.OPEN) send.call(this, words); }, 200);
+  };
+}"""
+
 
 class Watch:
     """Watches all pages of a test: none may ask another server than its own, or complain unannounced."""
@@ -153,6 +161,7 @@ class SharedProfile:
         page.set_viewport_size({"width": size[0], "height": size[1]})
         emulated: dict[str, Any] = {"color_scheme": "light", **media}
         page.emulate_media(**emulated)
+        page.add_init_script(_SLOW_PREVIEWS)  # of a live cell: drawn in software, twenty a second fill a processor
         if scene:
             draw_the_scene_seldom(page)
         else:
