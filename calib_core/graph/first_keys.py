@@ -9,7 +9,7 @@ from calib_core.graph.stage import Stage
 from calib_core.records import Session
 from calib_core.steps import steps_that_show
 
-_LATER = {"taken", "excluded_because", "included_because", "environment"}
+_LATER = {"taken", "clock", "excluded_because", "included_because", "environment"}
 
 
 def inputs_sha256_of_0_1_0(session: Session, stage: Stage, digest: Callable[[str], str]) -> str:

@@ -6,13 +6,18 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from calib_core.disk import remove_folder
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.format import Unit
 from calib_core.messages import message
+from calib_core.moment import text_of_seconds
 from calib_core.recognition.taken import GivenFile, TakenFor
+
+if TYPE_CHECKING:
+    from calib_core.recognition.session import MadeSession
+    from calib_core.records import Session
 
 _WHOLE_BYTES = 4_000_000
 _WHOLE_IN_ALL_BYTES = 512_000_000
@@ -93,7 +98,7 @@ def new_session(
         for copy, name in made.files.items():
             (target / copy).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(root / name, target / copy, follow_symlinks=False)
-        save_session(target, made.session, {})
+        save_session(target, _dated(made, root), {})
     except OSError as error:
         with suppress(OSError):
             remove_folder(target)
@@ -112,6 +117,20 @@ def new_session(
     notes = (*made.notes, *map(str, found.doubts))
     missing = tuple(map(str, found.missing))
     return NewSession(target, tuple(files), missing, notes, len(made.session.captures))
+
+
+def _dated(made: "MadeSession", root: Path) -> "Session":
+    """Return the session with when each capture's file was written: copies are of today."""
+    name_of = {capture: name for name, capture in made.capture_of.items()}
+    captures = [
+        capture.model_copy(
+            update={"taken": text_of_seconds((root / name_of[capture.id]).stat().st_mtime), "clock": "file"}
+        )
+        if capture.id in name_of
+        else capture
+        for capture in made.session.captures
+    ]
+    return made.session.model_copy(update={"captures": captures})
 
 
 def _target(root: Path, out: Path | None) -> Path:

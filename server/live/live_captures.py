@@ -105,7 +105,7 @@ def capture_of_rest(
     if step == "turntable":
         told |= {"table_deg": rest.table_deg, "mount": settings.mount}
     told |= {
-        "taken": _moment(frame.host_time_s),
+        **_taken(frame.host_time_s, shot),
         "device_time_s": frame.device_time_s,
         **_robot_fields(cell, rest.robot),
     }
@@ -123,13 +123,12 @@ def capture_of_sweep(
     step = settings.step
     capture_id = shot.name or next_id(step, taken)
     names = [f"captures/{capture_id}/{path.name}" for path in recorded.files]
-    when = _moment(recorded.frames[0].host_time_s)
     record = {
         "id": capture_id,
         "step": step,
         "kind": "sweep",
         "files": names,
-        "taken": when,
+        **_taken(recorded.frames[0].host_time_s, shot),
         **fields,
         **shot.extra,
     }
@@ -139,9 +138,11 @@ def capture_of_sweep(
     return parse_capture(record, capture_id), contents
 
 
-def _moment(host_time_s: float) -> str:
-    """Return when a reading arrived, by this computer's clock."""
-    return text_of_seconds(time.time() - (host_now_s() - host_time_s))
+def _taken(host_time_s: float, shot: Shot | None) -> dict[str, Any]:
+    """Return when a reading arrived by this computer's clock, nothing where who asked for it tells it."""
+    if shot is not None and "taken" in shot.extra:
+        return {}
+    return {"taken": text_of_seconds(time.time() - (host_now_s() - host_time_s)), "clock": "server"}
 
 
 def _robot_fields(cell: Cell, sample: Sample | None) -> dict[str, Any]:

@@ -110,8 +110,10 @@ def capture_of(
     wanted = str(record.pop("id", "")) or Path(name).stem
     capture_id = _free_id(wanted, taken)
     file = f"captures/{capture_id}{Path(name).suffix.lower()}"
-    written = text_of_seconds((folder / name).stat().st_mtime)
-    return parse_capture({"taken": written, **record, "id": capture_id, "files": [file]}, name)
+    if "taken" not in record:
+        written = text_of_seconds((folder / name).stat().st_mtime)
+        record = {"taken": written, "clock": "file", **record}
+    return parse_capture({**record, "id": capture_id, "files": [file]}, name)
 
 
 def _usual_kind(name: str) -> str | None:

@@ -37,7 +37,6 @@ def run(full: bool) -> list[Row]:
     return [
         *histories(count, varying(kinds), f"{_PAPERS}, poses that vary"),
         *best_possible(count, kinds, f"{_PAPERS}, poses that vary"),
-        *histories(count, varying([one / 9 for one in kinds]), "an arm three times as good, poses that vary"),
         *histories(count, of_a_program(programs), f"{_PAPERS}, the same poses each night"),
         *as_solved(programs),
     ]

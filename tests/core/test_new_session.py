@@ -1,6 +1,7 @@
 """Files as they lie become a session: every file told, measurements paired with their poses, nothing changed."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,8 @@ def test_profiles_under_any_key_and_poses_in_a_text_of_any_name(tmp_path: Path) 
     files["set.sec"] = json.dumps({"CalibObj": {"Name": "Sphere", "Radius": 20.0}, "HTM": np.eye(4).tolist()})
     folder = lay(tmp_path / "stick", files)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    for path in folder.iterdir():
+        os.utime(path, (1_700_000_000, 1_700_000_000))
     made = new_session(folder)
     assert made.missing == ()
     assert sorted(file["name"] for file in made.files) == sorted(files)
@@ -64,6 +67,7 @@ def test_profiles_under_any_key_and_poses_in_a_text_of_any_name(tmp_path: Path) 
     assert {told[name] for name in ("notes.txt", "empty.csv", ".DS_Store", "set.sec")} == {"nothing"}
     assert all(file["why"] for file in made.files)
     session = cc.load(made.folder)
+    assert {(c.taken, c.clock) for c in session.captures} == {("2023-11-14T22:13:20.000Z", "file")}
     assert session.cell.pose_convention == "fanuc"
     assert session.cell.sphere_diameter_mm == 40.0
     found = poses_of(made.folder)

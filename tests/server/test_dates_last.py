@@ -34,7 +34,9 @@ def dated(folder: Path) -> Path:
     """Return a folder that was captured and solved in another year."""
     made = verified_session(3)
     for number, capture in enumerate(made.session.captures):
-        made.session.captures[number] = capture.model_copy(update={"taken": TAKEN.format(minute=number)})
+        made.session.captures[number] = capture.model_copy(
+            update={"taken": TAKEN.format(minute=number), "clock": "device"}
+        )
     written(made, folder)
     for path in (folder / "results").glob("*.json"):
         record = json.loads(path.read_text())
@@ -47,7 +49,7 @@ def of_server(client: httpx.Client, session: str) -> dict[str, Any]:
     answer = client.get(f"/sessions/{session}/answer").json()
     results = client.get(f"/sessions/{session}/results").json()
     return {
-        "taken": {one["id"]: one.get("taken") for one in captures},
+        "taken": {one["id"]: (one.get("taken"), one.get("clock")) for one in captures},
         "solved": answer["solved"],
         "results": {name: one["solved"] for name, one in results.items()},
     }
@@ -61,7 +63,10 @@ def of_archive(content: bytes) -> dict[str, Any]:
         if name.startswith("results/") and name.endswith(".json")
     }
     return {
-        "taken": {one["id"]: one.get("taken") for one in json.loads(files["session.json"])["captures"]},
+        "taken": {
+            one["id"]: (one.get("taken"), one.get("clock"))
+            for one in json.loads(files["session.json"])["captures"]
+        },
         "solved": json.loads(files["answer.json"])["solved"],
         "results": {name: one["solved"] for name, one in results.items()},
     }
@@ -82,7 +87,8 @@ def test_dates_are_the_same_wherever_a_session_goes(tmp_path: Path) -> None:
     told = of_archive(packed)
     assert told["solved"] == "2025-04-01T08:15:00.000Z"
     assert set(told["results"].values()) == {"2025-04-01T08:15:00.000Z"}
-    assert all(taken.startswith("2025-03-30T01:") for taken in told["taken"].values())
+    assert all(taken.startswith("2025-03-30T01:") for taken, _ in told["taken"].values())
+    assert {clock for _, clock in told["taken"].values()} == {"device"}
 
     settings = Settings(data=tmp_path / "one", port=0, warm_up=False)
     with serving(settings) as client:
@@ -93,6 +99,7 @@ def test_dates_are_the_same_wherever_a_session_goes(tmp_path: Path) -> None:
         report = client.get(f"/sessions/{session}/report").text
         assert "2025-04-01 08:15 UTC" in report
         assert "2025-03-30 01:00 UTC+01:00" in report
+        assert "UTC+01:00 (the device" in report
         back_up(settings, tmp_path / "backup")
     restored = tmp_path / "two"
     assert main(["restore", str(tmp_path / "backup"), "--data", str(restored)]) == 0

@@ -92,6 +92,7 @@ def test_poses_come_from_a_table_a_line_beside_it_or_a_record(client: httpx.Clie
     assert [found[name]["pose"] for name in ("a1", "a2", "a3")] == [c["pose"] for c in CAPTURES[:3]]
     assert [found[name]["step"] for name in ("a1", "a2", "a3")] == ["tcp", "tcp", "verify"]
     assert found["a1"]["taken"] == "2023-11-14T22:13:20.000Z"  # when its file was written
+    assert found["a1"]["clock"] == "file"
     assert all(c["measured"]["verdict"] != "fail" for c in found.values())
     stored = client.get(f"/sessions/{session}/captures/a1/files/a1.csv").content
     assert stored == profile(0)

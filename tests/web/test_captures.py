@@ -119,6 +119,7 @@ def test_a_capture_taken_again_takes_the_place_of_the_old_one(
     now = stored(api, session)
     assert now["p01-again"]["pose"] == capture["pose"]
     assert now["p01-again"]["taken"] == "2026-03-01T08:00:00.000Z"  # by its file, not of the one that it replaces
+    assert now["p01-again"]["clock"] == "file"
     assert now["p01"]["taken"] == capture["taken"]
     assert not now["p01-again"].get("excluded")
     page.get_by_role("button", name="Undo: p01 replaced").click()

@@ -27,7 +27,7 @@ export const stemOf = (name) => baseOf(name).replace(/\.[^.]+$/, "");
 const endingOf = (name) => (/\.[^.]+$/.exec(name)?.[0] ?? "").toLowerCase();
 
 /** When a capture was taken, by the clock that dated its file. @param {File | undefined} file */
-export const takenOf = (file) => (file ? { taken: new Date(file.lastModified).toISOString() } : {});
+export const takenOf = (file) => (file ? { taken: new Date(file.lastModified).toISOString(), clock: /** @type {const} */ ("file") } : {});
 
 /** @param {Found} found */
 export const isArchive = (found) => endingOf(found.path) === ".zip";

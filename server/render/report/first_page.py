@@ -16,7 +16,7 @@ from calib_core.findings import in_language
 from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.messages import ENGLISH, Catalogue, message, plural
 from calib_core.moment import now
-from calib_core.records import Session
+from calib_core.records import Capture, Session
 from calib_core.records.decided_before import DECISIONS, DecidedBefore
 from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.records.policy import Equipment
@@ -93,7 +93,7 @@ def identification(session: Session, stage: str | None, told: Circumstances) -> 
         ("robot", _pieces(equipment, "robot") or session.cell.robot.brand or ""),
         ("cell", cell_id(session)),
         *((name, documentation.get(name, "")) for name in ON_FIRST_PAGE),
-        ("captured", _span(capture.taken for capture in session.captures)),
+        ("captured", _captured(session.captures, told)),
         ("solved", said_moment(told.solved) if told.solved else ""),
         ("captures", _captures(session, told.language.say)),
     ]
@@ -108,6 +108,14 @@ def _scanners(session: Session, say: Callable[[str], str]) -> str:
 def _pieces(equipment: Iterable[Equipment], kind: str) -> str:
     of_kind = [(one.name, one.model, one.serial) for one in equipment if one.kind == kind]
     return ", ".join(" ".join(part for part in parts if part) for parts in of_kind if any(parts))
+
+
+def _captured(captures: Iterable[Capture], told: Circumstances) -> str:
+    """Return when the captures were taken, and by which clock where all have the same."""
+    dated = [one for one in captures if one.taken]
+    span, clocks = _span(one.taken for one in dated), {one.clock for one in dated}
+    clock = clocks.pop() if len(clocks) == 1 else None
+    return f"{span} ({told.say(f'clock_{clock}')})" if clock else span
 
 
 def _span(moments: Iterable[str | None]) -> str:
