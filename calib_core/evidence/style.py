@@ -46,6 +46,9 @@ STYLE: Final = """
   .scancell .wide th, .scancell .wide td { padding: 2px 5px 2px 0; }
   .scancell .wide th { white-space: normal; }
   .scancell .wide th.n { vertical-align: bottom; }
-  .scancell thead { display: table-header-group; }
+  .scancell thead { display: table-header-group; break-after: avoid; }
+  .scancell table:not(:has(tr:nth-child(9))), .scancell ul:not(:has(li:nth-child(5))) { break-inside: avoid; }
+  .scancell tbody tr:nth-child(-n+2) { break-after: avoid; }
+  .scancell tbody tr:nth-last-child(-n+2) { break-before: avoid; }
 }
 """

@@ -158,6 +158,7 @@ CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
     "excluded_because": ({"who": "me", "when": "2026-11-23T22:00:00+00:00", "why": "bumped"}, NONE),
     "included_because": ({"who": "me", "when": "2026-11-23T22:05:00+00:00", "why": "good after all"}, NONE),
     "taken": ("2026-11-23T22:00:00+00:00", NONE),
+    "clock": ("server", NONE),
     "id": ("x9", tuple(READ_BY)),
     "kind": ("cloud", tuple(READ_BY)),
     "files": (["captures/other.ply"], tuple(READ_BY)),
