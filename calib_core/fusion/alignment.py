@@ -301,7 +301,9 @@ def _drawn(
     for _ in range(steps):
         there = points @ pose[:3, :3].T + pose[:3, 3]
         asked = np.concatenate([there, weight * (facing @ pose[:3, :3].T)], axis=1).astype(np.float32)
-        between = squares - 2 * asked @ target.T
+        between = asked @ target.T
+        between *= -2
+        between += squares
         number = between.argmin(axis=1)
         far = np.sqrt(np.maximum(between[np.arange(len(asked)), number] + (asked**2).sum(axis=1), 0)).astype(float)
         cut = 2.0 * float(np.median(far)) + 1e-9

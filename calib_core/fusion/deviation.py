@@ -76,15 +76,12 @@ class Nominal:
         corners = np.asarray(corners_mm, dtype=np.float64)
         self.middle_mm: FloatArray = corners.mean(axis=0)  # single precision holds well about the middle
         self.corners_mm: FloatArray = corners
+        self.extent_mm = float(np.linalg.norm(np.ptp(corners, axis=0)))
+        """Its diagonal."""
         self.triangles = faces
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         near = np.ascontiguousarray(corners - self.middle_mm, dtype=np.float32)
         self._scene.add_triangles(o3d.core.Tensor.from_numpy(near), o3d.core.Tensor.from_numpy(faces))
-
-    @property
-    def extent_mm(self) -> float:
-        """Its diagonal."""
-        return float(np.linalg.norm(np.ptp(self.corners_mm, axis=0)))
 
     def away(self, points_mm: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return for points (N, 3) the way from their nearest places (N, 3), and the normals there (N, 3)."""
