@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.start import Centers, Start, badness, heights, settled
-from calib_core.chain.start_search import Sought, random_rotations
+from calib_core.chain.start_search import Sought, apart, random_rotations
 from calib_core.frames import FloatArray, RigidTransform
 
 _STARTS = 72
@@ -107,7 +107,7 @@ def _coarse_of_some(
     for h in range(len(hypotheses)):
         own = np.flatnonzero(each[best] == h)
         order = own[np.argsort(scatter[own])]
-        found.append((float(scatter[order[0]]), _apart(turned[order])))
+        found.append((float(scatter[order[0]]), list(turned[order[apart(turned[order], _KEPT_PER_HYPOTHESIS)]])))
     return found
 
 
@@ -118,17 +118,6 @@ def _scatter(sought: Sought, misfit: FloatArray, known: np.ndarray) -> FloatArra
     below = at.astype(int)
     near, far = (np.take_along_axis(distances, place, axis=1) for place in (below, np.ceil(at).astype(int)))
     return (near + (at - below) * (far - near))[:, 0]
-
-
-def _apart(rotations: FloatArray) -> list[FloatArray]:
-    """Return the first few rotations that are not nearly the same."""
-    kept: list[FloatArray] = []
-    for rotation in rotations:
-        if all(np.trace(rotation.T @ other) <= 1 + 2 * np.cos(0.03) for other in kept):
-            kept.append(rotation)
-        if len(kept) == _KEPT_PER_HYPOTHESIS:
-            break
-    return kept
 
 
 def started(hypothesis: Posed, centers: Centers, rotations: Sequence[FloatArray]) -> Start:

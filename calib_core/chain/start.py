@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.start_search import Sought, random_few, random_rotations
+from calib_core.chain.start_search import Sought, apart, random_few, random_rotations
 from calib_core.frames import FloatArray
 
 _STARTS = 240
@@ -175,19 +175,13 @@ def _candidates(centers: Centers) -> list[tuple[FloatArray, FloatArray, FloatArr
     rotations, linear, misfit = _searched(sought, shares)
     scatter = middle_of(sought.distances(misfit), shares)
     guesses: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-    seen: list[FloatArray] = []
-    for index in np.argsort(scatter):
-        rotation = rotations[index]
-        if any(np.trace(rotation.T @ other) > 1 + 2 * np.cos(0.03) for other in seen):
-            continue
-        seen.append(rotation)
-        center, tool_in_laser = linear[index, :3], linear[index, 3:]
+    order = np.argsort(scatter)
+    for index in order[apart(rotations[order], _KEPT)]:
+        rotation, center, tool_in_laser = rotations[index], linear[index, :3], linear[index, 3:]
         guesses += [
             (rotation, rotation @ np.array([tool_in_laser[0], height, tool_in_laser[2]]), center)
             for height in heights(centers, rotation, center, tool_in_laser[1])
         ]
-        if len(seen) >= _KEPT:
-            break
     return guesses
 
 

@@ -9,6 +9,9 @@ import numpy as np
 
 from calib_core.frames import FloatArray
 
+_SAME_RAD = 0.03
+"""Rotations that differ by less are nearly the same."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sought:
@@ -82,6 +85,18 @@ def random_rotations(count: int) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
     return Rotation.random(count, rng=np.random.default_rng(2010)).as_matrix()
+
+
+def apart(rotations: FloatArray, most: int) -> list[int]:
+    """Return the numbers of the first rotations, so many at most, that are not nearly the same as one before."""
+    flat = rotations.reshape(-1, 9)
+    kept: list[int] = []
+    for number, one in enumerate(flat):
+        if not kept or (flat[kept] @ one).max() <= 1 + 2 * np.cos(_SAME_RAD):  # traces of the turns between
+            kept.append(number)
+        if len(kept) == most:
+            break
+    return kept
 
 
 def random_few(guesses: int, shares: FloatArray, few: int) -> np.ndarray:
