@@ -59,6 +59,7 @@ def test_it_starts_without_a_network_from_a_path_with_a_space_and_shows_the_demo
     with zipfile.ZipFile(made) as archive:
         unpacked_mb = sum(one.file_size for one in archive.infolist()) / 1e6
         archive.extractall(folder)
+    brought = set(folder.rglob("*.nbc"))
     command = ["unshare", "-rn", "sh", "-c", 'ip link set lo up && exec "$@"', "sh", sys.executable, "-m"]
     command += [
         "tests.windows.portable_visit",
@@ -71,7 +72,10 @@ def test_it_starts_without_a_network_from_a_path_with_a_space_and_shows_the_demo
     found = json.loads(done.stdout.strip().splitlines()[-1])
     assert found["captures"] == 5
     assert size_mb <= _MOST_MB
+    compiled_there = set(folder.rglob("*.nbc")) - brought
+    assert brought
+    assert not compiled_there
     what = "portable zip with a stand-in for the embeddable Python"
     figure(what, f"≤ {_MOST_MB} MB", f"{size_mb:.0f} MB, {unpacked_mb:.0f} MB unpacked")
-    shown = f"works, {found['captures']} captures, scene shown"
+    shown = f"works, {found['captures']} captures, scene shown, {len(brought)} kernels brought, 0 compiled"
     figure("portable zip, no network, path with space and ü: Start.cmd, page, demo session", "works", shown)
