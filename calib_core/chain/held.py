@@ -67,6 +67,8 @@ class Held:
         What lengths of the arm that are off do to the unknowns. Its square is in the covariance.
     by_poses : (P,) or None
         What errors of the arm that captures share did to the unknowns (`chain.held_poses`). The same.
+    with_lengths : (P,) or None
+        Covariance with the share by which the arm's lengths are off, where the scanner's errors are sought.
     """
 
     state: ChainState
@@ -84,6 +86,7 @@ class Held:
     left: FloatArray | None = None
     by_lengths: FloatArray | None = None
     by_poses: FloatArray | None = None
+    with_lengths: FloatArray | None = None
 
     @property
     def lengths_sigma(self) -> float:
@@ -127,12 +130,29 @@ class Held:
 
         The scanner's own errors count together with what they did to the tool: they largely cancel.
         """
-        rows = point_rows(self.state.tool_rotation, point_in_laser_mm, half_width_mm, self.facing)
+        rows, some = self._rows_at(point_in_laser_mm, half_width_mm), self.tool_and_scanner
         # An answer whose points are corrected errs by what is unknown of the correction, one whose points are not
         # by the whole error: the same covariance, about another mean.
-        jacobian = rows[:, np.concatenate([np.arange(6), 6 + self.active[self.active < COUNT]])]
-        some = self.tool_and_scanner
-        return jacobian @ self.covariance[np.ix_(some, some)] @ jacobian.T
+        return rows @ self.covariance[np.ix_(some, some)] @ rows.T
+
+    def at_workpiece(self, point_in_laser_mm: FloatArray, half_width_mm: float) -> FloatArray:
+        """Return the same in base as the arm tells it, (3, 3), mm².
+
+        An arm whose lengths are off tells the flange as much too far from the point as it made the tool long.
+        """
+        found, sigma = self.at_point(point_in_laser_mm, half_width_mm), self.lengths_sigma
+        if self.with_lengths is None or sigma <= 0 or self.state.walk.layout.mounts[0][1] != "tool0":
+            return found
+        rows, some = self._rows_at(point_in_laser_mm, half_width_mm), self.tool_and_scanner
+        swallowed = rows @ self.with_lengths[some] / sigma
+        left = swallowed - sigma * self.state.mount(0).apply(point_in_laser_mm)
+        variances, axes = np.linalg.eigh(found - np.outer(swallowed, swallowed))
+        return (axes * np.maximum(variances, 0.0)) @ axes.T + np.outer(left, left)
+
+    def _rows_at(self, point_in_laser_mm: FloatArray, half_width_mm: float) -> FloatArray:
+        """Return how a measured point moves with the first mount and its scanner's nuisances, (3, 6 + n)."""
+        rows = point_rows(self.state.tool_rotation, point_in_laser_mm, half_width_mm, self.facing)
+        return rows[:, np.concatenate([np.arange(6), 6 + self.active[self.active < COUNT]])]
 
 
 def point_rows(
@@ -155,8 +175,14 @@ def hold_files(judged: Judged, apply: bool) -> Held:
         more = held.covariance + np.outer(by_lengths, by_lengths)
         held = replace(held, covariance=more, by_lengths=by_lengths)
     covariance = without_exact(judged.data, held.covariance)
-    arm = _arm(judged, held.applied)
-    return replace(held, covariance=covariance, half_width_mm=judged.data.half_width_mm, arm=arm)
+    arm, sought = _arm(judged, held.applied), judged.fit.arm
+    return replace(
+        held,
+        covariance=covariance,
+        half_width_mm=judged.data.half_width_mm,
+        arm=arm,
+        with_lengths=None if sought is None else judged.inflation * sought.with_lengths,
+    )
 
 
 def _with_poses_as_told(held: Held) -> Held:

@@ -137,6 +137,8 @@ class TcpSolution:
     seen_in_laser_mm, at_point : (3,), (3, 3)
         Where the scanner saw the sphere on average, brought into the plane of light, and the covariance of a point
         that is measured there, along the flange's axes, mm and mm².
+    at_workpiece : (3, 3)
+        The same in base as the arm tells it.
     arm : ArmModel or None
         The arm's own errors, where its joints are known.
     as_told : Held or None
@@ -177,6 +179,7 @@ class TcpSolution:
     sphere: SphereSize
     seen_in_laser_mm: FloatArray
     at_point: FloatArray
+    at_workpiece: FloatArray
     options: TcpOptions
     optics: tuple[OpticsError, ...] = ()
     arm: ArmModel | None = None
@@ -305,6 +308,7 @@ def solve_tcp(
         sphere=sphere,
         seen_in_laser_mm=point,
         at_point=held.at_point(point, data.half_width_mm),
+        at_workpiece=held.at_workpiece(point, data.half_width_mm),
         options=options,
         arm=arm,
         as_told=as_told,

@@ -14,12 +14,13 @@ from calib_core.chain.whole import ChainSolution
 
 def with_optics(solution: TcpSolution, errors: Sequence[OpticsError]) -> TcpSolution:
     """Return a tool whose covariances have errors of camera and plane of light."""
-    held = _wider(solution.held, errors)
+    held, more = _wider(solution.held, errors), at_point_by(solution.held, errors)
     return replace(
         solution,
         covariance=held.covariance[:9, :9],
         held=held,
-        at_point=solution.at_point + at_point_by(solution.held, errors),
+        at_point=solution.at_point + more,
+        at_workpiece=solution.at_workpiece + more,
         optics=tuple(errors),
     )
 

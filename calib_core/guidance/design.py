@@ -87,6 +87,7 @@ class Design:
         self._tool = tool.rotation, tool.translation_mm
         rows = point_rows(tool.rotation, assumed.point_in_laser_mm, data.half_width_mm, assumed.facing)
         self._rows = rows[:, :6], rows[:, 6 + data.active]
+        self._by_lengths = data.arm_scale_sigma * tool.apply(assumed.point_in_laser_mm)
 
     def __len__(self) -> int:
         return self._data.count
@@ -147,6 +148,8 @@ class Design:
         moves = np.zeros((3, size))
         moves[:, :6] = self._rows[0]
         moves[:, self._data.unknowns : self._data.width] = self._rows[1]
+        if self._data.arm_scale_sigma > 0 and self.assumed.mount_from_laser.into == "tool0":
+            moves[:, self._data.width] = self._by_lengths  # as `Held.at_workpiece`
         return moves
 
     def _taken(self, chosen: Sequence[int]) -> ChainData:

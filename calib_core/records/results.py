@@ -190,7 +190,8 @@ class ArmErrorsFound(Record):
 class AtPoint(Record):
     """How well a point is known that the scanner measures where it saw the sphere, scanner and tool together.
 
-    `covariance` is (3, 3), mm², along the flange's axes.
+    `covariance` is (3, 3), mm², along the flange's axes, in base as the arm tells it: what lengths of the arm that
+    are off did to the tool cancels there.
     """
 
     point_in_laser_mm: Vector3

@@ -46,7 +46,7 @@ def stated_mm(simulated: SimulatedSession, plan: PlannedSet, options: TcpOptions
         capture, files = take(simulated, pose.matrix, f"c{k:02d}", 1000 * seed + k)
         observed.append(observe_capture(simulated.session, capture, files.__getitem__))
     held = solve_tcp(observed, SPHERE, options).held
-    return float(worst_sigma_mm(held.at_point(SIGHT.middle_mm, SIGHT.far_half_width_mm)))
+    return float(worst_sigma_mm(held.at_workpiece(SIGHT.middle_mm, SIGHT.far_half_width_mm)))
 
 
 def ratios(seeds: range) -> tuple[list[float], list[float]]:

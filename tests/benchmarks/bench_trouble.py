@@ -50,7 +50,8 @@ def errors_over_stated(result: TcpResult, cell: Troubled) -> FloatArray:
     assert result.workpiece is not None
     point = np.array(result.workpiece.point_in_laser_mm)
     seen = cell.scanner(point[None, [0, 2]])[0]
-    off = found.apply(np.array([seen[0], 0.0, seen[1]])) - truth.apply(point)
+    # In base as the arm tells it: longer or shorter than it is.
+    off = found.apply(np.array([seen[0], 0.0, seen[1]])) - (1 + cell.too_long) * truth.apply(point)
     squared = float(off @ np.linalg.solve(np.array(result.workpiece.covariance), off))
     return np.append(six, np.sqrt(squared / _CHI2_3_95))
 

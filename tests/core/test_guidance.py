@@ -67,7 +67,7 @@ def test_what_is_predicted_for_poses_is_what_the_solve_states_of_them(seed: int)
     promised = np.sqrt(np.diag(design.tool(every)))
     stated = np.sqrt(np.diag(solved.covariance)[:6])
     np.testing.assert_allclose(promised, stated, rtol=0.1)
-    at_part = worst_sigma_mm(design.workpiece(every)) / worst_sigma_mm(solved.at_point)
+    at_part = worst_sigma_mm(design.workpiece(every)) / worst_sigma_mm(solved.at_workpiece)
     assert at_part == pytest.approx(1.0, abs=0.1)
 
 
@@ -149,7 +149,7 @@ def test_advice_stops_where_the_wanted_figure_is_reached() -> None:
     assert reached.next is None
     assert reached.words().startswith("± 0.")
     assert reached.words().endswith("wanted ± 1.0\u202fmm")
-    more = advice_in(now, wanted_mm=0.15)
+    more = advice_in(now, wanted_mm=0.08)
     assert not more.meter.enough
     assert more.next is not None
     assert more.meter.after_next_mm < more.meter.uncertainty_mm

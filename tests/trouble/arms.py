@@ -34,6 +34,7 @@ def _random(position_mm: float, orientation_deg: float) -> Callable[[Plan, Rng],
 
 def _scaled(share: float) -> Callable[[Plan, Rng], None]:
     def change(plan: Plan, rng: Rng) -> None:
+        plan.too_long = 1 / (1 + share) - 1
         plan.pose_error = lambda p, k, rng: pose(p[:3, :3], p[:3, 3] * (1 + share))
 
     return change

@@ -32,6 +32,8 @@ class Plan:
     arm : ArmErrors or None
     pose_error : callable
         Pose (4, 4) commanded, number of the capture, rng → pose that is reached, beside the above.
+    too_long : float
+        By what share the arm tells its lengths too long.
     sphere_at : callable
         Capture's number, number of captures → the sphere's shift in base (3,).
     scanner : callable
@@ -71,6 +73,7 @@ class Plan:
     orientation_rad: float = 1e-4
     arm: ArmErrors | None = None
     pose_error: Callable[[FloatArray, int, np.random.Generator], FloatArray] = lambda p, k, rng: p
+    too_long: float = 0.0
     sphere_at: Callable[[int, int], FloatArray] = lambda k, n: np.zeros(3)
     scanner: Callable[[FloatArray, np.random.Generator], FloatArray] = lambda p, rng: p
     laser_from_files: FloatArray = field(default_factory=lambda: np.eye(4))
@@ -100,7 +103,8 @@ class Trouble:
 class Troubled:
     """A session with its files and truth: the tool (4, 4), where the sphere was seen, the scanner's errors.
 
-    `laser_from_files` (4, 4) is the frame in which the files count; `sphere_in_base_mm` (3,) is the sphere.
+    `laser_from_files` (4, 4) is the frame in which the files count; `sphere_in_base_mm` (3,) is the sphere;
+    `too_long` is the share by which the arm tells its lengths too long.
     """
 
     session: Session
@@ -110,6 +114,7 @@ class Troubled:
     scanner: Callable[[FloatArray], FloatArray]
     laser_from_files: FloatArray
     sphere_in_base_mm: FloatArray
+    too_long: float = 0.0
 
 
 TOLD: dict[str, Any] = {
@@ -135,7 +140,7 @@ def troubled(trouble: Trouble, seed: int, told: bool = False) -> Troubled:
     ]
     cell = cell_record(plan) | (TOLD if told else {})
     session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
-    return Troubled(session, files, tool, seen, seen_by(plan), plan.laser_from_files, center)
+    return Troubled(session, files, tool, seen, seen_by(plan), plan.laser_from_files, center, plan.too_long)
 
 
 def cell_record(plan: Plan) -> dict[str, Any]:

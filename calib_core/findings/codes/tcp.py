@@ -364,7 +364,7 @@ DRIFT_COVERED = Code(
     text={moved: f"{said} The stated uncertainty holds it." for moved, said in _DRIFTED.items()},
     by="moved",
     meaning="As `drift-in-session`, but the answer's uncertainty holds it.",
-    decided="The drift is no larger than twice the stated uncertainty at the workpiece, and below 0.5 mm.",
+    decided="The drift is no larger than twice the tool's own uncertainty at the workpiece, and below 0.5 mm.",
     usual_causes="A scanner that was just switched on.",
 )
 

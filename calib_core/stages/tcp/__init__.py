@@ -18,7 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 3  # two steps that differ by no more than the stated ± at the workpiece are no doubt
+    method_revision = 4  # at the workpiece lengths of the arm cancel against what they did to the tool
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}
     reads = SPHERE_READS

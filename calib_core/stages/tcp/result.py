@@ -62,7 +62,7 @@ def tcp_result(
         axes=axes_found(solution.held.state, solution.held.covariance),
         optics=[_optics_shift(solution, error) for error in solution.optics],
         workpiece=AtPoint(
-            point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_point.tolist()
+            point_in_laser_mm=solution.seen_in_laser_mm.tolist(), covariance=solution.at_workpiece.tolist()
         ),
         arm_errors=_arm_errors(solution),
         arm_model=arm_model_found(solution),
