@@ -133,6 +133,8 @@ def test_an_answer_of_an_older_revision_stays_fresh_and_solving_anew_is_offered(
     (step,) = [step for step in guide(session, [], stored).steps if step.step == "tcp"]
     assert step.status == "done"
     assert "solve anew" in str(step.note)
-    replayed = replay(folders / "tcp")
-    assert replayed.equal
-    assert cc.load(folders / "tcp").run()["tcp"].method_revision == 3
+    (replayed,) = replay(folders / "tcp").stages
+    assert replayed.provenance == "replayed"
+    # Since revision 4 of tcp the ± at the workpiece is in base as the arm tells it; nothing else has moved.
+    assert {one.path.split(".")[0] for one in replayed.differences} == {"workpiece"}
+    assert cc.load(folders / "tcp").run()["tcp"].method_revision == STAGES.get("tcp").method_revision
