@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.arms.alike import alike_factors, visits
+from calib_core.cell.found import on_flange
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.held import point_rows
 from calib_core.chain.likelihood import NoiseShapes, linearise, linearised_at, without_pose_errors
@@ -148,7 +149,7 @@ class Design:
         moves = np.zeros((3, size))
         moves[:, :6] = self._rows[0]
         moves[:, self._data.unknowns : self._data.width] = self._rows[1]
-        if self._data.arm_scale_sigma > 0 and self.assumed.mount_from_laser.into == "tool0":
+        if self._data.arm_scale_sigma > 0 and on_flange(self.assumed.mount_from_laser):
             moves[:, self._data.width] = self._by_lengths  # as `Held.at_workpiece`
         return moves
 
