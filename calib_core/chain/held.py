@@ -138,16 +138,19 @@ class Held:
     def at_workpiece(self, point_in_laser_mm: FloatArray, half_width_mm: float) -> FloatArray:
         """Return the same in base as the arm tells it, (3, 3), mm².
 
-        An arm whose lengths are off tells the flange as much too far from the point as it made the tool long.
+        An arm whose lengths are off tells the flange as much too far from the point as it made the tool long.  The
+        lengths that were found, and the step to the tool of the poses as told, are of one cause.
         """
-        found, sigma = self.at_point(point_in_laser_mm, half_width_mm), self.lengths_sigma
-        if self.with_lengths is None or sigma <= 0 or self.state.walk.layout.mounts[0][1] != "tool0":
+        found, shared = self.at_point(point_in_laser_mm, half_width_mm), self.state.shared
+        if self.with_lengths is None or shared is None or self.state.walk.layout.mounts[0][1] != "tool0":
             return found
         rows, some = self._rows_at(point_in_laser_mm, half_width_mm), self.tool_and_scanner
-        swallowed = rows @ self.with_lengths[some] / sigma
-        left = swallowed - sigma * self.state.mount(0).apply(point_in_laser_mm)
-        variances, axes = np.linalg.eigh(found - np.outer(swallowed, swallowed))
-        return (axes * np.maximum(variances, 0.0)) @ axes.T + np.outer(left, left)
+        way = self.lengths_sigma * self.state.mount(0).apply(point_in_laser_mm)
+        swallowed = rows @ self.with_lengths[some] / self.lengths_sigma
+        step = np.zeros(3) if self.by_poses is None else rows @ self.by_poses[some]
+        variances, axes = np.linalg.eigh(found - np.outer(step, step) - np.outer(swallowed, swallowed))
+        left, offset = swallowed - way, step - shared[0] * way
+        return (axes * np.maximum(variances, 0.0)) @ axes.T + np.outer(left, left) + np.outer(offset, offset)
 
     def _rows_at(self, point_in_laser_mm: FloatArray, half_width_mm: float) -> FloatArray:
         """Return how a measured point moves with the first mount and its scanner's nuisances, (3, 6 + n)."""
@@ -181,7 +184,7 @@ def hold_files(judged: Judged, apply: bool) -> Held:
         covariance=covariance,
         half_width_mm=judged.data.half_width_mm,
         arm=arm,
-        with_lengths=None if sought is None else judged.inflation * sought.with_lengths,
+        with_lengths=None if sought is None or held.lengths_sigma <= 0 else judged.inflation * sought.with_lengths,
     )
 
 

@@ -12,7 +12,7 @@ from calib_core.chain.answer import surface_distances
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
 from calib_core.findings import judgement, reasons_of
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.verdict import tcp_findings
 
 CHI2_6_RARE = 27.9  # one in ten thousand
@@ -231,6 +231,25 @@ def test_applied_the_tool_is_the_true_one_and_covered_the_workpiece_is() -> None
         measured = raw * (1 + np.array([values[1], 0.0, values[2]])) + [values[3] * raw[2], 0, 0] if apply else raw
         off = solution.joint.mount_from_laser.apply(measured) - of.truth.apply(point)
         assert squared(off, solution.at_point) < 21.1
+
+
+@pytest.mark.parametrize("share", [-3e-4, 3e-4])
+def test_in_base_as_the_arm_tells_it_its_lengths_cancel_at_the_workpiece(share: float) -> None:
+    of = cell("tcp", 1)
+    told_poses = [
+        (
+            o,
+            RigidTransform.of(
+                o.base_from_tool0.rotation, (1 + share) * o.base_from_tool0.translation_mm, "base", "tool0"
+            ),
+        )
+        for o in of.observations
+    ]
+    solution = solve_tcp([replace(o, base_from_tool0=pose) for o, pose in told_poses], SPHERE, GIVEN)
+    point = solution.seen_in_laser_mm
+    off = solution.joint.mount_from_laser.apply(point) - (1 + share) * of.truth.apply(point)
+    assert squared(off, solution.at_workpiece) < 16.3  # χ² of 3 at 1e-3
+    assert np.linalg.eigvalsh(solution.at_workpiece)[-1] < 0.8 * np.linalg.eigvalsh(solution.at_point)[-1]
 
 
 @pytest.mark.parametrize("pair", [(5, 9), (7, 12)])
