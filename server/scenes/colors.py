@@ -12,6 +12,7 @@ Rgb = tuple[int, int, int]
 USED: Rgb = (86, 128, 180)
 WAITING: Rgb = (140, 140, 145)
 REJECTED: Rgb = (230, 159, 0)
+STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
 LIGHT: Rgb = (0, 158, 115)
 SPHERE: Rgb = (150, 155, 165)
 GHOST: Rgb = (190, 75, 200)

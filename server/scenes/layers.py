@@ -14,7 +14,7 @@ from server.scenes.colors import (
     LIGHT,
     REJECTED,
     SPHERE,
-    USED,
+    STATE_COLOR,
     WAITING,
     Rgb,
     diverging_colors,
@@ -36,7 +36,6 @@ from server.scenes.scene_model import CaptureFacts, SceneFacts
 from server.scenes.turntable_layers import sphere_places, table_axis, table_circles, table_turned
 from server.scenes.uncertainty import uncertainty
 
-_STATE_COLOR: dict[str, Rgb] = {"used": USED, "rejected": REJECTED, "waiting": WAITING}
 _MANY = 20
 _ROUND = 20  # over a hundred corners around
 
@@ -80,7 +79,7 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """
     for capture in one_by_one(facts, look):
         behind = look.picked not in (None, capture.id)
-        color = faint(_STATE_COLOR[capture.state]) if behind else _STATE_COLOR[capture.state]
+        color = faint(STATE_COLOR[capture.state]) if behind else STATE_COLOR[capture.state]
         grow = 1.6 if capture.id == look.picked else 0.75 if behind else 1.0
         flange = capture.base_from_tool0
         yield nodes.axes(f"/frames/{capture.id}/flange", flange, 36.0 * grow, color)

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
-from server.scenes.colors import LIGHT, REJECTED, WAITING, diverging_colors
+from server.scenes.colors import LIGHT, REJECTED, STATE_COLOR, WAITING, diverging_colors
 from server.scenes.display_options import Look
 from server.scenes.light_sheet import fan_of_profile
 from server.scenes.markers import cross
@@ -17,17 +17,24 @@ MANY = 60
 """From so many captures on; up to here each has nodes of its own, whose looks tell its state."""
 
 _FLANGE_MM, _LASER_MM, _CROSS_MM = 28.0, 18.0, 14.0
-_MOST_LASERS, _MOST_FANS, _MOST_POINTS = 300, 40, 60_000
+_MOST_AXES, _MOST_LASERS, _MOST_FANS, _MOST_POINTS = 120, 300, 40, 60_000
 
 
 def frames_of_all(facts: SceneFacts, captures: Sequence[CaptureFacts]) -> Iterator[Node]:
-    """Draw flanges, lasers, what joins them, and crosses, as one node each."""
+    """Draw flanges, lasers, what joins them, and crosses, as one node each; of very many where flanges point."""
     ids = tuple(capture.id for capture in captures)
     flanges = [capture.base_from_tool0 for capture in captures]
-    yield nodes.many_axes("/frames/flanges", flanges, _FLANGE_MM, ids)
     lasers = [laser for capture in captures if (laser := facts.base_from_laser(capture)) is not None]
+    colors = [STATE_COLOR[capture.state] for capture in captures]
+
+    def of_all(name: str, poses: Sequence[RigidTransform], length_mm: float) -> Node:
+        if len(poses) <= _MOST_AXES:
+            return nodes.many_axes(name, poses, length_mm, ids)
+        return nodes.many_arrowheads(name, poses, length_mm, colors, ids)
+
+    yield of_all("/frames/flanges", flanges, _FLANGE_MM)
     if len(lasers) == len(flanges) <= _MOST_LASERS:
-        yield nodes.many_axes("/frames/lasers", lasers, _LASER_MM, ids)
+        yield of_all("/frames/lasers", lasers, _LASER_MM)
         ends = [(a.translation_mm, b.translation_mm) for a, b in zip(flanges, lasers, strict=True)]
         yield nodes.lines("/frames/tools", np.array(ends), WAITING, 1.0)
     crosses = [cross(c.base_from_tool0.translation_mm, _CROSS_MM) for c in captures if c.state == "rejected"]

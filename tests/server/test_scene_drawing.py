@@ -259,3 +259,17 @@ def test_small_axes_are_large_ones_scaled_down_for_the_clients_outlines() -> Non
     node = axes("/frames/p01/flange", RigidTransform.identity("base", "tool0"), 24.0, (1, 2, 3))
     assert node.arguments["axes_length"] * node.arguments["scale"] == pytest.approx(0.024)
     assert node.arguments["axes_radius"] > 100 * 0.01
+
+
+@pytest.mark.parametrize(("count", "method"), [(80, "add_batched_axes"), (400, "add_batched_meshes_simple")])
+def test_very_many_flanges_point_where_they_look_in_the_colour_of_their_state(count: int, method: str) -> None:
+    cell = make_cell(count=count, rejected=("p03",))
+    flanges = drawn(scene_facts(cell.scene()))["/frames/flanges"]
+    assert flanges.method == method
+    assert flanges.instances == tuple(capture.id for capture in cell.scene().session.captures)
+    places = flanges.arguments["batched_positions"]
+    np.testing.assert_allclose(places, [p.translation_mm / 1000 for p in cell.poses], atol=1e-6)
+    if method == "add_batched_meshes_simple":
+        told = {tuple(color) for color in flanges.arguments["batched_colors"].tolist()}
+        assert told == {USED, REJECTED}
+        assert flanges.arguments["vertices"][:, 2].argmax() == 4  # the tip, along z
