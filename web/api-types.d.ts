@@ -268,7 +268,7 @@ export interface BudgetAtPart {
 }
 
 export interface BudgetPart {
-  name: "tool" | "scanner" | "camera" | "plane" | "table" | "arm" | "arm_alike" | "angle" | "points";
+  name: "tool" | "scanner" | "camera" | "plane" | "table" | "arm" | "arm_alike" | "temperature" | "angle" | "points";
   sigma_mm: number;
   worst_sigma_mm: number;
   shared: boolean;
@@ -381,6 +381,7 @@ export interface Capture {
   excluded_because?: Excluded | null;
   included_because?: Excluded | null;
   taken?: string | null;
+  clock?: "file" | "server" | "device" | "program" | null;
   environment?: Environment | null;
   side?: 1 | -1 | null;
   board_of?: string | null;
@@ -2361,6 +2362,7 @@ export interface StoredCapture {
   excluded_because?: Excluded | null;
   included_because?: Excluded | null;
   taken?: string | null;
+  clock?: "file" | "server" | "device" | "program" | null;
   environment?: Environment | null;
   side?: 1 | -1 | null;
   board_of?: string | null;

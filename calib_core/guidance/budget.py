@@ -24,7 +24,9 @@ from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.messages import message
 from calib_core.records import Record
 
-PartName = Literal["tool", "scanner", "camera", "plane", "table", "arm", "arm_alike", "angle", "points"]
+PartName = Literal[
+    "tool", "scanner", "camera", "plane", "table", "arm", "arm_alike", "temperature", "angle", "points"
+]
 
 _HELPS: Mapping[str, str] = {
     "tool": "more captures for the tool where the guide proposes them",
@@ -34,6 +36,7 @@ _HELPS: Mapping[str, str] = {
     "table": "more angles and a second height of the sphere on the table",
     "arm": "averaging several scans from poses that differ: the arm's own scatter is alike in none",
     "arm_alike": "the arm's own calibration: its errors are alike where poses are alike",
+    "temperature": "calibrating and scanning with the arm at one temperature, warmed up",
     "angle": "a better encoder, or scans at several angles",
     "points": "filtering or more points: their noise averages out",
 }
@@ -116,6 +119,8 @@ def covariances(known: Calibrated, view: View, point_mm: FloatArray) -> dict[Par
         found[name] = rows[:, part] @ known.covariance[np.ix_(part, part)] @ rows[:, part].T
     found["arm"] = axes @ own @ axes.T
     found["arm_alike"] = arm_at_points(known, view, point_mm[None])[0][0]
+    if known.arm_growth:
+        found["temperature"] = arm_growth_at_points(known, view, point_mm[None])[0]
     if known.base_from_turntable is not None:
         lever = np.array([-point_mm[1], point_mm[0], 0.0])
         found["angle"] = sigmas.angle_rad**2 * np.outer(lever, lever)
@@ -143,7 +148,7 @@ _OPTICS: tuple[PartName, ...] = ("camera", "plane")
 _HELD, _HALVINGS = 0.95, 30
 _TOGETHER: tuple[PartName, ...] = ("tool", "table", "scanner")
 _CALIBRATED: frozenset[PartName] = frozenset({*_TOGETHER, *_OPTICS})
-_SHARED: frozenset[PartName] = frozenset({*_CALIBRATED, "arm_alike"})
+_SHARED: frozenset[PartName] = frozenset({*_CALIBRATED, "arm_alike", "temperature"})
 
 
 def together(known: Calibrated, view: View, point_mm: FloatArray) -> FloatArray:
@@ -174,6 +179,13 @@ def arm_at_points(known: Calibrated, view: View, points_mm: FloatArray) -> tuple
         half = half + np.array([skew(point) for point in points_mm]) @ turned @ together[:, 6:9]
     half = half @ axes.T
     return alike, half + np.swapaxes(half, 1, 2)
+
+
+def arm_growth_at_points(known: Calibrated, view: View, points_mm: FloatArray) -> FloatArray:
+    """Return what an arm puts into points (P, 3) that is longer than it was when calibrated, (P, 3, 3), mm²."""
+    _, out = calibrated_rows(known, view, np.zeros(3))
+    moved = known.arm_growth * view.places(known, points_mm) @ (out @ view.base_from_mount(known).T).T
+    return moved[:, :, None] * moved[:, None, :]
 
 
 def turned_back(angle_rad: float) -> FloatArray:
@@ -245,7 +257,8 @@ def budget(known: Calibrated, views: Sequence[View], point_mm: Sequence[float] |
         if name != "table" or on_table
     ]
     parts.sort(key=lambda part: -part.worst_sigma_mm)
-    cancelled = float(np.trace(apart + mean["arm_alike"] - shared)) / 3
+    warm = mean.get("temperature", np.zeros((3, 3)))
+    cancelled = float(np.trace(apart + mean["arm_alike"] + warm - shared)) / 3
     return Budget(
         frame="turntable" if on_table else "laser",
         point_mm=point.tolist(),
@@ -280,7 +293,7 @@ def _helps_most(
     largest = max(_TOGETHER, key=lambda name: float(np.trace(mean[name])))
     without = {name: _worst(total - one) for name, one in alone.items()}
     new = sum((one for name, one in mean.items() if name not in _SHARED), np.zeros((3, 3)))
-    without[largest] = _worst(optics + mean["arm_alike"] + new)
+    without[largest] = _worst(optics + mean["arm_alike"] + mean.get("temperature", 0.0) + new)
     if by_arm is not None:
         without["arm_alike"] = _worst(total - by_arm)
     best = min(without, key=lambda name: without[name])

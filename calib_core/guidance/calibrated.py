@@ -41,6 +41,8 @@ class Calibrated:
     left : (12 + n,) or None
         By how much tool, table and scanner are off for what is known of the files and stays in them. Its square
         is in the covariance.
+    arm_growth : float
+        One sigma of how much longer the arm is, of its length, for the temperatures that were told; 0 without any.
     """
 
     mount_from_laser: RigidTransform
@@ -56,6 +58,7 @@ class Calibrated:
     optics: tuple[OpticsShift, ...] = ()
     arm: ArmShare | None = None
     left: FloatArray | None = None
+    arm_growth: float = 0.0
 
     @classmethod
     def of(cls, result: Mapping[str, Any], point_in_laser_mm: Sequence[float] | None = None) -> "Calibrated":

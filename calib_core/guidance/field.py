@@ -7,7 +7,13 @@ import numpy as np
 
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, skew
-from calib_core.guidance.budget import arm_at_points, calibrated_rows, covariances, turned_back
+from calib_core.guidance.budget import (
+    arm_at_points,
+    arm_growth_at_points,
+    calibrated_rows,
+    covariances,
+    turned_back,
+)
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.records import Record
 
@@ -53,6 +59,8 @@ def at_points(known: Calibrated, views: Sequence[View], points_mm: FloatArray) -
     arm, noise = (np.mean([p[name] for p in parts], axis=0) for name in ("arm", "points"))
     by_arm = [arm_at_points(known, view, points_mm) for view in views]
     alike = np.mean([own + cancelled for own, cancelled in by_arm], axis=0)
+    if known.arm_growth:
+        alike = alike + np.mean([arm_growth_at_points(known, view, points_mm) for view in views], axis=0)
     crossed = np.array([skew(point) for point in points_mm])
     leaning = crossed @ by_lever
     shared = at_axis + leaning + np.swapaxes(leaning, 1, 2) + crossed @ twice @ np.swapaxes(crossed, 1, 2) + alike

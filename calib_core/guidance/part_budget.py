@@ -1,6 +1,7 @@
 """The error budget of a session's answer: at a point that is picked, and as a field over the table."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,10 @@ from calib_core.records import Session
 from calib_core.steps import steps_that_show, tool_stages
 
 _MOST_VIEWS = 24
+_THERMOMETERS_K = {"arm_c": 0.5, "air_c": 2.0}
+"""One sigma of the arm's temperature: as it was taken on the arm, or else from that of the air."""
+_ARM_PER_K = 23e-6
+"""Of aluminium, of which most links are cast."""
 
 
 class BudgetAtPart(Budget):
@@ -54,7 +59,7 @@ def budget_at(
     if stage is None:
         raise ConflictError("a solved tcp or chain", "none", "Solve the session first.", "tcp")
     result, cell = results[stage], session.cell
-    known = Calibrated.of(result, cell.workpiece_in_laser_mm)
+    known = _calibrated(session, result)
     views = _views(session, result, known)
     if point_mm is None and known.base_from_turntable is not None:
         mounts = [mount["center_in_turntable_mm"] for mount in result["mounts"]]
@@ -69,8 +74,23 @@ def budget_at(
 
 def field_of(session: Session, result: Mapping[str, Any]) -> list[FieldPoint]:
     """Return the field over the table of a chain's result, JSON data; raises InputError as `budget_at`."""
-    known = Calibrated.of(result, session.cell.workpiece_in_laser_mm)
+    known = _calibrated(session, result)
     return field_over_table(known, _views(session, result, known), result)
+
+
+def _calibrated(session: Session, result: Mapping[str, Any]) -> Calibrated:
+    """Return what was calibrated, with how far the arm's length is known for the temperatures that were told."""
+    used = {row["capture"] for row in result["residuals"] if row.get("used")}
+    own = [one.environment for one in session.captures if one.id in used]
+    known = Calibrated.of(result, session.cell.workpiece_in_laser_mm)
+    for name, thermometer_k in _THERMOMETERS_K.items():
+        of_session = getattr(session.environment, name, None)
+        told = [getattr(one, name, None) for one in own]
+        found = [of_session if value is None else value for value in told]
+        warm = [value for value in found if value is not None]
+        if warm:
+            return replace(known, arm_growth=_ARM_PER_K * float(np.hypot(thermometer_k, np.std(warm))))
+    return known
 
 
 def _views(session: Session, result: Mapping[str, Any], known: Calibrated) -> list[View]:

@@ -97,18 +97,18 @@ def cusum_of(measured: Sequence[Measured]) -> float:
 
     The changes, in their standard deviations, are independent where nothing changes.
     """
-    total, most = np.zeros(len(measured[0].value)), 0.0
-    information = np.linalg.inv(measured[0].covariance)
-    weighed = information @ measured[0].value
-    for one in measured[1:]:
-        known = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        half = np.linalg.cholesky(one.covariance + known)
-        total = total + np.linalg.solve(half, one.value - known @ weighed)
+    covariances, values = np.array([one.covariance for one in measured]), np.array([one.value for one in measured])
+    own = np.linalg.inv(covariances)
+    # Of those before each: what they know together, and their weighed mean.
+    known = np.linalg.inv(np.cumsum(own, axis=0)[:-1])
+    means = known @ np.cumsum(own @ values[:, :, None], axis=0)[:-1]
+    changes = np.linalg.solve(np.linalg.cholesky(covariances[1:] + known), values[1:, :, None] - means)[:, :, 0]
+    total, most = np.zeros(values.shape[1]), 0.0
+    for change in changes:
+        total = total + change
         length = float(np.linalg.norm(total))
         total = total * max(0.0, 1 - _SLACK / length) if length else total
         most = max(most, float(np.linalg.norm(total)))
-        own = np.linalg.inv(one.covariance)
-        information, weighed = information + own, weighed + own @ one.value
     return most
 
 
@@ -221,12 +221,12 @@ def _slope_by_scatter(like: Sequence[Measured], places: FloatArray) -> _Slope:
 
 def _slope_as_stated(measured: Sequence[Measured], places: FloatArray) -> _Slope:
     size = len(measured[0].value)
-    information, weighed = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
-    for place, one in zip(places, measured, strict=True):
-        design = np.hstack([np.eye(size), place * np.eye(size)])
-        known = np.linalg.inv(one.covariance)
-        information += design.T @ known @ design
-        weighed += design.T @ known @ one.value
+    known = np.linalg.inv(np.array([one.covariance for one in measured]))
+    weighed_values = known @ np.array([one.value for one in measured])[:, :, None]
+    powers = places[:, None, None] ** np.arange(3)
+    zeroth, first, second = (np.sum(powers[:, :, [k]] * known, axis=0) for k in range(3))
+    information = np.block([[zeroth, first], [first, second]])
+    weighed = np.concatenate([np.sum(powers[:, :, k] * weighed_values[:, :, 0], axis=0) for k in range(2)])
     covariance: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
     slope, spread = (covariance @ weighed)[size:], covariance[size:, size:]
     chance = chance_of(float(slope @ np.linalg.solve(spread, slope)), size)

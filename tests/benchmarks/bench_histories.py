@@ -32,8 +32,8 @@ Draw = Callable[[list[int], float], list[Measured]]
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes the 200 histories of the target."""
     kinds = [session_point(seed).covariance for seed in range(6)]
-    count = 200 if full else 40
-    programs = [_nights(seed, 24 if full else 10) for seed in range(4 if full else 1)]
+    count = 200 if full else 80
+    programs = [_nights(seed, 24 if full else 12) for seed in range(4 if full else 2)]
     return [
         *histories(count, varying(kinds), f"{_PAPERS}, poses that vary"),
         *best_possible(count, kinds, f"{_PAPERS}, poses that vary"),

@@ -6,11 +6,12 @@ import pytest
 from calib_core.archive.folder import result_data
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.workpiece import at_workpiece
-from calib_core.guidance.budget import budget, covariances, stated, together, within_95
+from calib_core.guidance.budget import BudgetPart, budget, covariances, stated, together, within_95
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.cell_plan import CellToPlan, plan_cell
-from calib_core.guidance.part_budget import budget_at
+from calib_core.guidance.part_budget import BudgetAtPart, budget_at
 from calib_core.records.planning import FieldOfView
+from calib_core.records.policy import Environment
 from calib_core.robots import parse_pose
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
@@ -133,6 +134,33 @@ def test_a_budget_tells_shared_from_averaging_parts_and_what_helps(solved) -> No
     edge = max(found.field, key=lambda point: np.hypot(*point.point_mm[:2]))
     assert middle.uncertainty_mm > 0
     assert edge.uncertainty_mm > 0.9 * middle.uncertainty_mm
+
+
+def test_the_arm_s_temperature_is_a_part_of_the_budget_where_it_is_told(solved) -> None:
+    """Aluminium: 23 µm a metre and kelvin; the flange of this cell stands about a metre from its base."""
+    session, result = solved
+    plain = budget_at(session, {"chain": result}, [30.0, 10.0, 60.0])
+
+    def told(**temperatures: float) -> BudgetAtPart:
+        warm = session.model_copy(update={"environment": Environment(**temperatures)})
+        return budget_at(warm, {"chain": result}, [30.0, 10.0, 60.0], with_field=True)
+
+    def part(found: BudgetAtPart) -> BudgetPart:
+        return next(one for one in found.parts if one.name == "temperature")
+
+    by_arm, by_air = told(arm_c=27.0, air_c=22.0), told(air_c=22.0)
+    assert 0.5 * 23e-3 * 0.5 < part(by_arm).worst_sigma_mm < 1.5 * 23e-3 * 0.5
+    assert part(by_air).worst_sigma_mm == pytest.approx(4 * part(by_arm).worst_sigma_mm)
+    assert part(by_arm).shared
+    assert plain.uncertainty_mm < by_arm.uncertainty_mm < by_air.uncertainty_mm
+    assert told(ball_c=22.0).uncertainty_mm == plain.uncertainty_mm
+    assert by_air.cancelled_mm == pytest.approx(plain.cancelled_mm)
+    assert by_air.field is not None
+    for point in by_air.field[::29]:
+        alone = budget_at(
+            session.model_copy(update={"environment": Environment(air_c=22.0)}), {"chain": result}, point.point_mm
+        )
+        assert point.shared_uncertainty_mm == pytest.approx(alone.shared_uncertainty_mm, rel=1e-9)
 
 
 def test_without_a_table_the_budget_is_the_tools(solved) -> None:

@@ -86,7 +86,7 @@ def _refused(answer: httpx.Response, *words: str) -> str:
     return f"refused: {detail}"
 
 
-def _command(*words: str) -> tuple[int, str]:
+def command(*words: str) -> tuple[int, str]:
     said = TextIOWrapper(BytesIO(), "utf-8", write_through=True)
     with redirect_stdout(said), redirect_stderr(said):
         status = main([*words])
@@ -103,14 +103,14 @@ def export_of_a_failed_verification(here: World) -> str:
 
 
 def export_of_it_by_the_command_line(here: World) -> str:
-    status, said = _command("export", str(here.failed_folder), "--format", "kuka")
+    status, said = command("export", str(here.failed_folder), "--format", "kuka")
     assert status == 1, said
     assert "verification failed" in said, said
     return f"refused: {said}"
 
 
 def its_answer_by_the_command_line(here: World) -> str:
-    status, said = _command("answer", str(here.failed_folder), "--json")
+    status, said = command("answer", str(here.failed_folder), "--json")
     assert status == 1
     assert json.loads(said)["faults"] == ["verify-fail"]
     return "refused with exit status 1, faults verify-fail"
@@ -271,7 +271,7 @@ def an_allow_that_names_everything(here: World) -> str:
 
 def an_archive_whose_result_was_edited(here: World) -> str:
     packed = here.folder / "right.zip"
-    status, said = _command("archive", "pack", str(here.right_folder), "--no-scene", "--out", str(packed))
+    status, said = command("archive", "pack", str(here.right_folder), "--no-scene", "--out", str(packed))
     assert status == 0, said
     content = BytesIO()
     with ZipFile(packed) as before, ZipFile(content, "w") as after:
@@ -286,7 +286,7 @@ def a_folder_whose_result_was_edited(here: World) -> str:
     folder = written(verified_session(19), here.folder / "edited")
     result = folder / "results" / "tcp.json"
     result.write_bytes(_moved(result.read_bytes()))
-    status, said = _command("export", str(folder), "--format", "kuka")
+    status, said = command("export", str(folder), "--format", "kuka")
     assert status == 1, said
     return f"refused: {said}"
 
