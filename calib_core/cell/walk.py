@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.cell.layout import AxisState, Carrier, Layout
+from calib_core.cell.layout import AxisState, Carrier, Layout, MovedAxis
 from calib_core.frames import (
     FloatArray,
     RigidTransform,
@@ -128,10 +128,11 @@ class Walk:
         """Return which place most of some captures (K,) saw."""
         return int(np.argmax(np.bincount(self.place[which])))
 
-    def across_robot(self) -> tuple[FloatArray, FloatArray]:
+    def across_robot(self, *, as_recorded: bool = False) -> tuple[FloatArray, FloatArray]:
         """Return what is recorded from what carries the scanner into what carries the ball, (K, 3, 3), (K, 3).
 
-        Where axes that carry the robot stand between it and the scanner, nothing is left for it.
+        Where axes that carry the robot stand between it and the scanner, nothing is left for it, unless it is
+        asked for what was recorded.
         """
         back = self.over_robot < 0
         if not back.any() and self.over_robot.all():
@@ -139,7 +140,7 @@ class Walk:
         rotations, translations = self.rotations.copy(), self.translations.copy()
         rotations[back] = np.swapaxes(self.rotations[back], 1, 2)
         translations[back] = -np.einsum("kij,kj->ki", rotations[back], self.translations[back])
-        none = (self.over_robot == 0) | (back & self._on_axes)
+        none = (self.over_robot == 0) | (back & self._on_axes & (not as_recorded))
         rotations[none], translations[none] = np.eye(3), 0.0
         return rotations, translations
 
@@ -218,17 +219,19 @@ class Walk:
 
     def flanges(self, at: Position) -> tuple[FloatArray, FloatArray]:
         """Return the flange's pose as the scanner's side sees it, (K, 3, 3), (K, 3), robots moved on axes."""
-        if not self._on_axes or not (self.over_robot < 0).any():
+        back = self.over_robot < 0
+        if not self._on_axes or not back.any():
             return self.poses
-        rotations, translations = self.rotations.copy(), self.translations.copy()
-        for a in reversed(range(len(self.layout.axes))):
-            axis, state = self.layout.axes[a], at.axes[a]
-            if axis.carries == "robot":
-                for k in np.flatnonzero(self.over_robot < 0):
-                    rotations[k], translations[k] = _carried(
-                        axis.kind, state, self.readings[k, a], rotations[k], translations[k]
-                    )
-        return rotations, translations
+        rotations, translations = self.on_foot(at.axes)
+        return (
+            np.where(back[:, None, None], rotations, self.rotations),
+            np.where(back[:, None], translations, self.translations),
+        )
+
+    def on_foot(self, axes: Sequence[AxisState]) -> tuple[FloatArray, FloatArray]:
+        """Return base_from_tool0 as the axes that carry the robot have moved it, (K, 3, 3), (K, 3)."""
+        turned, moved = foot_moves(self.layout.axes, axes, self.readings)
+        return turned @ self.rotations, np.einsum("kij,kj->ki", turned, self.translations) + moved
 
     def laser_from_base(self, at: Position) -> FloatArray:
         """Return how balls move in L with the reported position of the flange in base, (K, 3, 3).
@@ -279,13 +282,21 @@ class Walk:
         return np.concatenate([laser_from_base, laser_from_base @ skew(in_base)], axis=2)
 
 
-def _carried(
-    kind: str, axis: AxisState, reading: float, rotation: FloatArray, translation: FloatArray
+def foot_moves(
+    axes: Sequence[MovedAxis], states: Sequence[AxisState], readings: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    if kind == "linear":
-        return rotation, translation + axis.scale * reading * axis.rotation[:, 2]
-    turn = rotation_from_vector(axis.scale * reading * axis.rotation[:, 2])
-    return turn @ rotation, turn @ (translation - axis.origin) + axis.origin
+    """Return how those of axes (A) that carry the robot have moved its foot at readings, (K, 3, 3), (K, 3)."""
+    turned, moved = np.tile(np.eye(3), (len(readings), 1, 1)), np.zeros((len(readings), 3))
+    for axis, at, reading in reversed(list(zip(axes, states, readings.T, strict=True))):
+        if axis.carries != "robot":
+            continue
+        way = at.scale * reading[:, None] * at.rotation[:, 2]
+        if axis.kind == "linear":
+            moved = moved + way
+            continue
+        turn = np.array([rotation_from_vector(one) for one in way]).reshape(-1, 3, 3)
+        turned, moved = turn @ turned, np.einsum("kij,kj->ki", turn, moved - at.origin) + at.origin
+    return turned, moved
 
 
 def ways(

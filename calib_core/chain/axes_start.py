@@ -11,14 +11,15 @@ from itertools import product
 import numpy as np
 
 from calib_core.cell.layout import AxisState
-from calib_core.cell.walk import Position, Walk
+from calib_core.cell.walk import Position, Walk, foot_moves
 from calib_core.chain.spread import AGREE_MM, robust_costs
 from calib_core.errors import MotionError
-from calib_core.frames import FloatArray, with_third
+from calib_core.frames import FloatArray, skew, with_third
 
 _ROUNDS, _REFINED, _STEPS = 6, 8, 25
 _RIDGE = 1e-6
 _DAMPING = 1e-4
+_AT_REST = AxisState(np.eye(3), np.zeros(3), 0.0)
 _FAR_MM = 20.0  # a guess whose median misfit is more is none
 
 
@@ -36,7 +37,7 @@ def axes_start(
     mounts : (S, 3, 3), (S, 3)
         Of the scanners, which are kept.
     known : mapping
-        Linear axes under the robot, by their names.
+        Axes under the robot, by their names.
 
     Raises
     ------
@@ -62,8 +63,10 @@ def axes_guesses(
     axes = walk.layout.axes
     kept = {a: known[axis.name] for a, axis in enumerate(axes) if axis.name in known}
     rotary = [a for a, axis in enumerate(axes) if axis.kind == "rotary" and walk.layout.rides[:, a].any()]
-    moved = sum((walk.readings[:, [a]] * at.scale * at.rotation[:, 2] for a, at in kept.items()), np.zeros(3))
-    in_ground = centers + np.broadcast_to(moved, (len(centers), 3))[:, None] * (walk.over_robot > 0)[:, None, None]
+    feet = [kept.get(a, _AT_REST) for a in range(len(axes))]
+    turned, moved = foot_moves(axes, feet, walk.readings)
+    on_foot = (walk.over_robot > 0)[:, None, None]
+    in_ground = np.where(on_foot, np.einsum("kij,ksj->ksi", turned, centers) + moved[:, None], centers)
     every = [dict(zip(rotary, ways, strict=True)) for ways in product(_ways(), repeat=len(rotary))]
     tried = [_linear(walk, in_ground, ways) for ways in every]
     tried.sort(key=lambda one: one[1])
@@ -94,7 +97,7 @@ def _linear(walk: Walk, centers: FloatArray, ways: dict[int, FloatArray]) -> tup
         if layout.axes[a].kind == "linear":
             parts[rides, :, own] += reading[:, None, None] * np.eye(3)
         else:
-            turn = _turns(ways[a], reading)
+            turn = turns_about(ways[a], reading)
             parts[rides] = turn @ parts[rides]
             parts[rides, :, own] += np.eye(3) - turn
     seen, weight = centers.mean(axis=1), np.ones(len(centers))
@@ -113,8 +116,9 @@ def _linear(walk: Walk, centers: FloatArray, ways: dict[int, FloatArray]) -> tup
     return (ways, found), float(robust_costs(off))
 
 
-def _turns(way: FloatArray, angles_rad: FloatArray) -> FloatArray:
-    cross = np.array([[0, -way[2], way[1]], [way[2], 0, -way[0]], [-way[1], way[0], 0]])
+def turns_about(way: FloatArray, angles_rad: FloatArray) -> FloatArray:
+    """Return the turns by angles (K,) about a direction (3,), (K, 3, 3)."""
+    cross = skew(way)
     sine, cosine = np.sin(angles_rad)[:, None, None], np.cos(angles_rad)[:, None, None]
     return np.eye(3) + sine * cross + (1 - cosine) * (cross @ cross)
 

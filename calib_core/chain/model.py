@@ -233,8 +233,8 @@ class ChainData:
             offsets=np.concatenate([[0], np.cumsum(lengths[used])]),
         )
 
-    def of_one_scanner(self, which: int, ways: FloatArray) -> "ChainData":
-        """Return one scanner's captures of one ball alone, the ways (A, 3) of axes under the robot known."""
+    def of_one_scanner(self, which: int, axes: Sequence[AxisState]) -> "ChainData":
+        """Return one scanner's captures of one ball alone, the axes under the robot known."""
         walk = self.walk
         if len(walk.layout.mounts) == len(walk.layout.places) == 1 and not walk.layout.axes:
             return self
@@ -243,9 +243,16 @@ class ChainData:
         some = self.chosen(own & (walk.place == place))
         alone = Layout((walk.layout.mounts[which],), (walk.layout.places[place],))
         kept, zero = some.nuisance_of[0], np.zeros(some.count, dtype=np.int64)
-        moved = some.walk.translations + some.walk.readings @ ways
-        readings = np.empty((some.count, 0))
-        own = replace(some.walk, layout=alone, translations=moved, scanner=zero, place=zero, readings=readings)
+        turned, moved = some.walk.on_foot(axes)
+        own = replace(
+            some.walk,
+            layout=alone,
+            rotations=turned,
+            translations=moved,
+            scanner=zero,
+            place=zero,
+            readings=np.empty((some.count, 0)),
+        )
         rotations, translations = own.across_robot()
         return replace(
             some,

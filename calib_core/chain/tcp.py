@@ -13,13 +13,14 @@ import numpy as np
 from calib_core.arms.alike import visits
 from calib_core.arms.errors import ArmTerm
 from calib_core.cell.layout import AxisState, KnownDistance, Layout, MovedAxis
-from calib_core.cell.walk import Position
+from calib_core.cell.walk import Position, foot_moves
 from calib_core.chain.answer import Answer, answer_of
 from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
 from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.balls import candidates, middle_of
 from calib_core.chain.effective import with_effective_points
+from calib_core.chain.foot_start import Foot, better_foot, find_foot
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.incidents import Happened, named_causes
 from calib_core.chain.influence import Influence, influence_of
@@ -27,7 +28,6 @@ from calib_core.chain.leave_one_out import WithoutOne, without_each
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.rail_start import find_ways, shifted
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, core_of, judge_from, with_more_spread
 from calib_core.chain.scanner import ScannerPriors
@@ -47,13 +47,14 @@ from calib_core.chain.unmodelled import Unmodelled, unmodelled_of
 from calib_core.chain.warm_up import WarmUp, warm_up_of
 from calib_core.chain.without_turns import OpenShifts, open_shifts
 from calib_core.errors import MotionError
-from calib_core.frames import FloatArray, with_third
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import Value, plural
 
 Progress = Callable[[float, str], None]
 _LEAST_CAPTURES = 5
 _SAME_POSE_MM = 0.05
 _MOST_LEFT_OUT = 60
+_FOOT_ROUNDS = 2
 
 
 @dataclass(frozen=True)
@@ -222,7 +223,7 @@ def solve_tcp(
     groups = by_scanner(observations)
     mains = main_balls(observations, groups)
     layout = layout_of(observations, moving_axes(observations, options.axes))
-    ways, starts = _starts(observations, sphere, layout, mains)
+    axes, starts = _starts(observations, sphere, layout, mains)
 
     tell(0.35, "Fitting all captures jointly")
     measured_sigma = pooled_point_sigma(observations, sphere)
@@ -235,11 +236,11 @@ def solve_tcp(
     starts = [[shifts.start_at_zero(one) for one in of_scanner] for of_scanner in starts]
     given = options.position_sigma_mm, options.orientation_sigma_rad, *options.sigmas_of(layout)
     every = [
-        likeliest_sides(data.of_one_scanner(n, ways), of_scanner, given[:2]) for n, of_scanner in enumerate(starts)
+        likeliest_sides(data.of_one_scanner(n, axes), of_scanner, given[:2]) for n, of_scanner in enumerate(starts)
     ]
     chosen, start = every[0], every[0].start
     data = replace(data, distances=layout.apart(options.distances))
-    state, core, spread = together(data, mains, every, ways)
+    state, core, spread = together(data, mains, every, axes)
     state, core = with_other_balls(data, centers_of(observations, sphere), state, core)
     judged = with_more_spread(judge_from(observations, data, state, core, given), spread)
     held = hold_files(judged, options.apply_scanner)
@@ -349,47 +350,41 @@ def with_other_balls(
 
 
 def moving_axes(observations: Sequence[SphereObservation], axes: Sequence[MovedAxis]) -> tuple[MovedAxis, ...]:
-    """Return the axes that carry the robot and that moved between captures of the still sphere.
-
-    Raises
-    ------
-    MotionError
-        If one of them turns: it cannot be told from the robot's own first axis by such captures.
-    """
+    """Return the axes that carry the robot and that moved between captures of the still sphere."""
     moved = [axis for axis in axes if axis.carries == "robot"]
-    moved = [axis for axis in moved if len({o.readings.get(axis.name, 0.0) for o in observations}) > 1]
-    turning = [axis.name for axis in moved if axis.kind == "rotary"]
-    if turning:
-        raise MotionError(
-            "captures of the still sphere with the axis '{axis}' at one angle",
-            "captures at several angles of it: a rotary axis under the robot is not found yet",
-            "Leave it where it is for these captures.",
-            axis=turning[0],
-        )
-    return tuple(moved)
+    return tuple(axis for axis in moved if len({o.readings.get(axis.name, 0.0) for o in observations}) > 1)
 
 
 def _starts(
     observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
-) -> tuple[FloatArray, list[list[Start]]]:
-    """Return the ways (A, 3) of axes under the robot, and each scanner's starts, the likeliest first."""
+) -> tuple[tuple[AxisState, ...], list[list[Start]]]:
+    """Return the axes under the robot, and each scanner's starts, the likeliest first."""
     every = [centers_of([observations[k] for k in some], sphere) for some in groups]
     if not layout.axes:
-        return np.zeros((0, 3)), [find_starts(centers) for centers in every]
+        return (), [find_starts(centers) for centers in every]
     readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
-    over = np.array([o.carriers.over_robot for o in observations])
-    first = next((n for n, some in enumerate(groups) if over[some[0]] > 0), None)
-    if first is None:
-        raise MotionError(
-            "a scanner on the flange where the robot stands on a linear axis",
-            "scanners that stand still alone",
-            "Leave the axis where it is for these captures.",
-        )
-    ways, _ = find_ways(every[first], readings[groups[first]])
-    return ways, [
-        find_starts(shifted(centers, readings[some], ways, int(over[some[0]])))
-        for centers, some in zip(every, groups, strict=True)
+    n = max(range(len(groups)), key=lambda n: len(groups[n]))
+    largest, over = groups[n], observations[groups[n][0]].carriers.over_robot
+    given = every[n], Foot(layout.axes, readings[largest]), over
+    axes = find_foot(*given)
+    for _ in range(_FOOT_ROUNDS):
+        start = find_starts(_on_foot([observations[k] for k in largest], sphere, layout, axes))[0]
+        axes = better_foot(*given, axes, start)
+    moved = [_on_foot([observations[k] for k in some], sphere, layout, axes) for some in groups]
+    return axes, [find_starts(centers) for centers in moved]
+
+
+def _on_foot(
+    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, axes: Sequence[AxisState]
+) -> Centers:
+    """Return balls' centres with the robot's poses as the axes under it have moved them."""
+    readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
+    feet = zip(*foot_moves(layout.axes, axes, readings), strict=True)
+    moved = [
+        replace(o, base_from_tool0=RigidTransform.of(turn, shift, "base", "base") @ o.base_from_tool0)
+        for o, (turn, shift) in zip(observations, feet, strict=True)
     ]
+    return centers_of(moved, sphere)
 
 
 def with_own_sigmas(
@@ -408,14 +403,15 @@ def with_own_sigmas(
 def visits_of(data: ChainData) -> FloatArray:
     """Return how often each capture's scanner was at its pose, (K,)."""
     found, ends = np.ones(data.count), np.column_stack([data.walk.scanner, data.walk.place])
+    rotations, translations = data.walk.across_robot(as_recorded=True)
     for end in np.unique(ends, axis=0):
         own = (ends == end).all(axis=1)
-        found[own] = visits(data.rotations[own], data.translations[own])
+        found[own] = visits(rotations[own], translations[own])
     return found
 
 
 def together(
-    data: ChainData, groups: Sequence[np.ndarray], chosen: Sequence[ChosenSides], ways: FloatArray
+    data: ChainData, groups: Sequence[np.ndarray], chosen: Sequence[ChosenSides], axes: tuple[AxisState, ...]
 ) -> tuple[ChainState, np.ndarray, FloatArray]:
     """Return a state from what scanners found one by one, captures that agree with it, and the sides' spread."""
     layout, starts = data.walk.layout, [one.start for one in chosen]
@@ -435,7 +431,7 @@ def together(
         np.array([start.rotation for start in starts]),
         np.array([start.translation for start in starts]),
         np.array([np.mean(found, axis=0) if found else unseen for found in centers]),
-        tuple(AxisState(with_third(way), np.zeros(3)) for way in ways),
+        axes,
     )
     return ChainState.at(data, position), core, spread
 

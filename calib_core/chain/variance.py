@@ -237,8 +237,9 @@ def _representative(data: ChainData) -> np.ndarray:
     """Return the captures from which sigmas are estimated: one of each pose that was visited, and not too many."""
     count = data.count
     chosen = np.arange(count)
-    if (visits(data.rotations, data.translations) > 1).any():
-        numbers = np.hstack([np.round(data.rotations.reshape(count, 9), 5), np.round(data.translations, 2)])
+    rotations, translations = data.walk.across_robot(as_recorded=True)
+    if (visits(rotations, translations) > 1).any():
+        numbers = np.hstack([np.round(rotations.reshape(count, 9), 5), np.round(translations, 2)])
         if data.walk.layout.axes or len(data.walk.layout.mounts) > 1 or len(data.walk.layout.places) > 1:
             numbers = np.column_stack([numbers, data.walk.readings, data.walk.place, data.walk.scanner])
         chosen = np.sort(np.unique(numbers, axis=0, return_index=True)[1])

@@ -91,16 +91,18 @@ class OpenShifts:
 
 def open_shifts(data: ChainData) -> OpenShifts:
     """Return the directions that no pose of captures turns."""
-    turned = data.rotations.mean(axis=0)
-    spread = (data.rotations - turned).reshape(-1, 3)
+    rotations, translations = data.walk.across_robot(as_recorded=True)
+    turned = rotations.mean(axis=0)
+    spread = (rotations - turned).reshape(-1, 3)
     values, vectors = np.linalg.eigh(spread.T @ spread / data.count)
     still = vectors.T[values < _ALIKE_RAD**2]
     directions = np.eye(3) if len(still) == 3 else still if len(still) == 1 else np.zeros((0, 3))
     u, _, vt = np.linalg.svd(turned)
-    shifts, through = OpenShifts(directions, u @ vt), data.translations.mean(axis=0)
-    off = data.translations - through
+    shifts, through = OpenShifts(directions, u @ vt), translations.mean(axis=0)
+    off = translations - through
     values, vectors = np.linalg.eigh(off.T @ off / data.count)
-    if len(still) < 3 or not values[1] < _ON_LINE_MM**2 < values[2]:
+    on_axes = any(axis.carries == "robot" for axis in data.walk.layout.axes)
+    if on_axes or len(still) < 3 or not values[1] < _ON_LINE_MM**2 < values[2]:
         return shifts
     return replace(shifts, travel=shifts.turned.T @ vectors[:, 2], through=through)
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import calib_core as cc
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray
 from calib_core.records import Session
@@ -103,3 +104,18 @@ def test_a_recheck_takes_the_robot_where_its_rail_brought_it() -> None:
     assert wrong.change_mm == pytest.approx(4.0, abs=1.0)
     with pytest.raises(MotionError):  # another place of the rail is another pose
         rechecked(cell, 60.0, back=False)
+
+
+def test_each_capture_is_verified_by_its_own_scanners_mount() -> None:
+    simulated, _ = cc.simulate("scanners-on-flange-and-base", 1)
+    own: dict[str | None, list[str]] = {}
+    for capture in simulated.captures:
+        own.setdefault(capture.scanner, []).append(capture.id)
+    held = {name for names in own.values() for name in names[3::4]}
+    captures = [one.model_copy(update={"step": "verify"}) if one.id in held else one for one in simulated.captures]
+    record = simulated.record.model_copy(update={"captures": captures})
+    result = cc.OpenSession(record, simulated.read).run("verify")["verify"]
+    assert {row.capture for row in result.residuals if row.used} == held
+    assert result.verdict != "fail"
+    assert result.chance > 0.001
+    assert result.held_out_scatter_rms_mm < 0.3

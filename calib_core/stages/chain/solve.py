@@ -10,7 +10,7 @@ from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Kept, SolvedTable, SolvedTcp, StageInput
 from calib_core.records.results import ArmModelFound, FoundFrame
 from calib_core.stages.chain.record import ChainResult
-from calib_core.stages.tcp.solve import with_all_rows
+from calib_core.stages.tcp.solve import of_several_balls, with_all_rows
 from calib_core.stages.turntable.solve import findings_of_table, part_of, table_of, table_options, tcp_of, tool_of
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def _findings(
     return [
         *disagreements(solution),
         *findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere, tool),
-        *solution_findings(solution.tcp, given.captures),
+        *of_several_balls(given, solved, solution_findings(solution.tcp, given.captures)),
         *arm_findings(given.session.cell, solution.tcp.arm),
         *lag_findings(solved.observations, solution.tcp.sigmas),
         *lost_rays_of(both),

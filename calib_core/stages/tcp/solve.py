@@ -12,10 +12,11 @@ from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.causes.flange import flange_findings
 from calib_core.cell.axes import moved_axes, reading_sigmas
-from calib_core.cell.carriers import told_distances
+from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.findings import Finding, reasons_of, sentence_of, verdict_of
+from calib_core.findings.codes import tcp as codes
 from calib_core.findings.codes.captures import CAPTURE_DUPLICATE
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, SolvedTcp, StageInput
@@ -68,7 +69,7 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     from calib_core.stages.tcp.result import solution_findings
     from calib_core.stages.tcp.verdict import lag_findings
 
-    found = solution_findings(solved.solution, given.captures)
+    found = of_several_balls(given, solved, solution_findings(solved.solution, given.captures))
     found += lag_findings(solved.observations, solved.solution.sigmas)
     found += lost_rays_of(solved.observations)
     found += arm_findings(given.session.cell, solved.solution.arm)
@@ -79,6 +80,16 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     told = [one for one in found if not (one.remedy is not None and about_causes & set(one.captures))]
     fit = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
     return [*flange_findings(given.session.cell, fit), *causes, *told, *solved.unused]
+
+
+def of_several_balls(given: StageInput, solved: SolvedTcp, found: list[Finding]) -> list[Finding]:
+    """Return findings in which arcs that were not told apart are no poses that do not fit."""
+    carriers = {o.carriers.ball for o in solved.observations if not o.ball}
+    told = max((len(told_balls(given.session.cell, carrier)) for carrier in carriers), default=0)
+    if told < 2 or all(one.code != codes.POSES_DO_NOT_FIT.name for one in found):
+        return found
+    others = [one for one in found if one.code != codes.POSES_DO_NOT_FIT.name]
+    return [codes.BALLS_NOT_TOLD_APART(count=told), *others]
 
 
 def _causes_of_poses(given: StageInput, solved: SolvedTcp) -> list[Finding]:

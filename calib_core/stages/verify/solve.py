@@ -27,14 +27,22 @@ from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.agreement import disagreeing
 from calib_core.stages.verify.calibrated import that_calibrated
 from calib_core.stages.verify.contradictions import contradictions
-from calib_core.stages.verify.decision import TITLES, checked, decision_findings, overall, probing, tool_error
+from calib_core.stages.verify.decision import (
+    TITLES,
+    Estimate,
+    checked,
+    decision_findings,
+    overall,
+    probing,
+    tool_error,
+)
 from calib_core.stages.verify.flatness import Plate, plate
 from calib_core.stages.verify.held_out import HeldOut, held_out, together
 from calib_core.stages.verify.limits import LIMITS, limit_findings
 from calib_core.stages.verify.on_axes import axes_of_answer, axis_moves, on_axes
 from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
-from calib_core.stages.verify.tool import Tool
+from calib_core.stages.verify.tool import Tool, mounts_of
 from calib_core.steps import steps_that_show
 
 _ANSWER_SHARE = 0.6
@@ -79,8 +87,12 @@ def solve(given: StageInput) -> VerifyResult:
             "captures",
             least_captures=LEAST_CAPTURES,
         )
-    spheres = by_sphere(observed.observations, of_sphere)
-    alone = [mount for mount, seen in spheres.items() if len({o.capture for o in seen}) < LEAST_CAPTURES]
+    groups = by_sphere(observed.observations, of_sphere)
+    alone = [
+        mount or scanner
+        for (mount, scanner), seen in groups.items()
+        if len({o.capture for o in seen}) < LEAST_CAPTURES
+    ]
     if alone and count >= LEAST_CAPTURES:
         to_do = message("Capture sphere '{alone}' again, or give its capture the right `mount`.", alone=alone[0])
         raise MotionError(
@@ -97,16 +109,25 @@ def solve(given: StageInput) -> VerifyResult:
     findings, found, doubtful = [*same], None, list[Finding]()
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     if count >= LEAST_CAPTURES:
-        observed = replace(observed, observations=[o for seen in spheres.values() for o in seen])
-        found = together([held_out(seen, sphere, tool) for seen in spheres.values()])
-        first = next(iter(spheres.values()))
+        observed = replace(observed, observations=[o for seen in groups.values() for o in seen])
+        parts = [held_out(seen, sphere, tool.of_scanner(scanner)) for (_, scanner), seen in groups.items()]
+        found = together(parts)
+        (_, scanner), first = next(iter(groups.items()))
+        own, spheres = (
+            tool.of_scanner(scanner),
+            {mount: seen for (mount, by), seen in groups.items() if by == scanner},
+        )
         doubtful = contradictions(first, sphere.radius_mm, found)
+        errors = {
+            by: tool_error(part.asked, tool.of_scanner(by))
+            for (_, by), part in reversed([*zip(groups, parts, strict=True)])
+        }
         checks = [
-            *_checks(given, first, sphere, tool, found, not doubtful),
-            *_spacing(given, spheres, sphere, tool),
+            *_checks(given, first, sphere, own, [*errors.values()], not doubtful),
+            *_spacing(given, spheres, sphere, own),
             *checks,
         ]
-        findings += [*doubtful, *_disagreeing(first, sphere, tool, found)]
+        findings += [*doubtful, *_disagreeing(first, sphere, own, found)]
     unchecked = _unchecked(limits, checks, flat)
     decision = overall(checks, len(unchecked))
     findings += [
@@ -239,12 +260,12 @@ def _checks(
     observations: Sequence[SphereObservation],
     sphere: SphereSize,
     tool: Tool,
-    found: HeldOut,
+    errors: Sequence[Estimate],
     sound: bool,
 ) -> list[VerifyCheck]:
     """Return the figures that limits may be set for, each with its limit; unsound captures decide none."""
     limits = given.session.cell.verification
-    error = tool_error(found.asked, tool)
+    error = max(errors, key=lambda one: one.value_mm)
     count = len({o.capture for o in observations}) if sound else 0
     checks = [checked("tool", error, limits.tool_mm, count)]
     points = [
@@ -308,7 +329,8 @@ def _tool(given: StageInput) -> tuple[Tool, Placement | None, str, list[Finding]
     cell = given.session.cell
     if (tool := known_scanner(cell)) is not None:
         robot = cell.robot.position_sigma_mm or 0.0, cell.robot.orientation_sigma_rad or 0.0
-        return Tool(tool, np.zeros((6, 6)), *robot), None, "known", [], None
+        mounts = mounts_of(cell.known.frames or [])
+        return Tool(tool, np.zeros((6, 6)), *robot, others=mounts), None, "known", [], None
     stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"
     answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
     assert isinstance(answer, ToolResult)

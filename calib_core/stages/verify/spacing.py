@@ -18,12 +18,12 @@ _FREEDOM = 3
 
 def by_sphere(
     observations: Sequence[SphereObservation], captures: Sequence[Capture]
-) -> dict[str, list[SphereObservation]]:
-    """Return the observations by the sphere that their capture's `mount` names, that of most captures first."""
+) -> dict[tuple[str, str], list[SphereObservation]]:
+    """Return the observations by their capture's `mount` and their scanner, those of most captures first."""
     mounts = {capture.id: capture.mount or "" for capture in captures}
-    found: dict[str, list[SphereObservation]] = {}
+    found: dict[tuple[str, str], list[SphereObservation]] = {}
     for observation in observations:
-        found.setdefault(mounts[observation.capture], []).append(observation)
+        found.setdefault((mounts[observation.capture], observation.scanner), []).append(observation)
     return dict(sorted(found.items(), key=lambda one: -len(one[1])))
 
 

@@ -1,12 +1,14 @@
 """The tool that is verified."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from calib_core.cell.found import as_used
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.records.results import FoundFrame
+from calib_core.records.topology import KnownFrame
 from calib_core.stages.tcp.record import ToolResult
 
 
@@ -24,6 +26,8 @@ class Tool:
     axis_moves : mapping
         By captures, how one sigma of each error of the cell's axes turns and shifts the robot (6, n), rad and mm,
         as seen from what carries the ball.
+    others : mapping
+        Of several scanners, the pose of each on what carries it by its name, and its covariance.
     """
 
     mount_from_laser: RigidTransform
@@ -31,6 +35,9 @@ class Tool:
     position_sigma_mm: float = 0.0
     orientation_sigma_rad: float = 0.0
     axis_moves: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
+    others: Mapping[str, tuple[RigidTransform, FloatArray]] = field(
+        default_factory=dict[str, tuple[RigidTransform, FloatArray]]
+    )
 
     @classmethod
     def of(cls, answer: ToolResult) -> "Tool":
@@ -41,4 +48,22 @@ class Tool:
             np.array(as_used(answer.model_dump())["covariance"], dtype=float),
             parts.position_sigma_mm,
             parts.orientation_sigma_rad,
+            others=mounts_of(answer.frames),
         )
+
+    def of_scanner(self, name: str) -> "Tool":
+        """Return the same for another scanner's own mount; the first one's where that is not known."""
+        mount, covariance = self.others.get(name, (self.mount_from_laser, self.covariance))
+        return replace(self, mount_from_laser=mount, covariance=covariance)
+
+
+def mounts_of(frames: Iterable[FoundFrame | KnownFrame]) -> dict[str, tuple[RigidTransform, FloatArray]]:
+    """Return scanners' poses among frames by the scanners' names; what is not told of them counts as exact."""
+    return {
+        one.scanner: (
+            RigidTransform.from_rounded(one.matrix, one.into, "laser"),
+            np.zeros((6, 6)) if one.covariance is None else np.array(one.covariance, dtype=float),
+        )
+        for one in frames
+        if one.outof == "laser" and one.scanner and np.isfinite(np.array(one.matrix, dtype=float)).all()
+    }
