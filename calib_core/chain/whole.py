@@ -259,7 +259,7 @@ def _table_part(
     residuals = table_residuals(observations, walk, state, frame)
     used = judged.used[-count:]
     two_step = tcp.two_step.mount_from_laser if tcp.two_step else None
-    tool = KnownTool(tcp.joint.mount_from_laser, None, two_step)
+    tool = KnownTool(tcp.joint.mount_from_laser, tcp.held, two_step)
     size = judged.data.walk.layout.axis_and_places(judged.data.walk.layout.table)
     return TurntableSolution(
         frame=frame,

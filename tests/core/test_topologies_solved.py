@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 import calib_core as cc
+from calib_core.library.opened import in_memory
+from calib_core.simulation import TopologyScenario
+from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
+from calib_core.simulation.topology_cell import simulate_topology
 from tests.topology_errors import distances
 
 CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
@@ -38,6 +42,28 @@ def test_every_edge_is_within_what_is_stated(scenario: str, names: list[str]) ->
     for name, squared, freedom, _ in found:
         assert squared < CHI2[freedom], name
     assert all(row.used for row in last.residuals if "arc" not in str(row.reason))
+
+
+WAIST = AxisOptions("waist", "rotary", "robot", point_in_base_mm=(150.0, -100.0, 0.0), low=-60.0, high=60.0)
+RAIL = AxisOptions("rail", "linear", "robot", None, (0.0, 1.0, 0.0), low=0.0, high=400.0, sigma=0.02)
+
+
+@pytest.mark.parametrize(
+    ("scanner", "ball", "axes"),
+    [
+        (ScannerOptions(), BallOptions(), (WAIST,)),
+        (ScannerOptions("gate", "base"), BallOptions("held", "tool0", (25.0, -40.0, 130.0)), (RAIL, WAIST)),
+    ],
+)
+def test_axes_of_either_kind_under_the_robot(
+    scanner: ScannerOptions, ball: BallOptions, axes: tuple[AxisOptions, ...]
+) -> None:
+    session, files, truth = simulate_topology(TopologyScenario("", (scanner,), (ball,), axes), "drawn", 1)
+    result = in_memory(session, files).run("tcp")["tcp"]
+    assert result.verdict == "pass"
+    assert [axis.name for axis in result.axes] == [axis.name for axis in axes]
+    for name, squared, freedom, _ in distances(result, truth):
+        assert squared < CHI2[freedom], name
 
 
 def test_two_scanners_at_one_stop_are_known_to_each_other_better_than_on_the_flange() -> None:

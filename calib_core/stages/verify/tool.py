@@ -61,7 +61,7 @@ def mounts_of(frames: Iterable[FoundFrame | KnownFrame]) -> dict[str, tuple[Rigi
     """Return scanners' poses among frames by the scanners' names; what is not told of them counts as exact."""
     return {
         one.scanner: (
-            RigidTransform.from_rounded(one.matrix, one.into, "laser"),
+            RigidTransform.from_rounded(one.matrix, "base" if one.into == "base" else "tool0", "laser"),
             np.zeros((6, 6)) if one.covariance is None else np.array(one.covariance, dtype=float),
         )
         for one in frames
