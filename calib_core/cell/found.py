@@ -1,15 +1,19 @@
 """Where a result, or what is known of a cell, says that scanner and ball are."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
+
+import numpy as np
 
 from calib_core.cell.carriers import scanner_mount
 from calib_core.cell.layout import Carrier
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Cell
 from calib_core.records.base import Matrix4, OpenMatrix4, Record, Rows, Vector3
+from calib_core.records.results import FoundFrame
+from calib_core.records.topology import KnownFrame
 
 _MOUNTS: Final[tuple[Carrier, ...]] = ("tool0", "base")
 ON_FLANGE: Final = "tool0_from_laser"
@@ -89,6 +93,20 @@ def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
 def told_by(mount_from_laser: RigidTransform) -> dict[str, Any]:
     """Return a scanner's pose by the name of its field in records."""
     return {f"{mount_from_laser.into}_from_laser": mount_from_laser.to_rows()}
+
+
+def mounts_of(frames: Iterable[FoundFrame | KnownFrame]) -> dict[str, tuple[RigidTransform, FloatArray]]:
+    """Return scanners' poses among frames by the scanners' names; what is not told of them counts as exact."""
+    told = [one for one in frames if one.outof == "laser" and one.scanner]
+    return {
+        one.scanner or "": (
+            RigidTransform.from_rounded(one.matrix, mount, "laser"),
+            np.zeros((6, 6)) if one.covariance is None else np.array(one.covariance, dtype=float),
+        )
+        for one in told
+        for mount in _MOUNTS
+        if one.into == mount and np.isfinite(np.array(one.matrix, dtype=float)).all()
+    }
 
 
 def known_scanner(cell: Cell) -> RigidTransform | None:

@@ -11,7 +11,7 @@ from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED
 from calib_core.captures.placement import Placement
 from calib_core.cell.carriers import other_end, scanner_mount
-from calib_core.cell.found import known_scanner, told_by
+from calib_core.cell.found import known_scanner, mounts_of, told_by
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MotionError
 from calib_core.findings import judgement, reasons_of
@@ -42,7 +42,7 @@ from calib_core.stages.verify.limits import LIMITS, limit_findings
 from calib_core.stages.verify.on_axes import axes_of_answer, axis_moves, on_axes
 from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
-from calib_core.stages.verify.tool import Tool, mounts_of
+from calib_core.stages.verify.tool import Tool
 from calib_core.steps import steps_that_show
 
 _ANSWER_SHARE = 0.6

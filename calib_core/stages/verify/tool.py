@@ -1,14 +1,12 @@
 """The tool that is verified."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.cell.found import as_used
+from calib_core.cell.found import as_used, mounts_of
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records.results import FoundFrame
-from calib_core.records.topology import KnownFrame
 from calib_core.stages.tcp.record import ToolResult
 
 
@@ -55,15 +53,3 @@ class Tool:
         """Return the same for another scanner's own mount; the first one's where that is not known."""
         mount, covariance = self.others.get(name, (self.mount_from_laser, self.covariance))
         return replace(self, mount_from_laser=mount, covariance=covariance)
-
-
-def mounts_of(frames: Iterable[FoundFrame | KnownFrame]) -> dict[str, tuple[RigidTransform, FloatArray]]:
-    """Return scanners' poses among frames by the scanners' names; what is not told of them counts as exact."""
-    return {
-        one.scanner: (
-            RigidTransform.from_rounded(one.matrix, "base" if one.into == "base" else "tool0", "laser"),
-            np.zeros((6, 6)) if one.covariance is None else np.array(one.covariance, dtype=float),
-        )
-        for one in frames
-        if one.outof == "laser" and one.scanner and np.isfinite(np.array(one.matrix, dtype=float)).all()
-    }
