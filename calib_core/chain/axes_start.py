@@ -93,6 +93,8 @@ def _linear(walk: Walk, centers: FloatArray, ways: dict[int, FloatArray]) -> tup
         parts[rows, i, 3 * walk.place + i] = 1.0
     for a in reversed(range(len(layout.axes))):
         rides = np.flatnonzero(layout.rides[walk.place, a])
+        if not len(rides):  # it carries the robot, or nothing that was seen
+            continue
         own, reading = slice(3 * (many + a), 3 * (many + a) + 3), walk.readings[rides, a]
         if layout.axes[a].kind == "linear":
             parts[rides, :, own] += reading[:, None, None] * np.eye(3)
