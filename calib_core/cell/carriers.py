@@ -64,6 +64,11 @@ def scanner_name(cell: Cell, capture: Capture) -> str:
     return (capture.scanner or next(iter(cell.scanners or ()), "")) if len(cell.scanners or {}) > 1 else ""
 
 
+def rides_on_axis(carrier: str) -> bool:
+    """Return whether what carries a ball is an axis, neither base nor the flange."""
+    return carrier not in ("base", "tool0")
+
+
 def stands_still(cell: Cell, capture: Capture) -> bool:
     """Return whether the scanner that took a capture stands still, wherever the robot is."""
     return scanner_mount(cell, capture.scanner) == "base"

@@ -77,18 +77,21 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
 
     The picked one is large and bright, the rest then faint.
     """
-    for capture in one_by_one(facts, look):
+    drawn: set[str] = set()
+    for capture in sorted(one_by_one(facts, look), key=lambda one: one.id != look.picked):
         behind = look.picked not in (None, capture.id)
         color = faint(STATE_COLOR[capture.state]) if behind else STATE_COLOR[capture.state]
         grow = 1.6 if capture.id == look.picked else 0.75 if behind else 1.0
         flange = capture.base_from_tool0
         yield nodes.axes(f"/frames/{capture.id}/flange", flange, 36.0 * grow, color)
-        laser = facts.base_from_laser(capture)
-        if laser is not None:
+        laser = capture.base_from_laser
+        if laser is not None and not (capture.stands_still and capture.scanner in drawn):
+            drawn.add(capture.scanner)
             yield nodes.axes(f"/frames/{capture.id}/laser", laser, 24.0 * grow, color)
             yield from _scanner(capture, laser, color, 0.2 if behind else 0.9 if grow > 1 else 0.5)
             joint = np.array([[flange.translation_mm, laser.translation_mm]])
-            yield nodes.lines(f"/frames/{capture.id}/tool", joint, color, 3.0 if grow > 1 else 1.2)
+            if not capture.stands_still:
+                yield nodes.lines(f"/frames/{capture.id}/tool", joint, color, 3.0 if grow > 1 else 1.2)
         if capture.state == "rejected":
             picked = capture.id == look.picked
             sign = cross(flange.translation_mm, 26.0 if picked else 14.0)
@@ -110,7 +113,7 @@ def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
     if len(look.shown(facts)) > MANY:
         yield from light_of_all(facts, look.shown(facts))
     for capture in one_by_one(facts, look):
-        laser = facts.base_from_laser(capture)
+        laser = capture.base_from_laser
         if laser is None or capture.kind != "profile" or len(capture.points_in_laser_mm) < 2:
             continue
         opacity = 0.45 if capture.id == look.picked else 0.06 if look.picked else 0.13
@@ -143,12 +146,19 @@ def residual_points(facts: SceneFacts, look: Look) -> Iterator[Node]:
         yield nodes.points(f"/points/{capture.id}", cloud, origin, colors, size * grow)
 
 
-def sphere(facts: SceneFacts, _look: Look) -> Iterator[Node]:
-    """Draw the solved sphere, slightly inside its surface so that the points on it stay visible."""
-    if facts.sphere_center_in_base_mm is not None and facts.sphere_radius_mm is not None:
-        yield nodes.ball(
-            "/sphere/solved", facts.sphere_center_in_base_mm, 0.985 * facts.sphere_radius_mm, SPHERE, 0.45, _ROUND
-        )
+def sphere(facts: SceneFacts, look: Look) -> Iterator[Node]:
+    """Draw solved spheres, slightly inside their surface so that the points on them stay visible.
+
+    Those on the flange are drawn where the picked capture has them, else the last one.
+    """
+    shown = look.shown(facts)
+    here = next((c for c in shown if c.id == look.picked), shown[-1] if shown else None)
+    for number, ball in enumerate(facts.balls):
+        if facts.sphere_radius_mm is None or here is None:
+            return
+        name = f"/sphere/{number}" if number else "/sphere/solved"
+        at = ball.in_base_mm(here.base_from_tool0)
+        yield nodes.ball(name, at, 0.985 * facts.sphere_radius_mm, SPHERE, 0.45, _ROUND)
 
 
 def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:

@@ -44,7 +44,7 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
         return layers is None or any(name in layers for name in names)
 
     parts = _of_captures(facts, look) if told("frames", "points") else []
-    if facts.captures and facts.mount_from_laser is not None and told("light"):
+    if facts.captures and facts.knows_scanner and told("light"):
         parts.append(_key(LIGHT, "◣", message("plane of light")))
     if facts.table is not None and told("table"):
         parts += _of_table(facts.table)
@@ -85,9 +85,9 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
         parts.append(_key(USED, "●", message("{count} used", count=count["used"])))
         if count["waiting"]:
             parts.append(_key(WAITING, "●", message("{count} not in the result", count=count["waiting"])))
-    elif facts.captures and facts.mount_from_laser is None and facts.so_far is not None:
+    elif facts.captures and not facts.knows_scanner and facts.so_far is not None:
         parts.append(_key(WAITING, "●", _captures(count["waiting"])))
-    elif facts.captures and facts.mount_from_laser is None:
+    elif facts.captures and not facts.knows_scanner:
         parts.append(
             _line(message("Only the flange is known so far. Scanner and sphere appear with the first result."))
         )

@@ -24,7 +24,7 @@ def frames_of_all(facts: SceneFacts, captures: Sequence[CaptureFacts]) -> Iterat
     """Draw flanges, lasers, what joins them, and crosses, as one node each; of very many where flanges point."""
     ids = tuple(capture.id for capture in captures)
     flanges = [capture.base_from_tool0 for capture in captures]
-    lasers = [laser for capture in captures if (laser := facts.base_from_laser(capture)) is not None]
+    lasers = [laser for capture in captures if (laser := capture.base_from_laser) is not None]
     colors = [STATE_COLOR[capture.state] for capture in captures]
 
     def of_all(name: str, poses: Sequence[RigidTransform], length_mm: float) -> Node:
@@ -48,7 +48,7 @@ def light_of_all(facts: SceneFacts, captures: Sequence[CaptureFacts]) -> Iterato
     faces: list[FloatArray] = []
     count = 0
     for capture in captures[:: -(-len(captures) // _MOST_FANS)]:
-        laser = facts.base_from_laser(capture)
+        laser = capture.base_from_laser
         if laser is None or capture.kind != "profile" or len(capture.points_in_laser_mm) < 2:
             continue
         fan, triangles = fan_of_profile(capture.points_in_laser_mm)

@@ -1,19 +1,23 @@
 """What a scene is drawn from: the session and its results in, everything placed in the robot's base out."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from calib_core.captures.placement import Placement, placement_of
+from calib_core.cell.carriers import rides_on_axis, stands_still
+from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.registry import stages
-from calib_core.records import ArmTable, Capture, CaptureResidual, Measured, Result, Session
+from calib_core.records import ArmTable, Capture, CaptureResidual, Cell, Measured, Result, Session
 from calib_core.robots import parse_pose
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult
-from calib_core.steps import steps_that_show, tool_stages
+from calib_core.steps import steps_that_show, table_stages, tool_stages
 from server.scenes.advice import advice_for
 from server.scenes.field import TableField, table_field
 from server.scenes.merged import MergedScans, scanner_on_flange
@@ -37,7 +41,8 @@ _LARGEST_SPHERE_MM = 200.0  # in radius: what a failed result says beyond it is 
 class CaptureFacts:
     """One capture in its place: where the flange stood, what it saw (N, 3) in L, and whether it counts.
 
-    `sphere_center_in_base_mm` is where the solution expects the sphere of this capture, None before it is known.
+    `sphere_center_in_base_mm` is where the solution expects the sphere of this capture, None before it is known;
+    `base_from_laser` where its scanner was, `stands_still` whether that is on the flange or fixed in base.
     `links_in_base_mm` (N, 3) is the line along the cell's own arm, None where arm or joints are not known.
     """
 
@@ -51,6 +56,22 @@ class CaptureFacts:
     table_deg: float | None = None
     mount: str = ""
     links_in_base_mm: FloatArray | None = None
+    base_from_laser: RigidTransform | None = None
+    scanner: str = ""
+    stands_still: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """A solved ball and what carries it, base or the flange."""
+
+    carrier: str
+    center_mm: FloatArray
+    captures: frozenset[str]
+
+    def in_base_mm(self, base_from_tool0: RigidTransform) -> FloatArray:
+        """Return where it is while the flange is at a pose, (3,)."""
+        return Carriers(ball=self.carrier).ball_in_base(self.center_mm, base_from_tool0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +105,16 @@ class SceneFacts:
     so_far: "KnownSoFar | None" = None
     table_so_far: "TableSoFar | None" = None
     field: TableField | None = None
+    balls: tuple[Ball, ...] = ()
 
-    def base_from_laser(self, capture: CaptureFacts) -> RigidTransform | None:
-        """Return where the scanner stood at a capture, None before a result."""
-        return capture.base_from_tool0 @ self.mount_from_laser if self.mount_from_laser else None
+    @property
+    def knows_scanner(self) -> bool:
+        """Whether it is known where the scanner of any capture was."""
+        return self.mount_from_laser is not None or any(one.base_from_laser is not None for one in self.captures)
 
     def points_in_base_mm(self, capture: CaptureFacts) -> FloatArray:
         """Return the capture's points (N, 3) in the base, none before a result."""
-        laser = self.base_from_laser(capture)
+        laser = capture.base_from_laser
         return laser.apply(capture.points_in_laser_mm) if laser else np.zeros((0, 3))
 
     def residuals_mm(self, capture: CaptureFacts) -> FloatArray | None:
@@ -113,7 +136,9 @@ class _Placing:
     """What every capture is placed by; `most` is how many of its points are kept."""
 
     pose_convention: str
-    still_center_mm: FloatArray | None
+    balls: tuple[Ball, ...]
+    placement: Placement | None
+    cell: Cell
     table: TableFacts | None
     rows: Mapping[str, CaptureResidual]
     measured: Mapping[str, Measured]
@@ -132,15 +157,19 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     mount_from_laser = scanner_on_flange(session, results)
     still = next((r for n in tool_stages() if isinstance(r := results.get(n), TcpResult | ChainResult)), None)
     center = np.array(still.sphere_center_in_base_mm) if still and still.sphere_center_in_base_mm else None
+    balls = _balls(still, center)
+    placement = _placement(session, results)
     optics = optics_facts(session, results)
     posed = _shown_captures(session, boards_told=optics is not None)
     placing = _Placing(
         session.cell.pose_convention,
-        center,
+        balls,
+        placement,
+        session.cell,
         table_facts(session, results),
         _rows(results),
         {row.capture: row for row in scene.measured},
-        scene.load_points if mount_from_laser else no_points,
+        scene.load_points if placement else no_points,
         MAX_POINTS // max(len(posed), 1),
         session.cell.robot.arm,
     )
@@ -160,7 +189,30 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
         so_far=advice.so_far,
         table_so_far=advice.table_so_far,
         field=table_field(scene),
+        balls=balls,
     )
+
+
+def _balls(still: TcpResult | ChainResult | None, center: FloatArray | None) -> tuple[Ball, ...]:
+    """Return the solved balls that no axis carries; of results that list none, the one in base."""
+    found = [
+        Ball(one.carrier, np.array(one.center_mm, dtype=float), frozenset(one.captures))
+        for one in (still.spheres if still else [])
+        if not rides_on_axis(one.carrier)
+    ]
+    known = tuple(one for one in found if np.isfinite(one.center_mm).all())
+    return known if found or center is None else (Ball("base", center, frozenset()),)
+
+
+def _placement(session: Session, results: Mapping[str, Result]) -> Placement | None:
+    """Return where scanners and axes are, None where that is not known."""
+    solved = [
+        results[name].model_dump(by_alias=True) for name in (*tool_stages(), *table_stages()) if name in results
+    ]
+    try:
+        return placement_of(session.cell, session.captures, solved)
+    except InputError:  # an axis whose place the captures leave open
+        return None
 
 
 def _known_how_well(results: Mapping[str, Result]) -> KnownHowWell:
@@ -208,10 +260,19 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
         pose = parse_pose(placing.pose_convention, capture.pose or [], capture.id)
     except InputError:
         return None  # the page says what is wrong with it; here it has no place
+    laser, still = None, stands_still(placing.cell, capture)
+    if placing.placement is not None:
+        pose = placing.placement.foot(capture) @ pose
+        with suppress(InputError):  # a scanner that is not solved
+            mount = placing.placement.mount(capture)
+            laser = mount if still else pose @ mount
     state, reason = _state(capture, placing)
     points = placing.load(capture)
     stride = -(-len(points) // max(placing.most, 1))
     center = expected_center_mm(placing.table, capture) if capture.step == "turntable" else None
+    if capture.step in steps_that_show("sphere"):
+        own = next((one for one in placing.balls if capture.id in one.captures), next(iter(placing.balls), None))
+        center = None if own is None else own.in_base_mm(pose)
     return CaptureFacts(
         id=capture.id,
         kind=capture.kind,
@@ -219,10 +280,13 @@ def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
         state=state,
         reason=reason,
         points_in_laser_mm=points[:: max(stride, 1)],
-        sphere_center_in_base_mm=placing.still_center_mm if capture.step in steps_that_show("sphere") else center,
+        sphere_center_in_base_mm=center,
         table_deg=capture.table_deg,
         mount=capture.mount or "",
         links_in_base_mm=_links_mm(placing.arm, capture),
+        base_from_laser=laser,
+        scanner=capture.scanner or "",
+        stands_still=still,
     )
 
 

@@ -15,11 +15,11 @@ from calib_core.steps import table_stages
 
 @dataclass(frozen=True, eq=False)
 class SpherePlace:
-    """Where one capture of the table saw the sphere's centre, in the base, and whether it counts."""
+    """Where one capture saw the sphere's centre, in the base, what was read of the axes, and whether it counts."""
 
     capture: str
     mount: str
-    table_deg: float
+    read: str
     center_in_base_mm: FloatArray
     used: bool
     reason: str
@@ -40,6 +40,8 @@ class TableFacts:
     circles : tuple of TableCircle
         By the paper's method.
     places : tuple of SpherePlace
+    slides : bool
+        Whether it is a linear axis: nothing goes in circles about it.
     """
 
     base_from_turntable: RigidTransform
@@ -47,6 +49,7 @@ class TableFacts:
     mounts: Mapping[str, FloatArray] | None = None
     circles: tuple[TableCircle, ...] = ()
     places: tuple[SpherePlace, ...] = ()
+    slides: bool = False
 
     def turned(self, table_deg: float) -> RigidTransform:
         """Return where the table's frame is when its encoder reads an angle."""
@@ -76,7 +79,7 @@ def table_facts(session: Session, results: Mapping[str, Result]) -> TableFacts |
     for stage in table_stages():
         result = results.get(stage)
         if isinstance(result, ChainResult | TurntableResult):
-            return _solved(result)
+            return _solved(result, {capture.id: _read(capture) for capture in session.captures})
     known = session.cell.known.base_from_turntable
     if known is None:
         return None
@@ -91,7 +94,15 @@ def expected_center_mm(table: TableFacts | None, capture: Capture) -> FloatArray
     return table.center_in_base_mm(capture.mount or "", capture.table_deg)
 
 
-def _solved(result: ChainResult | TurntableResult) -> TableFacts:
+def _read(capture: Capture) -> str:
+    """Return what a capture read of the axes that carry the object, in words."""
+    angles = [value for value in (capture.table_deg, *(capture.axes_deg or {}).values()) if value is not None]
+    return ", ".join(
+        [*(f"{a:g}°" for a in angles), *(f"{mm:g}\u202fmm" for mm in (capture.axes_mm or {}).values())]
+    )
+
+
+def _solved(result: ChainResult | TurntableResult, read: Mapping[str, str]) -> TableFacts:
     scale = 1.0 + result.encoder_scale.error if result.encoder_scale.applied else 1.0
     rows = [row for row in result.residuals if isinstance(row, TurntableResidual)]
     return TableFacts(
@@ -103,12 +114,13 @@ def _solved(result: ChainResult | TurntableResult) -> TableFacts:
             SpherePlace(
                 row.capture,
                 row.mount or "",
-                row.table_deg,
+                read.get(row.capture, ""),
                 np.array(row.center_in_base_mm),
                 row.used,
                 row.reason or "",
             )
             for row in rows
-            if row.center_in_base_mm is not None and row.table_deg is not None
+            if row.center_in_base_mm is not None
         ),
+        result.reading_sigma_mm is not None,
     )

@@ -42,7 +42,7 @@ def table_axis(facts: SceneFacts, _look: Look) -> Iterator[Node]:
 def table_circles(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     """Draw the circle of every mounting about the axis, and thin and grey those of the paper's method."""
     table = facts.table
-    if table is None:
+    if table is None or table.slides:
         return
     for number, (mount, place) in enumerate((table.mounts or {}).items()):
         ring = ring_mm(float(np.hypot(place[0], place[1])), float(place[2]))
@@ -80,7 +80,7 @@ def sphere_places(facts: SceneFacts, look: Look) -> Iterator[Node]:
 def table_turned(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw the table's plate, a spoke at its x axis and the mounted sphere, as they stood at the capture shown."""
     table = facts.table
-    if table is None or not look.alone:
+    if table is None or table.slides or not look.alone:
         return
     angle_deg = look.table_deg(facts)
     yield nodes.frame("/turned/table", table.turned(angle_deg))
@@ -109,5 +109,4 @@ def ring_mm(radius_mm: float, height_mm: float) -> FloatArray:
 
 
 def _angle_text(place: SpherePlace) -> str:
-    text = f"{place.table_deg:g}°"
-    return text if place.used else f"✕ {place.capture} · {text} · {place.reason}"
+    return place.read if place.used else f"✕ {place.capture} · {place.read} · {place.reason}"

@@ -110,7 +110,7 @@ def _places_mm(facts: SceneFacts) -> FloatArray:
         # With what is drawn about it: after the first captures it takes up a good part of the window.
         places += list(facts.next_pose.apply(AXES_MM * np.concatenate([np.eye(3), -np.eye(3)])))
     for capture in facts.captures:
-        laser = facts.base_from_laser(capture)
+        laser = capture.base_from_laser
         if laser is not None:
             places.append(laser.translation_mm)
     if facts.sphere_center_in_base_mm is not None:
@@ -196,7 +196,7 @@ def _along_laser(facts: SceneFacts, picked: str | None) -> View | None:
     """Return the view from a little behind the scanner's origin towards what it saw."""
     order = sorted(facts.captures, key=lambda c: (c.id != picked, c.state != "used"))
     for capture in order:
-        laser = facts.base_from_laser(capture)
+        laser = capture.base_from_laser
         if laser is None or not len(capture.points_in_laser_mm):
             continue
         target = laser.apply(capture.points_in_laser_mm.mean(axis=0)) * METRES_PER_MM
