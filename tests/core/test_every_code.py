@@ -376,31 +376,32 @@ CASES: dict[str, tuple[Case, Case]] = {
 }
 WITHOUT_A_ROW = """
 angles-look-like-radians answer-differs answer-not-replayed arm-lags arm-less-true-than-told axis-direction-weak
-axis-place-undetermined axis-tilt-undetermined axis-wobbles board-and-sphere-differ board-bent
-board-corners-covered board-edges-soft board-lines-close board-looks-the-same-turned board-mirroring-not-seen
-board-pitch-by-robot board-pitch-doubtful board-pitch-not-checked board-pitches-differ board-saturated
-board-shape-solved boards-not-tilted calibration-changed calibration-holds camera-by-robot-differs
-camera-model-chosen camera-not-converged camera-not-refined camera-on-flange-weak capture-files-removed
-capture-joints-apart capture-not-finite capture-not-measured capture-not-still capture-of-unknown-scanner
-capture-waits captures-count-less chain-table-differs chain-tool-differs changed-tool corners-far-off
-corners-left-out corners-off-prediction distortion-folds distortion-terms-at-zero drift-in-session
-encoder-eccentric encoder-scale expansion-unknown few-boards-carry-plane few-captures few-poses-repeated few-views
-focal-length-unsure frame-in-colour frame-not-used frame-waits-for-calibration frames-in-colour image-not-covered
-joints-contradict-poses lag-not-checked length-at-temperature light-plane-outdated line-off-plane
-many-table-captures-contradict measuring-failed merge-calibration-failed merge-inside-out merge-no-mesh
-merge-no-overlap merge-no-self-calibration merge-nominal-alike merge-nominal-far merge-nominal-not-found
-merge-one-table-angle merge-outside-doubtful merge-pose-reading merge-pose-scatter merge-scan-elsewhere
-merge-scans-alone merge-scans-apart merge-scans-do-not-fit merge-scans-far-off merge-scans-in-metres
-merge-swapped-scans merge-table-direction merge-table-steps most-frames-not-used most-lines-off-plane
-no-line-on-board one-height optics-by-tool-alone plane-normal-open plane-normal-weak plane-not-determined
-plane-through-camera plate-alone plate-without-limit play-not-checked point-noise-differs point-unit
-pose-columns-swapped pose-list-order pose-not-repeated pose-reading poses-do-not-fit poses-not-of-the-flange
-poses-repeat poses-scatter scaled-profile scan-of-no-use scanner-bow scatter-beyond-told sphere-diameter
-sphere-diameter-told sphere-remounted sphere-side-open stage-not-supported stored-error stored-note stored-warning
-stripe-beyond-distortion sweep-empty sweep-few-profiles sweep-of-object sweep-profiles table-angles
-table-angles-do-not-fit table-angles-not-read table-angles-repeat table-angles-scatter table-captures-contradict
-table-direction table-play table-scatter-beyond-told tcp-doubtful-before tcp-failed-before
-tilt-and-centre-correlated tool-position-undetermined tool-position-weak tool-rotation-undetermined
+axis-mirrored axis-place-undetermined axis-tilt-undetermined axis-wobbles balls-not-told-apart
+board-and-sphere-differ board-bent board-corners-covered board-edges-soft board-lines-close
+board-looks-the-same-turned board-mirroring-not-seen board-pitch-by-robot board-pitch-doubtful
+board-pitch-not-checked board-pitches-differ board-saturated board-shape-solved boards-not-tilted
+calibration-changed calibration-holds camera-by-robot-differs camera-model-chosen camera-not-converged
+camera-not-refined camera-on-flange-weak capture-files-removed capture-joints-apart capture-not-finite
+capture-not-measured capture-not-still capture-of-unknown-scanner capture-waits captures-count-less
+chain-table-differs chain-tool-differs changed-tool corners-far-off corners-left-out corners-off-prediction
+distortion-folds distortion-terms-at-zero drift-in-session encoder-eccentric encoder-scale expansion-unknown
+few-boards-carry-plane few-captures few-poses-repeated few-views focal-length-unsure frame-in-colour
+frame-not-used frame-waits-for-calibration frames-in-colour image-not-covered joints-contradict-poses
+lag-not-checked length-at-temperature light-plane-outdated line-off-plane many-table-captures-contradict
+measuring-failed merge-calibration-failed merge-inside-out merge-no-mesh merge-no-overlap
+merge-no-self-calibration merge-nominal-alike merge-nominal-far merge-nominal-not-found merge-one-table-angle
+merge-outside-doubtful merge-pose-reading merge-pose-scatter merge-scan-elsewhere merge-scans-alone
+merge-scans-apart merge-scans-do-not-fit merge-scans-far-off merge-scans-in-metres merge-swapped-scans
+merge-table-direction merge-table-steps most-frames-not-used most-lines-off-plane no-line-on-board one-height
+optics-by-tool-alone plane-normal-open plane-normal-weak plane-not-determined plane-through-camera plate-alone
+plate-without-limit play-not-checked point-noise-differs point-unit pose-columns-swapped pose-list-order
+pose-not-repeated pose-reading poses-do-not-fit poses-not-of-the-flange poses-repeat poses-scatter scaled-profile
+scan-of-no-use scanner-bow scatter-beyond-told sphere-diameter sphere-diameter-told sphere-remounted
+sphere-side-open stage-not-supported stored-error stored-note stored-warning stripe-beyond-distortion sweep-empty
+sweep-few-profiles sweep-of-object sweep-profiles table-angles table-angles-do-not-fit table-angles-not-read
+table-angles-repeat table-angles-scatter table-captures-contradict table-direction table-play
+table-scatter-beyond-told tcp-doubtful-before tcp-failed-before tilt-and-centre-correlated tool-mirrored
+tool-position-undetermined tool-position-weak tool-rotation-about-travel tool-rotation-undetermined
 tool-seen-elsewhere-on-table verify-captures-disagree verify-limit-not-checked verify-not-held-out
 verify-of-failed-answer verify-scatter-fails verify-scatter-large verify-tool-without-uncertainty view-not-used
 """
