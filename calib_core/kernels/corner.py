@@ -1,8 +1,10 @@
 """A chessboard's corner to a hundredth of a pixel: two blurred edges that cross, fitted to the grey values.
 
-The model is m + gᵀp + h · erf(a / √2 w) · erf(b / √2 w), with a and b the distances to the two edges, which cross
-in the corner, and w the blur.  Like any blur that is the same on all sides it is symmetric about the corner, so
-that neither the blur nor the angle between the edges draws the corner anywhere.
+The model is (m + h · erf(a / √2 w) · erf(b / √2 w)) (1 + gᵀp), with a and b the distances to the two edges, which
+cross in the corner, and w the blur.  Like any blur that is the same on all sides it is symmetric about it,
+so that neither blur nor angle between the edges draws the corner anywhere.  Light that falls off, as
+through any lens, changes the contrast too: were that held even, all corners of a board would be drawn to where it
+is brightest.
 """
 
 import math
@@ -136,7 +138,6 @@ def _equations(
     """Write JᵀJ and Jᵀr of the residuals up to `cut`; return how many there are and the sum of their squares."""
     hessian[:], gradient[:] = 0.0, 0.0
     jacobian = np.empty(_TERMS)
-    jacobian[6] = 1.0
     left, right, top, bottom = _box(grey, window)
     ca, sa, cb, sb = math.cos(p[2]), math.sin(p[2]), math.cos(p[3]), math.sin(p[3])
     scale, peak = 1.0 / (math.sqrt(2.0) * p[4]), math.sqrt(2.0 / math.pi) / p[4]
@@ -149,18 +150,19 @@ def _equations(
             du, dv = u - p[0], v - p[1]
             a, b = du * ca + dv * sa, du * cb + dv * sb
             ea, eb = math.erf(a * scale), math.erf(b * scale)
-            residual = grey[v, u] - (p[6] + p[7] * s + p[8] * t + p[5] * ea * eb)
+            light, even = 1.0 + p[7] * s + p[8] * t, p[6] + p[5] * ea * eb
+            residual = grey[v, u] - light * even
             if abs(residual) > cut:
                 continue
-            slope_a = peak * math.exp(-((a * scale) ** 2)) * eb * p[5]
-            slope_b = peak * math.exp(-((b * scale) ** 2)) * ea * p[5]
+            slope_a = peak * math.exp(-((a * scale) ** 2)) * eb * p[5] * light
+            slope_b = peak * math.exp(-((b * scale) ** 2)) * ea * p[5] * light
             jacobian[0] = -(slope_a * ca + slope_b * cb)
             jacobian[1] = -(slope_a * sa + slope_b * sb)
             jacobian[2] = slope_a * (dv * ca - du * sa)
             jacobian[3] = slope_b * (dv * cb - du * sb)
             jacobian[4] = -(slope_a * a + slope_b * b) / p[4]
-            jacobian[5] = ea * eb
-            jacobian[7], jacobian[8] = s, t
+            jacobian[5], jacobian[6] = light * ea * eb, light
+            jacobian[7], jacobian[8] = s * even, t * even
             cost += residual * residual
             count += 1
             for i in range(_TERMS):

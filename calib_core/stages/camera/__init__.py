@@ -19,7 +19,7 @@ class Camera(Stage):
     """The camera, from frames of the calibration board."""
 
     name, title, place = "camera", "Camera", 10
-    method_revision = 4  # boards seen in part count; squares are found by how their corners follow each other
+    method_revision = 5  # light that falls off to the border draws no corner to the middle
     any_arrangement = True
     step = CaptureStep(
         "camera",

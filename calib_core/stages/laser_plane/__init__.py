@@ -15,7 +15,7 @@ class LaserPlane(Stage):
     """The plane of laser light, from frames of the board with the stripe on it."""
 
     name, title, place = "laser-plane", "Laser plane", 20
-    method_revision = 4  # boards seen in part count
+    method_revision = 5  # light that falls off to the border draws no corner to the middle
     any_arrangement = True
     step = CaptureStep(
         "laser-plane",
