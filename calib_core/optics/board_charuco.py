@@ -1,6 +1,6 @@
 """ChArUco boards: a chessboard whose white squares hold markers, so that a part of it is enough."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,12 @@ from calib_core.optics.board_corners import (
     FittedCorners,
     fitted_at,
 )
+from calib_core.optics.board_refusal import shrunk, why_not_found
 from calib_core.optics.camera_start import homographies
+from calib_core.optics.charuco_count import refuse_other_count
 from calib_core.records import Board
 
-_FEWEST_CORNERS = 6
+_FEWEST_CORNERS, _FEWEST_MARKERS = 6, 4
 
 
 def find_charuco(grey: NDArray[np.uint8], board: Board) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
@@ -31,18 +33,16 @@ def find_charuco(grey: NDArray[np.uint8], board: Board) -> tuple[FloatArray, NDA
     InputError
         If the marker's size or the dictionary is not given.
     """
-    markers, best = 0, None
+    tries: list[_Detected] = []
     for legacy in (False, True):
-        corners, ids, count = _detect(grey, board, legacy)
-        markers = max(markers, count)
-        if best is None or len(ids) > len(best[1]):
-            best = corners, ids
-        if len(ids) >= _FEWEST_CORNERS:
+        tries.append(_detect(grey, board, legacy))
+        if len(tries[-1].ids) >= _FEWEST_CORNERS:
             break
-    assert best is not None
-    points, ids = best
+    best = max(tries, key=lambda one: len(one.ids))
+    refuse_other_count(best.marker_ids, best.marker_corners_px, board, grey)
+    points, ids = best.corners_px, best.ids
     if len(ids) < _FEWEST_CORNERS:
-        raise _why_not(grey, board, len(ids), markers)
+        raise _why_not(grey, board, len(ids), max(len(one.marker_ids) for one in tries))
     columns = board.columns - 1
     places = np.zeros((len(ids), 3))
     pitch_x_mm, pitch_y_mm = board.pitches_mm
@@ -77,7 +77,16 @@ def _fitted(grey: NDArray[np.uint8], board: Board, points: FloatArray, places: F
     return fitted_at(grey, points, along_row, along_column, min(LARGEST_RADIUS_PX, to_marker - CLEARANCE_PX))
 
 
-def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> tuple[FloatArray, NDArray[np.int64], int]:
+class _Detected(NamedTuple):
+    """Corners (N, 2) between squares with their ids, and markers with their corners (M, 4, 2), px."""
+
+    corners_px: FloatArray
+    ids: NDArray[np.int64]
+    marker_ids: NDArray[np.int64]
+    marker_corners_px: FloatArray
+
+
+def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> _Detected:
     import cv2
 
     if board.marker_mm is None or board.dictionary is None:
@@ -93,11 +102,13 @@ def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> tuple[FloatA
     pattern.setLegacyPattern(legacy)
     # OpenCV gives None where it finds none, which its types do not say.
     found: Any = cv2.aruco.CharucoDetector(pattern).detectBoard(grey)
-    corners, ids, _, marker_ids = found
-    count = 0 if marker_ids is None else len(marker_ids)
-    if ids is None or corners is None:
-        return np.zeros((0, 2)), np.zeros(0, np.int64), count
-    return np.asarray(corners, dtype=float).reshape(-1, 2), np.asarray(ids, dtype=np.int64).ravel(), count
+    corners, ids, quads, marker_ids = found
+    return _Detected(
+        np.asarray([] if ids is None else corners, dtype=float).reshape(-1, 2),
+        np.asarray([] if ids is None else ids, dtype=np.int64).ravel(),
+        np.asarray([] if marker_ids is None else marker_ids, dtype=np.int64).ravel(),
+        np.asarray([] if marker_ids is None else quads, dtype=float).reshape(-1, 4, 2),
+    )
 
 
 def _dictionary(name: str):
@@ -117,16 +128,42 @@ def _dictionary(name: str):
     return cv2.aruco.getPredefinedDictionary(code)
 
 
-def _why_not(grey: NDArray[np.uint8], board: Board, corners: int, markers: int) -> MeasurementError:
-    from calib_core.optics.board_refusal import why_not_found
+def _other_dictionary(grey: NDArray[np.uint8]) -> str | None:
+    """Return the smallest dictionary that holds the markers of a frame, None where too few are any's."""
+    import cv2
 
+    families = [name for name in dir(cv2.aruco) if name.startswith("DICT_") and name.upper() == name]
+    families = [name for name in families if not name.endswith(("_50", "_100", "_250"))]
+    detector = cv2.aruco.ArucoDetector([_dictionary(name) for name in families])
+    found: Any = detector.detectMarkersMultiDict(shrunk(grey)[0])
+    if found[1] is None:
+        return None
+    ids, family = np.ravel(found[1]), np.ravel(found[3])
+    counts = np.bincount(family, minlength=len(families))
+    if counts.max() < _FEWEST_MARKERS:
+        return None
+    best, most = families[int(counts.argmax())], int(ids[family == counts.argmax()].max())
+    smaller = [best.replace("_1000", f"_{size}") for size in (50, 100, 250) if most < size]
+    return smaller[0] if smaller else best
+
+
+def _why_not(grey: NDArray[np.uint8], board: Board, corners: int, markers: int) -> MeasurementError:
     if corners == 0:
         mirrored = _detect(np.ascontiguousarray(grey[:, ::-1]), board, False)
-        if len(mirrored[1]) >= _FEWEST_CORNERS:
+        if len(mirrored.marker_ids) > max(markers, _FEWEST_MARKERS):
             return MeasurementError(
                 "the board as it is",
                 "its mirror image",
                 "Turn off mirroring in the camera's driver, or take the mirror out of the optics' path.",
+            )
+        assert board.dictionary is not None
+        if markers < _FEWEST_MARKERS and (other := _other_dictionary(grey)):
+            return MeasurementError(
+                "markers of {dictionary}, as cell.board says",
+                "markers of {other}",
+                "Correct the dictionary in cell.board.",
+                dictionary=board.dictionary,
+                other=other,
             )
     if corners or markers:
         return MeasurementError(

@@ -31,9 +31,11 @@ _STRAY_SIGMAS = 4.0
 _LEAST_LENGTH_PITCHES = 1.5
 _SHEET_PITCHES = (1.0, 2.0, 5.0)  # beyond the outer corners: the squares end, the usual margin, a large sheet
 _USUAL_MARGINS = 2
-_CLEAR_WIDTHS = (2.5, 1.8)
-_ENOUGH_CLEAR = 30
-_BLUR_PX = 1.5
+# An edge of the pattern, as strong as the stripe, draws a centre d widths w away by w · exp(−d² / 2): of the
+# distances that leave enough centres the farthest is taken; what is left of the pull counts as their error.
+_CLEAR_WIDTHS = (3.5, 3.0, 2.5, 1.8)
+_ENOUGH_CLEAR, _ENOUGH_SHARE = 30, 0.3
+_BLUR_PX = 2.0
 _ALONG_GRID_RAD, _AT_MIDDLE, _AT_EDGE = 0.03, 0.2, 0.12
 _LEAST_ON_BLACK = 0.1
 _WIDE = 0.3  # of the pitch: as wide as a square is no laser's line
@@ -168,7 +170,8 @@ def _trace(
         return None
     wide = stripe.width_px * grid.mm_per_px > _WIDE * float(grid.pitch.min())
     doubtful = wide or _is_pattern(places[on_line], grid)
-    clear = on_line & _clear(stripe, places, on_line, grid, on_board)
+    clear, pull_px = _clear(stripe, places, on_line, grid, on_board)
+    stripe = replace(stripe, sigma_px=np.hypot(stripe.sigma_px, pull_px))
     return Trace(stripe, on_line, clear, log_chance, by_squares, room, doubtful)
 
 
@@ -230,10 +233,13 @@ def _is_pattern(places: FloatArray, grid: _Grid) -> bool:
     return False
 
 
-def _clear(stripe: StripeCenters, places: FloatArray, on_line: Mask, grid: _Grid, on_board: OnBoard) -> Mask:
-    """Return which centres' peaks lie within one square, so that no edge draws their middle to it."""
+def _clear(
+    stripe: StripeCenters, places: FloatArray, on_line: Mask, grid: _Grid, on_board: OnBoard
+) -> tuple[Mask, float]:
+    """Return which centres' peaks lie within one square, and by how much an edge may yet draw them, px."""
     own, along = grid.cells(places), stripe.across[::-1]
-    clear = on_line
+    enough = np.clip(_ENOUGH_SHARE * on_line.sum(), LEAST_POINTS, _ENOUGH_CLEAR)
+    clear, widths = on_line, 0.0
     for widths in _CLEAR_WIDTHS:
         clear = on_line.copy()
         for probe in (
@@ -241,6 +247,8 @@ def _clear(stripe: StripeCenters, places: FloatArray, on_line: Mask, grid: _Grid
             *(side * _BLUR_PX * along for side in (-1, 1)),
         ):
             clear &= (grid.cells(on_board(stripe.pixels + probe)) == own).all(axis=1)
-        if clear.sum() >= _ENOUGH_CLEAR:
-            return clear
-    return clear if clear.sum() >= LEAST_POINTS else on_line
+        if clear.sum() >= enough:
+            break
+    if clear.sum() < LEAST_POINTS:
+        clear, widths = on_line, 0.0
+    return clear, stripe.width_px * float(np.exp(-(widths**2) / 2))

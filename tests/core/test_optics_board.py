@@ -242,6 +242,37 @@ def test_a_chessboard_that_is_found_without_its_size_alone_is_found(monkeypatch:
     assert np.sqrt(((view.points_px - truth(CHESS, TILTED)) ** 2).mean()) < 0.1
 
 
+@pytest.mark.parametrize(
+    "told",
+    [(9, 6), (9, 5), (9, 8), (8, 7), (10, 7), (7, 9), (8, 6), (10, 8)],
+    ids=lambda told: f"{told[0]}x{told[1]}",
+)
+@pytest.mark.parametrize("view", ["whole", "in part"])
+def test_a_charuco_of_other_squares_is_told_by_its_markers_numbers(told: tuple[int, int], view: str) -> None:
+    image = render(CHARUCO)
+    if view == "in part":
+        image[:, 430:] = 128
+    with pytest.raises(MeasurementError, match="one of 9 × 7 squares, by its markers"):
+        find_board(image, CHARUCO.model_copy(update={"columns": told[0], "rows": told[1]}))
+
+
+def test_a_charuco_of_which_upper_or_lower_rows_alone_are_seen_is_not_accused() -> None:
+    image = render(CHARUCO)
+    for hidden in (*(slice(top, None) for top in range(230, 330, 8)), slice(None, 200)):
+        for grey in (20, 128, 220):
+            part = image.copy()
+            part[hidden] = grey
+            assert len(find_board(part, CHARUCO).ids) >= 6
+    below = np.array([[1, 0, 0], [0, 1, 170], [0, 0, 1]]) @ TILTED
+    assert len(find_board(render(CHARUCO, below), CHARUCO).ids) >= 6
+
+
+@pytest.mark.parametrize("dictionary", ["DICT_4X4_100", "DICT_6X6_250", "DICT_7X7_50"])
+def test_markers_of_another_dictionary_are_named(dictionary: str) -> None:
+    with pytest.raises(MeasurementError, match=f"{dictionary}, as cell.board says, got markers of DICT_5X5_50"):
+        find_board(render(CHARUCO), CHARUCO.model_copy(update={"dictionary": dictionary}))
+
+
 def test_a_mirrored_charuco_is_named() -> None:
     with pytest.raises(MeasurementError, match="mirror"):
         find_board(np.ascontiguousarray(render(CHARUCO)[:, ::-1]), CHARUCO)
