@@ -22,6 +22,7 @@ _SETTLED_PX = 1e-4
 _STRAY_SIGMAS = 4.5
 _LEAST_BLUR_PX = 0.3
 _MOST_BLUR_PX = 5.0
+_SHARP = 0.2  # of the window's radius
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -47,12 +48,14 @@ def fit_corners(
         out[k] = math.nan
         window = (starts[k, 0], starts[k, 1], radii_px[k])
         p = _start(grey, window, angles[k, 0], angles[k, 1])
-        settled, count, cost, hessian = _descend(grey, window, math.inf, p)
+        settled, count, cost, hessian = _descend(grey, window, math.inf, 0.0, p)
         if not settled:
             continue
         # Once more without what no edge explains: hot pixels, dust.
         cut = _STRAY_SIGMAS * math.sqrt(cost / max(count - _TERMS, 1))
-        settled, count, cost, hessian = _descend(grey, window, cut, p)
+        # Edges as wide as the window look like light that falls off: there the contrast counts as even.
+        share = 1.0 if p[4] < _SHARP * window[2] else 0.0
+        settled, count, cost, hessian = _descend(grey, window, cut, share, p)
         if not settled:
             continue
         variance = cost / max(count - _TERMS, 1)
@@ -84,12 +87,14 @@ def _start(grey: FloatArray, window: Window, first: float, second: float) -> Flo
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _descend(grey: FloatArray, window: Window, cut: float, p: FloatArray) -> tuple[bool, int, float, FloatArray]:
+def _descend(
+    grey: FloatArray, window: Window, cut: float, share: float, p: FloatArray
+) -> tuple[bool, int, float, FloatArray]:
     """Move parameters to the least sum of squares; return whether they settle, pixels, the sum, and JᵀJ."""
     hessian, gradient = np.empty((_TERMS, _TERMS)), np.empty(_TERMS)
     next_hessian, next_gradient = np.empty((_TERMS, _TERMS)), np.empty(_TERMS)
     trial = np.empty(_TERMS)
-    count, cost = _equations(grey, window, cut, p, hessian, gradient)
+    count, cost = _equations(grey, window, cut, share, p, hessian, gradient)
     if count < 2 * _TERMS:
         return False, count, cost, hessian
     damping, small = 1e-3, False
@@ -101,7 +106,7 @@ def _descend(grey: FloatArray, window: Window, cut: float, p: FloatArray) -> tup
         for j in range(_TERMS):
             trial[j] = p[j] + step[j]
         trial[4] = min(max(trial[4], _LEAST_BLUR_PX), _MOST_BLUR_PX)
-        next_count, next_cost = _equations(grey, window, cut, trial, next_hessian, next_gradient)
+        next_count, next_cost = _equations(grey, window, cut, share, trial, next_hessian, next_gradient)
         small = abs(step[0]) + abs(step[1]) < _SETTLED_PX
         if next_cost < cost or small:
             for j in range(_TERMS):
@@ -133,7 +138,13 @@ def _box(grey: FloatArray, window: Window) -> tuple[int, int, int, int]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _equations(
-    grey: FloatArray, window: Window, cut: float, p: FloatArray, hessian: FloatArray, gradient: FloatArray
+    grey: FloatArray,
+    window: Window,
+    cut: float,
+    share: float,
+    p: FloatArray,
+    hessian: FloatArray,
+    gradient: FloatArray,
 ) -> tuple[int, float]:
     """Write JᵀJ and Jᵀr of the residuals up to `cut`; return how many there are and the sum of their squares."""
     hessian[:], gradient[:] = 0.0, 0.0
@@ -150,18 +161,20 @@ def _equations(
             du, dv = u - p[0], v - p[1]
             a, b = du * ca + dv * sa, du * cb + dv * sb
             ea, eb = math.erf(a * scale), math.erf(b * scale)
-            light, even = 1.0 + p[7] * s + p[8] * t, p[6] + p[5] * ea * eb
-            residual = grey[v, u] - light * even
+            slope = p[7] * s + p[8] * t
+            light, contrast = 1.0 + slope, 1.0 + share * slope
+            residual = grey[v, u] - (light * p[6] + contrast * p[5] * ea * eb)
             if abs(residual) > cut:
                 continue
-            slope_a = peak * math.exp(-((a * scale) ** 2)) * eb * p[5] * light
-            slope_b = peak * math.exp(-((b * scale) ** 2)) * ea * p[5] * light
+            slope_a = peak * math.exp(-((a * scale) ** 2)) * eb * p[5] * contrast
+            slope_b = peak * math.exp(-((b * scale) ** 2)) * ea * p[5] * contrast
             jacobian[0] = -(slope_a * ca + slope_b * cb)
             jacobian[1] = -(slope_a * sa + slope_b * sb)
             jacobian[2] = slope_a * (dv * ca - du * sa)
             jacobian[3] = slope_b * (dv * cb - du * sb)
             jacobian[4] = -(slope_a * a + slope_b * b) / p[4]
-            jacobian[5], jacobian[6] = light * ea * eb, light
+            even = p[6] + share * p[5] * ea * eb
+            jacobian[5], jacobian[6] = contrast * ea * eb, light
             jacobian[7], jacobian[8] = s * even, t * even
             cost += residual * residual
             count += 1
