@@ -1,0 +1,26 @@
+"""Cells of any topology are solved within what is stated, or say what is open; and are used like any other."""
+
+from pathlib import Path
+
+import hypothesis as hy
+import pytest
+
+from calib_core.simulation import TopologyScenario
+from tests.topologies import topologies
+from tests.topology_use import put_to_use
+
+
+@hy.settings(
+    max_examples=4,
+    deadline=None,
+    database=None,
+    derandomize=True,
+    phases=[hy.Phase.generate],
+    suppress_health_check=[*hy.HealthCheck],
+)
+@hy.given(topologies())
+def test_a_drawn_cell_is_solved_or_says_what_is_open(
+    tmp_path_factory: pytest.TempPathFactory, scenario: TopologyScenario
+) -> None:
+    folder: Path = tmp_path_factory.mktemp("drawn")
+    assert not put_to_use(scenario, 1, folder).startswith("wrong")
