@@ -2,7 +2,7 @@
 
 The wheels, on Linux one with compiled kernels for each Python at hand, the portable zip where Windows' Python is
 given (and a wheel with its kernels where these are), the image where podman or docker is named, a list of parts
-(CycloneDX), notes of one page, and the SHA-256 of each; all are read again, and each wheel solves a session.
+(CycloneDX), notes of one page, and the SHA-256 of each; all are read again, and each Linux wheel solves a session.
 SIGNING_KEY is an ssh key with which the list of SHA-256 is signed: who has its public half checks it by
 `ssh-keygen -Y verify`.
 """

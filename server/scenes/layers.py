@@ -97,7 +97,7 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
             sign = cross(flange.translation_mm, 26.0 if picked else 14.0)
             yield nodes.lines(f"/frames/{capture.id}/cross", sign, REJECTED, 4.0 if picked else 2.0)
     if len(look.shown(facts)) > MANY:
-        yield from frames_of_all(facts, look.shown(facts))
+        yield from frames_of_all(look.shown(facts))
 
 
 def _scanner(capture: CaptureFacts, laser: RigidTransform, color: Rgb, opacity: float) -> Iterator[Node]:
@@ -111,7 +111,7 @@ def _scanner(capture: CaptureFacts, laser: RigidTransform, color: Rgb, opacity: 
 def light(facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw the plane of light of every profile, up to the sphere, which stops it."""
     if len(look.shown(facts)) > MANY:
-        yield from light_of_all(facts, look.shown(facts))
+        yield from light_of_all(look.shown(facts))
     for capture in one_by_one(facts, look):
         laser = capture.base_from_laser
         if laser is None or capture.kind != "profile" or len(capture.points_in_laser_mm) < 2:

@@ -20,7 +20,7 @@ _FLANGE_MM, _LASER_MM, _CROSS_MM = 28.0, 18.0, 14.0
 _MOST_AXES, _MOST_LASERS, _MOST_FANS, _MOST_POINTS = 120, 300, 40, 60_000
 
 
-def frames_of_all(facts: SceneFacts, captures: Sequence[CaptureFacts]) -> Iterator[Node]:
+def frames_of_all(captures: Sequence[CaptureFacts]) -> Iterator[Node]:
     """Draw flanges, lasers, what joins them, and crosses, as one node each; of very many where flanges point."""
     ids = tuple(capture.id for capture in captures)
     flanges = [capture.base_from_tool0 for capture in captures]
@@ -42,7 +42,7 @@ def frames_of_all(facts: SceneFacts, captures: Sequence[CaptureFacts]) -> Iterat
         yield nodes.lines("/frames/crosses", np.concatenate(crosses), REJECTED, 2.0)
 
 
-def light_of_all(facts: SceneFacts, captures: Sequence[CaptureFacts]) -> Iterator[Node]:
+def light_of_all(captures: Sequence[CaptureFacts]) -> Iterator[Node]:
     """Draw the light of captures spread over all of them as one faint surface."""
     corners: list[FloatArray] = []
     faces: list[FloatArray] = []

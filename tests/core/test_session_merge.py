@@ -205,6 +205,26 @@ def test_single_profiles_at_one_table_angle_are_one_scan():
     assert [group.name for group in groups] == ["p0…p2", "p3…p5", "s0"]
 
 
+def test_scans_of_single_profiles_are_merged_as_sweeps_are(tmp_path: Path):
+    given, files = session()
+    record = given.to_json()
+    record["captures"] = [
+        {
+            "id": f"{sweep.id}-{row:02d}", "step": "scan", "kind": "profile", "files": [name], "pose": pose,
+            "table_deg": sweep.table_deg,
+        }
+        for sweep in given.captures
+        for row, (name, pose) in enumerate(zip(sweep.files, sweep.poses or (), strict=True))
+    ]  # fmt: skip
+    single = Session.model_validate(record), files
+    result = solve(single, store=lambda name, pieces: write_pieces(tmp_path / name, pieces))
+    assert (result.points, result.verdict) == (solve((given, files)).points, "pass")
+    assert result.scan_names == tuple(f"s{k}-00" for k in range(8))
+    stored = read_stored_ply((tmp_path / CLOUD_FILE).read_bytes(), CLOUD_FILE)
+    assert stored.scans is not None
+    assert {*range(8)} <= {*stored.scans.tolist()} <= {*range(-1, 8)}
+
+
 def test_an_organised_pcd_keeps_its_grid():
     given, _ = session()
     pose = given.captures[0].poses[0]  # type: ignore[index]

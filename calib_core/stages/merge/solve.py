@@ -1,6 +1,6 @@
 """The merge stage: the calibration first, then every scan into T, one cloud, one mesh, one row a capture."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -77,7 +77,7 @@ def solve(given: StageInput) -> MergeResult:
         against = Compared() if has_error(mistakes) else compared(given, solution, base_from_cloud, origin_mm)
         result = _result(given, plan, solution, mistakes, against)
         if given.store is not None:
-            given.store(CLOUD_FILE, _cloud_pieces(solution, result.scan_names, origin_mm))
+            given.store(CLOUD_FILE, _cloud_pieces(solution, _numbers(plan, result), origin_mm))
             if solution.mesh is not None:
                 corners_mm = _in_place(solution.mesh.points_mm, origin_mm)
                 given.store(MESH_FILE, ply_pieces(corners_mm, triangles=solution.mesh.triangles))
@@ -159,9 +159,15 @@ def _in_place(points_mm: NDArray[np.float32], origin_mm: FloatArray) -> NDArray[
     return points_mm + origin_mm if origin_mm.any() else points_mm
 
 
-def _cloud_pieces(solution: MergeSolution, scan_names: Sequence[str], origin_mm: FloatArray) -> Pieces:
+def _numbers(plan: MergePlan, result: MergeResult) -> dict[str, int]:
+    """Return each scan's number in the cloud by its name: the place of its first capture among those merged."""
+    numbers = {capture: number for number, capture in enumerate(result.scan_names)}
+    return {g.name: numbers[first] for g in plan.groups if (first := g.captures[0].id) in numbers}
+
+
+def _cloud_pieces(solution: MergeSolution, numbered: Mapping[str, int], origin_mm: FloatArray) -> Pieces:
     heaviest = HeaviestScans(solution.patches)
-    numbers = np.array([scan_names.index(name) for name in solution.patches.names] + [NO_SCAN])
+    numbers = np.array([numbered[name] for name in solution.patches.names] + [NO_SCAN])
     names = ("x", "y", "z", "nx", "ny", "nz", "sigma", SCAN_COLUMN)
     tables = (
         np.column_stack(
