@@ -42,15 +42,27 @@ def test_the_workpieces_sigma_is_what_poses_drawn_from_the_covariance_scatter(
     session, result = solved
     (known,) = at_workpiece(session, result)
     assert known.of == "tool"
-    names, found = result["scanner"]["names"], result["scanner"]
+    names, found, arm = result["scanner"]["names"], result["scanner"], result["arm_errors"]
     frame = RigidTransform.from_rounded(result["tool0_from_laser"], "tool0", "laser")
-    cross = np.array(found["covariance_with_tool"])
-    joint = np.block([[np.array(result["covariance"])[:6, :6], cross], [cross.T, np.array(found["covariance"])]])
-    drawn = np.random.default_rng(5).multivariate_normal(np.zeros(6 + len(names)), joint, 4000)
+    cross, lengths = np.array(found["covariance_with_tool"]), np.array(arm["tool_with_lengths"])[:, None]
+    of_scanner = np.array(arm["scanner_with_lengths"])[:, None]
+    joint = np.block(
+        [
+            [np.array(result["covariance"])[:6, :6], cross, lengths],
+            [cross.T, np.array(found["covariance"]), of_scanner],
+            [lengths.T, of_scanner.T, np.array([[arm["lengths_sigma"] ** 2]])],
+        ]
+    )
+    drawn = np.random.default_rng(5).multivariate_normal(np.zeros(7 + len(names)), joint, 4000)
     point = np.array(known.point_mm)
-    moved = np.array([frame.perturbed(xi[:6]).apply(_seen(point, names, xi[6:])) for xi in drawn]) @ frame.rotation
-    # A standard deviation of 4000 draws is itself known to 1.1 %; five times that.
-    assert np.allclose(moved.std(axis=0), known.sigmas_mm, rtol=0.056)
+    # In base as the arm tells it: an arm that is too long tells the flange too far from the point by as much.
+    moved = [
+        frame.perturbed(xi[:6]).apply(_seen(point, names, xi[6:-1])) - xi[-1] * frame.apply(point) for xi in drawn
+    ]
+    moved = np.array(moved) @ frame.rotation
+    # A standard deviation of 4000 draws is itself known to 1.1 %. Lengths that were found and the step to the tool
+    # of the poses as told are one cause, which the record does not tell apart: 5 % here, 9 % in the worst of 8.
+    assert np.allclose(moved.std(axis=0), known.sigmas_mm, rtol=0.09)
     assert max(known.sigmas_mm) <= known.worst_sigma_mm <= float(np.linalg.norm(known.sigmas_mm))
     # The sphere stands 150 to 230 mm before this scanner, within 20 mm along its stripe.
     assert 150 < abs(known.point_mm[2]) < 230
