@@ -13,14 +13,15 @@ from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_segments import corner_depths
 from calib_core.optics.camera_solution import Coverage
+from calib_core.optics.coverage_cells import ENOUGH_COVERED, image_coverage
+from calib_core.optics.extrapolation import extrapolation
 
 if TYPE_CHECKING:
     from calib_core.optics.camera_layout import Layout
     from calib_core.optics.camera_solution import CameraSolution, Fit, PitchRatio
 
-_CELLS = (8, 6)
 _ADVISED_VIEWS = 10
-_ADVISED_COVERAGE = 0.6
+_HARMLESS_EXTRAPOLATION = 3.0
 _LARGE_RMS_PX, _FAIL_RMS_PX = 1.0, 3.0
 _UNSURE_FOCAL = 0.005
 _NOTABLE_BEND_GAIN = 0.15
@@ -28,21 +29,18 @@ _ADVISED_TILT_RAD = 0.26
 _BENDS = {3: " + bend", SHAPE_TERMS: " + cubic bend"}
 
 
-def coverage(fit: "Fit", image_size: tuple[int, int]) -> Coverage:
-    """Return where in the image and how deep the boards were seen."""
+def coverage(fit: "Fit", layout: "Layout", image_size: tuple[int, int]) -> Coverage:
+    """Return where in the image and how deep the boards were seen, and how that holds for the rest."""
     counts = image_coverage(fit.corners.pixels, image_size)
     depths = corner_depths(fit.corners, fit.adjusted.state)
     tilt = np.arccos(np.clip(np.abs(fit.adjusted.state.rotations[:, 2, 2]), 0, 1)).max()
-    return Coverage(counts, (float(depths.min()), float(depths.max())), float((counts > 0).mean()), float(tilt))
-
-
-def image_coverage(pixels: FloatArray, image_size: tuple[int, int]) -> np.ndarray:
-    """Return how many points (N, 2) fall into each of 8 × 6 cells of the image, as (6, 8)."""
-    width, height = image_size
-    counts, _, _ = np.histogram2d(
-        pixels[:, 1], pixels[:, 0], bins=_CELLS[::-1], range=((-0.5, height - 0.5), (-0.5, width - 0.5))
+    return Coverage(
+        counts,
+        (float(depths.min()), float(depths.max())),
+        float((counts > 0).mean()),
+        float(tilt),
+        extrapolation(fit, layout, image_size, counts > 0),
     )
-    return counts.astype(np.int64)
 
 
 def summarise(
@@ -104,7 +102,7 @@ def summarise(
         bend_mm=None if shaped is None else _bend_mm(shaped, shape_at),
         bend_gain=None if bent is None else 1 - bent.sigma_px / fit.sigma_px,
         inflation=inflation,
-        coverage=coverage(fit, image_size),
+        coverage=coverage(fit, layout, image_size),
         converged=end.converged,
         pitch=pitch,
     )
@@ -165,11 +163,19 @@ def _of_views(solution: "CameraSolution") -> list[Finding]:
     if used < _ADVISED_VIEWS:
         found.append(codes.FEW_VIEWS(count=used))
     seen = solution.coverage
-    if seen.covered < _ADVISED_COVERAGE:
-        found.append(codes.IMAGE_NOT_COVERED(covered=seen.covered))
+    found.extend(coverage_findings(seen.covered, seen.extrapolation))
     if seen.largest_tilt_rad < _ADVISED_TILT_RAD:
         found.append(codes.BOARDS_NOT_TILTED(tilt_deg=float(np.rad2deg(seen.largest_tilt_rad))))
     return found
+
+
+def coverage_findings(covered: float, extrapolation: float) -> list[Finding]:
+    """Return how an image that boards cover in part counts: as little as what was seen tells of the rest."""
+    if covered >= ENOUGH_COVERED:
+        return []
+    if extrapolation > _HARMLESS_EXTRAPOLATION:
+        return [codes.IMAGE_NOT_COVERED(covered=covered)]
+    return [codes.IMAGE_COVERED_IN_PART(covered=covered, ratio=extrapolation)]
 
 
 def _of_lens(solution: "CameraSolution") -> list[Finding]:

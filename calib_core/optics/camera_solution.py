@@ -28,12 +28,15 @@ class Coverage:
         Share of the cells with a corner.
     largest_tilt_rad : float
         Between a board and the image plane.
+    extrapolation : float
+        The projection's largest uncertainty in the image over its median.
     """
 
     counts: np.ndarray
     depth_mm: tuple[float, float]
     covered: float
     largest_tilt_rad: float
+    extrapolation: float
 
 
 @dataclass(frozen=True, eq=False)

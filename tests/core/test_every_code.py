@@ -23,6 +23,7 @@ from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.findings.reading import as_read
 from calib_core.formats.points import parse_profile
 from calib_core.frames import RigidTransform
+from calib_core.optics.camera_evidence import coverage_findings
 from calib_core.records import LimitChange, Session, Verification, parse_session
 from calib_core.review.check import check_session
 from calib_core.review.provenance import HISTORY_FILE, verify
@@ -324,6 +325,8 @@ CASES: dict[str, tuple[Case, Case]] = {
     "input-not-usable": (check(sphere_diameter_mm=None), check()),
     "file-doubtful": (in_metres, check()),
     "capture-shows-nothing": (flat, first_seen),
+    "image-not-covered": (lambda: coverage_findings(0.5, 3.1), lambda: coverage_findings(0.5, 2.9)),
+    "image-covered-in-part": (lambda: coverage_findings(0.5, 2.9), lambda: coverage_findings(0.61, 2.9)),
     "board-in-part": (board_at(0.33), board_at(0.0)),
     "stripe-through-middle": (arc(0.97), arc(0.93)),
     "stripe-grazes-sphere": (arc(0.42), arc(0.48)),
@@ -386,7 +389,7 @@ capture-not-measured capture-not-still capture-of-unknown-scanner capture-waits 
 chain-table-differs chain-tool-differs changed-tool corners-far-off corners-left-out corners-off-prediction
 distortion-folds distortion-terms-at-zero drift-in-session encoder-eccentric encoder-scale expansion-unknown
 few-boards-carry-plane few-captures few-poses-repeated few-views focal-length-unsure frame-in-colour
-frame-not-used frame-waits-for-calibration frames-in-colour image-not-covered joints-contradict-poses
+frame-not-used frame-waits-for-calibration frames-in-colour joints-contradict-poses
 lag-not-checked length-at-temperature light-plane-outdated line-off-plane many-table-captures-contradict
 measuring-failed merge-calibration-failed merge-inside-out merge-no-mesh merge-no-overlap
 merge-no-self-calibration merge-nominal-alike merge-nominal-far merge-nominal-not-found merge-one-table-angle

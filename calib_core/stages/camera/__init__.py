@@ -19,7 +19,7 @@ class Camera(Stage):
     """The camera, from frames of the calibration board."""
 
     name, title, place = "camera", "Camera", 10
-    method_revision = 5  # light that falls off to the border draws no corner to the middle
+    method_revision = 6  # boards that tell the rest of the image cover it well enough
     any_arrangement = True
     step = CaptureStep(
         "camera",
