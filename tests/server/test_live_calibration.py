@@ -68,7 +68,7 @@ def test_the_clocks_offset_is_measured_over_the_protocols(client: httpx.Client) 
         assert told["sigma_s"] < 0.001
         assert abs(told["offset_s"] - 0.037) < 4 * told["sigma_s"] + 0.0002
         assert told["clocks"] == "scanner: device, robot: device"
-        sweep = {"id": "p07", "seconds": 1.0}
+        sweep = {"id": "p07", "seconds": 5.0}
         taken = recorded(lambda: client.post(f"/sessions/{session}/live/sweep", json=sweep))
         assert taken.status_code == 201, taken.text
         assert_poses_belong_to_their_exposures(client, session, made)
