@@ -151,6 +151,8 @@
   function arrange() {
     makeRoom();
     const mutable = window.__viserMutable, nodes = tree();
+    // Axes alone would tell nothing: until the first of the scene is there, the page around it says that it is loading.
+    window.frameElement?.classList.toggle("waiting", !nodes?.["/ambient-light"]);
     if (!mutable?.camera || !nodes || document.hidden) return;
     const canvas = mutable.canvas ?? document.querySelector("canvas");
     if (!canvas) return;
@@ -208,4 +210,5 @@
   };
   window.addEventListener("pointermove", hover);
   window.setInterval(arrange, EVERY_MS);
+  arrange();
 })();

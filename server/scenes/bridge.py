@@ -72,11 +72,22 @@ async def bridge(websocket: WebSocket, manager: SceneManager, session_id: str, v
     if protocol is None:
         await deny(websocket, 400, "Offer the sub-protocol viser-v<version>, as the scene's page does.")
         return
+    try:
+        await anyio.to_thread.run_sync(manager.require, session_id)
+    except NotFoundError as error:
+        await deny(websocket, 404, str(error))
+        return
+    # Before the scene is opened, which may take long where the disk is slow: viser's client gives up what is not
+    # accepted within 5 s, and from then on tries anew each second.
+    try:
+        await websocket.accept(subprotocol=protocol)
+    except OSError:  # it went away meanwhile, and comes back by itself
+        return
     viewing = manager.viewing(session_id)
     try:
         live = await anyio.to_thread.run_sync(viewing.__enter__)
-    except NotFoundError as error:
-        await deny(websocket, 404, str(error))
+    except NotFoundError:  # removed meanwhile
+        await _close(websocket, 1001, "The scene is closed.")
         return
     try:
         await _carry(websocket, live, protocol, viewer)
@@ -84,11 +95,12 @@ async def bridge(websocket: WebSocket, manager: SceneManager, session_id: str, v
         viewing.__exit__(None, None, None)
 
 
+async def _close(websocket: WebSocket, code: int, reason: str) -> None:
+    if websocket.client_state is WebSocketState.CONNECTED:
+        await websocket.close(code, reason)
+
+
 async def _carry(websocket: WebSocket, live: LiveScene, protocol: str, viewer: str) -> None:
-    try:
-        await websocket.accept(subprotocol=protocol)
-    except OSError:  # it went away while the scene was opened, and comes back by itself
-        return
     try:
         inner = connect(
             f"ws://127.0.0.1:{live.port}",
@@ -102,8 +114,7 @@ async def _carry(websocket: WebSocket, live: LiveScene, protocol: str, viewer: s
             code, reason = await _first_of(_to_viser(websocket, viser), _to_browser(viser, websocket))
     except (OSError, ConnectionClosed):
         code, reason = INTERNAL, "The scene is closed; it opens again by itself."
-    if websocket.client_state is WebSocketState.CONNECTED:
-        await websocket.close(code, reason)
+    await _close(websocket, code, reason)
 
 
 async def _first_of(*carriers: Any) -> tuple[int, str]:

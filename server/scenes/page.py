@@ -76,6 +76,15 @@ _START = """
   // The client connects again only where it has the focus, which the page around it has: being seen is enough.
   document.hasFocus = () => !document.hidden;
   document.addEventListener("visibilitychange", () => window.dispatchEvent(new Event("focus")));
+  // It would try anew each second, and give up the try before.  Of a page of which some failed, as while a server
+  // starts anew, Chromium holds back each by up to 5 s: none would ever come through.
+  const post = Worker.prototype.postMessage;
+  let tried = -Infinity;
+  Worker.prototype.postMessage = function (message, ...more) {
+    if (message?.type === "retry" && performance.now() < tried + 6000) return;
+    if (["retry", "set_server"].includes(message?.type)) tried = performance.now();
+    post.call(this, message, ...more);
+  };
   const real = window.matchMedia.bind(window);
   window.matchMedia = (query) => real(query.startsWith("(max-width") ? "not all" : query);
 })();

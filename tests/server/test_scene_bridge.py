@@ -2,6 +2,7 @@
 
 import logging
 import socket as sockets
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from errno import ECONNREFUSED
 
@@ -97,6 +98,29 @@ def test_a_viewer_of_the_own_page_gets_the_scene_and_its_sub_protocol_back(clien
     with look_at(client, "s1") as socket:
         assert socket.subprotocol == PROTOCOL
         assert len(socket.recv(timeout=300)) > 100
+
+
+def test_a_viewer_is_let_in_while_its_scene_is_being_opened(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Viser's client ends what is not accepted within 5 s: a scene that takes longer to open was never seen."""
+    asked_to_open, may_open = threading.Event(), threading.Event()
+
+    def slowly(scene: SceneInput) -> LiveScene:
+        asked_to_open.set()
+        may_open.wait(60)
+        return LiveScene(scene)
+
+    monkeypatch.setattr("server.scenes.manager.LiveScene", slowly)
+    try:
+        with look_at(client, "s1") as socket:
+            assert asked_to_open.wait(60)
+            with pytest.raises(TimeoutError):
+                socket.recv(timeout=0.2)
+            may_open.set()
+            assert len(socket.recv(timeout=300)) > 100
+    finally:
+        may_open.set()
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1.evil.example", "null", "", None])

@@ -1,5 +1,6 @@
 """The scene in a real browser: it draws, follows, keeps to its own server and has nothing to complain about."""
 
+import threading
 from io import BytesIO
 from urllib.parse import urlsplit
 
@@ -10,11 +11,14 @@ from PIL import Image
 from playwright.sync_api import Browser, Page
 
 from server.scenes.colors import REJECTED, Rgb
+from server.scenes.live import LiveScene
 from server.scenes.manager import SceneManager
 from server.scenes.merged import MAX_SCAN_POINTS
+from server.scenes.scene_input import SceneInput
 from tests.server.scene_cell import make_cell, serve_scenes
 from tests.server.scene_visit import visit
 from tests.server.test_scene_cloud import fused_scene
+from tests.web.browsing import Watch
 
 pytestmark = pytest.mark.browser
 
@@ -123,3 +127,41 @@ def test_a_viewer_comes_back_by_itself_after_the_server_was_away(browser: Browse
             page.close()
     finally:
         manager.stop()
+
+
+def test_a_page_says_that_its_scene_is_loading_and_a_client_without_its_server_does_not_hurry(
+    browser: Browser, watch: Watch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Chromium holds back a page's connections after a dozen that failed: tries each second would never end."""
+    may_open = threading.Event()
+
+    def slowly(scene: SceneInput) -> LiveScene:
+        may_open.wait(120)
+        return LiveScene(scene)
+
+    monkeypatch.setattr("server.scenes.manager.LiveScene", slowly)
+    manager = SceneManager({"s1": CELL.scene(count=4, solved=False)}.get)
+    page = browser.new_page(viewport={"width": 360, "height": 320})
+    page.set_default_timeout(90_000)
+    tries: list[str] = []
+    page.on("console", lambda said: tries.append(said.text) if said.text.startswith("Connecting to") else None)
+    try:
+        with serve_scenes(manager) as address:
+            page.goto(f"{address}/scenes/s1/legend")
+            page.evaluate(
+                "document.body.append(Object.assign(document.createElement('iframe'), { src: '/scenes/s1/' }))"
+            )
+            page.locator("iframe.waiting").wait_for()
+            page.wait_for_timeout(8000)  # the client gives up after 5 s what was not let in
+            assert page.locator("iframe.waiting").count() == 1
+            assert len(tries) == 1
+            may_open.set()
+            page.locator("iframe:not(.waiting)").wait_for()
+        watch.allow("Failed to load resource|WebSocket connection")
+        tries.clear()
+        page.wait_for_timeout(9000)
+        assert 1 <= len(tries) <= 2
+    finally:
+        may_open.set()
+        manager.stop()
+        page.close()

@@ -9,7 +9,7 @@ import { t } from "../texts.js";
 /** @import {Comparison} from "../state/model.js" */
 /** @typedef {{ scancellScene?: { show(layers: Record<string, boolean>): void } }} SceneWindow */
 
-const [ASK_AGAIN_MS, MOST_ASKED] = [700, 60];
+const [ASK_AGAIN_MS, MOST_ASKED] = [700, 400];
 
 /** @param {Comparison} comparison */
 export function bothAnswers({ stage, frames, left, right }) {

@@ -18,7 +18,7 @@ const LARGEST_PX = 4096;
 const PICKED_KEY = "scancell-picked";
 
 const ASK_AGAIN_MS = 700;
-const MOST_ASKED = 60;
+const MOST_ASKED = 400; // where the disk is slow, the first scene is opened within minutes
 
 /** @typedef {{ scancellScene?: { show(layers: Record<string, boolean>): void, speak(say: (text: string) => string): void } }} SceneWindow */
 
