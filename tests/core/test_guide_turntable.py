@@ -138,7 +138,7 @@ def seen_at(session: Session, *boxes: tuple[float, float, float]) -> list[Measur
     return [
         Measured(
             capture=c.id, kind="frame", verdict="pass", image_size=(600, 600),
-            preview=[[x + w * i / 3, y + w * j / 3] for i in range(4) for j in range(4)],
+            preview=[[x + w * i / 8, y + w * j / 8] for i in range(9) for j in range(9)],
         )
         for c, (x, y, w) in zip(session.captures, boxes, strict=True)
     ]  # fmt: skip
@@ -148,7 +148,7 @@ def test_the_camera_is_led_over_the_image_and_the_distances() -> None:
     assert "board" in guided(frames(0, 0, board=False)).current.instruction
     assert "middle" in guided(frames(0, 0)).current.instruction
     two = frames(2, 0)
-    now = guide(two, seen_at(two, (10, 10, 380), (210, 210, 380)), {}).current
+    now = guide(two, seen_at(two, (10, 10, 280), (310, 310, 280)), {}).current
     assert "upper right" in now.instruction
     three = frames(3, 0)
     same_size = seen_at(three, (10, 10, 560), (15, 10, 560), (10, 15, 560))

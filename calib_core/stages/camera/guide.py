@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.frames import FloatArray
 from calib_core.messages import message
+from calib_core.optics.coverage_cells import ENOUGH_COVERED, image_coverage
 from calib_core.records import Board, GuideNow, Measured, Session
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review
@@ -112,27 +112,20 @@ def _usable(session: Session, measured: Sequence[Measured], step: str) -> list[M
 
 def _next_view(views: Sequence[Measured]) -> str | None:
     """Return where the board should go next, None where the image is covered and the distances differ."""
-    sized = [(np.array(v.preview), v.image_size) for v in views if v.preview and v.image_size]
+    sized = [(np.array(v.board_px or v.preview), v.image_size) for v in views if v.preview and v.image_size]
     if not sized:
         return "Show the board to the camera, large and sharp in the middle of the image." if not views else None
-    counts = sum(_counts(pixels, size) for pixels, size in sized)
-    empty = np.flatnonzero(np.ravel(counts) == 0)
-    if len(empty):
+    seen = np.any([image_coverage(pixels, size) > 0 for pixels, size in sized], axis=0)
+    if seen.mean() < ENOUGH_COVERED:
+        parts = [part.mean() for rows in np.array_split(seen, _ROWS) for part in np.array_split(rows, _COLUMNS, 1)]
         return message(
-            "Show the board at the {places} of the image: nothing was seen there yet.",
-            places=_PLACES[int(empty[0])],
+            "Show the board at the {places} of the image: least was seen there yet.",
+            places=_PLACES[int(np.argmin(parts))],
         )
     sizes = [float(np.sqrt(np.prod(np.ptp(pixels, axis=0)))) for pixels, _ in sized]
     if max(sizes) < _SIZES_APART * min(sizes):
         return "Show the board nearer to the camera, then farther away: all views are from one distance."
     return None
-
-
-def _counts(pixels: FloatArray, size: tuple[int, int]) -> FloatArray:
-    """Return how many corners lie in each part of the image, rows from the top."""
-    width, height = size
-    ranges = ((-0.5, height - 0.5), (-0.5, width - 0.5))
-    return np.histogram2d(pixels[:, 1], pixels[:, 0], bins=(_ROWS, _COLUMNS), range=ranges)[0]
 
 
 def _board_missing(step: str) -> GuideNow:
