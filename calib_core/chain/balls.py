@@ -166,21 +166,24 @@ def _nearest(both: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArr
     return both[np.arange(len(both))[None], side], np.min(apart, axis=2)
 
 
-def by_distances(
-    centers: FloatArray, names: Sequence[str], distances: Sequence[KnownDistance]
-) -> list[str] | None:
-    """Return the names of balls by their told distances; None where several namings fit as well, or none does."""
-    costs: list[tuple[float, tuple[str, ...]]] = []
+def by_distances(centers: FloatArray, names: Sequence[str], distances: Sequence[KnownDistance]) -> list[list[str]]:
+    """Return the namings of balls that fit told distances: several only where all mean the same measurements.
+
+    None fits, or some that differ fit as well: an empty list.
+    """
+    costs: list[tuple[float, list[str], set[tuple[frozenset[int], float]]]] = []
     for given in permutations(names, len(centers)) if len(names) >= len(centers) else ():
-        place = {name: centers[n] for n, name in enumerate(given)}
-        off = [
-            abs(float(np.linalg.norm(place[known.one] - place[known.other])) - known.mm)
+        place = {name: n for n, name in enumerate(given)}
+        both = [
+            (place[known.one], place[known.other], known.mm)
             for known in distances
             if known.one in place and known.other in place
         ]
-        if off:
-            costs.append((max(off), given))
+        if both:
+            off = max(abs(float(np.linalg.norm(centers[i] - centers[j])) - mm) for i, j, mm in both)
+            costs.append((off, [*given], {(frozenset((i, j)), mm) for i, j, mm in both}))
     costs.sort(key=lambda one: one[0])
-    if not costs or costs[0][0] > _TOGETHER_MM or (len(costs) > 1 and costs[1][0] < costs[0][0] + 1.0):
-        return None
-    return list(costs[0][1])
+    if not costs or costs[0][0] > _TOGETHER_MM:
+        return []
+    fit = [one for one in costs if one[0] < costs[0][0] + 1.0]
+    return [given for _, given, _ in fit] if all(same == fit[0][2] for _, _, same in fit) else []

@@ -35,6 +35,7 @@ class SolvedTcp:
     observations: list[SphereObservation]
     sphere: SphereSize
     unused: list[Finding]
+    noticed: list[Finding] = field(default_factory=list)
 
     @property
     def left_out(self) -> set[str]:

@@ -41,6 +41,7 @@ from calib_core.stages.verify.decision import Estimate, checked, decision_findin
 from calib_core.stages.verify.flatness import Plate
 from calib_core.stages.verify.limits import limit_findings
 from tests.arm_cell import simulate_arm
+from tests.plates import Simulated, reflected, told_plate
 from tests.trouble import all_table_troubles, all_troubles, troubled, troubled_table
 from tests.verified import brought_tool
 
@@ -97,11 +98,17 @@ def three_balls(shifted_mm: float) -> Case:
 
 
 def of_scenario(scenario: str) -> Case:
-    def case() -> Iterable[Finding]:
-        made = simulate(scenario, 1)
-        return solve_stage(made.session, "tcp", made.files.__getitem__).findings
+    made = simulate(scenario, 1)
+    return tcp_of((made.session, made.files, {}))
 
-    return case
+
+def tcp_of(simulated: Simulated) -> Case:
+    session, files, _ = simulated
+    return lambda: solve_stage(session, "tcp", files.__getitem__).findings
+
+
+def between(pair: str, mm: float) -> dict[str, Any]:
+    return {"sphere_distances": [{"between": [*pair], "mm": mm, "sigma_mm": 0.01}]}
 
 
 def turned_alike() -> list[dict[str, Any]]:
@@ -309,6 +316,14 @@ CASES: dict[str, tuple[Case, Case]] = {
     "captures-weak": (check(), not_weak),
     "capture-duplicate": (check(again()), check(again(files=TCP[3]["files"], pose=TCP[3]["pose"])[:-1])),
     "capture-of-no-ball": (three_balls(35.0), three_balls(0.0)),
+    "capture-with-reflection": (tcp_of(reflected(5)), tcp_of(reflected())),
+    "spheres-not-all-seen": (tcp_of(told_plate("abcd")), tcp_of(told_plate("abc"))),
+    "spheres-more-than-told": (tcp_of(told_plate("ab")), tcp_of(told_plate("abc"))),
+    "sphere-distances-not-used": (tcp_of(told_plate("abc", **between("ab", 80.0))), tcp_of(told_plate("abc"))),
+    "spheres-named-either-way": (
+        tcp_of(told_plate("ab", 2, **between("ab", 61.984))),
+        tcp_of(told_plate("ab", 2)),
+    ),
     "tool-position-without-turns": (of_scenario("gantry"), of_scenario("tcp")),
     "capture-file-repeated": (check(again(pose=TCP[3]["pose"])), check(again())),
     "pose-convention-likely": (check(pose_convention="quaternion-xyzw"), check()),

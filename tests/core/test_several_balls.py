@@ -16,6 +16,7 @@ from calib_core.records.results import FoundFrame, ScannerFound
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.stages.tcp.record import TcpResult
+from tests.plates import reflected
 from tests.topology_errors import distances
 
 CHI2 = {3: 21.1, 6: 27.9}  # 99.99 %
@@ -57,14 +58,36 @@ def test_told_distances_name_the_balls_and_find_the_scale() -> None:
     assert found["scale_x"] == pytest.approx(1 / 1.003 - 1, abs=0.001)
 
 
-def test_distances_that_fit_two_ways_name_nothing() -> None:
+def test_distances_that_differ_and_fit_two_ways_name_nothing() -> None:
     corners, names = np.array([[0.0, 0, 0], [60, 0, 0], [0, 60, 0]]), ["a", "b", "c"]
     ab, ac = KnownDistance("a", "b", 60.0, 0.01), KnownDistance("a", "c", 60.0, 0.01)
-    assert by_distances(corners, names, [ab, ac]) is None
+    assert by_distances(corners, names, [ab, ac]) == [["a", "b", "c"], ["a", "c", "b"]]
+    assert by_distances(corners, names, [ab, KnownDistance("a", "c", 60.5, 0.01)]) == []
     wrong = KnownDistance("a", "c", 70.0, 0.1)
-    assert by_distances(corners, names, [ab, KnownDistance("b", "c", 84.85, 0.01), wrong]) is None
+    assert by_distances(corners, names, [ab, KnownDistance("b", "c", 84.85, 0.01), wrong]) == []
     far = corners * [1, 1.5, 1]
-    assert by_distances(far, names[::-1], [ab, KnownDistance("a", "c", 90.0, 0.01)]) == names
+    assert by_distances(far, names[::-1], [ab, KnownDistance("a", "c", 90.0, 0.01)]) == [names]
+
+
+def test_the_distance_of_a_bar_finds_the_scale_whichever_ball_is_which() -> None:
+    plate = TOPOLOGY_SCENARIOS["plate-distances"]
+    session, files, _ = simulate_topology(replace(plate, balls=plate.balls[:2]), "bar", 1)
+    result = in_memory(session, files).run()["tcp"]
+    assert "spheres-named-either-way" in {finding.code for finding in result.findings}
+    assert sorted(ball.name for ball in result.spheres) == ["a", "b"]
+    assert isinstance(result.scanner, ScannerFound)
+    found = dict(zip(result.scanner.names, result.scanner.values, strict=True))
+    assert found["scale_x"] == pytest.approx(1 / 1.003 - 1, abs=0.001)
+
+
+def test_the_arc_of_a_reflection_gives_way_to_that_of_the_ball() -> None:
+    session, files, truth = reflected(3, 5)
+    result = in_memory(session, files).run()["tcp"]
+    (named,) = (one for one in result.findings if one.severity != "note")
+    assert (named.code, named.captures) == ("capture-with-reflection", ["p03", "p05"])
+    assert all(row.used for row in result.residuals)
+    ((_, squared, _, _),) = distances(with_frame(result), truth)
+    assert squared < CHI2[6]
 
 
 def test_one_ball_stays_one() -> None:

@@ -13,6 +13,7 @@ from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.tcp import TcpSolution, by_scanner
 from calib_core.findings import Finding
+from calib_core.findings.codes import spheres as codes
 from calib_core.findings.codes.captures import CAPTURE_OF_NO_BALL
 from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.records import Cell
@@ -66,8 +67,8 @@ def with_told_names(cell: Cell, state: ChainState) -> Mapping[tuple[str, str], s
     for carrier in {carrier for carrier, _ in layout.places}:
         some = [n for n, (on, _) in enumerate(layout.places) if on == carrier]
         told = [ball.name for ball in told_balls(cell, carrier)]
-        found = by_distances(places[some], told, told_distances(cell)) if len(some) > 1 else None
-        for n, name in zip(some, found or (), strict=False):
+        found = by_distances(places[some], told, told_distances(cell)) if len(some) > 1 else []
+        for n, name in zip(some, found[0] if found else (), strict=False):
             names[layout.places[n]] = name
     return names
 
@@ -88,6 +89,40 @@ def named_by_distances(
     found = [replace(o, ball=names[o.carriers.ball, o.ball]) for o in observations]
     changed = [one.ball != o.ball for one, o in zip(found, observations, strict=True)]
     return found if np.any(changed) and len(solution.held.state.position.places) > 1 else None
+
+
+def other_arcs(
+    given: StageInput, observations: Sequence[SphereObservation], used: np.ndarray
+) -> list[SphereObservation] | None:
+    """Return observations in which captures of two arcs that were not used show the other one; None without."""
+    by_id = {capture.id: capture for capture in given.captures}
+    single, found = Counter(o.capture for o in observations), list(observations)
+    for k in np.flatnonzero(~used).tolist():
+        own = observations[k]
+        more = further_arcs(given.session, by_id[own.capture], given.read) if single[own.capture] == 1 else ()
+        if (other := next(iter(more), None)) is not None:
+            found[k] = replace(other, arm_moves=own.arm_moves, ball=own.ball)
+    changed = any(one is not own for one, own in zip(found, observations, strict=True))
+    return found if changed else None
+
+
+def findings_of_balls(cell: Cell, state: ChainState) -> list[Finding]:
+    """Return where the balls that no axis carries are not those that the cell tells of."""
+    layout, places = state.walk.layout, state.position.places
+    still = [n for n in range(len(places)) if not layout.rides[n].any()]
+    found: list[Finding] = []
+    for carrier in dict.fromkeys(layout.places[n][0] for n in still):
+        some = [n for n in still if layout.places[n][0] == carrier]
+        told, many = [ball.name for ball in told_balls(cell, carrier)], len(some)
+        if many < len(told):
+            found.append(codes.NOT_ALL_SEEN(count=many, told=len(told)))
+        elif many > len(told) > 0:
+            found.append(codes.MORE_THAN_TOLD(count=many, told=len(told)))
+        if many > 1 and any({d.one, d.other} <= {*told} for d in told_distances(cell)):
+            ways = len(by_distances(places[some], told, told_distances(cell)))
+            found += [codes.DISTANCES_NOT_USED()] if ways == 0 else []
+            found += [codes.NAMED_EITHER_WAY(count=ways)] if ways > 1 else []
+    return found
 
 
 def spheres_found(cell: Cell, solution: TcpSolution) -> list[FoundSphere]:

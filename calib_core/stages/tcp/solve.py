@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
+import numpy as np
+
 from calib_core.captures.arm_joints import terms_of, with_arm_moves
 from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED, first_reasons, not_measured, unfit
@@ -16,12 +18,13 @@ from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.findings import Finding, reasons_of, sentence_of, verdict_of
+from calib_core.findings.codes import spheres
 from calib_core.findings.codes import tcp as codes
 from calib_core.findings.codes.captures import CAPTURE_DUPLICATE
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, SolvedTcp, StageInput
 from calib_core.messages import Value, message
-from calib_core.records import Capture
+from calib_core.records import Capture, Cell
 from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.sweep_rows import mark_sweeps, one_row_each
@@ -79,17 +82,26 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     about_causes = {name for cause in causes for name in cause.captures}
     told = [one for one in found if not (one.remedy is not None and about_causes & set(one.captures))]
     fit = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
-    return [*flange_findings(given.session.cell, fit), *causes, *told, *solved.unused]
+    return [*flange_findings(given.session.cell, fit), *causes, *told, *solved.unused, *solved.noticed]
 
 
 def of_several_balls(given: StageInput, solved: SolvedTcp, found: list[Finding]) -> list[Finding]:
     """Return findings in which arcs that were not told apart are no poses that do not fit."""
-    carriers = {o.carriers.ball for o in solved.observations if not o.ball}
-    told = max((len(told_balls(given.session.cell, carrier)) for carrier in carriers), default=0)
+    from calib_core.stages.tcp.balls import findings_of_balls
+
+    told = _balls_not_told_apart(given.session.cell, solved.observations)
     if told < 2 or all(one.code != codes.POSES_DO_NOT_FIT.name for one in found):
-        return found
+        return found + findings_of_balls(given.session.cell, solved.solution.held.state)
     others = [one for one in found if one.code != codes.POSES_DO_NOT_FIT.name]
-    return [codes.BALLS_NOT_TOLD_APART(count=told), *others]
+    return [spheres.BALLS_NOT_TOLD_APART(count=told), *others]
+
+
+def _balls_not_told_apart(cell: Cell, observations: Sequence[SphereObservation]) -> int:
+    """Return of how many balls the arcs may be that no ball is named for, or one while the robot's foot moved."""
+    under = [axis.name for axis in cell.axes or () if axis.carries == "robot"]
+    moved = (any(o.readings.get(name) for name in under) for o in observations)
+    carriers = {o.carriers.ball for o, foot in zip(observations, moved, strict=True) if foot or not o.ball}
+    return max((len(told_balls(cell, carrier)) for carrier in carriers), default=0)
 
 
 def _causes_of_poses(given: StageInput, solved: SolvedTcp) -> list[Finding]:
@@ -139,7 +151,7 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
 def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     from calib_core.chain.arm_open import corrected
     from calib_core.chain.tcp import TcpOptions, solve_tcp
-    from calib_core.stages.tcp.balls import named_by_distances, with_all_balls
+    from calib_core.stages.tcp.balls import named_by_distances, other_arcs, with_all_balls
 
     cell = given.session.cell
     sphere = sphere_of(cell, [capture for capture in given.captures if not capture.excluded])
@@ -155,21 +167,34 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         axis_sigmas=reading_sigmas(cell),
         taken_at_s=tuple((c.id, c.device_time_s) for c in given.captures if c.device_time_s is not None),
     )
-    seen = observed.observations
+    seen, noticed = observed.observations, list[Finding]()
     try:
         solution = solve_tcp(seen, sphere, options, _later(given.progress))
+        if (others := other_arcs(given, seen, solution.used)) is not None:
+            again = solve_tcp(others, sphere, options)
+            if len(fit := np.flatnonzero(again.used & ~solution.used)):
+                noticed.append(spheres.SECOND_ARC([seen[k].capture for k in fit]))
+                seen, solution = others, again
         if (named := named_by_distances(cell, seen, solution)) is not None:  # whose distances are measurements
             seen = named
             solution = solve_tcp(seen, sphere, replace(options, distances=told_distances(cell)))
     except MotionError as error:
-        raise error.with_failures(observed.failed) from None
+        raise _of_balls(error, _balls_not_told_apart(cell, seen)).with_failures(observed.failed) from None
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.captures.frame_uncertainty import with_calibration_uncertainty
 
         solution = with_calibration_uncertainty(given.session, given.read, solution)
     if solution.arm is not None and solution.arm.applied:
         seen = corrected(seen, solution.arm)
-    return SolvedTcp(solution, seen, sphere, observed.unused)
+    return SolvedTcp(solution, seen, sphere, observed.unused, noticed)
+
+
+def _of_balls(error: MotionError, told: int) -> MotionError:
+    """Return an error that says that balls were not told apart, where the cell tells of several."""
+    if told < 2:
+        return error
+    need = message("arcs of the cell's {count} spheres that can be told apart", count=told)
+    return MotionError(need, error.got, str(spheres.BALLS_NOT_TOLD_APART.to_do), error.where)
 
 
 def observe_stage(given: StageInput) -> Observed:
