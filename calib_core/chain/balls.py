@@ -55,14 +55,19 @@ def labelled(
     The names are `sphere-1`, `sphere-2`, …, in the order of how many arcs each has, and empty for arcs of none.
     """
     names, places = [""] * len(observations), list[tuple[str, FloatArray]]()
+    several = False
     for some in groups:
         found = balls_of(centers_of([observations[k] for k in some], sphere))
-        if found is None or len(found.centers) < 2 or np.mean(found.ball == 0) > _NO_MORE:
+        if found is None:
             return None
+        alone = len(found.centers) < 2 or np.mean(found.ball == 0) > _NO_MORE
+        several |= not alone
         carrier = observations[some[0]].carriers.ball
-        own = [_place(places, carrier, center) for center in found.centers]
-        for k, n in zip(some, found.ball, strict=True):
+        own = [_place(places, carrier, center) for center in found.centers[: 1 if alone else None]]
+        for k, n in zip(some, np.zeros_like(found.ball) if alone else found.ball, strict=True):
             names[k] = f"sphere-{own[n] + 1}" if n >= 0 else ""
+    if not several:
+        return None
     return [replace(o, ball=name) for o, name in zip(observations, names, strict=True)]
 
 

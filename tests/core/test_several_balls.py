@@ -80,6 +80,18 @@ def test_the_distance_of_a_bar_finds_the_scale_whichever_ball_is_which() -> None
     assert found["scale_x"] == pytest.approx(1 / 1.003 - 1, abs=0.001)
 
 
+def test_one_scanner_sees_two_balls_and_another_sees_one() -> None:
+    both = TOPOLOGY_SCENARIOS["scanners-on-flange-and-base"]
+    second = replace(both.balls[0], name="second", at_mm=(830.0, 60.0, 470.0))
+    scenario = replace(both, balls=(*both.balls, second), told="names")
+    session, files, truth = simulate_topology(scenario, "three balls", 1)
+    result = in_memory(session, files).run()["tcp"]
+    assert result.verdict == "pass"
+    assert sorted(ball.carrier for ball in result.spheres) == ["base", "base", "tool0"]
+    assert "sphere-on-flange" in {ball.name for ball in result.spheres}
+    assert all(squared < CHI2[6] for _, squared, _, _ in distances(result, truth))
+
+
 def test_the_arc_of_a_reflection_gives_way_to_that_of_the_ball() -> None:
     session, files, truth = reflected(3, 5)
     result = in_memory(session, files).run()["tcp"]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.captures.more_arcs import further_arcs
-from calib_core.cell.carriers import ball_name, told_balls, told_distances
+from calib_core.cell.carriers import ball_name, rides_on_axis, told_balls, told_distances
 from calib_core.chain.balls import by_distances, labelled
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -63,7 +63,11 @@ def of_no_ball(own: Sequence[str], found: Sequence[SphereObservation]) -> list[F
 def with_told_names(cell: Cell, state: ChainState) -> Mapping[tuple[str, str], str]:
     """Return the names of balls by what carries each and how they were told apart: the cell's where those fit."""
     layout, places = state.walk.layout, state.position.places
-    names = {place: _alone(cell, *place) for place in layout.places}
+    of_carrier = Counter(carrier for carrier, _ in layout.places)
+    names = {
+        (on, name): _alone(cell, on, name if of_carrier[on] > 1 or rides_on_axis(on) else "")
+        for on, name in layout.places
+    }
     for carrier in {carrier for carrier, _ in layout.places}:
         some = [n for n, (on, _) in enumerate(layout.places) if on == carrier]
         told = [ball.name for ball in told_balls(cell, carrier)]
