@@ -1,7 +1,7 @@
 """The axes of a cell as its record tells them, the turntable among them, and where they stood."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from calib_core.cell.layout import MovedAxis
@@ -56,6 +56,11 @@ def moved_axes(cell: Cell) -> tuple[MovedAxis, ...]:
         waiting.remove(axis)
         given.append(MovedAxis(axis.name, axis.kind, axis.carries, carrier_of_axis(axis, axes)))
     return tuple(given)
+
+
+def foot_moved(cell: Cell, where: Mapping[str, float]) -> bool:
+    """Return whether an axis under the robot is away from zero, by the readings of all axes."""
+    return any(axis.carries == "robot" and where.get(axis.name) for axis in cell.axes or ())
 
 
 def reading_sigmas(cell: Cell) -> tuple[float | None, ...]:

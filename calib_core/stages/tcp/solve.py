@@ -13,7 +13,7 @@ from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.causes.flange import flange_findings
-from calib_core.cell.axes import moved_axes, reading_sigmas
+from calib_core.cell.axes import foot_moved, moved_axes, reading_sigmas
 from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import SphereObservation
 from calib_core.errors import MeasurementError, MotionError
@@ -98,8 +98,7 @@ def of_several_balls(given: StageInput, solved: SolvedTcp, found: list[Finding])
 
 def _balls_not_told_apart(cell: Cell, observations: Sequence[SphereObservation]) -> int:
     """Return of how many balls the arcs may be that no ball is named for, or one while the robot's foot moved."""
-    under = [axis.name for axis in cell.axes or () if axis.carries == "robot"]
-    moved = (any(o.readings.get(name) for name in under) for o in observations)
+    moved = (foot_moved(cell, o.readings) for o in observations)
     carriers = {o.carriers.ball for o, foot in zip(observations, moved, strict=True) if foot or not o.ball}
     return max((len(told_balls(cell, carrier)) for carrier in carriers), default=0)
 
