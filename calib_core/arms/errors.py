@@ -26,7 +26,7 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 
 # Reach of the arm up to so many mm; zeros of joints in deg, lengths in mm, axes in deg, coupling in deg/deg, sag
 # stretched out in deg.  Trackers publish errors of the flange: sizes are such that they add up to those, and each
-# member has a scale of its own, which the captures tell (docs/tcp.md).
+# member has a scale of its own, which the captures tell (docs/arm.md).
 _CLASSES = (
     (500.0, (0.12, 0.25, 0.035, 5e-4, 0.02)),
     (1000.0, (0.08, 0.3, 0.03, 3e-4, 0.025)),
