@@ -51,8 +51,7 @@ def corrected_arm(arm: ArmTable, errors: Mapping[str, float]) -> tuple[ArmTable,
         )
         last = own
         for term, move in zip(terms, moves, strict=True):
-            follows = term.name.split("_")[:2] in (["joint", f"{n + 1}"], ["link", f"{n + 1}"])
-            if follows and term.name in errors and term.name not in left_out:
+            if term.joint == n and term.name in errors and term.name not in left_out:
                 moved = moved @ _moved_by(errors[term.name] * move, flange[:3, 3])
     table = ArmTable(
         joints=joints, last_from_tool0=(np.linalg.inv(last) @ moved @ flange).tolist(), source=arm.source

@@ -37,11 +37,15 @@ _CLASSES = (
 
 @dataclass(frozen=True)
 class ArmTerm:
-    """One number of an arm's error: its name ends in its unit, `sigma` is what is believed of it."""
+    """One number of an arm's error: its name ends in its unit, `sigma` is what is believed of it.
+
+    It moves all that stands behind `joint`, counted from 0.
+    """
 
     name: str
     member: Member
     sigma: float
+    joint: int
 
 
 def arm_terms(arm: ArmTable) -> tuple[ArmTerm, ...]:
@@ -86,10 +90,10 @@ def _terms(
 
     def turn(name: str, member: Member, sigma: float, axis: FloatArray, at: FloatArray, by: float = 1.0) -> None:
         move = np.deg2rad(by) * np.concatenate([skew(axis) @ (flange - at), axis])
-        found.append((ArmTerm(name, member, sigma), move))
+        found.append((ArmTerm(name, member, sigma, n), move))
 
     def shift(name: str, axis: FloatArray) -> None:
-        found.append((ArmTerm(name, "links", length_mm), np.concatenate([axis, np.zeros(3)])))
+        found.append((ArmTerm(name, "links", length_mm, n), np.concatenate([axis, np.zeros(3)])))
 
     for n in range(1, count - 1):
         if turns[n]:
