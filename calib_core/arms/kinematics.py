@@ -4,56 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.arms.named import NAMED_ARMS
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import ArmJoint, ArmTable
-
-_UR_ALPHA_DEG = (90.0, 0.0, 0.0, 90.0, -90.0, 0.0)
-
-
-def _ur(a2_mm: float, a3_mm: float, d1_mm: float, d4_mm: float, d5_mm: float, d6_mm: float) -> ArmTable:
-    """Return an arm of Universal Robots' layout by the lengths that its maker publishes."""
-    lengths = [(0.0, d1_mm), (a2_mm, 0.0), (a3_mm, 0.0), (0.0, d4_mm), (0.0, d5_mm), (0.0, d6_mm)]
-    return ArmTable(
-        joints=[
-            ArmJoint(a_mm=a, d_mm=d, alpha_deg=alpha) for (a, d), alpha in zip(lengths, _UR_ALPHA_DEG, strict=True)
-        ]
-    )
-
-
-def _abb(d1_mm: float, a1_mm: float, a2_mm: float, a3_mm: float, d4_mm: float, d6_mm: float) -> ArmTable:
-    """Return an arm of six joints with a wrist whose axes meet, as ABB counts: at zero the forearm lies flat."""
-    rows = [
-        (a1_mm, -90.0, d1_mm, 0.0), (a2_mm, 0.0, 0.0, -90.0), (a3_mm, -90.0, 0.0, 0.0),
-        (0.0, 90.0, d4_mm, 0.0), (0.0, -90.0, 0.0, 0.0), (0.0, 0.0, d6_mm, 180.0),
-    ]  # fmt: skip
-    return ArmTable(joints=[ArmJoint(a_mm=a, alpha_deg=turn, d_mm=d, theta_deg=zero) for a, turn, d, zero in rows])
-
-
-def _kuka(d1_mm: float, a1_mm: float, a2_mm: float, a3_mm: float, d4_mm: float, d6_mm: float) -> ArmTable:
-    """Return such an arm as KUKA counts: stretched out at zero, axes 1, 4 and 6 the other way."""
-    alike = _abb(d1_mm, a1_mm, a2_mm, a3_mm, d4_mm, d6_mm)
-    changes = [{"sign": -1}, {"theta_deg": 0.0}, {"theta_deg": -90.0}, {"sign": -1}, {}, {"sign": -1}]
-    joints = [joint.model_copy(update=own) for joint, own in zip(alike.joints, changes, strict=True)]
-    return alike.model_copy(update={"joints": joints})
-
-
-# Universal Robots publishes its lengths; those of ABB and KUKA are as ROS-Industrial's descriptions have them,
-# whose `base` and `tool0` are the controllers' frames.
-NAMED_ARMS: dict[str, ArmTable] = {
-    "ur3e": _ur(-243.55, -213.2, 151.85, 131.05, 85.35, 92.1),
-    "ur5": _ur(-425.0, -392.25, 89.159, 109.15, 94.65, 82.3),
-    "ur5e": _ur(-425.0, -392.2, 162.5, 133.3, 99.7, 99.6),
-    "ur10e": _ur(-612.7, -571.55, 180.7, 174.15, 119.85, 116.55),
-    "ur16e": _ur(-478.4, -360.0, 180.7, 174.15, 119.85, 116.55),
-    "ur20": _ur(-862.0, -728.7, 236.3, 201.0, 159.3, 154.3),
-    "irb120": _abb(290.0, 0.0, 270.0, 70.0, 302.0, 72.0),
-    "irb1200-7/0.7": _abb(399.1, 0.0, 350.0, 42.0, 351.0, 82.0),
-    "irb1600-6/1.2": _abb(486.5, 150.0, 475.0, 0.0, 600.0, 65.0),
-    "irb2600-12/1.65": _abb(445.0, 150.0, 700.0, 115.0, 795.0, 85.0),
-    "irb4600-60/2.05": _abb(495.0, 175.0, 900.0, 175.0, 960.0, 135.0),
-    "kr6-r900-sixx": _kuka(400.0, 25.0, 455.0, 35.0, 420.0, 80.0),
-}
 
 
 def arm_of(arm: str | ArmTable) -> ArmTable:

@@ -80,7 +80,8 @@ def corrected_poses(
         for one in opened.captures
         if one.joints_deg and one.pose is not None
     ]
-    rows, skipped = _rows(Path(path), len(arm.joints), brand, told)
+    named = {"arm": cell.robot.arm} if isinstance(cell.robot.arm, str) else {}
+    rows, skipped = _rows(Path(path), len(arm.joints), brand, {**named, **(told or {})})
     corrected: list[CorrectedPose] = []
     for row in rows:
         joints, pose = row.joints, row.pose

@@ -53,6 +53,7 @@ def new_session(
     sphere_mm: float | None = None,
     told: Mapping[str, TakenFor] | None = None,
     unit: Unit | None = None,
+    arm: str | None = None,
 ) -> NewSession:
     """Make a session folder of the files that lie in a folder and in those below it; nothing in it is changed.
 
@@ -70,6 +71,8 @@ def new_session(
         What files are taken for, by their names, whatever their content says.
     unit : str, optional
         That of a laser tracker's points, where their file states none.
+    arm : str, optional
+        The robot's arm by its name: poses of controllers' files then get joints where these say how it stands.
 
     Raises
     ------
@@ -79,6 +82,7 @@ def new_session(
         If `out` holds something already, or lies in the folder.
     """
     from calib_core.archive.folder import save_session
+    from calib_core.arms.kinematics import arm_of
     from calib_core.poses.numbers import convention_named
     from calib_core.recognition.recognised import recognise
     from calib_core.recognition.session import session_of
@@ -86,13 +90,15 @@ def new_session(
     root = Path(folder)
     if convention is not None:
         convention_named(convention)
+    if arm is not None:
+        arm_of(arm)
     target = _target(root, Path(out) if out is not None else None)
-    found = recognise(_given(root), told, convention, sphere_mm, unit)
+    found = recognise(_given(root), told, convention, sphere_mm, unit, arm)
     open_unit = next((look.file.name for look in found.looks if look.reason.code == "centers-unit"), None)
     if open_unit is not None:
         to_do = message("Write it there, as in X [mm], or tell it by --unit.")
         raise InputError("the unit of the tracker's points", "none in the file", to_do, open_unit)
-    made = session_of(found, root.resolve().name)
+    made = session_of(found, root.resolve().name, arm)
     target.mkdir(parents=True, exist_ok=True)
     try:
         for copy, name in made.files.items():

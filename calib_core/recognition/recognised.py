@@ -106,6 +106,7 @@ def recognise(
     convention: str | None = None,
     sphere_mm: float | None = None,
     unit: Unit | None = None,
+    arm: str | None = None,
 ) -> Recognised:
     """Return what files are: each of them is named, none is left out.
 
@@ -120,9 +121,11 @@ def recognise(
         The sphere's diameter, where it is known.
     unit : str, optional
         That of a laser tracker's points, where their file states none.
+    arm : str, optional
+        The robot's arm by its name: poses of controllers' files then get joints where these say how it stands.
     """
     looks = [_look(file, (told or {}).get(file.name), k, unit) for k, file in enumerate(files)]
-    looks = _with_controllers(_without_other_scanners(looks))
+    looks = _with_controllers(_without_other_scanners(looks), arm)
     order = sorted(
         (k for k, look in enumerate(looks) if look.taken_for in (*MEASUREMENTS, "centers")),
         key=lambda k: natural(looks[k].file.name),
@@ -198,12 +201,12 @@ def _look(file: GivenFile, told: TakenFor | None, place: int, unit: Unit | None)
     return replace(look, file=file)
 
 
-def _with_controllers(looks: list[Look]) -> list[Look]:
+def _with_controllers(looks: list[Look], arm: str | None) -> list[Look]:
     """Read controllers' files together, brand by brand, and name each for what it holds."""
     from calib_core.recognition.controllers import read_together
 
     places = [k for k, look in enumerate(looks) if look.brand]
-    for k, look in read_together([looks[k] for k in places]).items():
+    for k, look in read_together([looks[k] for k in places], arm).items():
         looks[places[k]] = look
     return looks
 

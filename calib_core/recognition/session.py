@@ -25,7 +25,7 @@ class MadeSession:
     notes: tuple[str, ...]
 
 
-def session_of(found: Recognised, name: str) -> MadeSession:
+def session_of(found: Recognised, name: str, arm: str | None = None) -> MadeSession:
     """Return the session that recognised files make; what it lacks stands in `found.missing`."""
     captures: list[dict[str, Any]] = []
     files: dict[str, str] = {}
@@ -56,6 +56,8 @@ def session_of(found: Recognised, name: str) -> MadeSession:
             record |= {} if row.table_deg is None else {"step": "turntable", "table_deg": row.table_deg}
         captures.append(record)
     cell: dict[str, Any] = {"pose_convention": found.choice.convention if found.choice else _NO_CONVENTION}
+    if arm is not None:
+        cell["robot"] = {"arm": arm}
     if found.sphere_mm is not None:
         cell["sphere_diameter_mm"] = found.sphere_mm
     kinds = {capture["kind"] for capture in captures}
@@ -78,7 +80,7 @@ def _notes(found: Recognised) -> list[str]:
         notes.append("The laser tracker stands still, and the robot carries its target (`sphere-on-robot`).")
     if found.sphere_from:
         notes.append(f"The sphere's diameter, {found.sphere_mm} mm, is from {found.sphere_from}.")
-    return notes
+    return [*notes, *dict.fromkeys(note for look in found.looks for note in look.notes)]
 
 
 def _step(look: Look) -> str:

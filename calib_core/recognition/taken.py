@@ -161,7 +161,10 @@ class PoseList:
 
 @dataclass(frozen=True)
 class Look:
-    """What one file is taken for, and what was found in it; `preview` are some of its points, x and z in mm."""
+    """What one file is taken for, and what was found in it; `preview` are some of its points, x and z in mm.
+
+    `notes` are what its reader says of an arm that was told.
+    """
 
     taken_for: TakenFor
     reason: Reason
@@ -171,6 +174,7 @@ class Look:
     file: GivenFile = GivenFile("", b"")
     preview: tuple[tuple[float, float], ...] = ()
     centers: "Centers | None" = None
+    notes: tuple[str, ...] = ()
 
 
 def nothing(code: str, **values: str | float) -> Look:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from calib_core.arms.configuration import Configuration
+
 Reference = int | str
 """A tool's or frame's number, or its name where the brand names them."""
 
@@ -90,6 +92,8 @@ class Taught:
         What the file leaves open about it, or empty.
     time_s : float or None
         When the robot was there, by the recording's clock.
+    configuration : Configuration or None
+        How the arm stands, where the file says so.
     """
 
     name: str
@@ -104,6 +108,7 @@ class Taught:
     refused: str = ""
     doubt: str = ""
     time_s: float | None = None
+    configuration: Configuration | None = None
 
 
 @dataclass
@@ -161,6 +166,7 @@ class FilePose:
     as_written: tuple[float, ...] | None = None
     doubt: str = ""
     time_s: float | None = None
+    configuration: Configuration | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data."""

@@ -199,7 +199,7 @@ def _flange(
             numbers = tuple(v + 0.0 for v in to_pose(taught.convention, pose))  # no -0.0
     return FilePose(
         taught.name, numbers, taught.convention, taught.joints_deg, taught.external, taught.tool, taught.frame,
-        taught.line, taught.file, taught.numbers, doubt, taught.time_s,
+        taught.line, taught.file, taught.numbers, doubt, taught.time_s, taught.configuration,
     )  # fmt: skip
 
 

@@ -18,6 +18,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sphere-mm", type=float, metavar="D", help="the sphere's diameter in mm")
     unit_help = "of a laser tracker's points where their file states none"
     parser.add_argument("--unit", choices=("mm", "cm", "m", "um", "in"), help=unit_help)
+    arm = "the robot's arm by its name: joints follow where controllers' files say how it stands"
+    parser.add_argument("--arm", metavar="NAME", help=arm)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -27,7 +29,9 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.sphere_mm is not None and not 0 < options.sphere_mm < 1e5:
         raise InputError("a diameter in mm", f"{options.sphere_mm:g}", "Say it in mm, above 0.", "--sphere-mm")
-    made = new_session(options.folder, options.out, options.convention, options.sphere_mm, unit=options.unit)
+    made = new_session(
+        options.folder, options.out, options.convention, options.sphere_mm, None, options.unit, options.arm
+    )
     print_result(options, _text(made), made.to_json())
     return NOT_ACCEPTED if made.missing else OK
 

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
+from calib_core.arms.configuration import ANYWHERE, Configuration
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
@@ -119,9 +120,11 @@ class _Module:
     def _robtarget(self, name: str, value: Value, line: int) -> Taught:
         position, rotation, configuration, external = self._list(value, 4)
         pose = (*self._numbers(position, 3), *self._numbers(rotation, 4))
+        stands = None
         if configuration.items is not None or configuration.text.lower() in self._parts:
-            self._numbers(configuration, 4)
-        return Taught(name, pose, "abb", line, None, self._external(external), file=self._source.name)
+            stands = _configuration(self._numbers(configuration, 4))
+        external_axes, file = self._external(external), self._source.name
+        return Taught(name, pose, "abb", line, None, external_axes, file=file, configuration=stands)
 
     def _list(self, value: Value, count: int) -> tuple[Value, ...]:
         value = self._parts.get(value.text.lower(), value) if value.items is None else value
@@ -234,3 +237,14 @@ def _chained(user: tuple[float, ...], of_object: tuple[float, ...]) -> tuple[flo
         return of_object
     product = parse_pose("abb", user).matrix @ parse_pose("abb", of_object).matrix
     return tuple(to_pose("abb", RigidTransform(product, "base", "tool0")))
+
+
+def _configuration(numbers: list[float]) -> Configuration | None:
+    """Return how the arm stands by confdata: quadrants of axes 1, 4 and 6; wrist before axis 1, elbow, axis 5."""
+    if any(value != int(value) for value in numbers) or not 0 <= numbers[3] <= 7:
+        return None  # of another kind of arm
+    of_axis_1, of_axis_4, of_axis_6, kind = map(int, numbers)
+    quadrants = [((90.0 * cf, 90.0 * cf + 90.0),) for cf in (of_axis_1, of_axis_4, of_axis_6)]
+    fifth = ((-180.0, 0.0),) if kind & 1 else ((0.0, 180.0),)
+    ranges = (quadrants[0], ANYWHERE, ANYWHERE, quadrants[1], fifth, quadrants[2])
+    return Configuration(ranges, not kind & 4, not kind & 2)

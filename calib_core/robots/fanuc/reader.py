@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+from calib_core.arms.configuration import ANYWHERE, Configuration
 from calib_core.formats.shared.number import NUMBER, number
 from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Taught
@@ -139,7 +140,25 @@ def _position(name: str, body: str, line: int, file: str, found: Found) -> Taugh
     joints = tuple(fields[f"J{i}"] for i in range(1, 10) if f"J{i}" in fields)
     if joints:
         return Taught(name, None, "fanuc", line, joints, external or None, tool, base, file)
-    return Taught(name, _pose(fields), "fanuc", line, None, external or None, tool, base, file)
+    stands = _configuration(text)
+    return Taught(
+        name, _pose(fields), "fanuc", line, None, external or None, tool, base, file, configuration=stands
+    )
+
+
+def _configuration(text: str) -> Configuration | None:
+    """Return how the arm stands by ``N U T, 0, 0, 0``: wrist, elbow, side, and turns of joints 1, 4 and 6.
+
+    N is a fifth joint below zero; a turn of t is an angle from 360 t − 180 to 360 t + 180.
+    """
+    told = re.search(r"[CK]ONFIG\s*:\s*'?\s*([NF])\s+([UD])\s+([TB])\s*,([-\d,\s]*)", text, re.IGNORECASE)
+    turns = [int(turn) for turn in re.findall(r"-?\d+", told[4])] if told else []
+    if told is None or len(turns) != 3:
+        return None
+    first, fourth, sixth = (((360.0 * turn - 180.0, 360.0 * turn + 180.0),) for turn in turns)
+    fifth = ((-180.0, 0.0),) if told[1].upper() == "N" else ((0.0, 180.0),)
+    ranges = (first, ANYWHERE, ANYWHERE, fourth, fifth, sixth)
+    return Configuration(ranges, told[3].upper() == "T", told[2].upper() == "U")
 
 
 def _fields(text: str) -> dict[str, float]:
@@ -206,7 +225,7 @@ def _entry(what: str, entry: re.Match[str], body: str, source: Source, found: Fo
         fields = _components(body)
         if what == "$POSREG":
             if group == 1:
-                found.poses.append(_register(index, fields, line, source.name))
+                found.poses.append(_register(index, fields, line, source.name, _configuration(body)))
             return
         frame = Frame(index, comment or None, _pose(fields), "fanuc", line, source.name, group=group)
         (found.tools if what == "$MNUTOOL" else found.frames).append(frame)
@@ -218,11 +237,11 @@ def _entry(what: str, entry: re.Match[str], body: str, source: Source, found: Fo
         )
 
 
-def _register(index: int, fields: dict[str, float], line: int, file: str) -> Taught:
+def _register(index: int, fields: dict[str, float], line: int, file: str, stands: Configuration | None) -> Taught:
     joints = tuple(fields[f"J{i}"] for i in range(1, 10) if f"J{i}" in fields)
     external = {axis: v for axis, v in fields.items() if axis[0] == "E"} or None
     pose = None if joints else _pose(fields)
-    return Taught(f"PR[{index}]", pose, "fanuc", line, joints or None, external, file=file)
+    return Taught(f"PR[{index}]", pose, "fanuc", line, joints or None, external, file=file, configuration=stands)
 
 
 def _components(body: str) -> dict[str, float]:

@@ -7,6 +7,7 @@ A taught point `XP1` has its tool and base in `FP1` beside it (TOOL_NO, BASE_NO)
 import re
 from dataclasses import replace
 
+from calib_core.arms.configuration import Configuration
 from calib_core.formats.shared.number import number
 from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
@@ -156,7 +157,8 @@ class _Program:
         file = self._source.name
         if "A1" in fields:
             return Taught(name, None, "kuka", line, _numbers(fields, _AXES), external, file=file)
-        return Taught(name, _numbers(fields, _POSE), "kuka", line, None, external, file=file)
+        pose, stands = _numbers(fields, _POSE), _configuration(fields)
+        return Taught(name, pose, "kuka", line, None, external, file=file, configuration=stands)
 
     def _activate(self, what: str, value: str, line: int) -> None:
         """Follow ``$TOOL = …`` and ``$BASE = …``."""
@@ -219,6 +221,26 @@ class _Program:
 
     def _tool_and_base(self) -> tuple[Reference | None, Reference | None]:
         return self._active.get("TOOL"), self._active.get("BASE")
+
+
+def _configuration(fields: dict[str, str]) -> Configuration | None:
+    """Return how the arm stands: of status the area and the elbow, of turn the sign of each axis.
+
+    Status' third bit, of the wrist, has two readings in KUKA's manuals, and turn says it anyway.
+    """
+    status, turn = _bits(fields.get("S")), _bits(fields.get("T"))
+    if turn is None:
+        return None
+    ranges = tuple(((-720.0, 0.0) if turn >> place & 1 else (0.0, 720.0),) for place in range(6))
+    front, up = (None, None) if status is None else (not status & 1, bool(status & 2))
+    return Configuration(ranges, front, up, (0.0, -90.0, 90.0, 0.0, 0.0, 0.0))
+
+
+def _bits(text: str | None) -> int | None:
+    """Return whole numbers as they stand, and binary ones such as 'B000110'; None for anything else."""
+    binary = re.fullmatch(r"'B([01]+)'", (text or "").strip(), re.IGNORECASE)
+    whole = re.fullmatch(r"(\d{1,4})(?:\.0*)?", (text or "").strip())
+    return int(binary[1], 2) if binary else int(whole[1]) if whole else None
 
 
 def _fields(text: str) -> dict[str, str]:

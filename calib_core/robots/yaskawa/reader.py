@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from typing import NamedTuple
 
+from calib_core.arms.configuration import ANYWHERE, Configuration, Range
 from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.phrases import CUT, TWICE, changed, require_count
@@ -123,13 +124,31 @@ class _State:
         self.kind, self.tool, self.user = "", None, None
         self.tool: int | None
         self.user: int | None
+        self.stands: Configuration | None = None
+
+
+def _configuration(text: str) -> Configuration | None:
+    """Return how the arm stands by ///RCONF: flip, elbow, side, and whether R, T and S are beyond half a turn."""
+    told = [one.strip() for one in text.split(",")[:6]]
+    if len(told) < 6 or not set(told) <= {"0", "1"}:
+        return None
+    no_flip, lower, rear, *beyond = (one == "1" for one in told)
+    # Flip: the fourth joint within 90° of zero or of a whole turn.
+    within: tuple[Range, ...] = ((90.0, 180.0), (-180.0, -90.0)) if no_flip else ((-90.0, 90.0),)
+    further: tuple[Range, ...] = (
+        ((180.0, 270.0), (-270.0, -180.0)) if no_flip else ((270.0, 360.0), (-360.0, -270.0))
+    )
+    whole: tuple[Range, ...] = ((180.0, 360.0), (-360.0, -180.0))
+    sixth, first = (whole if far else ANYWHERE for far in beyond[1:])
+    ranges = (first, ANYWHERE, ANYWHERE, further if beyond[0] else within, ANYWHERE, sixth)
+    return Configuration(ranges, not rear, not lower)
 
 
 def _job(source: Source, found: Found) -> None:
     state = _State()
     external: dict[str, dict[str, float]] = {}
     heads: dict[str, int] = {}
-    rows: list[tuple[int, str, str, str, int | None, int | None]] = []
+    rows: list[tuple[int, str, str, str, int | None, int | None, Configuration | None]] = []
     uses = _Uses({}, {}, {})
     in_program = False
     for line, content in source.lines():
@@ -138,9 +157,11 @@ def _job(source: Source, found: Found) -> None:
         if in_program:
             uses.note(text, line)
             continue
-        if tagged := re.match(r"///(POSTYPE|TOOL|USER)\s+(\S+)", text):
-            value = tagged[2].split(",")[0]
-            if tagged[1] == "POSTYPE":
+        if tagged := re.match(r"///(POSTYPE|TOOL|USER|RCONF)\s+(\S.*)", text):
+            value = tagged[2].split()[0].split(",")[0]
+            if tagged[1] == "RCONF":
+                state.stands = _configuration(tagged[2])
+            elif tagged[1] == "POSTYPE":
                 state.kind = value.upper()
             elif tagged[1] == "TOOL":
                 state.tool = int(value) if value.isdigit() else None
@@ -151,11 +172,12 @@ def _job(source: Source, found: Found) -> None:
                 _external(external, row, line, found)
                 heads.setdefault(row[2], line)
             else:
-                rows.append((line, row[1] + row[2], row[3].strip(), state.kind, state.tool, state.user))
+                so = state.kind, state.tool, state.user, state.stands
+                rows.append((line, row[1] + row[2], row[3].strip(), *so))
         elif re.match(r"[A-Z]+\d+\s*=", text):
             found.skip(line, message("'{text}' is no row of a position", text=text[:40]))
     rail = any(axis.startswith("BC") for axes in external.values() for axis in axes)
-    for line, name, values, kind, tool, user in rows:
+    for line, name, values, kind, tool, user, stands in rows:
         try:
             source.require_ended(line)
             taught = _position(name, values, kind, tool, user, line, source.name)
@@ -167,7 +189,7 @@ def _job(source: Source, found: Found) -> None:
         doubts = ["The robot stands on a rail: make sure that its base did not move."] if rail else []
         if line_of := uses.changed.get(_key(name)):
             doubts.append(changed(line_of))
-        found.poses.append(replace(taught, external=axes, doubt=" ".join(doubts)))
+        found.poses.append(replace(taught, external=axes, doubt=" ".join(doubts), configuration=stands))
     for number in external.keys() - {row[1][1:] for row in rows}:
         found.skip(
             heads[number], message("position {number}: external axes alone, no pose of the robot", number=number)
