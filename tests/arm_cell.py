@@ -4,7 +4,8 @@ Its own forward model: joints that turn about axes which are a little off, with 
 coupling, links that sag, a base that warms and a cable that pulls.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -172,6 +173,7 @@ def simulate_arm(
     tracker_sigma_mm: float = 0.02,
     held: int = 200,
     errors: str | None = None,
+    bumped_deg: Sequence[float] | None = None,
 ) -> ArmCell:
     """Return a cell of one arm of a kind; random poses, of which some are the session's.
 
@@ -190,10 +192,16 @@ def simulate_arm(
         How many poses more.
     errors : str, optional
         As `cell.robot.errors`.
+    bumped_deg : (6,), optional
+        By which zeros of the same arm moved since: a later session of it, from other poses.
     """
     rng = np.random.default_rng([seed, 37])
     made = ARM_KINDS[kind] if isinstance(kind, str) else kind
     arm = SimulatedArm.drawn(made, size, rng)
+    if bumped_deg is not None:
+        changes = arm.changes.copy()
+        changes[:, 3] += np.deg2rad(bumped_deg)
+        arm, rng = replace(arm, changes=changes), np.random.default_rng([seed, 38])
     cobot = made.rows[0][1] > 0
     count = captures + held
     middle, swings = np.deg2rad(_MIDDLE_DEG[cobot]), np.deg2rad(_SWING_DEG[swing])
