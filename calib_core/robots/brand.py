@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,12 @@ if TYPE_CHECKING:
     from calib_core.exports.entry import Export
     from calib_core.robots.controller_file import Found, Reference
     from calib_core.robots.file_hints import Told
+
+
+@cache
+def _stands_in(module: str, file: str) -> bool:
+    """Return whether a brand's folder has a file: asked for each file of a backup, looked for once."""
+    return hasattr(import_module(module), "__path__") and find_spec(f"{module}.{file}") is not None
 
 
 class Brand(Writer):
@@ -119,9 +126,7 @@ class Brand(Writer):
         }
 
     def _has(self, file: str) -> bool:
-        module = type(self).__module__
-        is_folder = hasattr(import_module(module), "__path__")
-        return is_folder and find_spec(f"{module}.{file}") is not None
+        return _stands_in(type(self).__module__, file)
 
     def _own(self, file: str) -> Any:
         return import_module(f"{type(self).__module__}.{file}")

@@ -1,6 +1,7 @@
 """Which column of a table is what: by the user's word, or by a header that leaves no choice."""
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 
 from calib_core.poses.conventions import CONVENTIONS
@@ -33,9 +34,9 @@ def roles_of(heads: Sequence[str], convention: str | None = None) -> list[str]:
 
     Without a convention only quaternions are certain: `A B C` and `rx ry rz` differ from controller to controller.
     """
-    names = [_SAME.get(plain(head), plain(head)) for head in heads]
-    if len(set(names)) < len(names):
-        names = [name if names.count(name) == 1 else "-" for name in names]
+    names = [_SAME.get(name, name) for name in map(plain, heads)]
+    times = Counter(names)
+    names = [name if times[name] == 1 else "-" for name in names]
     wanted = (
         [n.lower() for n in CONVENTIONS[convention].numbers.split()] if convention else ["x", "y", "z", *_CERTAIN]
     )
