@@ -648,10 +648,11 @@ export interface CloudDeviations {
 
 export interface CloudSection {
   frame: "turntable" | "base";
-  axis: "x" | "y" | "z";
+  axis?: "x" | "y" | "z" | null;
   at_mm: number;
   width_mm: number;
   across: string[];
+  directions: number[][];
   low_mm: number[];
   high_mm: number[];
   count: number;
@@ -662,7 +663,8 @@ export interface CloudSection {
 }
 
 export interface CloudSectionShown {
-  axis: "x" | "y" | "z";
+  axis?: "x" | "y" | "z";
+  normal?: number[] | null;
   at_mm: number;
   keep?: "below" | "above";
 }
@@ -672,6 +674,7 @@ export interface CloudShown {
   section?: CloudSectionShown | null;
   against?: "mesh" | "sphere";
   diameter_mm?: number | null;
+  picked_mm?: unknown[][];
 }
 
 export interface CodeOfFinding {
@@ -748,6 +751,7 @@ export interface Deviation {
   extremes?: ExtremePoint[];
   tolerance_mm?: number | null;
   within_tolerance?: number | null;
+  sections?: PartSection[];
 }
 
 export interface DeviceEntry {
@@ -1604,6 +1608,14 @@ export interface PartAlignment {
   datum_radius_mm?: number;
 }
 
+export interface PartSection {
+  axis: "x" | "y" | "z";
+  at_mm: number;
+  magnified: number;
+  nominal: number[][];
+  points: number[][];
+}
+
 export interface PastResult {
   number: number;
   created: string;
@@ -1659,7 +1671,7 @@ export interface Plot {
   title?: string | null;
   detail?: boolean;
   kind?: "plot";
-  shape: "captures" | "line" | "xy" | "histogram" | "grid";
+  shape: "captures" | "line" | "xy" | "histogram" | "grid" | "section";
   caption: string;
   x: Axis;
   y: Axis;

@@ -173,7 +173,8 @@ def _plot(plot: Plot, said: Catalogue) -> str:
         if series.label and plot.shape != "grid"
     )
     legend = f'<p class="soft">{legend}</p>' if legend else ""
-    return f'<p class="soft">{escape(plot.caption)}</p>{legend}{plot_svg(plot)}{_numbers_of(plot, said)}'
+    numbers = "" if plot.shape == "section" else _numbers_of(plot, said)
+    return f'<p class="soft">{escape(plot.caption)}</p>{legend}{plot_svg(plot)}{numbers}'
 
 
 def _numbers_of(plot: Plot, said: Catalogue) -> str:

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Final
 
 from calib_core.evidence.numbers import number_text, with_unit
 from calib_core.records.evidence import Axis, Plot, Series
 
-_WIDTH, _HEIGHT, _LEFT, _BOTTOM, _TOP, _RIGHT = 760, 240, 58, 50, 14, 10
+_WIDTH, _HEIGHT, _TALL, _LEFT, _BOTTOM, _TOP, _RIGHT = 760, 240, 430, 58, 50, 14, 10
 _MOST_LABELS: Final = 40
 _MOST_TICKS: Final = 6
 _MARGIN: Final = 0.06
@@ -37,20 +37,24 @@ def plot_svg(plot: Plot) -> str:
     drawn = _grid(plot) if plot.shape == "grid" else _chart(plot)
     title = escape(plot.title or plot.y.label)
     return (
-        f'<svg class="plot" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{title}">'
+        f'<svg class="plot" viewBox="0 0 {_WIDTH} {_height(plot)}" role="img" aria-label="{title}">'
         f"<title>{title}</title><desc>{escape(plot.caption)}</desc>{''.join(drawn)}</svg>"
     )
 
 
 def _chart(plot: Plot) -> Iterator[str]:
-    x = _x_scale(plot)
-    y = _y_scale(plot)
+    x, y = _x_scale(plot), _y_scale(plot)
+    if plot.shape == "section":
+        x, y = _to_one_scale(x, y)
     yield from _band(plot, y)
     yield from _y_axis(plot.y, y)
     if plot.shape == "captures":
         yield from _capture_names(plot, x)
     else:
-        yield from _x_axis(plot.x, x)
+        yield from _x_axis(plot.x, x, y.start)
+    if plot.shape == "section":
+        yield from _section(plot, x, y)
+        return
     for number, series in enumerate(plot.series):
         yield from _series(plot, series, number % 3, x, y)
 
@@ -76,10 +80,42 @@ def _y_scale(plot: Plot) -> _Scale:
     values = values or [y for series in plot.series for y in series.y if y is not None]
     if plot.band:
         values += [plot.band.low, plot.band.high]
-    if plot.shape != "xy":
+    if plot.shape not in ("xy", "section"):
         values.append(0.0)
     low, high = _limits(plot.y, values)
-    return _Scale(low, high, _HEIGHT - _BOTTOM, _TOP)
+    return _Scale(low, high, _height(plot) - _BOTTOM, _TOP)
+
+
+def _height(plot: Plot) -> int:
+    return _TALL if plot.shape == "section" else _HEIGHT
+
+
+def _to_one_scale(x: _Scale, y: _Scale) -> tuple[_Scale, _Scale]:
+    """Return both scales with as many points of paper a unit, in the middle of where they were."""
+    per_unit = min((x.end - x.start) / (x.high - x.low), (y.start - y.end) / (y.high - y.low))
+
+    def spread(scale: _Scale) -> _Scale:
+        room = 0.5 * (abs(scale.end - scale.start) / per_unit - (scale.high - scale.low))
+        return replace(scale, low=scale.low - room, high=scale.high + room)
+
+    return spread(x), spread(y)
+
+
+def _section(plot: Plot, x: _Scale, y: _Scale) -> Iterator[str]:
+    """Give the outline, then the dots of the other series."""
+    outline, *others = plot.series
+    path, pen = "", "M"
+    for at, value in zip(_xs(outline), outline.y, strict=True):
+        path += "" if value is None else f"{pen}{x(at):.1f} {y(value):.1f}"
+        pen = "M" if value is None else "L"
+    yield f'<path class="line s0" style="stroke-width: 1" d="{path}"/>'
+    for number, series in enumerate(others, 1):
+        dots = "".join(
+            f"M{x(at):.1f} {y(value):.1f}h0"
+            for at, value in zip(_xs(series), series.y, strict=True)
+            if value is not None
+        )
+        yield f'<path class="line s{number % 3}" stroke-linecap="round" d="{dots}"/>'
 
 
 def _judged(series: Series) -> Iterator[tuple[float | None, str | None]]:
@@ -122,16 +158,16 @@ def _y_axis(axis: Axis, y: _Scale) -> Iterator[str]:
         at = y(value)
         yield f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}"/>'
         yield f'<text x="{_LEFT - 8}" y="{at + 4:.1f}" text-anchor="end">{text}</text>'
-    place = f"translate(13 {(_TOP + _HEIGHT - _BOTTOM) / 2:.0f}) rotate(-90)"
+    place = f"translate(13 {(_TOP + y.start) / 2:.0f}) rotate(-90)"
     yield f'<text transform="{place}" text-anchor="middle">{_axis_text(axis)}</text>'
 
 
-def _x_axis(axis: Axis, x: _Scale) -> Iterator[str]:
+def _x_axis(axis: Axis, x: _Scale, bottom: float) -> Iterator[str]:
     ticks = _ticks(x)
     for value, text in zip(ticks, _tick_texts(ticks), strict=True):
-        yield f'<text x="{x(value):.1f}" y="{_HEIGHT - _BOTTOM + 17}" text-anchor="middle">{text}</text>'
+        yield f'<text x="{x(value):.1f}" y="{bottom + 17:.0f}" text-anchor="middle">{text}</text>'
     middle = (_LEFT + _WIDTH - _RIGHT) / 2
-    yield f'<text x="{middle:.0f}" y="{_HEIGHT - 8}" text-anchor="middle">{_axis_text(axis)}</text>'
+    yield f'<text x="{middle:.0f}" y="{bottom + _BOTTOM - 8:.0f}" text-anchor="middle">{_axis_text(axis)}</text>'
 
 
 def _axis_text(axis: Axis) -> str:

@@ -233,7 +233,7 @@ def _reasons(rows: Sequence[Row]) -> Iterator[str]:
 
 def _plot(plot: Plot, said: Catalogue) -> list[str]:
     lines = _caption(plot.caption)
-    for series in plot.series:
+    for series in plot.series if plot.shape != "section" else []:
         if plot.shape == "grid":
             lines.append("  " + _shaded(series, plot))
             continue

@@ -132,9 +132,9 @@ def mesh_deviations(points_mm: ArrayLike, corners_mm: ArrayLike, triangles: Arra
     return Deviations(Nominal(corners_mm, triangles).distances_mm(points_mm))
 
 
-def plane_cut(corners_mm: FloatArray, triangles: NDArray[np.integer], axis: int, at_mm: float) -> FloatArray:
-    """Return where a plane across an axis cuts a mesh, as lines (L, 2, 3)."""
-    side = corners_mm[:, axis] - at_mm
+def plane_cut(corners_mm: FloatArray, triangles: NDArray[np.integer], at_mm: float) -> FloatArray:
+    """Return where a plane across the third axis cuts a mesh, as lines (L, 2, 2) in the other two."""
+    side = corners_mm[:, 2] - at_mm
     above = side[triangles] > 0
     cut, above = triangles[above.any(axis=1) & ~above.all(axis=1)], above[above.any(axis=1) & ~above.all(axis=1)]
     alone = np.argmax(above == (above.sum(axis=1, keepdims=True) == 1), axis=1)
@@ -144,7 +144,7 @@ def plane_cut(corners_mm: FloatArray, triangles: NDArray[np.integer], axis: int,
     for step in (1, 2):
         other = cut[rows, (alone + step) % 3]
         share = (side[first] / (side[first] - side[other]))[:, None]
-        ends.append(corners_mm[first] + share * (corners_mm[other] - corners_mm[first]))
+        ends.append((corners_mm[first] + share * (corners_mm[other] - corners_mm[first]))[:, :2])
     return np.stack(ends, axis=1)
 
 

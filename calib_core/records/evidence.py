@@ -170,11 +170,12 @@ class Plot(Block):
     """A picture of numbers; `caption` says what it shows and how to read it.
 
     `shape`: `captures` (a dot a capture in their order), `line`, `xy` (dots), `histogram` (x the bins' lower
-    edges, y the counts) or `grid` (cells shaded by their value).
+    edges, y the counts), `grid` (cells shaded by their value) or `section` (both axes to one scale: the first
+    series is an outline, broken where y is None, the others are dots).
     """
 
     kind: Literal["plot"] = "plot"
-    shape: Literal["captures", "line", "xy", "histogram", "grid"]
+    shape: Literal["captures", "line", "xy", "histogram", "grid", "section"]
     caption: str
     x: Axis
     y: Axis

@@ -259,17 +259,19 @@ class KeptFiles(BaseModel):
 
 
 class CloudSection(BaseModel):
-    """A thin slice of the merged cloud, seen along its axis; lengths in mm.
+    """A thin slice of the merged cloud, seen along its axis or normal; lengths in mm.
 
-    `points` are pairs along the two axes of `across`; `deviations_mm` belong to them, where they were asked for,
-    null beside the reference.  `nominal` is the reference mesh cut by the plane: lines from u v to u v.
+    `points` are pairs along the two axes of `across`, the first two of `directions`, whose third is the normal;
+    `deviations_mm` belong to them, where they were asked for, null beside the reference.
+    `nominal` is the reference mesh cut by the plane: lines from u v to u v.
     """
 
     frame: Literal["turntable", "base"]
-    axis: Literal["x", "y", "z"]
+    axis: Literal["x", "y", "z"] | None = None
     at_mm: float
     width_mm: float
     across: list[str]
+    directions: list[list[float]]
     low_mm: list[float]
     high_mm: list[float]
     count: int

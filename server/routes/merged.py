@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from fastapi import File, Query, Response, UploadFile
 from numpy.typing import NDArray
+from pydantic import FiniteFloat
 
 from calib_core.errors import InputError, NotFoundError
 from calib_core.messages import message
@@ -12,7 +13,7 @@ from calib_core.stages.merge.record import MergeResult
 from server.http.api_router import API, api_router
 from server.http.schemas import CloudDeviations, CloudSection, ReferenceMesh
 from server.routes.dependencies import LoadedSession, SessionId, StoreDep
-from server.scenes.cloud_view import Against
+from server.scenes.cloud_view import AXES, Against, Section, section_of
 from server.scenes.deviation import CloudDeviation, cloud_deviation
 from server.scenes.deviation import ReferenceMesh as Reference
 from server.scenes.merged import MergedScans, merged_cloud, thinned
@@ -28,7 +29,6 @@ router = api_router("clouds", f"{API}/sessions/{{session_id}}")
 _MOST_POINTS = 4000
 _MOST_LINES = 8000
 _METRES = 0.02  # a reference this much smaller than what was scanned is in another unit
-_AXES = ("x", "y", "z")
 
 Kind = Annotated[
     Literal["mesh", "sphere"], Query(description="The stored reference mesh, or the sphere in the cloud.")
@@ -44,6 +44,10 @@ def section(
     response: Response,
     axis: Annotated[Literal["x", "y", "z"], Query(description="The axis that the plane cuts.")] = "z",
     at_mm: Annotated[float, Query(allow_inf_nan=False, description="Where, in the cloud's frame.")] = 0.0,
+    normal: Annotated[
+        list[FiniteFloat] | None,
+        Query(min_length=3, max_length=3, description="Cuts across this direction instead of an axis."),
+    ] = None,
     width_mm: Annotated[float, Query(gt=0, le=100, description="The slice's thickness.")] = 1.0,
     against: Annotated[Literal["mesh", "sphere"] | None, Query(description="Gives deviations, too.")] = None,
     diameter_mm: Diameter = None,
@@ -52,24 +56,25 @@ def section(
     merged = _merged(stored)
     response.headers.update(stage_headers(stored, "merge"))
     assert merged.every_mm is not None
-    number = _AXES.index(axis)
-    inside = merged.every_mm[np.abs(merged.every_mm[:, number] - at_mm) <= width_mm / 2]
+    cut = section_of(axis, at_mm, normal=normal)
+    inside = merged.every_mm[np.abs(cut.along_mm(merged.every_mm) - at_mm) <= width_mm / 2]
     shown = thinned(inside, _MOST_POINTS)
-    across = [other for other in range(3) if other != number]
-    low, high = merged.points_mm.min(axis=0), merged.points_mm.max(axis=0)
+    flat = cut.directions[:2]
+    seen = merged.points_mm @ flat.T
     deviation = None if against is None else _deviation(stored, merged, Against(against, diameter_mm))
     return CloudSection(
         frame=merged.frame,
-        axis=axis,
+        axis=axis if normal is None else None,
         at_mm=at_mm,
         width_mm=width_mm,
-        across=[_AXES[across[0]], _AXES[across[1]]],
-        low_mm=low[across].astype(float).tolist(),
-        high_mm=high[across].astype(float).tolist(),
+        across=["u", "v"] if normal is not None else [other for other in AXES if other != axis],
+        directions=cut.directions.tolist(),
+        low_mm=seen.min(axis=0).astype(float).tolist(),
+        high_mm=seen.max(axis=0).astype(float).tolist(),
         count=len(inside),
-        points=shown[:, across].astype(float).round(3).tolist(),
+        points=(shown @ flat.T).astype(float).round(3).tolist(),
         deviations_mm=None if deviation is None else _numbers(deviation.of(shown)),
-        nominal=_nominal(stored, number, at_mm, across) if against == "mesh" else None,
+        nominal=_nominal(stored, cut) if against == "mesh" else None,
         limit_mm=None if deviation is None else deviation.limit_mm,
     )
 
@@ -153,13 +158,13 @@ def _merged(stored: StoredSession) -> MergedScans:
     return merged
 
 
-def _nominal(stored: StoredSession, axis: int, at_mm: float, across: list[int]) -> list[list[float]]:
+def _nominal(stored: StoredSession, cut: Section) -> list[list[float]]:
     """Return the reference mesh cut by a plane, as lines in its axes; every so many where there are very many."""
     from calib_core.fusion.deviation import plane_cut
 
     mesh = reference_mesh(stored.session, stored.read_output, stored.results.get("merge"))
     assert mesh is not None, "deviations from it were given"
-    lines = plane_cut(mesh.corners_mm.astype(float), mesh.triangles, axis, at_mm)[:, :, across]
+    lines = plane_cut(mesh.corners_mm @ cut.directions.T, mesh.triangles, cut.at_mm)
     return thinned(lines.reshape(-1, 4), _MOST_LINES).round(3).tolist()
 
 

@@ -3,19 +3,20 @@
 from typing import Literal
 
 from fastapi.routing import APIRoute
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, FiniteFloat
 
 from server.http.api_router import api_router
-from server.scenes.cloud_view import Against, CloudColors, CloudView, Section
+from server.scenes.cloud_view import Against, CloudColors, CloudView, section_of
 from server.scenes.router import Scenes, SessionId
 
 cloud_router = api_router("scenes", "/scenes/{session}", APIRoute)
 
 
 class CloudSectionShown(BaseModel):
-    """A plane across an axis of the cloud's frame; what lies on its other side is hidden."""
+    """A plane across an axis or a normal in the cloud's frame; what lies on its other side is hidden."""
 
-    axis: Literal["x", "y", "z"] = Field(examples=["z"])
+    axis: Literal["x", "y", "z"] = Field(default="z", examples=["z"])
+    normal: list[FiniteFloat] | None = Field(default=None, min_length=3, max_length=3)
     at_mm: float = Field(allow_inf_nan=False, examples=[25.0])
     keep: Literal["below", "above"] = "below"
 
@@ -27,6 +28,7 @@ class CloudShown(BaseModel):
     section: CloudSectionShown | None = None
     against: Literal["mesh", "sphere"] = "mesh"
     diameter_mm: float | None = Field(default=None, gt=0, le=10_000)
+    picked_mm: list[tuple[FiniteFloat, FiniteFloat, FiniteFloat]] = Field(default_factory=list, max_length=6)
 
 
 _COLORS: dict[str, CloudColors] = {"height": "by height", "scan": "by scan", "deviation": "by deviation"}
@@ -34,7 +36,9 @@ _COLORS: dict[str, CloudColors] = {"height": "by height", "scan": "by scan", "de
 
 @cloud_router.post("/cloud", status_code=204, summary="How the merged cloud is shown")
 def show_cloud(session: SessionId, body: CloudShown, scenes: Scenes) -> None:
-    """Colour the merged cloud, and cut it open; nothing happens where nobody looks."""
-    section = body.section and Section(body.section.axis, body.section.at_mm, body.section.keep)
-    view = CloudView(_COLORS[body.colors], section, Against(body.against, body.diameter_mm))
+    """Colour the merged cloud, cut it open, mark points on it; nothing happens where nobody looks."""
+    cut = body.section
+    section = None if cut is None else section_of(cut.axis, cut.at_mm, cut.keep, cut.normal)
+    against = Against(body.against, body.diameter_mm)
+    view = CloudView(_COLORS[body.colors], section, against, tuple(body.picked_mm))
     scenes.show_cloud(session, view)

@@ -17,6 +17,7 @@ from server.scenes.scene_model import SceneFacts
 
 ROOT = "/scans/merged"
 CUT: Rgb = (60, 110, 220)
+_PICKED = 0.006  # the radius of a mark, of the cloud's diagonal
 _CHUNK = 100_000  # a browser draws the first ones while the others are on their way
 
 
@@ -30,6 +31,8 @@ def merged_layer(facts: SceneFacts, look: Look) -> Iterator[Node]:
     if look.cloud.section is not None:
         keep = look.cloud.section.keeps(cloud.points_mm)
         yield nodes.lines(f"{ROOT}/cut", outline(look.cloud.section, cloud), CUT, 2.0)
+    for number, place_mm in enumerate(look.cloud.picked_mm):
+        yield nodes.ball(f"{ROOT}/picked/{number}", place_mm, _PICKED * extent_mm(cloud), CUT, 0.9, 3)
     points, colors = cloud.points_mm[keep], cloud_colors(cloud, look)[keep]
     origin = cloud.points_mm.mean(axis=0, dtype=float)
     size = point_size_mm(cloud)
@@ -58,10 +61,14 @@ def height_range_mm(merged: MergedScans) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def extent_mm(merged: MergedScans) -> float:
+    """Return the diagonal of the cloud."""
+    return float(np.linalg.norm(np.ptp(merged.points_mm, axis=0)))
+
+
 def point_size_mm(merged: MergedScans, spread: float = 1.0) -> float:
     """Return a size at which the points nearly close the surface; `spread` scales it for denser ones."""
-    extent = float(np.linalg.norm(np.ptp(merged.points_mm, axis=0)))
-    return float(np.clip(spread * extent / np.sqrt(len(merged.points_mm)), 0.1, 2.0))
+    return float(np.clip(spread * extent_mm(merged) / np.sqrt(len(merged.points_mm)), 0.1, 2.0))
 
 
 def cloud_colors(merged: MergedScans, look: Look) -> NDArray[np.uint8]:
@@ -92,11 +99,11 @@ def deviation_colors(values_mm: FloatArray | None, count: int, look: Look) -> ND
 
 def outline(section: Section, merged: MergedScans) -> FloatArray:
     """Return the border (4, 2, 3) of the cutting plane, a little larger than the cloud."""
-    low, high = merged.points_mm.min(axis=0).astype(float), merged.points_mm.max(axis=0).astype(float)
+    directions = section.directions
+    seen = merged.points_mm @ directions.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
     margin = 0.06 * float((high - low).max())
-    low, high = low - margin, high + margin
-    across = [axis for axis in range(3) if axis != section.number]
-    corners = np.full((4, 3), section.at_mm)
-    corners[:, across[0]] = [low[across[0]], high[across[0]], high[across[0]], low[across[0]]]
-    corners[:, across[1]] = [low[across[1]], low[across[1]], high[across[1]], high[across[1]]]
+    (u0, v0), (u1, v1) = (low - margin)[:2], (high + margin)[:2]
+    flat = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]])
+    corners = flat @ directions[:2] + section.at_mm * directions[2]
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)

@@ -200,7 +200,7 @@ def _cut_words(section: Section, frame: str) -> str:
     side = "beyond" if section.keep == "below" else "before"
     return message(
         "Cut at {axis} = {at_mm:.1f} mm in {frame}; what lies {side} is hidden.",
-        axis=section.axis,
+        axis=section.axis if section.normal is None else "n",
         at_mm=section.at_mm,
         frame=frame,
         side=side,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from calib_core.errors import NotFoundError
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from server.scenes.cache import PointCache
 from server.scenes.cloud_view import CloudColors, CloudView
 from server.scenes.detail import Details
@@ -25,6 +25,7 @@ from server.scenes.robot_now import robot_now
 from server.scenes.scene_input import SceneInput
 from server.scenes.scene_model import SceneFacts, scene_facts
 from server.scenes.step_views import Side, Story, story
+from server.scenes.surface_pick import picked_on_cloud
 from server.scenes.viewers import Viewers
 from server.scenes.views import FIELD_OF_VIEW_RAD, View, first_view, view, view_of_places, views_of
 
@@ -208,8 +209,12 @@ class LiveScene:
         self._panel.say_rejected(rejected_html(facts))
         colored = facts.merged is not None and not facts.merged.waiting
         self._panel.show_captures(len(facts.captures), colored)
+        self.viewers.take_points(colored, self._picked_on_cloud)
         self._details.refresh(self._server.get_clients())
         return sent
+
+    def _picked_on_cloud(self, origin_m: FloatArray, direction: FloatArray) -> FloatArray | None:
+        return picked_on_cloud(*self._drawn_now(), origin_m, direction)
 
     def _drawn_now(self) -> tuple[SceneFacts, Look]:
         with self._lock:

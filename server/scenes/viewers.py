@@ -10,17 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import NotFoundError
+from calib_core.frames import FloatArray
 from server.scenes.panel import take
 from server.scenes.views import View
 
 if TYPE_CHECKING:
-    from viser import CameraHandle, ClientHandle, ViserServer
+    from viser import CameraHandle, ClientHandle, SceneClickEvent, ViserServer
 
 VIEWER_HEADER: Final = "x-scancell-viewer"
 """In this header the bridge names the page that a connection belongs to."""
 
 PICKED_KEY: Final = "scancell-picked"
 """Here the scene's client stores what was clicked, `viewer capture nonce`; the page around it hears it."""
+
+SURFACE_KEY: Final = "scancell-surface"
+"""Here it stores a point of the merged surface that was clicked, `viewer x y z nonce`, mm in the cloud's frame."""
 
 _CLICKABLE: Final = ("frames", "light", "places")  # layers whose nodes are named by captures
 _PICTURE_S: Final = 30.0
@@ -37,6 +41,7 @@ class Viewers:
 
     def __init__(self, server: "ViserServer") -> None:
         self._server = server
+        self._takes_points = False
         self._arriving: dict[int, float] = {}  # until when, by monotonic clock
 
     def keep_at_first(self, client: "ClientHandle", wanted: Callable[[], View]) -> None:
@@ -104,10 +109,29 @@ class Viewers:
             if event.instance_index is None or event.instance_index >= len(instances):
                 return
             capture = instances[event.instance_index]
-        viewer = self.name_of(event.client)
+        self._tell(event.client, PICKED_KEY, capture)
+
+    def take_points(self, wanted: bool, picked: Callable[[FloatArray, FloatArray], FloatArray | None]) -> None:
+        """Let clicks pick points, or no longer: `picked` gives the point that a ray (origin, direction) meets."""
+        if wanted == self._takes_points:
+            return
+        self._takes_points = wanted
+        if not wanted:
+            self._server.scene.remove_click_callback()
+            return
+
+        def clicked(event: "SceneClickEvent") -> None:
+            point = picked(np.array(event.ray_origin), np.array(event.ray_direction))
+            if point is not None:
+                self._tell(event.client, SURFACE_KEY, " ".join(f"{value:.4f}" for value in point.tolist()))
+
+        self._server.scene.on_click()(clicked)
+
+    def _tell(self, client: "ClientHandle", key: str, what: str) -> None:
+        """Tell the page around the scene, which hears changes of the storage that both share."""
+        viewer = self.name_of(client)
         if viewer:
-            # The page around the scene hears changes of the storage that both share.
-            event.client.local_storage.set_item(PICKED_KEY, f"{viewer} {capture} {secrets.token_hex(4)}")
+            client.local_storage.set_item(key, f"{viewer} {what} {secrets.token_hex(4)}")
 
     def _client(self, viewer: str) -> "ClientHandle":
         for client in self._server.get_clients().values():

@@ -14,13 +14,13 @@ from tests import shapes
 NOISE_MM = 0.02
 
 
-def _pose(rng: np.random.Generator) -> np.ndarray:
+def pose_of(rng: np.random.Generator) -> np.ndarray:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = Rotation.random(rng=rng).as_matrix(), 100 * rng.standard_normal(3)
     return pose
 
 
-def _points(nominal: Nominal, pose: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def points_of(nominal: Nominal, pose: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Points of four fifths of the part, with noise, and one in twenty from anywhere."""
     rng = np.random.default_rng(seed)
     points, normals = nominal.spread(12_000, seed)
@@ -33,7 +33,7 @@ def _points(nominal: Nominal, pose: np.ndarray, seed: int) -> tuple[np.ndarray, 
     return points @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T
 
 
-def _error(found: Alignment, pose: np.ndarray) -> np.ndarray:
+def error_of(found: Alignment, pose: np.ndarray) -> np.ndarray:
     turned = Rotation.from_matrix(pose[:3, :3].T @ found.cloud_from_reference[:3, :3]).as_rotvec()
     return np.concatenate([turned, found.cloud_from_reference[:3, 3] - pose[:3, 3]])
 
@@ -42,9 +42,9 @@ def test_a_part_anywhere_is_found_within_what_is_stated() -> None:
     nominal = Nominal(build_part().points_mm, build_part().triangles)
     squares = []
     for seed in range(2):
-        pose = _pose(np.random.default_rng(seed))
-        found = best_fit(*_points(nominal, pose, seed), nominal)
-        error = _error(found, pose)
+        pose = pose_of(np.random.default_rng(seed))
+        found = best_fit(*points_of(nominal, pose, seed), nominal)
+        error = error_of(found, pose)
         squares.append(error @ np.linalg.solve(found.covariance, error))
         assert found.alike == 0
         assert found.rms_mm == pytest.approx(NOISE_MM, rel=0.2)
@@ -60,7 +60,7 @@ def test_of_a_symmetric_part_the_pose_nearest_to_it_counts_and_the_others_are_to
     points, normals = nominal.spread(8000)
     found = best_fit(points @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T, nominal)
     assert found.alike >= 1
-    assert np.abs(_error(found, pose)).max() < 1e-3
+    assert np.abs(error_of(found, pose)).max() < 1e-3
 
 
 def test_six_datum_points_hold_the_part_where_it_touches_and_five_do_not() -> None:

@@ -6,6 +6,7 @@ import re
 import xml.etree.ElementTree as ET
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
@@ -79,7 +80,7 @@ EVERY_KIND: list[AnyBlock] = [
             series=[Series(label="one", y=[1.0, 2.0, None]), Series(label="two", y=[3.0, 1.0, 2.0])],
             band=Band(low=0.0, high=2.8, label="expected"),
         )
-        for shape in ("captures", "line", "xy", "histogram", "grid")
+        for shape in ("captures", "line", "xy", "histogram", "grid", "section")
     ),
     Picture(title="Board", drawing="board", alt="A board under the scanner."),
     Note(title="Said", text="The table was still.", level="info"),
@@ -275,6 +276,18 @@ def test_the_plot_of_many_captures_stays_legible():
     assert len(list(root.iter("circle"))) == 500
     assert len([t for t in root.iter("text") if (t.text or "").startswith("capture-")]) <= 42
     assert residual_plot([TcpResidual(capture="p01", used=False)]) == []
+
+
+def test_a_section_is_drawn_to_one_scale():
+    axis = Axis(label="what", unit="mm")
+    outline = Series(x=[0.0, 40.0, 40.0, 10.0, 10.0], y=[0.0, 0.0, None, 0.0, 90.0])
+    plot = Plot(shape="section", caption="how", x=axis, y=axis, series=[outline, Series(x=[20.0], y=[30.0])])
+    drawn, dots = (path.attrib["d"] for path in ET.fromstring(plot_svg(plot)).iter("path"))
+    places = np.array([list(map(float, place.split())) for place in re.findall(r"[\d.]+ [\d.]+", drawn)])
+    assert drawn.count("M") == 2
+    per_mm = (places[1] - places[0])[0] / 40.0
+    assert places[2] - places[3] == pytest.approx([0.0, 90.0 * per_mm], abs=0.2)
+    assert float(dots[1:].split()[0]) == pytest.approx(places[0][0] + 20 * per_mm, abs=0.2)
 
 
 @pytest.mark.parametrize("values", [[0.0], [1e-12, 2e-12], [-5.0, 3.0], [1e9, 1e9], [4.0, 4.0, 4.0]])

@@ -59,7 +59,18 @@ def test_the_nominal_is_laid_into_the_part_and_deviations_are_what_is_stated() -
     assert sum(off.histogram) == off.points
     assert off.within_tolerance is not None
     assert off.within_tolerance > 0.99
-    assert {block.title for block in result.evidence} >= {"Against the nominal", "Farthest points"}
+    assert [section.axis for section in off.sections] == ["y", "z"]  # across its longest and its shortest side
+    for section in off.sections:
+        ends = np.array(section.nominal).reshape(-1, 2, 2)
+        points, along = np.array(section.points), ends[:, 1] - ends[:, 0]
+        apart = points[:, None] - ends[:, 0]
+        share = np.clip((apart * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-9), 0, 1)
+        drawn = np.linalg.norm(apart - share[..., None] * along, axis=2).min(axis=1) / section.magnified
+        assert section.magnified > 5
+        assert 0.2 < np.median(drawn) / np.median(np.abs(off.rms_mm)) < 2.0
+    assert {block.title for block in result.evidence} >= {
+        "Against the nominal", "Farthest points", "Section across y",
+    }  # fmt: skip
 
 
 def test_told_poses_take_up_nothing_and_a_part_too_large_is_told_by_its_sign() -> None:

@@ -85,6 +85,14 @@ def test_a_reference_is_stored_compared_with_and_forgotten(merged: tuple[httpx.C
     apart = np.linalg.norm(off - share[..., None] * along, axis=2).min(axis=1)
     assert np.median(apart) < 0.5  # the cloud lies along the nominal
     assert "nominal" not in ask(merged, "section", axis="z", at_mm=12.0, against="sphere").json()
+    tilted = ask(merged, "section", normal=[1, 0, 1], at_mm=10.0, against="mesh").json()
+    u, v, normal = np.array(tilted["directions"])
+    assert normal @ [1, 0, 1] == pytest.approx(np.sqrt(2))
+    assert "axis" not in tilted
+    there = np.array(tilted["nominal"]).reshape(-1, 2) @ [u, v] + 10.0 * normal
+    assert (there @ [1, 0, 1]) / np.sqrt(2) == pytest.approx(10.0, abs=1e-2)
+    assert np.percentile(np.abs(tilted["deviations_mm"]), 90) < 0.5
+    assert ask(merged, "section", normal=[0, 0, 0]).status_code == 422
     lifted = b"".join(
         bytes(piece) for piece in ply_pieces(PART.points_mm + np.eye(3)[2], triangles=PART.triangles)
     )

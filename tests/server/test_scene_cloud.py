@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from calib_core.archive.stored_clouds import CLOUD_FILE, REFERENCE_FILE
+from calib_core.errors import InputError
 from calib_core.formats.ply import ply_pieces
 from calib_core.stages.merge.record import MergeResult
 from server.scenes.cloud_layers import cloud_place, height_range_mm
-from server.scenes.cloud_view import Against, CloudView, Section
+from server.scenes.cloud_view import Against, CloudView, Section, section_of
 from server.scenes.colors import DIVERGING, SCANS, VIRIDIS, WAITING
 from server.scenes.detail import Gaze, detail
 from server.scenes.display_options import look_at
@@ -22,6 +23,7 @@ from server.scenes.nodes import Node
 from server.scenes.scene_input import SceneInput
 from server.scenes.scene_model import SceneFacts, scene_facts
 from server.scenes.stored import scene_input
+from server.scenes.surface_pick import picked_on_cloud
 from server.scenes.views import FIELD_OF_VIEW_RAD, view
 from tests.server.test_scene_steps import merged_scene
 
@@ -154,6 +156,39 @@ def test_a_section_hides_one_side_and_keeps_the_colours(axis: str) -> None:
         assert f"Cut at {axis} = 12.0 mm" in legend_html(facts, look_at(facts, cloud=CloudView(section=section)))
     assert facts.merged is not None
     assert height_range_mm(facts.merged)[1] > 50  # of the whole cloud, not of what is left of it
+
+
+def test_a_click_meets_the_surface_that_is_seen_and_no_stray_before_it() -> None:
+    stray = [[3.0, 2.0, 90.0]]
+    facts = scene_facts(fused_scene(np.concatenate([CLOUD, stray])))
+    place = cloud_place(facts, look_at(facts))
+    assert place is not None
+    eye = place.apply(np.array([3.0, 2.0, 300.0])) / 1000
+    down = place.rotation @ np.array([0.0, 0.0, -2.0])
+    point = picked_on_cloud(facts, look_at(facts), eye, down)
+    assert point is not None
+    assert abs(np.linalg.norm(point - BALL_MM) - RADIUS_MM) < 0.1
+    np.testing.assert_allclose(point[:2], [3.0, 2.0], atol=0.01)
+    cut = CloudView(section=Section("z", 20.0))  # the ball is cut away
+    point = picked_on_cloud(facts, look_at(facts, cloud=cut), eye, down)
+    np.testing.assert_allclose(point, [3.0, 2.0, 10.0], atol=0.01)
+    assert picked_on_cloud(facts, look_at(facts), eye, -down) is None
+
+
+def test_a_section_by_a_picked_plane_cuts_along_its_normal() -> None:
+    section = section_of("z", 5.0, normal=[1.0, 2.0, 2.0])
+    directions = section.directions
+    np.testing.assert_allclose(directions @ directions.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.cross(directions[0], directions[1]), directions[2], atol=1e-12)
+    facts = scene_facts(fused_scene())
+    view = CloudView(section=section, picked_mm=((0.0, 0.0, 52.0),))
+    nodes = drawn(facts, view)
+    assert len(points_of(nodes)) == int((CLOUD @ [1, 2, 2] / 3 <= 5.0).sum())
+    assert "/scans/merged/picked/0" in nodes
+    border = (nodes["/scans/merged/cut"].arguments["points"] * 1000).reshape(-1, 3)
+    np.testing.assert_allclose(border @ [1, 2, 2] / 3, 5.0, atol=1e-3)
+    with pytest.raises(InputError, match="normal"):
+        section_of("z", 5.0, normal=[0.0, 0.0, 0.0])
 
 
 def live_colors(scene: SceneInput, view: CloudView, look: Callable[[np.ndarray], None]) -> str:

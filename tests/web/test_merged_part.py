@@ -8,12 +8,13 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Error, Page, expect
 
 from calib_core.simulation.part import build_part
 from tests.point_files import mesh_file
 from tests.server.live_server import simulated_session, wait_for
 from tests.web.browsing import look_into_the_merge
+from tests.web.moments import scene_frame
 
 pytestmark = pytest.mark.browser
 
@@ -55,7 +56,7 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
         assert part.bounding_box() == pytest.approx(place_px, abs=1)
         expect(part).to_contain_text(re.compile(r"Within\s±\s0\.050\smm\s*\d"))
         expect(part.locator(".limit")).to_be_attached()
-        page.get_by_label("Section").select_option("z")
+        page.get_by_label("Section", exact=True).select_option("z")
         page.get_by_label("Position").evaluate(
             "(one) => { one.value = '12'; one.dispatchEvent(new Event('input')); }"
         )
@@ -64,13 +65,13 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
         click_at(page, 0.1, 0.5)
         click_at(page, 0.9, 0.5)
         text = part.locator("p.number").inner_text()
-        distance, along_x, along_y = map(float, re.findall(r"-?\d+\.\d+", text.replace("\u2212", "-")))
-        assert distance == pytest.approx(np.hypot(along_x, along_y), abs=2e-3)
+        distance, *parts = map(float, re.findall(r"-?\d+\.\d+", text.replace("\u2212", "-")))
+        assert distance == pytest.approx(np.linalg.norm(parts), abs=2e-3)
         assert distance > 5
         for theme in ("dark", "light"):
             page.evaluate(f"document.documentElement.dataset.theme = '{theme}'")
             part.screenshot(path=str(tmp_path / f"{theme}.png"))
-        page.get_by_label("Click in the plot").select_option("datum")
+        page.get_by_label("A click in plot or scene").select_option("datum")
         click_at(page, 0.5, 0.1)
         expect(part).to_contain_text("1 of 6 datum points")
         expect(part.get_by_role("button", name="Align by these points")).to_be_disabled()
@@ -91,3 +92,56 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
         assert stored["method"] == "3-2-1"
         there = np.array(stored["datum_points_mm"]) @ told_pose[:3, :3].T + told_pose[:3, 3]
         assert np.abs(there - picked).max() < 0.02  # they have two decimals
+
+
+MERGED_DRAWN = """() => window.__viserSceneTree && "/scans/merged/0" in window.__viserSceneTree.getState()
+                 && window.__viserMutable.nodeRefFromName["/scans/merged/0"] !== undefined"""
+MARKS = """() => Object.keys(window.__viserSceneTree?.getState() ?? {})
+          .filter((name) => name.startsWith("/scans/merged/picked/")).length"""
+
+
+def test_points_clicked_in_the_scene_measure_and_cut(
+    open_page: Callable[..., Any], address: str, tmp_path: Path
+) -> None:
+    with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
+        session = simulated_session(api, captures=3, scenario="part", seed=3)
+        api.patch(f"/sessions/{session}", json={"cell": {"merge": {"mesh": "none", "voxel_mm": 1.0}}})
+        job = api.post(f"/sessions/{session}/solve/merge").json()
+        assert wait_for(api, job["id"])["status"] == "done"
+    page, _ = open_page(f"/sessions/{session}#merge", scene=True, width=1280, height=900)
+    page.set_default_timeout(120_000)
+    page.get_by_role("tab", name="Result").click()
+    look_into_the_merge(page)
+    scene = scene_frame(page)
+    scene.wait_for_function(MERGED_DRAWN)
+    part = page.locator("sc-merged")
+    part.evaluate("(one) => one.scrollIntoView()")
+    box = page.locator("sc-scene iframe").bounding_box()
+    assert box is not None
+
+    def click(across: float, down: float) -> None:
+        page.mouse.move(box["x"] + across * box["width"], box["y"] + down * box["height"])
+        page.wait_for_timeout(300)
+        page.mouse.click(box["x"] + across * box["width"], box["y"] + down * box["height"], delay=60)
+
+    def click_until(across: float, down: float, marks: int) -> None:
+        for _ in range(20):
+            click(across, down)
+            try:
+                scene.wait_for_function(f"() => ({MARKS})() === {marks}", timeout=10_000)
+                return
+            except Error:
+                continue
+        raise AssertionError(f"{marks} points are not marked")
+
+    part.get_by_label("A click in plot or scene").select_option("measure")
+    click_until(0.45, 0.4, 1)
+    click_until(0.55, 0.45, 2)
+    expect(part).to_contain_text(re.compile(r"Distance\s\d+\.\d+\smm"))
+    page.screenshot(path=str(tmp_path / "measured.png"))
+    part.get_by_label("A click in plot or scene").select_option("plane")
+    for number, (across, down) in enumerate(((0.45, 0.4), (0.55, 0.45), (0.5, 0.5)), 1):
+        click_until(across, down, number % 3)
+    expect(page.get_by_label("Section", exact=True)).to_have_value("plane")
+    expect(part.locator(".section-plot.picks")).to_have_attribute("aria-label", re.compile("the picked plane"))
+    page.screenshot(path=str(tmp_path / "cut.png"))

@@ -16,6 +16,8 @@ const STEP_MS = 900;
 const LARGEST_PX = 4096;
 /** Where the scene's client stores what was clicked in it; its own beginning of the key is not ours. */
 const PICKED_KEY = "scancell-picked";
+/** The same of a point of the merged surface: its three coordinates in the cloud's frame. */
+const SURFACE_KEY = "scancell-surface";
 
 const ASK_AGAIN_MS = 700;
 const MOST_ASKED = 400; // where the disk is slow, the first scene is opened within minutes
@@ -251,9 +253,10 @@ export class SceneElement extends StateElement {
 
   /** What was clicked in this page's scene. @param {StorageEvent} event */
   #picked = (event) => {
-    if (!event.key?.endsWith(PICKED_KEY) || !event.newValue) return;
-    const [viewer, capture] = event.newValue.replaceAll('"', "").split(" ");
-    if (viewer === this.#viewer && capture) this.state.select(capture);
+    const [viewer, ...words] = (event.newValue ?? "").replaceAll('"', "").split(" ");
+    if (viewer !== this.#viewer || !words[0]) return;
+    if (event.key?.endsWith(PICKED_KEY)) this.state.select(words[0]);
+    if (event.key?.endsWith(SURFACE_KEY)) this.state.touch(words.slice(0, 3).map(Number));
   };
 }
 

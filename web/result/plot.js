@@ -209,6 +209,7 @@ function draw(block, element) {
   const label = `${said(block.caption)} ${t("plot.keys")}`;
   const none = { low: 0, high: 0, place: Number };
   if (block.shape === "grid") return { root: grid(block), x: none, y: none };
+  if (block.shape === "section") return { root: h("div", { class: "plot-holder" }, section(block)), x: none, y: none };
   const width = block.shape === "captures" ? Math.min(WIDEST, Math.max(WIDTH, EDGE.left + longest(block) * 14)) : element.closest("dialog.full-size") ? FULL : WIDTH;
   const x = scaleX(block, width);
   const y = scaleY(block);
@@ -222,6 +223,19 @@ function draw(block, element) {
   else if (block.shape === "line") root.append(...block.series.map((one, index) => line(one, index, x, y)));
   else addLater(root, dotsOf(block, x, y), element, block);
   return { root: h("div", { class: "plot-holder" }, root), x, y };
+}
+
+/** An outline and dots about it, to one scale. @param {PlotBlock} block */
+function section({ series, caption }) {
+  const [outline, ...others] = series;
+  const all = series.flatMap((one) => one.y.flatMap((value, index) => (value === null ? [] : [[xOf(one, index), value]])));
+  const ends = [0, 1].map((axis) => all.reduce(([low, high], place) => [Math.min(low, place[axis] ?? 0), Math.max(high, place[axis] ?? 0)], [Infinity, -Infinity]));
+  const [[left, right], [low, high]] = /** @type {[[number, number], [number, number]]} */ (ends);
+  const per = Math.min((WIDTH - 20) / (right - left || 1), 360 / (high - low || 1));
+  const place = (/** @type {SeriesOf} */ one, /** @type {number} */ index, /** @type {number} */ value) => `${((WIDTH - (right - left) * per) / 2 + (xOf(one, index) - left) * per).toFixed(1)} ${(10 + (high - value) * per).toFixed(1)}`;
+  const path = (/** @type {SeriesOf | undefined} */ one, /** @type {string} */ then) => one?.y.map((value, index) => (value === null ? "" : `${then && one.y[index - 1] !== null && index ? then : "M"}${place(one, index, value)}${then ? "" : "h0"}`)).join("");
+  return s("svg", { class: "section-plot", viewBox: `0 0 ${WIDTH} ${((high - low) * per + 20).toFixed(0)}`, role: "img", "aria-label": said(caption) },
+    s("path", { class: "nominal", d: path(outline, "L") }), ...others.map((one) => s("path", { class: "dots", d: path(one, "") })));
 }
 
 /** Many dots are added a few at a time, so that the page stays fluid. @param {SVGElement} root @param {Dot[]} dots @param {PlotElement} element @param {PlotBlock} block */

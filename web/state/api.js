@@ -27,11 +27,14 @@ const HEAD_BYTES = 65536;
 const WHOLE_BYTES = [2e6, HEAD_BYTES, 4096];
 const TOO_LARGE = 413;
 
-/** @param {Record<string, string | number>} values */
-const query = (values) => new URLSearchParams(Object.entries(values).map(([name, value]) => [name, String(value)])).toString();
+/** @param {Record<string, string | number | readonly number[]>} values */
+const query = (values) => new URLSearchParams(Object.entries(values).flatMap(([name, value]) => [value].flat().map((one) => [name, String(one)]))).toString();
 
 /** What the merged cloud is compared with. @param {CloudView} view @returns {Record<string, string | number>} */
 const compared = ({ against, diameter_mm }) => ({ against, ...(against === "sphere" && diameter_mm ? { diameter_mm } : {}) });
+
+/** What the merged cloud is cut across. @param {CloudView} view @returns {Record<string, string | readonly number[]>} */
+const cut = ({ axis, normal }) => (axis === "plane" ? { normal: normal ?? [] } : { axis });
 
 export const api = {
   /** Who asks, and what they may. @returns {Promise<Me>} */
@@ -312,7 +315,7 @@ export const api = {
   },
 
   /** A thin slice of the merged cloud. @param {string} id @param {CloudView} view @returns {Promise<CloudSection>} */
-  cloudSection: (id, view) => get(`${session(id)}/merged/section?${query({ axis: view.axis, at_mm: view.at_mm, ...(view.colors === "deviation" ? compared(view) : {}) })}`),
+  cloudSection: (id, view) => get(`${session(id)}/merged/section?${query({ ...cut(view), at_mm: view.at_mm, ...(view.colors === "deviation" ? compared(view) : {}) })}`),
 
   /** @param {string} id @param {CloudView} view @returns {Promise<CloudDeviations>} */
   cloudDeviations: (id, view) => get(`${session(id)}/merged/deviation?${query(compared(view))}`),
@@ -327,10 +330,11 @@ export const api = {
   /** @param {string} id */
   removeReference: async (id) => void (await request(`${session(id)}/merged/reference`, json("DELETE"))),
 
-  /** Show the merged cloud in the scene this way, for all who look. @param {string} id @param {CloudView} view */
-  showCloud: async (id, { colors, axis, at_mm, keep, against, diameter_mm }) => {
-    const section = axis ? { axis, at_mm, keep } : null;
-    await fetch(`/scenes/${encodeURIComponent(id)}/cloud`, json("POST", { colors, section, against, diameter_mm }));
+  /** Show the merged cloud in the scene this way, for all who look. @param {string} id @param {CloudView} view @param {readonly (readonly number[])[]} picked_mm */
+  showCloud: async (id, view, picked_mm) => {
+    const { colors, axis, at_mm, keep, against, diameter_mm } = view;
+    const section = axis ? { ...cut(view), at_mm, keep } : null;
+    await fetch(`/scenes/${encodeURIComponent(id)}/cloud`, json("POST", { colors, section, against, diameter_mm, picked_mm }));
   },
 
   /** @param {string} id */

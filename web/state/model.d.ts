@@ -69,7 +69,9 @@ export type ConventionInfo = PoseConventionEntry & { name: PoseConvention };
 /** How the merged cloud is looked at. */
 export interface CloudView {
   colors: "height" | "scan" | "deviation";
-  axis: "" | "x" | "y" | "z";
+  axis: "" | "x" | "y" | "z" | "plane";
+  /** Of the plane that was picked. */
+  normal: readonly number[] | null;
   at_mm: number;
   keep: "below" | "above";
   against: "mesh" | "sphere";

@@ -7,7 +7,7 @@ import { stages } from "./registries.js";
 
 /** @import {CaptureOut, Guide, GuideNow, Job, Results, SessionOut, StageInfo} from "./model.js" */
 /** @import {Liveness} from "./events.js" */
-/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "step" | "problem" | "place" | "devices" | "release"} Part */
+/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "step" | "problem" | "place" | "devices" | "release" | "surface"} Part */
 
 const EVENTS = ["capture", "result", "job", "session", "device", "release"];
 const WHOLE = /** @type {const} */ (["session", "captures", "guide", "results"]);
@@ -26,6 +26,7 @@ export class SessionState extends EventTarget {
   /** Whether a solve has ended of which guide and results do not know yet. */ settling = false;
   /** When the page last had the server's word. */ liveSince = new Date();
   /** @type {string | null} */ selected = null;
+  /** The point of the merged surface that was last clicked in the scene. @type {readonly number[] | null} */ surface = null;
   /** @type {"measure" | "result"} */ view = "measure";
   /** The step that was chosen; null follows the guide. @type {string | null} */ chosen = null;
   /** What the registry says of the stages. @type {StageInfo[]} */ stages = [];
@@ -118,6 +119,12 @@ export class SessionState extends EventTarget {
   select(id) {
     this.selected = this.selected === id ? null : id;
     this.tell("selection");
+  }
+
+  /** @param {readonly number[]} point */
+  touch(point) {
+    this.surface = point;
+    this.tell("surface");
   }
 
   /** @param {"measure" | "result"} view */

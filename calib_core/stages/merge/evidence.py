@@ -1,6 +1,6 @@
 """What the merge's result says of itself."""
 
-from math import hypot
+from math import degrees, hypot
 from typing import Final
 
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms
@@ -9,7 +9,7 @@ from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Series, Table
 from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance, source_text
-from calib_core.stages.merge.record import MergeResidual, MergeResult
+from calib_core.stages.merge.record import Alignment, MergeResidual, MergeResult, PartSection
 
 _DROPPED: Final = (("stray", "Stray"), ("mixed", "Mixed"), ("grazing", "Grazing"))
 
@@ -126,7 +126,8 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
         ),
         Figure(label="95 % of the points lie within", quantity=quantity(off.within_95_mm, "mm")),
         Figure(label="Mean deviation, positive outside", quantity=quantity(off.signed_mean_mm, "mm")),
-        Figure(label="Alignment of the nominal", text=_METHODS[alignment.method]),
+        Figure(label="Points compared", quantity=fixed(off.points, 0), remark=_share(off.counted)),
+        *_laid(alignment),
     ]
     if off.within_tolerance is not None and off.tolerance_mm is not None:
         label = message("Points within ± {tolerance_mm:g} mm", tolerance_mm=off.tolerance_mm)
@@ -135,6 +136,7 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
     lower = [-off.limit_mm + width * k for k in range(len(off.histogram))]
     return [
         *blocks,
+        *(_section(one) for one in off.sections),
         Plot(
             id="deviations",
             title="Deviations from the nominal",
@@ -156,6 +158,53 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
             rows=[Row(cells=[*point.point_mm, point.deviation_mm]) for point in off.extremes],
         ),
     ]
+
+
+def _share(counted: float) -> str:
+    return message("{share:.0f} % of the cloud; the rest is too far off", share=100 * counted)
+
+
+def _laid(alignment: Alignment) -> list[AnyBlock]:
+    """Return how the nominal was laid into the cloud, and how well that is known."""
+    alike = message("{count} other poses fit as well", count=alignment.alike) if alignment.alike else None
+    blocks: list[AnyBlock] = [
+        Figure(label="Alignment of the nominal", text=_METHODS[alignment.method], remark=alike)
+    ]
+    if alignment.covariance is not None:
+        variances = [alignment.covariance[k][k] for k in range(6)]
+        blocks += [
+            Figure(label="Points that the alignment goes by lie off, RMS", quantity=rms(alignment.rms_mm, "mm")),
+            Figure(label="Place of the nominal's zero", quantity=plus_minus(sum(variances[3:]) ** 0.5, "mm")),
+            Figure(label="Turn of the nominal", quantity=plus_minus(degrees(sum(variances[:3]) ** 0.5), "°")),
+        ]
+    return blocks
+
+
+def _section(section: PartSection) -> Plot:
+    """Return the part cut open: the nominal as a line, the merged points as dots with magnified deviations."""
+    u, v = (axis for axis in "xyz" if axis != section.axis)
+    lines = [place for u0, v0, u1, v1 in section.nominal for place in ((u0, v0), (u1, v1), (u1, None))]
+    return Plot(
+        id=f"section-{section.axis}",
+        title=message("Section across {axis}", axis=section.axis),
+        shape="section",
+        caption=message(
+            "The line is the nominal at {axis} = {at_mm:.2f} mm, dots are merged points, {times:g} × as far off.",
+            axis=section.axis,
+            at_mm=section.at_mm,
+            times=section.magnified,
+        ),
+        x=Axis(label=u, unit="mm"),
+        y=Axis(label=v, unit="mm"),
+        series=[
+            Series(label="nominal", x=[place[0] for place in lines], y=[place[1] for place in lines]),
+            Series(
+                label="merged points",
+                x=[place[0] for place in section.points],
+                y=[place[1] for place in section.points],
+            ),
+        ],
+    )
 
 
 def _scan_plot(result: MergeResult) -> list[AnyBlock]:

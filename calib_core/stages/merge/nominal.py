@@ -20,6 +20,7 @@ from calib_core.graph.stage_input import StageInput
 from calib_core.messages import message
 from calib_core.records import Finding, MergeSettings, PartAlignment
 from calib_core.stages.merge import record
+from calib_core.stages.merge.part_sections import part_sections
 
 _MOST_POINTS = 2_000_000
 _OF_THE_PART = 0.05  # of the nominal's size: what is farther off is another thing
@@ -178,7 +179,8 @@ def _deviation(
     sigma_mm: float,
 ) -> record.Deviation:
     pose = found.cloud_from_reference
-    values = nominal.distances_mm((points - pose[:3, 3]) @ pose[:3, :3])
+    in_nominal = (points - pose[:3, 3]) @ pose[:3, :3]
+    values = nominal.distances_mm(in_nominal)
     of_it = np.abs(values) <= _OF_THE_PART * nominal.extent_mm
     if not of_it.any():
         of_it = np.ones(len(values), dtype=bool)
@@ -197,6 +199,7 @@ def _deviation(
         extremes=_extremes(points[of_it] + origin_mm, seen.values_mm, _APART * nominal.extent_mm),
         tolerance_mm=tolerance_mm,
         within_tolerance=None if tolerance_mm is None else float(np.mean(np.abs(seen.values_mm) <= tolerance_mm)),
+        sections=part_sections(in_nominal[of_it], nominal, origin_mm, settings.voxel_mm, limit_mm),
     )
 
 

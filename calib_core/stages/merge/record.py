@@ -93,6 +93,19 @@ class ExtremePoint(Record):
     deviation_mm: float
 
 
+class PartSection(Record):
+    """The part cut across an axis of the nominal's frame, in its other two axes.
+
+    `nominal` are its lines (u v to u v), `points` the merged ones (u, v), `magnified` times as far off.
+    """
+
+    axis: Literal["x", "y", "z"]
+    at_mm: float
+    magnified: float
+    nominal: list[list[float]]
+    points: list[list[float]]
+
+
 class Deviation(Record):
     """How far the merged points lie off the nominal, positive outside.
 
@@ -100,7 +113,8 @@ class Deviation(Record):
     twentieth of its size.  `within_95_mm` holds 95 % of them in either direction.  `uncertainty_mm` is the
     standard deviation of a point's deviation by calibration, scans and noise, RMS over all, after the alignment.
     `histogram` counts them in even bins from −`limit_mm` to `limit_mm`; `extremes` are the farthest, outside
-    first, apart from each other.  `within_tolerance` is the share within `tolerance_mm`.
+    first, apart from each other.  `within_tolerance` is the share within `tolerance_mm`.  `sections` go through
+    the nominal's middle.
     """
 
     rms_mm: float
@@ -114,6 +128,7 @@ class Deviation(Record):
     extremes: list[ExtremePoint] = Field(default_factory=list[ExtremePoint])
     tolerance_mm: float | None = None
     within_tolerance: float | None = None
+    sections: list[PartSection] = Field(default_factory=list[PartSection])
 
 
 class MergeResult(Result, ScannerPlaced):

@@ -11,29 +11,30 @@ import { StateElement } from "../../components/base.js";
 import { histogramPlot, sectionPlot } from "./section-plot.js";
 import { attempt, say } from "../../components/toasts.js";
 
-/** @import {CloudSection, CloudView, MergeResult} from "../../state/model.js" */
+/** @import {CloudView, MergeResult} from "../../state/model.js" */
 
 const COLORS = /** @type {const} */ (["height", "scan", "deviation"]);
-const AXES = /** @type {const} */ (["", "x", "y", "z"]);
+const AXES = /** @type {const} */ (["", "x", "y", "z", "plane"]);
 const SETTLE_MS = 120;
 const STEPS = 400;
 
-/** What a click in the section does. */
-const CLICKS = /** @type {const} */ (["measure", "datum"]);
-const DATUM_POINTS = 6;
+/** What clicks in section and scene do, and how many make it whole. */
+const CLICKS = /** @type {const} */ ({ measure: 2, datum: 6, plane: 3 });
+/** @typedef {keyof typeof CLICKS} Click */
+/** @typedef {readonly number[]} Point in the cloud's frame, mm */
 
 /** How each session's cloud was looked at last: the page may be left and come back to. @type {Map<string, CloudView>} */
 const views = new Map();
 
-/** Datum points that are being picked, in the cloud's frame, by session. @type {Map<string, number[][]>} */
-const datums = new Map();
+/** What was picked, by session: the page may be left and come back to. @type {Map<string, Record<Click, Point[]>>} */
+const picks = new Map();
 
 export class MergedElement extends StateElement {
   stage = "";
   #timer = 0;
   #asked = 0;
   #colors = COLORS.map((color) => h("input", { type: "radio", name: "cloud-colors", value: color, id: `cloud-${color}`, onchange: () => this.#changed() }));
-  #axis = h("select", { onchange: () => this.#changed() }, ...AXES.map((axis) => h("option", { value: axis }, axis ? t("merged.across", { axis }) : t("merged.no_section"))));
+  #axis = h("select", { onchange: () => this.#changed() }, ...AXES.map((axis) => h("option", { value: axis, hidden: axis === "plane" }, axis === "plane" ? t("merged.across_plane") : axis ? t("merged.across", { axis }) : t("merged.no_section"))));
   #at = h("input", { type: "range", id: "cloud-at", oninput: () => this.#changed() });
   #place = h("output", { for: "cloud-at", class: "number" });
   #keep = h("input", { type: "checkbox", id: "cloud-keep", onchange: () => this.#changed() });
@@ -48,21 +49,23 @@ export class MergedElement extends StateElement {
   #compared = field("cloud-against", t("merged.against"), this.#against);
   #section = h("div", { class: "merged-answer" });
   #picked = h("div", { class: "merged-answer", "aria-live": "polite" });
-  #clicks = h("select", { onchange: () => this.#drawPicked() }, ...CLICKS.map((click) => h("option", { value: click }, t(/** @type {"merged.click_measure"} */ (`merged.click_${click}`)))));
+  #clicks = h("select", { onchange: () => this.#mark() }, ...Object.keys(CLICKS).map((click) => h("option", { value: click }, t(/** @type {"merged.click_measure"} */ (`merged.click_${click}`)))));
   #clicking = field("cloud-clicks", t("merged.click"), this.#clicks);
-  /** @type {CloudSection | null} */
-  #slab = null;
-  /** @type {(readonly [number, number])[]} */
-  #measured = [];
+  /** What the section's plot shows. @type {(() => void) | null} */
+  #drawSlab = null;
+  /** The normal of a plane that was picked. @type {Point | null} */
+  #normal = null;
+  /** @type {Point | null} */ #heard = null;
   #deviation = h("div", { class: "merged-answer", "aria-live": "polite" });
 
   /** The result that is shown. */ #shown = "";
 
-  parts = /** @type {const} */ (["results"]);
+  parts = /** @type {const} */ (["results", "surface"]);
 
   build() {
     const view = this.#view;
     for (const input of this.#colors) input.checked = input.value === view.colors;
+    this.#normal = view.normal;
     this.#axis.value = view.axis;
     this.#against.value = view.against;
     this.#keep.checked = view.keep === "above";
@@ -77,12 +80,21 @@ export class MergedElement extends StateElement {
     ));
   }
 
+  connectedCallback() {
+    this.#heard = this.state.surface; // what was clicked before is no click now
+    super.connectedCallback();
+  }
+
   /** A new result is looked at as the one before. */
   update() {
+    const { surface } = this.state;
+    if (surface && surface !== this.#heard) {
+      this.#heard = surface;
+      this.#pick(surface);
+    }
     const now = this.#merge?.inputs_sha256;
     if (!now || now === this.#shown) return;
     this.#shown = now;
-    this.#slab = null;
     this.#reach();
     this.#changed();
     this.#drawPicked();
@@ -97,13 +109,28 @@ export class MergedElement extends StateElement {
   /** @returns {CloudView} */
   get #view() {
     const { low } = this.#ends();
-    return views.get(this.state.id) ?? { colors: "height", axis: "", at_mm: low, keep: "below", against: "mesh", diameter_mm: null };
+    return views.get(this.state.id) ?? { colors: "height", axis: "", normal: null, at_mm: low, keep: "below", against: "mesh", diameter_mm: null };
   }
 
-  /** Where the cloud begins and ends along the axis that is chosen. */
+  /** Where the cloud begins and ends along the axis or normal that is chosen. */
   #ends() {
-    const axis = Math.max(0, ["x", "y", "z"].indexOf(this.#axis.value));
-    return { low: this.#merge?.low_mm[axis] ?? 0, high: this.#merge?.high_mm[axis] ?? 1 };
+    const normal = this.#axis.value === "plane" && this.#normal ? this.#normal : ["x", "y", "z"].map((axis) => Number(axis === (this.#axis.value || "x")));
+    const { low_mm, high_mm } = this.#merge ?? { low_mm: [0, 0, 0], high_mm: [1, 1, 1] };
+    const sum = (/** @type {(low: number, high: number) => number} */ pick) =>
+      normal.reduce((all, part, axis) => all + pick(part * (low_mm[axis] ?? 0), part * (high_mm[axis] ?? 0)), 0);
+    return { low: sum(Math.min), high: sum(Math.max) };
+  }
+
+  /** What was picked in this session. */
+  get #picks() {
+    const known = picks.get(this.state.id) ?? { measure: [], datum: [], plane: [] };
+    picks.set(this.state.id, known);
+    return known;
+  }
+
+  /** What a click does now. */
+  get #click() {
+    return /** @type {Click} */ (this.#clicks.value);
   }
 
   /** Let the slider reach from one end of the cloud to the other. */
@@ -121,11 +148,11 @@ export class MergedElement extends StateElement {
     const typed = typedNumber(this.#diameter.value);
     const next = {
       colors: COLORS.find((color) => this.#colors.some((input) => input.checked && input.value === color)) ?? "height",
-      axis, at_mm: Number(this.#at.value), keep: /** @type {"below" | "above"} */ (this.#keep.checked ? "above" : "below"),
+      axis, normal: this.#normal, at_mm: Number(this.#at.value), keep: /** @type {"below" | "above"} */ (this.#keep.checked ? "above" : "below"),
       against: /** @type {"mesh" | "sphere"} */ (this.#against.value), diameter_mm: typed > 0 ? typed : null,
     };
     views.set(this.state.id, next);
-    this.#cut.hidden = this.#clicking.hidden = axis === "";
+    this.#cut.hidden = axis === "";
     this.#place.textContent = `${fixed(next.at_mm, 1)} mm`;
     const compares = next.colors === "deviation";
     this.#compared.hidden = !compares;
@@ -139,7 +166,7 @@ export class MergedElement extends StateElement {
   async #show(view) {
     const asked = ++this.#asked;
     // The scene is an extra: where it does not answer, section and deviations are still here.
-    void api.showCloud(this.state.id, view).catch(() => undefined);
+    this.#tellScene();
     const known = view.colors !== "deviation" || view.against === "sphere" || await api.hasReference(this.state.id).catch(() => false);
     this.#forget.hidden = view.against !== "mesh" || !known || !may("capture");
     const [deviation, section] = await Promise.all([
@@ -171,22 +198,21 @@ export class MergedElement extends StateElement {
     ];
   }
 
+  #tellScene() {
+    void api.showCloud(this.state.id, this.#view, this.#picks[this.#click]).catch(() => undefined);
+  }
+
   /** @param {CloudView} view @returns {Promise<Node[]>} */
   async #slice(view) {
+    this.#drawSlab = null;
     if (!view.axis) return [];
     const found = await api.cloudSection(this.state.id, view).catch(refused);
     // Without the sphere that is compared with, the section is still worth its points.
     const section = found instanceof Problem ? await api.cloudSection(this.state.id, { ...view, colors: "height" }).catch(refused) : found;
     if (section instanceof Problem) return [mark("warn", section.message)];
-    if (section.axis !== this.#slab?.axis || section.at_mm !== this.#slab.at_mm) this.#measured = [];
-    this.#slab = section;
     const plot = h("div", {});
-    const draw = () => plot.replaceChildren(sectionPlot(section, this.#measured, (place) => {
-      this.#pick(place);
-      draw();
-    }));
-    draw();
-    this.#drawPicked();
+    this.#drawSlab = () => plot.replaceChildren(sectionPlot(section, this.#picks[this.#click], (point) => this.#pick(point)));
+    this.#drawSlab();
     return [plot, h("p", { class: "soft small" }, t("merged.slice", { width: fixed(section.width_mm, 1), points: integer(section.count) }))];
   }
 
@@ -195,56 +221,75 @@ export class MergedElement extends StateElement {
     return /** @type {MergeResult | undefined} */ (this.state.results[this.stage]);
   }
 
-  /** A click measures from the place before, or adds a datum point. @param {readonly [number, number]} place */
-  #pick(place) {
-    if (this.#clicks.value === "measure") this.#measured = this.#measured.length === 1 ? [...this.#measured, place] : [place];
-    else {
-      const slab = this.#slab;
-      const now = datums.get(this.state.id) ?? [];
-      if (!slab || now.length >= DATUM_POINTS) return;
-      const point = ["x", "y", "z"].map((axis) => (axis === slab.axis ? slab.at_mm : place[slab.across.indexOf(axis)] ?? 0));
-      datums.set(this.state.id, [...now, point]);
-      this.#measured = [place];
-    }
-    this.#drawPicked();
+  /** A click measures from the place before, adds a datum point, or a point of the plane to cut by. @param {Point} point */
+  #pick(point) {
+    const click = this.#click;
+    const now = this.#picks[click];
+    if (now.length < CLICKS[click]) this.#picks[click] = [...now, point];
+    else if (click === "measure") this.#picks[click] = [point];
+    if (click === "plane") this.#cutBy(this.#picks.plane);
+    this.#mark();
   }
 
-  /** What was picked: a distance with its parts, or datum points until there are six. */
+  /** Cut the cloud by the plane through three points. @param {readonly Point[]} points */
+  #cutBy([first, second, third]) {
+    if (!first || !second || !third) return;
+    const normal = across(minus(second, first), minus(third, first));
+    this.#picks.plane = [];
+    if (!normal) return void say(t("merged.in_a_line"));
+    this.#normal = normal;
+    this.#axis.value = "plane";
+    const { low, high } = this.#ends();
+    Object.assign(this.#at, { min: String(low), max: String(high), step: "any" });
+    views.set(this.state.id, { ...this.#view, axis: "plane", normal });
+    this.#at.value = String(dot(normal, first));
+    this.#changed();
+  }
+
+  /** Show what was picked, here and in the scene. */
+  #mark() {
+    this.#drawPicked();
+    this.#drawSlab?.();
+    this.#tellScene();
+  }
+
+  /** What was picked: a distance with its parts, datum points until there are six, or points of a plane. */
   #drawPicked() {
-    const [one, other] = this.#measured;
-    if (this.#clicks.value === "measure") {
-      const apart = one && other ? [other[0] - one[0], other[1] - one[1]] : null;
-      const [u = "", v = ""] = this.#slab?.across ?? [];
-      this.#picked.replaceChildren(h("p", { class: "number" }, apart
-        ? t("merged.distance", { distance: fixed(Math.hypot(...apart), 3), u, along_u: fixed(apart[0] ?? 0, 3), v, along_v: fixed(apart[1] ?? 0, 3) })
-        : t("merged.click_two")));
+    const points = this.#picks[this.#click];
+    const clear = h("button", { type: "button", class: "plain", hidden: !points.length, onclick: () => this.#clear() }, t("merged.clear"));
+    if (this.#click === "plane") return void this.#picked.replaceChildren(h("p", {}, t("merged.plane", { count: points.length })), clear);
+    if (this.#click === "measure") {
+      const [one, other] = points;
+      const apart = one && other ? minus(other, one) : null;
+      const [x = "", y = "", z = ""] = (apart ?? []).map((value) => fixed(value, 3));
+      this.#picked.replaceChildren(
+        h("p", { class: "number" }, apart ? t("merged.distance", { distance: fixed(Math.hypot(...apart), 3), x, y, z }) : t("merged.click_two")), clear);
       return;
     }
-    const points = datums.get(this.state.id) ?? [];
-    const method = this.#merge?.alignment?.method;
+    const aligned = this.#merge?.alignment;
     this.#picked.replaceChildren(
-      h("p", {}, this.#merge?.alignment ? t("merged.datum", { count: points.length }) : t("merged.no_alignment")),
+      h("p", {}, aligned ? t("merged.datum", { count: points.length }) : t("merged.no_alignment")),
       h("ol", { class: "number" }, ...points.map((point) => h("li", {}, `${point.map((value) => fixed(value, 2)).join(" · ")} mm`))),
       h("div", { class: "row" },
-        h("button", { type: "button", needs: "capture", disabled: points.length < DATUM_POINTS || !this.#merge?.alignment, onclick: () => void this.#align(points) }, t("merged.align")),
-        h("button", { type: "button", class: "plain", hidden: !points.length, onclick: () => this.#clear() }, t("merged.clear")),
-        h("button", { type: "button", class: "plain", needs: "capture", hidden: method !== "3-2-1", onclick: () => void this.#align(null) }, t("merged.best_fit"))),
+        h("button", { type: "button", needs: "capture", disabled: points.length < CLICKS.datum || !aligned, onclick: () => void this.#align(points) }, t("merged.align")),
+        clear,
+        h("button", { type: "button", class: "plain", needs: "capture", hidden: aligned?.method !== "3-2-1", onclick: () => void this.#align(null) }, t("merged.best_fit"))),
     );
   }
 
   #clear() {
-    datums.delete(this.state.id);
-    this.#drawPicked();
+    this.#picks[this.#click] = [];
+    this.#mark();
   }
 
-  /** Merge again, the nominal laid by six points of the cloud, or by a best fit. @param {number[][] | null} points */
+  /** Merge again, the nominal laid by six points of the cloud, or by a best fit. @param {readonly Point[] | null} points */
   async #align(points) {
     await attempt(async () => {
       const alignment = this.#merge?.alignment;
       if (this.state.working || !alignment) return;
       const datum_points_mm = points?.map((point) => inReference(alignment.cloud_from_reference, point));
       await api.changeSession(this.state.id, { cell: { merge: { alignment: datum_points_mm ? { method: "3-2-1", datum_points_mm } : null } } });
-      datums.delete(this.state.id);
+      this.#picks.datum = [];
       this.state.follows(await api.solve(this.state.id, this.stage));
     });
   }
@@ -266,7 +311,20 @@ export class MergedElement extends StateElement {
   }
 }
 
-/** A point of the cloud in the nominal's own frame. @param {number[][]} cloudFromReference @param {number[]} point */
+/** @param {Point} a @param {Point} b */
+const minus = (a, b) => a.map((value, axis) => value - (b[axis] ?? 0));
+
+/** @param {Point} a @param {Point} b */
+const dot = (a, b) => a.reduce((sum, value, axis) => sum + value * (b[axis] ?? 0), 0);
+
+/** The unit vector across two others; null where they lie in a line. @param {Point} a @param {Point} b */
+function across([x = 0, y = 0, z = 0], [u = 0, v = 0, w = 0]) {
+  const normal = [y * w - z * v, z * u - x * w, x * v - y * u];
+  const length = Math.hypot(...normal);
+  return length > 1e-3 * Math.hypot(x, y, z) * Math.hypot(u, v, w) && length > 0 ? normal.map((value) => value / length) : null;
+}
+
+/** A point of the cloud in the nominal's own frame. @param {number[][]} cloudFromReference @param {Point} point */
 function inReference(cloudFromReference, point) {
   const off = point.map((value, row) => value - (cloudFromReference[row]?.[3] ?? 0));
   return [0, 1, 2].map((column) => off.reduce((sum, value, row) => sum + value * (cloudFromReference[row]?.[column] ?? 0), 0));

@@ -20,13 +20,14 @@ function deviationColor(share) {
 }
 
 /**
- * @typedef {readonly [number, number]} Place a point in the section's own two axes, mm
  * @param {CloudSection} section
- * @param {readonly Place[]} picked
- * @param {(place: Place) => void} pick a click picks the nearest point of the cloud
+ * @param {readonly (readonly number[])[]} picked points in the cloud's frame, mm
+ * @param {(point: number[]) => void} pick a click picks the nearest point of the cloud
  */
 export function sectionPlot(section, picked, pick) {
-  const { points } = section;
+  const { points, directions } = section;
+  const along = (/** @type {readonly number[]} */ point, /** @type {number} */ which) => point.reduce((sum, value, axis) => sum + value * (directions[which]?.[axis] ?? 0), 0);
+  const here = picked.filter((point) => Math.abs(along(point, 2) - section.at_mm) <= section.width_mm).map((point) => [along(point, 0), along(point, 1)]);
   const { low, high, across } = ends(section);
   const scale = Math.min((SIZE.width - 2 * SIZE.margin) / (high[0] - low[0] || 1), (SIZE.height - 2 * SIZE.margin) / (high[1] - low[1] || 1));
   const height = (high[1] - low[1]) * scale + 2 * SIZE.margin;
@@ -47,16 +48,16 @@ export function sectionPlot(section, picked, pick) {
     const [first, ...others] = points;
     if (!first) return;
     const [u = 0, v = 0] = others.reduce((best, one) => (off(one) < off(best) ? one : best), first);
-    pick([u, v]);
+    pick([0, 1, 2].map((axis) => [u, v, section.at_mm].reduce((sum, value, which) => sum + value * (directions[which]?.[axis] ?? 0), 0)));
   };
   const lines = (section.nominal ?? []).map(([a, b, c, d]) => `M${place([a ?? 0, b ?? 0])}L${place([c ?? 0, d ?? 0])}`);
-  const label = t("merged.section_label", { axis: section.axis, at: fixed(section.at_mm, 1), points: section.count, u: across[0], v: across[1] });
+  const label = t("merged.section_label", { axis: section.axis ?? t("merged.plane_name"), at: fixed(section.at_mm, 1), points: section.count, u: across[0], v: across[1] });
   return s(
     "svg", { class: "section-plot picks", viewBox: `0 0 ${SIZE.width} ${fixedPlain(height)}`, role: "img", "aria-label": label, onclick: nearest },
     ...(lines.length ? [s("path", { class: "nominal", d: lines.join("") })] : []),
     ...[...dots].map(([color, list]) => s("path", { class: "dots", d: list.join(""), ...(color ? { stroke: color } : {}) })),
-    ...(picked.length > 1 ? [s("path", { class: "dimension", d: picked.map((one, index) => `${index ? "L" : "M"}${place(one)}`).join("") })] : []),
-    ...picked.map((one) => s("path", { class: "picked", d: `M${place(one)}h0` })),
+    ...(here.length === 2 ? [s("path", { class: "dimension", d: here.map((one, index) => `${index ? "L" : "M"}${place(one)}`).join("") })] : []),
+    ...here.map((one) => s("path", { class: "picked", d: `M${place(one)}h0` })),
     ...frame(section, scale, height),
   );
 }
