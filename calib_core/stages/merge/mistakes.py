@@ -5,29 +5,34 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib_core.captures.placement import Placement
 from calib_core.captures.scans import ScanGroup, SessionScans, poses_of
 from calib_core.causes.readings import Reading, changes_of, readings
 from calib_core.errors import CalibrationError
 from calib_core.findings.codes import merge as codes
-from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.arrangement import Fit, coarse, fit
 from calib_core.fusion.clean import clean_scan
-from calib_core.fusion.outward import Outward, sight
 from calib_core.fusion.overlap import Patches, SeenBy, joined_patches, seen_by
 from calib_core.fusion.solve import Looked
 from calib_core.poses.conventions import CONVENTIONS
-from calib_core.records import Capture, Changes, Finding, RootCause, Session
+from calib_core.records import Capture, Changes, Finding, Session
+from calib_core.stages.merge.trials import (
+    LEAST_PAIRS,
+    about_z,
+    extent_mm,
+    impossible_of_scan,
+    impossible_share,
+    pairs_with,
+    remedy_of,
+)
 
 _MUDDLED = 0.03  # of the surfaces one before the other, those that stand in a line of sight: of right merges 0.01
 _RUBBLE = 0.25
 _FEW_APART, _FEW_TOGETHER = 0.002, 0.005  # of all compared, those one before the other that say nothing
 _MOST_CHECKED = 3
 _MORE, _MORE_BY_STEPS, _MORE_BY_TWO = 1.4, 1.15, 1.04  # of the score, when a mistake is taken back
-_LEAST_PAIRS = 50
-_ONE_SURFACE = 0.15  # of a patch
 _FACTORS = 1 + np.arange(-0.2, 0.2001, 0.004)
 _NEARBY, _NEAR = np.linspace(-0.016, 0.016, 33), 0.15
 _UNITS = (float(np.rad2deg(1)), float(np.deg2rad(1)), 0.9, 10 / 9, 360.0, 0.5, 2.0)
@@ -87,10 +92,10 @@ class Mistakes:
         if len(looked.used) < 2 or len(looked.used) > _MOST_SCANS:
             return []
         # Borders and bends put a few in a thousand one before the other, also where all scans fit together.
-        fewest = _FEW_APART if apart.pairs < _LEAST_PAIRS else _FEW_TOGETHER
+        fewest = _FEW_APART if apart.pairs < LEAST_PAIRS else _FEW_TOGETHER
         impossible = looked.outward.impossible if looked.outward.before + looked.outward.behind > fewest else 0.0
         alone = [k for k in range(len(looked.used)) if apart.per_scan[k, 0] == 0]
-        if not (impossible > _MUDDLED or alone or apart.pairs < _LEAST_PAIRS):
+        if not (impossible > _MUDDLED or alone or apart.pairs < LEAST_PAIRS):
             return []
         angles = self._one_angle(looked)
         if angles:
@@ -99,7 +104,7 @@ class Mistakes:
         now = fit(seen)
         tried = sorted(self._tried(looked, seen, now), key=lambda one: -one.fit.score)
         for one in tried[:_MOST_CHECKED]:
-            if _impossible(seen, one.ways, looked.directions) < max(_MUDDLED, 0.5 * impossible):
+            if impossible_share(seen, one.ways, looked.directions) < max(_MUDDLED, 0.5 * impossible):
                 return [one.finding(now, one.fit)]
         elsewhere = self._elsewhere(looked, alone) if apart.pairs else []
         if elsewhere:
@@ -116,7 +121,7 @@ class Mistakes:
             *self._of_poses(looked, seen, where),
             *self._of_two(looked, seen, now, where),
         ):
-            if one.fit.pairs >= _LEAST_PAIRS and one.fit.score > one.more * max(now.score, 1.0):
+            if one.fit.pairs >= LEAST_PAIRS and one.fit.score > one.more * max(now.score, 1.0):
                 yield one
 
     def _captures(self, names: Sequence[str]) -> list[Capture]:
@@ -151,21 +156,21 @@ class Mistakes:
         turned = self._placement.direction * self._placement.scale * np.deg2rad(degrees)
 
         def by(factor: float) -> Fit:
-            return fit(seen, _about_z((1 - factor) * turned))
+            return fit(seen, about_z((1 - factor) * turned))
 
-        yield _Tried(_about_z(2 * turned), by(-1.0), _MORE, lambda now, then: self._direction(looked, now, then))
+        yield _Tried(about_z(2 * turned), by(-1.0), _MORE, lambda now, then: self._direction(looked, now, then))
         if len(degrees) < 4:
             return
         tried = {factor: by(factor) for factor in (*_FACTORS.tolist(), *_UNITS) if abs(factor - 1) > 1e-6}
         best = max(tried, key=lambda factor: tried[factor].score)
         if abs(best - 1) < 0.25:
             near = {
-                factor: fit(looked.patches, _about_z((1 - factor) * turned), _NEAR)
+                factor: fit(looked.patches, about_z((1 - factor) * turned), _NEAR)
                 for factor in (best + _NEARBY).tolist()
             }
             best = max(near, key=lambda factor: near[factor].score)
             tried[best] = by(best)
-        ways = _about_z((1 - best) * turned)
+        ways = about_z((1 - best) * turned)
         yield _Tried(ways, tried[best], _MORE_BY_STEPS, lambda now, then: self._steps(looked, best, now, then))
 
     def _direction(self, looked: Looked, now: Fit, then: Fit) -> Finding:
@@ -173,11 +178,11 @@ class Mistakes:
             changes = Changes(cell={"turntable": {"direction": -self._placement.direction}})
         else:
             changes = self._angles_times(looked, -1.0)
-        remedy = _remedy("table-direction", changes)
+        remedy = remedy_of("table-direction", changes)
         return codes.TABLE_DIRECTION_OF_SCANS(remedy=remedy, pairs_before=now.pairs, pairs_after=then.pairs)
 
     def _steps(self, looked: Looked, factor: float, now: Fit, then: Fit) -> Finding:
-        remedy = _remedy("table-angles", self._angles_times(looked, factor))
+        remedy = remedy_of("table-angles", self._angles_times(looked, factor))
         return codes.TABLE_STEPS_OF_SCANS(
             remedy=remedy, factor=factor, pairs_before=now.pairs, pairs_after=then.pairs
         )
@@ -220,7 +225,7 @@ class Mistakes:
     def _reading_finding(self, reading: Reading) -> Callable[[Fit, Fit], Finding]:
         def finding(now: Fit, then: Fit) -> Finding:
             cell = self._session.cell
-            remedy = _remedy("pose-reading", changes_of(reading, cell, self._captures(list(self._groups))))
+            remedy = remedy_of("pose-reading", changes_of(reading, cell, self._captures(list(self._groups))))
             said = reading.words(CONVENTIONS[cell.pose_convention])[1]
             return codes.POSES_READ_OTHERWISE(
                 remedy=remedy, reading=said, pairs_before=now.pairs, pairs_after=then.pairs
@@ -235,7 +240,7 @@ class Mistakes:
         suspects = [
             k
             for k in np.argsort(now.by_scan / patches_of).tolist()
-            if _impossible_of(looked.outward, k) > _MUDDLED
+            if impossible_of_scan(looked.outward, k) > _MUDDLED
         ][:_MOST_SUSPECTS]
         unmoved = np.tile(np.eye(4), (len(where), 1, 1))
         degrees = self._degrees(looked)
@@ -251,7 +256,7 @@ class Mistakes:
             turns = np.zeros(len(where))
             turns[a], turns[b] = turn, -turn
             yield _Tried(
-                _about_z(turns), fit(seen, _about_z(turns)), _MORE_BY_TWO, self._swap(looked, a, b, ("table_deg",))
+                about_z(turns), fit(seen, about_z(turns)), _MORE_BY_TWO, self._swap(looked, a, b, ("table_deg",))
             )
 
     def _swap(self, looked: Looked, a: int, b: int, fields: tuple[str, ...]) -> Callable[[Fit, Fit], Finding]:
@@ -270,7 +275,7 @@ class Mistakes:
             what = "angle" if fields == ("table_deg",) else "both" if one.table_deg is not None else "pose"
             return codes.SWAPPED_SCANS(
                 [one.id, other.id],
-                remedy=_remedy("swapped-poses", Changes(captures=changes), [one.id, other.id]),
+                remedy=remedy_of("swapped-poses", Changes(captures=changes), [one.id, other.id]),
                 what=what,
                 pairs_before=now.pairs,
                 pairs_after=then.pairs,
@@ -292,12 +297,15 @@ class Mistakes:
             if not len(points):
                 continue
             beyond = np.maximum(np.maximum(low - points, points - high), 0)
-            if _impossible_of(looked.outward, k) > _RUBBLE or np.linalg.norm(np.median(beyond, axis=0)) > reach:
+            if (
+                impossible_of_scan(looked.outward, k) > _RUBBLE
+                or np.linalg.norm(np.median(beyond, axis=0)) > reach
+            ):
                 found.append(looked.used[k])
         if not found or 2 * len(found) > len(looked.used):
             return []
         ids = [capture.id for capture in self._captures(found)]
-        remedy = _remedy("scan-elsewhere", Changes(captures={name: {"excluded": True} for name in ids}), ids)
+        remedy = remedy_of("scan-elsewhere", Changes(captures={name: {"excluded": True} for name in ids}), ids)
         return [codes.SCAN_ELSEWHERE(ids, remedy=remedy)]
 
     def _in_metres(self, looked: Looked) -> list[Finding]:
@@ -312,7 +320,7 @@ class Mistakes:
         small = [name for name in names if across.get(name, 0.0) <= max(_SMALLER * usual, _LEAST_MM)]
         if not small or size > 10.0 or len(small) > _MOST_READ_AGAIN:
             return []
-        extents = {name: _extent_mm(self._scans[self._numbers[name]].points_in_laser_mm) for name in small}
+        extents = {name: extent_mm(self._scans[self._numbers[name]].points_in_laser_mm) for name in small}
         small = [name for name in small if 0 < extents[name] <= max(_SMALLER * usual, _LEAST_MM)]
         if not small:
             return []
@@ -328,7 +336,7 @@ class Mistakes:
             cell = longer.cell
             settings = {name: {**patch, **longer.captures.get(name, {})} for name, patch in settings.items()}
         ids = [capture.id for capture in captures]
-        remedy = _remedy("point-unit", Changes(cell=cell, captures=settings), ids)
+        remedy = remedy_of("point-unit", Changes(cell=cell, captures=settings), ids)
         return [codes.SCANS_IN_METRES(ids, remedy=remedy, extent_mm=max(extents[name] for name in small))]
 
     def _pose_is_small(self, name: str) -> bool:
@@ -353,56 +361,7 @@ class Mistakes:
             return False
         if len(small) == len(self._numbers):
             together = joined_patches(anew, size)
-            return len(anew) == 1 or fit(coarse(together)).pairs >= _LEAST_PAIRS
+            return len(anew) == 1 or fit(coarse(together)).pairs >= LEAST_PAIRS
         kept = [name not in small for name in looked.used]
         rows = [mine for mine, keep in zip(looked.patches.rows_of_scans(), kept, strict=True) if keep]
-        return any(_pairs_with(looked.patches, rows, one, size) for one in anew)
-
-
-def _impossible(seen: Patches, ways: FloatArray, directions: FloatArray) -> float:
-    """Return the share of surfaces one before the other that stand in a line of sight, after a transform."""
-    there = seen.transformed(ways).in_voxels()
-    looked = sight(there, np.einsum("sij,sj->si", ways[:, :3, :3], directions), _ONE_SURFACE * seen.size_mm)
-    before, behind = float(looked.before.sum()), float(looked.behind.sum())
-    return before / max(before + behind, 1.0)
-
-
-def _impossible_of(found: Outward, scan: int) -> float:
-    """Return the same share of those that one scan is part of; 0 where they are few."""
-    if found.sight is None:
-        return 0.0
-    sides = (found.sight.before, found.sight.behind)[:: found.sign]
-    before, behind = (float(one[scan].sum() + one[:, scan].sum()) for one in sides)
-    return before / (before + behind) if before + behind > _LEAST_PAIRS else 0.0
-
-
-def _pairs_with(seen: Patches, rows: Sequence[NDArray[np.int64]], one: tuple[str, SeenBy], size: float) -> bool:
-    mine = joined_patches([one], size)
-    others = np.concatenate(rows)
-    both = replace(
-        seen,
-        names=("others", "one"),
-        scans=np.concatenate([np.zeros(len(others), np.int64), np.ones(len(mine.scans), np.int64)]),
-        points_mm=np.concatenate([seen.points_mm[others], mine.points_mm]),
-        normals=np.concatenate([seen.normals[others], mine.normals]),
-        variances_mm2=np.concatenate([seen.variances_mm2[others], mine.variances_mm2]),
-        bounds=np.array([0, len(others) + len(mine.scans)]),
-    )
-    return fit(coarse(both.in_voxels())).pairs >= _LEAST_PAIRS
-
-
-def _extent_mm(points: NDArray[np.floating]) -> float:
-    known = points[np.isfinite(points).all(axis=-1)]
-    return float(np.ptp(known, axis=0).max()) if len(known) else 0.0
-
-
-def _about_z(angles_rad: FloatArray) -> FloatArray:
-    ways = np.tile(np.eye(4), (len(angles_rad), 1, 1))
-    for way, angle in zip(ways, angles_rad.tolist(), strict=True):
-        way[:3, :3] = rotation_from_vector(np.array([0.0, 0.0, angle]))
-    return ways
-
-
-def _remedy(kind: str, changes: Changes, captures: Sequence[str] = ()) -> RootCause:
-    data = {"id": f"merge-{kind}", "kind": kind, "title": "", "sentence": "", "captures": list(captures)}
-    return RootCause.model_validate({**data, "changes": changes})
+        return any(pairs_with(looked.patches, rows, one, size) for one in anew)

@@ -1,0 +1,71 @@
+"""What tells how well scans fit once a mistake is taken back."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib_core.frames import FloatArray, rotation_from_vector
+from calib_core.fusion.arrangement import coarse, fit
+from calib_core.fusion.outward import Outward, sight
+from calib_core.fusion.overlap import Patches, SeenBy, joined_patches
+from calib_core.records import Changes, RootCause
+
+LEAST_PAIRS = 50
+"""Fewer pairs of surfaces tell nothing."""
+
+_ONE_SURFACE = 0.15  # of a patch
+
+
+def impossible_share(seen: Patches, ways: FloatArray, directions: FloatArray) -> float:
+    """Return the share of surfaces one before the other that stand in a line of sight, after a transform."""
+    there = seen.transformed(ways).in_voxels()
+    looked = sight(there, np.einsum("sij,sj->si", ways[:, :3, :3], directions), _ONE_SURFACE * seen.size_mm)
+    before, behind = float(looked.before.sum()), float(looked.behind.sum())
+    return before / max(before + behind, 1.0)
+
+
+def impossible_of_scan(found: Outward, scan: int) -> float:
+    """Return the same share of those that one scan is part of; 0 where they are few."""
+    if found.sight is None:
+        return 0.0
+    sides = (found.sight.before, found.sight.behind)[:: found.sign]
+    before, behind = (float(one[scan].sum() + one[:, scan].sum()) for one in sides)
+    return before / (before + behind) if before + behind > LEAST_PAIRS else 0.0
+
+
+def pairs_with(seen: Patches, rows: Sequence[NDArray[np.int64]], one: tuple[str, SeenBy], size: float) -> bool:
+    """Return whether a scan (its name, its patches) has surfaces in common with rows of those seen."""
+    mine = joined_patches([one], size)
+    others = np.concatenate(rows)
+    both = replace(
+        seen,
+        names=("others", "one"),
+        scans=np.concatenate([np.zeros(len(others), np.int64), np.ones(len(mine.scans), np.int64)]),
+        points_mm=np.concatenate([seen.points_mm[others], mine.points_mm]),
+        normals=np.concatenate([seen.normals[others], mine.normals]),
+        variances_mm2=np.concatenate([seen.variances_mm2[others], mine.variances_mm2]),
+        bounds=np.array([0, len(others) + len(mine.scans)]),
+    )
+    return fit(coarse(both.in_voxels())).pairs >= LEAST_PAIRS
+
+
+def extent_mm(points: NDArray[np.floating]) -> float:
+    """Return how far points (…, 3) reach along the longest axis; blanks do not count."""
+    known = points[np.isfinite(points).all(axis=-1)]
+    return float(np.ptp(known, axis=0).max()) if len(known) else 0.0
+
+
+def about_z(angles_rad: FloatArray) -> FloatArray:
+    """Return transforms (N, 4, 4) that turn about z."""
+    ways = np.tile(np.eye(4), (len(angles_rad), 1, 1))
+    for way, angle in zip(ways, angles_rad.tolist(), strict=True):
+        way[:3, :3] = rotation_from_vector(np.array([0.0, 0.0, angle]))
+    return ways
+
+
+def remedy_of(kind: str, changes: Changes, captures: Sequence[str] = ()) -> RootCause:
+    """Return what Apply does, as a root cause."""
+    data = {"id": f"merge-{kind}", "kind": kind, "title": "", "sentence": "", "captures": list(captures)}
+    return RootCause.model_validate({**data, "changes": changes})
