@@ -17,7 +17,7 @@ from server.scenes.scene_model import SceneFacts
 
 ROOT = "/scans/merged"
 CUT: Rgb = (60, 110, 220)
-_PICKED = 0.006  # the radius of a mark, of the cloud's diagonal
+_PICKED = 0.012  # the radius of a mark, of the cloud's diagonal: points drawn about it are up to half as large
 _CHUNK = 100_000  # a browser draws the first ones while the others are on their way
 
 

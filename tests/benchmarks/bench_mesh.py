@@ -126,5 +126,5 @@ def of_parts(full: bool) -> list[Row]:
 
 
 def run(full: bool) -> list[Row]:
-    """Return the rows of this benchmark; `full` takes ten seeds of each part (twenty were asked) and three of edges."""
+    """Return the rows of this benchmark; `full` takes ten seeds a part (twenty were asked) and three of edges."""
     return [*of_edges(full), *of_parts(full)]
