@@ -381,7 +381,7 @@ export interface Capture {
   excluded_because?: Excluded | null;
   included_because?: Excluded | null;
   taken?: string | null;
-  clock?: "file" | "server" | "device" | "program" | null;
+  clock?: "file" | "server" | "device" | "program" | "received" | null;
   environment?: Environment | null;
   side?: 1 | -1 | null;
   board_of?: string | null;
@@ -2374,7 +2374,7 @@ export interface StoredCapture {
   excluded_because?: Excluded | null;
   included_because?: Excluded | null;
   taken?: string | null;
-  clock?: "file" | "server" | "device" | "program" | null;
+  clock?: "file" | "server" | "device" | "program" | "received" | null;
   environment?: Environment | null;
   side?: 1 | -1 | null;
   board_of?: string | null;

@@ -112,12 +112,13 @@ def _figures(figures: Sequence[Figure]) -> str:
 
 def _figure(figure: Figure) -> str:
     css = ' class="headline"' if figure.headline else ""
-    value = f'<td class="n">{escape(figure_text(figure))}</td>'
+    css_of_value = "n" if figure.quantity else "n words"
+    value = f'<td class="{css_of_value}">{escape(figure_text(figure))}</td>'
     return f'<tr{css}><th scope="row">{escape(figure.label)}</th>{value}</tr>'
 
 
 def _frame(frame: Frame, said: Catalogue) -> str:
-    as_units = said.say(message("{frame} as {units}", frame=frame.name, units=frame.units))
+    as_units = said.say(message("{frame} as {units}", frame=frame.name, units=frame.convention))
     rows_in_mm = said.say(message("{frame}, rows, mm", frame=frame.name))
     matrix = "".join(f"<tr>{''.join(map(_number, row, _MATRIX_DECIMALS))}</tr>" for row in frame.matrix)
     matrix_of = f'<p class="soft">{escape(rows_in_mm)}</p><div class="wide"><table>{matrix}</table></div>'

@@ -16,7 +16,7 @@ STYLE: Final = """
 .scancell th { text-align: left; font-weight: 500; }
 .scancell th, .scancell td { padding: 4px 14px 4px 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 .scancell .n { text-align: right; white-space: nowrap; }
-.scancell .words { overflow-wrap: anywhere; }
+.scancell .words { overflow-wrap: anywhere; white-space: normal; }
 .scancell .wide { overflow-x: auto; }
 .scancell .headline td.n { font-size: 20px; font-weight: 600; }
 .scancell .frame td.n { font-size: 17px; }
@@ -48,7 +48,7 @@ STYLE: Final = """
   .scancell .wide th.n { vertical-align: bottom; }
   .scancell thead { display: table-header-group; break-after: avoid; }
   .scancell table:not(:has(tr:nth-child(9))), .scancell ul:not(:has(li:nth-child(5))) { break-inside: avoid; }
-  .scancell tbody tr:nth-child(-n+2) { break-after: avoid; }
-  .scancell tbody tr:nth-last-child(-n+2) { break-before: avoid; }
+  .scancell tbody tr:nth-child(-n+2):not(:last-child) { break-after: avoid; }
+  .scancell tbody tr:nth-last-child(-n+2):not(:first-child) { break-before: avoid; }
 }
 """

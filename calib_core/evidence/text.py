@@ -173,7 +173,7 @@ def figure_text(figure: Figure) -> str:
 
 
 def _frame(frame: Frame, said: Catalogue) -> list[str]:
-    head = said.say(message("{frame} as {units}", frame=frame.name, units=frame.units))
+    head = said.say(message("{frame} as {units}", frame=frame.name, units=frame.convention))
     matrix = ["  " + " ".join(f"{v:12.6f}" for v in row) for row in frame.matrix]
     if not frame.numbers:
         return [f"  {head}", *matrix]

@@ -57,6 +57,7 @@ class Convention:
         return len(self.numbers.split())
 
 
-QUATERNION = "R of the unit quaternion w + x i + y j + z k"
+QUATERNION = "R = R(q), q = qw + qx i + qy j + qz k, ‖q‖ = 1"
+"""Formulas are the same in every language: they stand in reports."""
 XYZ_FIXED = "turns about the fixed axes x, then y, then z"
 POSE_FORMATS = "Roboception rc_cube documentation, appendix Pose formats"

@@ -269,7 +269,8 @@ class Capture(WrittenRecord):
     prismatic ones in `joints_mm`; `active_tool` and `active_frame` are those that the controller gave `pose` in;
     `moving` says that the robot was; `source` is the file and line, or the device, that it came from.
     `taken` is when (ISO 8601 with offset), by `clock`: of the file, the server, a device, or the program that sent
-    it; `excluded_because` who left it out, when and why, `included_because` who took it in again.
+    it, else when it was `received`; `excluded_because` who left it out, when and why, `included_because` who took
+    it in again.
     `format` names the files' format where it is not recognised, `format_settings` says what they do not.
     """
 
@@ -290,7 +291,7 @@ class Capture(WrittenRecord):
     excluded_because: Excluded | None = None
     included_because: Excluded | None = None
     taken: str | None = None
-    clock: Literal["file", "server", "device", "program"] | None = None
+    clock: Literal["file", "server", "device", "program", "received"] | None = None
     environment: Environment | None = None
     side: Literal[1, -1] | None = None
     board_of: Identifier | None = None

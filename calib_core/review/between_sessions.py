@@ -16,7 +16,8 @@ from calib_core.captures.poses import middle_pose
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
 from calib_core.records import Session
-from calib_core.records.policy import Environment
+from calib_core.records.policy import Environment, Equipment
+from calib_core.review.common_errors import Common
 
 LEAST_LIKE: Final = 5
 """So many sessions of one program must be there before their scatter counts."""
@@ -31,7 +32,8 @@ class SolvedSession:
     """A session of a cell: its latest results as JSON data, when they were solved, and which of them are stale.
 
     `limit_mm` is that of the tool's error, where the cell has one; `environment` the temperatures that were told;
-    `program` the flange's poses (K, 4, 4) that the answer rests on, None where they are not known.
+    `program` the flange's poses (K, 4, 4) that the answer rests on, None where they are not known; `equipment`
+    says which scanner and ball there were, as far as the cell tells.
     """
 
     session: str
@@ -42,6 +44,7 @@ class SolvedSession:
     limit_mm: float | None = None
     environment: Environment | None = None
     program: FloatArray | None = None
+    equipment: tuple[str, ...] = ()
 
     def of(self, stage: str) -> Mapping[str, Any] | None:
         """Return a stage's result, None without one that its captures and its cell still give."""
@@ -55,11 +58,51 @@ class SolvedSession:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A figure of one session: its value (n,) and covariance (n, n)."""
+    """A figure of one session: its value (n,) and covariance (n, n), and what it shares with other sessions."""
 
     session: SolvedSession
     value: FloatArray
     covariance: FloatArray
+    common: Common | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Sessions in one linear model: values (N, n), designs (N, n, q), covariances (N, n, n), prior (q, q).
+
+    The prior is the information about the unknowns before any session: about the common errors, the last of them.
+    """
+
+    values: FloatArray
+    designs: FloatArray
+    covariances: FloatArray
+    prior: FloatArray
+
+    def informing(self) -> tuple[FloatArray, FloatArray]:
+        """Return the information (N, q, q) that each session adds, and its value so weighed (N, q)."""
+        weights = np.swapaxes(self.designs, 1, 2) @ np.linalg.inv(self.covariances)
+        return weights @ self.designs, (weights @ self.values[:, :, None])[:, :, 0]
+
+
+def together(measured: Sequence[Measured], of: Common | None, places: FloatArray) -> Together:
+    """Return sessions in one model: a figure along `places` (N, p), and the errors common to the equipment `of`.
+
+    Sessions of other equipment count by their whole ±, as if nothing were shared.
+    """
+    size, some = len(measured[0].value), 0 if of is None else len(of.belief)
+    told = [
+        (one.common.value, one.common.by, one.common.own)
+        if of is not None and one.common is not None and one.common.equipment == of.equipment
+        else (one.value, np.zeros((size, some)), one.covariance)
+        for one in measured
+    ]
+    values, by, covariances = (np.array(column) for column in zip(*told, strict=True))
+    along = np.kron(places[:, None, :], np.eye(size))
+    prior = np.zeros((along.shape[2] + some,) * 2)
+    if of is not None:
+        prior[-some:, -some:] = np.linalg.inv(of.belief)
+    designs = np.asarray(np.concatenate([along, by], axis=2), dtype=np.float64)
+    return Together(values, designs, covariances, prior)
 
 
 def solved_session(
@@ -79,8 +122,15 @@ def solved_session(
         stale=stale,
         limit_mm=session.cell.verification.tool_mm,
         environment=session.environment,
+        equipment=_scanner_and_ball(session),
     )
     return replace(found, program=_program(session, found.answer))
+
+
+def _scanner_and_ball(session: Session) -> tuple[str, ...]:
+    pieces: list[Equipment] = session.cell.equipment or []
+    serials = [f"{one.kind} {one.serial}" for one in pieces if one.kind in ("scanner", "sphere")]
+    return (f"{session.cell.sphere_diameter_mm}", *sorted(serials))
 
 
 def _program(session: Session, answer: Mapping[str, Any] | None) -> FloatArray | None:

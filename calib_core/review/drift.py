@@ -1,26 +1,43 @@
 """How a cell's answers moved from session to session: control charts of tool, axis and verification.
 
-Every figure of a session is held against the mean of those before it, weighed by their covariances.  A difference
-that the uncertainties explain in fewer than 0.06 % of cases is flagged, so that a series of thirty raises a false
-alarm in fewer than 2 %; from there on the series has a new level.  Sessions of one program of poses are held
-against how they scatter as well (`between_sessions`): that is less than their ±, of which they share most.
+Every figure of a session is held against the mean of those before it, weighed by their covariances; what sessions
+of one scanner and ball share of their errors is one unknown of all (`common_errors`). A difference that the
+uncertainties explain in fewer than 0.06 % of cases is flagged, so that a series of thirty raises a false alarm in
+fewer than 2 %; from there on the series has a new level. Sessions of one program of poses are held against how
+they scatter as well (`between_sessions`): that is less than their ±, of which they share most.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 from pydantic import Field
 
-from calib_core.cell.found import as_used, placed_table, scanner_frame
 from calib_core.errors import InputError
-from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
+from calib_core.frames import FloatArray
 from calib_core.messages import message, sentences
 from calib_core.records import Finite, Record
 from calib_core.records.policy import Environment
-from calib_core.review.between_sessions import LEAST_LIKE, Measured, SolvedSession, held_against_like, like_last
+from calib_core.review.between_sessions import (
+    LEAST_LIKE,
+    Measured,
+    SolvedSession,
+    Together,
+    held_against_like,
+    like_last,
+    together,
+)
+from calib_core.review.drift_figures import (
+    axes,
+    axis_direction,
+    axis_point,
+    table_of,
+    tool_point,
+    turns,
+    verified,
+)
 from calib_core.review.drift_trend import (
     ByTemperature,
     DriftTrend,
@@ -36,7 +53,6 @@ FALSE_ALARM: Final = 6e-4
 _FALSE_BY_SCATTER: Final = 4e-4
 _LEAST_STEP: Final = 1.0
 """In stated standard deviations, squared: half the ± that is stated, or a change matters to nobody."""
-_LEAST_SIGMA: Final = 1e-9
 _OF_TOOL: Final = ("tool", "verification")
 """The figures that the limit of the tool's error holds for."""
 
@@ -128,13 +144,13 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
     answers = [(s, s.answer or {}) for s in good]
     seen = [place["point_in_laser_mm"] for _, answer in answers if (place := answer.get("workpiece"))]
     point = np.mean(seen, axis=0) if seen else np.zeros(3)
-    tables = [(s, table) for s in good if (table := _table(s)) is not None]
+    tables = [(s, table) for s in good if (table := table_of(s)) is not None]
     found = [
-        _series("tool", "Scanner at the workpiece", "mm", [_tool_point(s, a, point) for s, a in answers]),
-        _series("tool-orientation", "Scanner's orientation", "deg", _turns(answers)),
-        _series("axis", "Turntable's axis", "mm", _axes(tables, _axis_point)),
-        _series("axis-direction", "Axis direction", "deg", _axes(tables, _axis_direction)),
-        _series("verification", "Tool's error when verified", "mm", [v for s in good if (v := _verified(s))]),
+        _series("tool", "Scanner at the workpiece", "mm", [tool_point(s, a, point) for s, a in answers]),
+        _series("tool-orientation", "Scanner's orientation", "deg", turns(answers)),
+        _series("axis", "Turntable's axis", "mm", axes(tables, axis_point)),
+        _series("axis-direction", "Axis direction", "deg", axes(tables, axis_direction)),
+        _series("verification", "Tool's error when verified", "mm", [v for s in good if (v := verified(s))]),
     ]
     series = [one for one in found if one.points]
     flags = [said for one in series for said in _flags(one)]
@@ -161,46 +177,49 @@ def charted(measured: Sequence[Measured]) -> list[Charted]:
     A flagged session begins a new level.  Where the next one lies at the level before it and not at its own, it
     was an outlier, and that level goes on without it.
     """
-    rows: list[Charted] = []
-    level, earlier = _Level(), None
-    for one in measured:
-        if not rows:
-            rows.append(Charted(0.0, 2 * _worst(one.covariance), None))
-            level.add(one)
-            continue
+    if not measured:
+        return []
+    first, *others = measured
+    rows = [Charted(0.0, 2 * _worst(first.covariance), None)]
+    level, earlier = _Level(first), None
+    for one in others:
         held = level.held_against(one)
         back = earlier.held_against(one) if earlier is not None and held.flagged else None
         if back is not None and earlier is not None and not back.flagged:
             rows[-1] = replace(rows[-1], outlier=True)
             rows.append(replace(back, level=rows[-1].level - 1))
             level, earlier = earlier, None
-        else:
-            rows.append(replace(held, level=rows[-1].level + held.flagged))
-            level, earlier = (_Level(), level) if held.flagged else (level, None)
-        level.add(one)
+            level.add(one)
+            continue
+        rows.append(replace(held, level=rows[-1].level + held.flagged))
+        level, earlier = (_Level(one), level) if held.flagged else (level, None)
+        if not held.flagged:
+            level.add(one)
     return rows
 
 
 class _Level:
-    """Sessions between two changes: their mean, weighed by the covariances."""
+    """Sessions between two changes: where the figure is, and what they tell of the errors that they share."""
 
-    def __init__(self) -> None:
-        self._information: FloatArray = np.zeros((1, 1))
-        self._weighed: FloatArray = np.zeros(1)
+    def __init__(self, first: Measured) -> None:
+        self._of = first.common
         self._members: list[Measured] = []
+        self._information, self._weighed = self._seen(first).prior, np.zeros(1)
+        self.add(first)
 
     def add(self, one: Measured) -> None:
-        information = np.linalg.inv(one.covariance)
-        self._information = self._information + information
-        self._weighed = self._weighed + information @ one.value
+        information, weighed = self._seen(one).informing()
+        self._information, self._weighed = self._information + information[0], self._weighed + weighed[0]
         self._members.append(one)
 
     def held_against(self, one: Measured) -> Charted:
         """Return a session's change from the mean, its ±, the control limit that way, and whether it is beyond."""
         from scipy.special import chdtri  # late: it brings what takes a third of a second
 
-        mean, covariance = self.mean()
-        change, spread = one.value - mean, one.covariance + covariance
+        seen, covariance = self._seen(one), np.linalg.inv(self._information)
+        (design,), (value,) = seen.designs, seen.values
+        change = value - design @ covariance @ self._weighed
+        spread = seen.covariances[0] + design @ covariance @ design.T
         length, squared = float(np.linalg.norm(change)), float(change @ np.linalg.solve(spread, change))
         crossed = float(chdtri(len(change), FALSE_ALARM))
         limit = (length / np.sqrt(squared) if squared > 0 else _worst(spread)) * np.sqrt(crossed)
@@ -209,6 +228,9 @@ class _Level:
         return Charted(
             length, 2 * _worst(spread), shortest, length > shortest, like=like if by_scatter < limit else 0
         )
+
+    def _seen(self, one: Measured) -> Together:
+        return together([one], self._of, np.ones((1, 1)))
 
     def _limit_by_scatter(self, one: Measured, length: float) -> tuple[float, int]:
         """Return how far a session may lie from others of its program as those scatter, and how many they are."""
@@ -220,10 +242,6 @@ class _Level:
         squared, ratio = held_against_like(one, like)
         crossed = max(_LEAST_STEP, float(fdtri(1, len(like) - 1, 1 - _FALSE_BY_SCATTER)) * ratio)
         return (length * np.sqrt(crossed / squared) if squared > 0 else np.inf), len(like)
-
-    def mean(self) -> tuple[FloatArray, FloatArray]:
-        covariance: FloatArray = np.asarray(np.linalg.inv(self._information), dtype=np.float64)
-        return covariance @ self._weighed, covariance
 
 
 def _worst(covariance: FloatArray) -> float:
@@ -316,89 +334,3 @@ def _within(session: SolvedSession) -> DriftWithin | None:
         return None
     same = {name: told[name] for name in ("drift_mm", "uncertainty_mm", "found", "settled", "sentence")}
     return DriftWithin(session=session.session, name=session.name, date=session.date, **same)
-
-
-def _tool_point(session: SolvedSession, answer: Mapping[str, Any], point: FloatArray) -> Measured:
-    """Return where a point of L lies on the flange."""
-    answer, tool = as_used(answer), scanner_frame(answer)
-    follows = np.hstack([-tool.rotation @ skew(point), np.eye(3)])
-    covariance = follows @ np.array(answer["covariance"], dtype=float) @ follows.T
-    return Measured(session, tool.apply(point), _regular(covariance))
-
-
-def _turns(answers: Sequence[tuple[SolvedSession, Mapping[str, Any]]]) -> list[Measured]:
-    """Return how each session's scanner is turned against the first one's, degrees about its axes."""
-    tools = [scanner_frame(answer) for _, answer in answers]
-    return [
-        Measured(
-            session,
-            np.rad2deg(vector_from_rotation(tools[0].rotation.T @ tool.rotation)),
-            _regular(np.array(answer["covariance"], dtype=float)[:3, :3] * np.rad2deg(1) ** 2),
-        )
-        for (session, answer), tool in zip(answers, tools, strict=True)
-    ]
-
-
-_Table = tuple[RigidTransform, FloatArray]
-
-
-def _table(session: SolvedSession) -> _Table | None:
-    """Return base_from_turntable and its covariance (6, 6), None without one that holds."""
-    chain, table = session.of("chain"), session.of("turntable")
-    found = chain or table
-    if found is None or found.get("verdict") == "fail" or "base_from_turntable" not in found:
-        return None
-    found, frame = as_used(found), placed_table(found)
-    covariance = found.get("turntable_covariance") if chain else found.get("covariance")
-    if covariance is None:
-        return None
-    return frame, np.array(covariance, dtype=float)
-
-
-def _axes(
-    tables: Sequence[tuple[SolvedSession, _Table]],
-    figure: Callable[[RigidTransform, FloatArray, RigidTransform], tuple[FloatArray, FloatArray]],
-) -> list[Measured]:
-    return [
-        Measured(session, *figure(frame, covariance, tables[0][1][0])) for session, (frame, covariance) in tables
-    ]
-
-
-def _axis_point(
-    frame: RigidTransform, covariance: FloatArray, first: RigidTransform
-) -> tuple[FloatArray, FloatArray]:
-    """Return where the axis passes the plane through the first one's origin, across it (2,)."""
-    across = first.rotation[:, :2].T
-    local = first.inverse().apply(frame.translation_mm)
-    direction = first.rotation.T @ frame.rotation[:, 2]
-    place = local[:2] - direction[:2] / direction[2] * local[2]
-    follows = np.hstack([np.zeros((2, 3)), across])
-    follows[:, :3] = across @ (-frame.rotation @ skew(np.array([0.0, 0.0, -local[2]])))
-    return place, _regular(follows @ covariance @ follows.T)
-
-
-def _axis_direction(
-    frame: RigidTransform, covariance: FloatArray, first: RigidTransform
-) -> tuple[FloatArray, FloatArray]:
-    """Return how the axis is tilted against the first one (2,), degrees."""
-    across = first.rotation[:, :2].T
-    follows = across @ (-frame.rotation @ skew(np.array([0.0, 0.0, 1.0])))
-    degrees = float(np.rad2deg(1))
-    spread = follows @ covariance[:3, :3] @ follows.T * degrees**2
-    return np.rad2deg(across @ frame.rotation[:, 2]), _regular(spread)
-
-
-def _verified(session: SolvedSession) -> Measured | None:
-    checks = (session.of("verify") or {}).get("checks") or []
-    found = next((check for check in checks if check["name"] == "tool"), None)
-    if found is None:
-        return None
-    sigma = max(float(found["uncertainty_mm"]) / 2, _LEAST_SIGMA)
-    # Its captures are others than those of the answer: of its poses nothing is known here.
-    alone = replace(session, program=None)
-    return Measured(alone, np.array([float(found["value_mm"])]), np.array([[sigma**2]]))
-
-
-def _regular(covariance: FloatArray) -> FloatArray:
-    """Return a covariance that can be inverted."""
-    return covariance + _LEAST_SIGMA**2 * np.eye(len(covariance))

@@ -18,9 +18,10 @@ from calib_core.review.between_sessions import (
     in_sigmas,
     like_last,
     scatter_ratio,
+    together,
 )
 
-FALSE_TREND: Final = 0.011
+FALSE_TREND: Final = 0.013
 _FALSE_BY_TEMPERATURE: Final = 0.005
 _LEAST_OF_TREND: Final = 4
 _SLACK: Final = 0.5
@@ -97,13 +98,15 @@ def cusum_of(measured: Sequence[Measured]) -> float:
 
     The changes, in their standard deviations, are independent where nothing changes.
     """
-    covariances, values = np.array([one.covariance for one in measured]), np.array([one.value for one in measured])
-    own = np.linalg.inv(covariances)
-    # Of those before each: what they know together, and their weighed mean.
-    known = np.linalg.inv(np.cumsum(own, axis=0)[:-1])
-    means = known @ np.cumsum(own @ values[:, :, None], axis=0)[:-1]
-    changes = np.linalg.solve(np.linalg.cholesky(covariances[1:] + known), values[1:, :, None] - means)[:, :, 0]
-    total, most = np.zeros(values.shape[1]), 0.0
+    seen = together(measured, measured[0].common, np.ones((len(measured), 1)))
+    information, weighed = seen.informing()
+    # Of those before each: what they know together, and what they expect.
+    known = np.linalg.inv(seen.prior + np.cumsum(information, axis=0)[:-1])
+    designs = seen.designs[1:]
+    expected = designs @ known @ np.cumsum(weighed, axis=0)[:-1, :, None]
+    spreads = seen.covariances[1:] + designs @ known @ np.swapaxes(designs, 1, 2)
+    changes = np.linalg.solve(np.linalg.cholesky(spreads), seen.values[1:, :, None] - expected)[:, :, 0]
+    total, most = np.zeros(changes.shape[1]), 0.0
     for change in changes:
         total = total + change
         length = float(np.linalg.norm(total))
@@ -221,14 +224,11 @@ def _slope_by_scatter(like: Sequence[Measured], places: FloatArray) -> _Slope:
 
 def _slope_as_stated(measured: Sequence[Measured], places: FloatArray) -> _Slope:
     size = len(measured[0].value)
-    known = np.linalg.inv(np.array([one.covariance for one in measured]))
-    weighed_values = known @ np.array([one.value for one in measured])[:, :, None]
-    powers = places[:, None, None] ** np.arange(3)
-    zeroth, first, second = (np.sum(powers[:, :, [k]] * known, axis=0) for k in range(3))
-    information = np.block([[zeroth, first], [first, second]])
-    weighed = np.concatenate([np.sum(powers[:, :, k] * weighed_values[:, :, 0], axis=0) for k in range(2)])
-    covariance: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    slope, spread = (covariance @ weighed)[size:], covariance[size:, size:]
+    seen = together(measured, measured[0].common, np.column_stack([np.ones(len(places)), places]))
+    information, weighed = seen.informing()
+    covariance = np.linalg.inv(seen.prior + information.sum(axis=0))
+    slopes = slice(size, 2 * size)
+    slope, spread = (covariance @ weighed.sum(axis=0))[slopes], covariance[slopes, slopes]
     chance = chance_of(float(slope @ np.linalg.solve(spread, slope)), size)
     return float(np.linalg.norm(slope)), 2 * float(np.sqrt(np.linalg.eigvalsh(spread)[-1])), chance
 

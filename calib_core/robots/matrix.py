@@ -7,7 +7,7 @@ CONVENTION = Convention(
     "matrix",
     "4×4 matrix, row by row",
     "r11 r12 r13 x r21 r22 r23 y r31 r32 r33 z 0 0 0 1",
-    "R = [r11 r12 r13; r21 r22 r23; r31 r32 r33], last row 0 0 0 1",
+    "R = [r11 r12 r13; r21 r22 r23; r31 r32 r33]",
     "mm",
     "any",
     "the definition of base_from_tool0",

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session as Transaction
 from starlette.concurrency import run_in_threadpool
 
 from calib_core.errors import CalibrationError
+from calib_core.moment import now
 from calib_core.records import Capture, Measured, parse_session
 from server.captures.batch_body import CaptureInBody
 from server.captures.measurer import Measurer
@@ -190,6 +191,8 @@ def _arrival(
     **more: Any,
 ) -> Arrival:
     named = {name: next(digests) for name in contents}
+    if capture.taken is None:
+        capture = capture.model_copy(update={"taken": now(), "clock": "received"})
     return Arrival(capture, measured, named, {name: len(part) for name, part in contents.items()}, **more)
 
 

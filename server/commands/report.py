@@ -29,7 +29,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.moment import now
     from server.console.language import spoken
     from server.console.solving import solved_if_possible
-    from server.render.report.first_page import Circumstances
+    from server.render.report.folder import circumstances_in
     from server.render.report.report import report_html
 
     with opened(options.session) as folder:
@@ -38,7 +38,9 @@ def _run(options: argparse.Namespace) -> int:
         solved = solved_when(folder, results, unpacked=is_archive(options.session)) if results else now()
         results = results or solved_if_possible(options, session, read)
         stale = Graph.stale_of(session, read, results)
-        about = Circumstances(solved=solved, language=spoken(options), paper=options.paper)
+        about = circumstances_in(
+            folder, session, read, results, solved, language=spoken(options), paper=options.paper
+        )
         page = report_html(session, results, stale, truth_of(folder), about)
     if options.out.suffix.lower() == ".pdf":
         from server.render.pdf import pdf_of

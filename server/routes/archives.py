@@ -14,6 +14,7 @@ from starlette.datastructures import UploadFile
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
 from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import to_json_bytes
+from calib_core.archive.release_file import RELEASE_FILE, release_bytes, release_told
 from calib_core.errors import CalibrationError, InputError
 from calib_core.exports.answer import Answer
 from calib_core.messages import message
@@ -99,11 +100,12 @@ def get_archive(
         stored = load_session(db, store.blobs, session_id)
         kept, past = archived_files(db, session_id), history_bytes(db, session_id)
         answer = _answer(db, stored)
+        released = _release(db, stored, answer)
+    signed = {} if released is None or "signed" in released else {RELEASE_FILE: release_bytes(released)}
     file = store.blobs.scratch()
     try:
-        pack_stored(
-            stored, kept, file, {**_pages(stored, answer, scene), **_answer_file(answer), HISTORY_FILE: past}
-        )
+        pages = _pages(stored, _circumstances(stored, answer, release=released), scene)
+        pack_stored(stored, kept, file, {**pages, **_answer_file(answer), **signed, HISTORY_FILE: past})
         size = file.seek(0, 2)
     except BaseException:
         file.close()
@@ -178,10 +180,10 @@ def get_report(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         answer = _answer(db, stored)
-        released = None if answer is None else release_of(db, session_id, answer_record(answer))
         about = _circumstances(
+            stored,
             None if answer is None else with_moment(db, answer, session_id),
-            release=released,
+            release=_release(db, stored, answer),
             language=spoken(),
             paper=paper,
         )
@@ -229,13 +231,23 @@ def _marks(answer: Answer | None) -> Mapping[str, str]:
     return {} if answer is None else answer_headers(answer)
 
 
-def _circumstances(answer: Answer | None, **more: Any) -> "Circumstances":
+def _release(db: Transaction, stored: SessionOfStore, answer: Answer | None) -> Data | None:
+    """Return the release of an answer: that of this server, else what the archive that it came with tells."""
+    if answer is None:
+        return None
+    released = release_of(db, stored.id, answer_record(answer))
+    if released is None and RELEASE_FILE in stored.kept:
+        return release_told(stored.blobs.read(stored.kept[RELEASE_FILE]), stored.results, answer.date)
+    return released
+
+
+def _circumstances(stored: SessionOfStore, answer: Answer | None, **more: Any) -> "Circumstances":
     from server.render.report.first_page import Circumstances
 
     if answer is None:
-        return Circumstances(**more)
+        return Circumstances(digests=stored.kept, **more)
     before, moment = answer.decided_before, answer.of_moment
-    return Circumstances(solved=answer.date, decided_before=before, of_moment=moment, **more)
+    return Circumstances(solved=answer.date, decided_before=before, of_moment=moment, digests=stored.kept, **more)
 
 
 def _report(stored: SessionOfStore, about: "Circumstances", *, with_truth: bool) -> str:
@@ -249,13 +261,11 @@ def _report(stored: SessionOfStore, about: "Circumstances", *, with_truth: bool)
     return report_html(stored.session, stored.results, stored.stale, truth, about)
 
 
-def _pages(stored: SessionOfStore, answer: Answer | None, with_scene: bool) -> dict[str, bytes]:
+def _pages(stored: SessionOfStore, about: "Circumstances", with_scene: bool) -> dict[str, bytes]:
     # Measurements and results go out even where they cannot be shown.
     pages: dict[str, bytes] = {}
     with suppress(CalibrationError):
-        pages[REPORT_FILE] = _report(
-            stored, _circumstances(answer), with_truth=False
-        ).encode()  # as whoever imports it makes it
+        pages[REPORT_FILE] = _report(stored, about, with_truth=False).encode()  # as whoever imports it makes it
     if with_scene:
         from server.scenes.offline import scene_html
         from server.scenes.stored import scene_of

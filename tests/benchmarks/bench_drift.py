@@ -1,5 +1,7 @@
 """Drift: a step over 30 sessions of a cell, five sigmas of the difference; within one, a scanner that settles."""
 
+from dataclasses import replace
+
 import numpy as np
 from cells import GIVEN, Cell
 from harness import Row
@@ -9,9 +11,11 @@ from calib_core.chain.warm_up import WarmUp
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.review.between_sessions import Measured, SolvedSession
+from calib_core.review.common_errors import common_of
 from calib_core.review.drift import charted
 from calib_core.simulation.motion import pose
 from calib_core.stages.pipeline import stage_input
+from calib_core.stages.tcp.result import scanner_found
 from calib_core.stages.tcp.solve import solve_tcp_captures
 from tests.trouble import Trouble, all_troubles, troubled
 from tests.trouble.cell import Plan
@@ -113,11 +117,17 @@ def _is_found(series: list[Measured], at: int, rng: np.random.Generator) -> bool
     """Return whether a step at a session is flagged there; its length is of the stated ± of that difference."""
     direction = rng.normal(size=3)
     step = 5 * charted(series)[at].uncertainty / 2 * direction / np.linalg.norm(direction)
-    stepped = [
-        Measured(one.session, one.value + (step if k >= at else 0.0), one.covariance)
-        for k, one in enumerate(series[: at + 1])
-    ]
-    return charted(stepped)[at].flagged
+    return charted([*series[:at], moved(series[at], step)])[at].flagged
+
+
+def moved(one: Measured, shift: FloatArray) -> Measured:
+    """Return a session's figure shifted by so much."""
+    common = one.common
+    return replace(
+        one,
+        value=one.value + shift,
+        common=None if common is None else replace(common, value=common.value + shift),
+    )
 
 
 def session_point(seed: int) -> Measured:
@@ -128,10 +138,17 @@ def session_point(seed: int) -> Measured:
 
 def point_of(cell: Cell, solution: TcpSolution) -> Measured:
     """Return where a solution of a cell puts the scanner's point on the flange, against the truth."""
+    return off_by(cell.truth, solution)
+
+
+def off_by(truth: RigidTransform, solution: TcpSolution) -> Measured:
+    """Return by how much a solution puts the scanner's point on the flange off the truth, as drift has it."""
     tool: RigidTransform = solution.joint.mount_from_laser
-    follows = np.hstack([-tool.rotation @ skew(_POINT), np.eye(3)])
-    covariance = follows @ solution.covariance[:6, :6] @ follows.T
-    return measured(tool.apply(_POINT) - cell.truth.apply(_POINT), covariance)
+    rows = np.hstack([-tool.rotation @ skew(_POINT), np.eye(3)])
+    value, covariance = tool.apply(_POINT) - truth.apply(_POINT), solution.covariance[:6, :6]
+    common = common_of({"scanner": scanner_found(solution).to_json()}, covariance, ())
+    told = measured(value, rows @ covariance @ rows.T)
+    return told if common is None else replace(told, common=common.along(value, rows))
 
 
 def measured(value: FloatArray, covariance: FloatArray, program: FloatArray | None = None) -> Measured:

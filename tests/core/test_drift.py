@@ -198,3 +198,45 @@ def test_nights_at_the_same_poses_tell_a_creep_early() -> None:
     assert by_stated is not None
     assert by_stated.uncertainty > 3 * trend.uncertainty
     assert not by_stated.found
+
+
+SCALE, SCALE_SIGMA = 0.004, 0.003
+
+
+def of_scanner(number: int, off_mm: float = 0.0, applied: bool = False, serial: str = "1") -> SolvedSession:
+    """Return a session of a scanner whose scale is off, which moves its tool by 50 or 70 mm times that."""
+    follows, rng = np.zeros(6), np.random.default_rng([number, 8])
+    follows[3] = 60 + 10 * (-1) ** number
+    found = SCALE + SCALE_SIGMA * rng.normal()
+    stated = SPREAD + SCALE_SIGMA**2 * np.outer(follows, follows)
+    scanner = {
+        "names": ["scale_x"], "values": [found], "covariance": [[SCALE_SIGMA**2]], "applied": applied,
+        "covariance_with_tool": (SCALE_SIGMA**2 * follows)[:, None].tolist(),
+    }  # fmt: skip
+    off = follows * ((found if applied else 0.0) - SCALE) + np.array([0, 0, 0, off_mm, 0, 0])
+    made = session(number, tuple(off), scanner=scanner, covariance=stated.tolist())
+    return replace(made, equipment=("40.0", f"scanner {serial}"))
+
+
+@pytest.mark.parametrize("applied", [False, True])
+def test_what_all_sessions_of_one_scanner_share_hides_no_step(applied: bool) -> None:
+    found = cell_drift([of_scanner(k, 0.3 * (k == 8), applied) for k in range(9)])
+    assert flagged(found)["tool"] == ["s8"]
+    step = found.series[0].points[-1]
+    assert step.change == pytest.approx(0.3, abs=1.5 * step.uncertainty)
+    assert step.uncertainty < SCALE_SIGMA * 50  # far below the stated ±
+    quiet = cell_drift([of_scanner(k, 0.0, applied) for k in range(20)])
+    assert (quiet.flags, quiet.trends) == ([], [])
+    # Another scanner errs otherwise: against it only the whole ± counts.
+    other = [*(of_scanner(k, 0.0, applied) for k in range(8)), of_scanner(8, 0.3, applied, "2")]
+    assert flagged(cell_drift(other))["tool"] == []
+
+
+def test_a_creep_below_the_stated_uncertainty_is_told_of_one_scanner() -> None:
+    trend = cell_drift([of_scanner(k, 0.015 * k) for k in range(9)]).series[0].trend
+    assert trend is not None
+    assert trend.found
+    assert trend.per_session == pytest.approx(0.015, abs=1.5 * trend.uncertainty)
+    by_stated = cell_drift([of_scanner(k, 0.015 * k, serial=f"{k}") for k in range(9)]).series[0].trend
+    assert by_stated is not None
+    assert not by_stated.found

@@ -1,13 +1,13 @@
 """ABB: RAPID modules and backups."""
 
-from calib_core.poses.convention import QUATERNION, Convention
+from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
 
 CONVENTION = Convention(
     "abb",
     "ABB robtarget: trans and rot, scalar first",
     "x y z q1 q2 q3 q4",
-    QUATERNION + " with w = q1, x = q2, y = q3, z = q4",
+    "R = R(q), q = q1 + q2 i + q3 j + q4 k, ‖q‖ = 1",
     "mm",
     "ABB",
     "ABB RAPID Reference Manual, data type orient, examples 1 and 2",

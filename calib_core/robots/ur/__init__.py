@@ -9,7 +9,7 @@ CONVENTION = Convention(
     "ur",
     "Universal Robots pose: metres and a rotation vector in radians",
     "x y z rx ry rz",
-    "R = exp([rx ry rz]×): turn about the vector by its length",
+    "R = exp([rx ry rz]×)",
     "m, radians",
     "Universal Robots",
     "Universal Robots forum, Pose Rotation Order (rv2rpy, rpy2rv)",

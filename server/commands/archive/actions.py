@@ -47,7 +47,7 @@ def pack(options: argparse.Namespace) -> int:
         date = now()
     else:
         date = solved_when(folder, results, unpacked=False)
-    extra |= _report(options, session, read, results, truth_of(folder), date)
+    extra |= _report(options, folder, session, read, results, date)
     answer = answer_of_folder(session, results, read, date)
     extra |= {} if answer is None else {ANSWER_FILE: to_json_bytes(answer.to_json())}
     if not options.no_scene:
@@ -120,14 +120,14 @@ def _content(path: Path) -> bytes:
 
 def _report(
     options: argparse.Namespace,
+    folder: Path,
     session: Session,
     read: ReadFile,
     results: Mapping[str, Mapping[str, Any]],
-    truth: Mapping[str, Any] | None,
     date: str,
 ) -> dict[str, Content]:
     from calib_core.graph.keys import Graph
-    from server.render.report.first_page import Circumstances
+    from server.render.report.folder import circumstances_in
     from server.render.report.report import report_html
 
     stale = Graph.stale_of(session, read, results)
@@ -137,7 +137,8 @@ def _report(
             f"warning: the result of {stage} is older than its captures: `scancell run` solves it again.",
         )
     try:
-        return {REPORT_FILE: report_html(session, results, stale, truth, Circumstances(solved=date)).encode()}
+        about = circumstances_in(folder, session, read, results, date)
+        return {REPORT_FILE: report_html(session, results, stale, truth_of(folder), about).encode()}
     except CalibrationError as error:
         remark(options, f"warning: packed without the report: {error}")
         return {}

@@ -37,6 +37,17 @@ def _piece(one: Equipment, until: str, told: Circumstances) -> list[str]:
     ]
 
 
+def certificate_files(session: Session) -> list[str]:
+    """Return the names of the certificates' files, as they lie beside the session."""
+    told = (one.certificate.file for one in session.cell.equipment or () if one.certificate)
+    return list(dict.fromkeys(name for name in told if name))
+
+
+def certificate_rows(session: Session, told: Circumstances) -> list[list[str]]:
+    """Return each certificate's file with its SHA-256, by which it is known in the archive."""
+    return [[name, told.digests.get(name) or told.say("no file")] for name in certificate_files(session)]
+
+
 def environment_rows(session: Session, told: Circumstances) -> list[list[str]]:
     """Return temperatures: of the session, and where captures have their own, their range by step."""
     rows = [[told.say("session"), *_temperatures([session.environment])]] if session.environment else []
@@ -70,8 +81,12 @@ def cell_rows(cell: Cell, told: Circumstances) -> Rows:
     """Return the cell as it was told."""
     say = told.language.say
     sigma, axis, board = cell.sphere_diameter_sigma_mm, cell.scanner.z_axis, cell.board
+    ball = cell.sphere_diameter_mm
     rows: list[tuple[Any, str | None]] = [
-        (message("Sphere's diameter"), quantity_text(quantity(cell.sphere_diameter_mm, "mm", sigma or None))),
+        (
+            message("Sphere's diameter"),
+            None if ball is None else quantity_text(quantity(ball, "mm", sigma or None)),
+        ),
         (message("Poses as"), f"{cell.pose_convention}: {CONVENTIONS[cell.pose_convention].numbers}"),
         (message("Scanner's z axis"), axis and say(KINDS[axis])),
         (message("Noise of one point (one sigma)"), _sigma(cell.scanner.point_sigma_mm, "mm")),

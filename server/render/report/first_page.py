@@ -43,10 +43,13 @@ class Circumstances:
     solved : str
         When the answer was solved (ISO 8601), "" where that is not known.
     release : mapping or None
-        The release that put this answer in force: `number`, `who`, `why`, `created`.
+        The release that put this answer in force: `number`, `who`, `why`, `created`; `signed` is False where only
+        the archive tells it.
     of_moment : sequence of str
         Faults of the moment when it was printed, by name.
     decided_before : sequence of DecidedBefore
+    digests : mapping
+        The SHA-256 of files that lie beside the session, by their names: of certificates.
     language : Catalogue
     paper : str
     """
@@ -55,6 +58,7 @@ class Circumstances:
     release: Data | None = None
     of_moment: Sequence[str] = ()
     decided_before: Sequence[DecidedBefore] = ()
+    digests: Mapping[str, str] = field(default_factory=dict[str, str])
     language: Catalogue = field(default=ENGLISH)
     paper: Literal["A4", "letter"] = "A4"
 
@@ -188,6 +192,7 @@ def outcome(
             *_limit_changes(session, told),
             *_remarks(faults, bool(stale), told),
             *(results[stage].get("warnings") or ())[:MOST_IN_SIGHT],
+            *((verify.get("warnings") or ())[:MOST_IN_SIGHT] if stage != "verify" else ()),
         ],
         "inputs_sha256": results[stage].get("inputs_sha256", ""),
     }
@@ -235,7 +240,8 @@ def approval(told: Circumstances) -> str:
         when=said_moment(str(release["created"])),
         why=str(release["why"]) or message("none given"),
     )
-    return told.language.say(words)
+    unsigned = "" if release.get("signed", True) else told.say("release unsigned")
+    return f"{told.language.say(words)} {unsigned}".rstrip()
 
 
 def plain_text(text: str) -> str:

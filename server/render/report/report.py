@@ -20,7 +20,13 @@ from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock
 from calib_core.review.truth import truth_blocks
 from calib_core.stages.evidence import stored_evidence, title_of
-from server.render.report.circumstances import cell_rows, documentation_rows, environment_rows, equipment_rows
+from server.render.report.circumstances import (
+    cell_rows,
+    certificate_rows,
+    documentation_rows,
+    environment_rows,
+    equipment_rows,
+)
 from server.render.report.first_page import (
     Circumstances,
     Data,
@@ -99,6 +105,7 @@ def report_html(
         approval=approval(about),
         signed=[said.say(WORDS[name]) for name in _SIGNED],
         equipment=equipment_rows(session, about),
+        certificates=certificate_rows(session, about),
         environment=environment_rows(session, about),
         documentation=documentation_rows(session),
         picture=Markup(scene_picture(session, read, said)),

@@ -1,0 +1,28 @@
+"""What a report of a session folder tells beside session and results: release and certificates that lie in it."""
+
+import hashlib
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from calib_core.archive.release_file import RELEASE_FILE, release_told
+from calib_core.errors import CalibrationError
+from calib_core.records import Session
+from calib_core.records.callbacks import ReadFile
+from server.render.report.circumstances import certificate_files
+from server.render.report.first_page import Circumstances, Data
+
+
+def circumstances_in(
+    folder: Path, session: Session, read: ReadFile, results: Mapping[str, Data], solved: str, **more: Any
+) -> Circumstances:
+    """Return the circumstances of a folder's report; `more` are its language and paper."""
+    release = None
+    with suppress(OSError):
+        release = release_told((folder / RELEASE_FILE).read_bytes(), results, solved)
+    digests: dict[str, str] = {}
+    for name in certificate_files(session):
+        with suppress(CalibrationError):
+            digests[name] = hashlib.sha256(read(name)).hexdigest()
+    return Circumstances(solved=solved, release=release, digests=digests, **more)
