@@ -233,10 +233,10 @@ def test_what_all_sessions_of_one_scanner_share_hides_no_step(applied: bool) -> 
 
 
 def test_a_creep_below_the_stated_uncertainty_is_told_of_one_scanner() -> None:
-    trend = cell_drift([of_scanner(k, 0.015 * k) for k in range(9)]).series[0].trend
+    trend = cell_drift([of_scanner(k, 0.009 * k) for k in range(16)]).series[0].trend
     assert trend is not None
     assert trend.found
-    assert trend.per_session == pytest.approx(0.015, abs=1.5 * trend.uncertainty)
-    by_stated = cell_drift([of_scanner(k, 0.015 * k, serial=f"{k}") for k in range(9)]).series[0].trend
+    assert trend.per_session == pytest.approx(0.009, abs=1.5 * trend.uncertainty)
+    by_stated = cell_drift([of_scanner(k, 0.009 * k, serial=f"{k}") for k in range(16)]).series[0].trend
     assert by_stated is not None
     assert not by_stated.found
