@@ -1,13 +1,20 @@
 """The board in a capture's frame, found once: as the frame comes in, for the camera and for the plane of light."""
 
+from collections import Counter
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.captures.contradictions import not_measured
 from calib_core.captures.observation_cache import seen_once
 from calib_core.errors import InputError, MeasurementError
+from calib_core.findings import Finding
+from calib_core.findings.codes import camera as codes
 from calib_core.formats.shared.images import decode_image
 from calib_core.messages import plural
 from calib_core.optics.board import BoardView, find_board
+from calib_core.optics.board_refusal import CELL_BOARD
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.optics.stripe_looks import StripeLooks, look_again
 from calib_core.records import Board, Capture, Cell
@@ -15,6 +22,7 @@ from calib_core.records.callbacks import ReadFile
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
+_CONTRADICTED_SHARE = 0.25  # of the frames: fewer may show a board that was in the way
 _DARK_SHARE = 0.15  # of the brightest pixel: a frame whose median is below shows no lit board
 
 
@@ -61,6 +69,30 @@ def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
         if _shows_stripe_alone(capture, read):
             raise error.adding("Dark boards do not count any more: take a frame of the lit board, too.") from None
         raise
+
+
+def frames_not_used(failed: Mapping[str, MeasurementError], used: int) -> list[Finding]:
+    """Return why frames are not used, first what they contradict in what is told of the board.
+
+    Parameters
+    ----------
+    failed : mapping
+        Why each capture shows no board, or nothing on it.
+    used : int
+        How many captures do.
+    """
+    other = {name: error for name, error in failed.items() if error.where == CELL_BOARD}
+    if len(other) < _CONTRADICTED_SHARE * (len(other) + used):
+        other = {}
+    rest = {name: error for name, error in failed.items() if name not in other}
+    return [*not_measured(other, codes.BOARD_NOT_AS_TOLD), *not_measured(rest, codes.FRAME_NOT_USED)]
+
+
+def likeliest_failure(failed: Mapping[str, MeasurementError]) -> tuple[str, MeasurementError]:
+    """Return a capture with the usual reason of those that fail: what they contradict in cell.board, if any."""
+    other = {name: error for name, error in failed.items() if error.where == CELL_BOARD} or failed
+    usual = Counter(str(error.got) for error in other.values()).most_common(1)[0][0]
+    return next((name, error) for name, error in other.items() if str(error.got) == usual)
 
 
 def _shows_stripe_alone(capture: Capture, read: ReadFile) -> bool:

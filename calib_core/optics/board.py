@@ -97,11 +97,22 @@ def find_board(image: Image, board: Board) -> BoardView:
     InputError
         If the record lacks what this kind of board needs.
     """
+    grey = grey_eight_bit(image)
+    refuse_flat_image(grey)
+    try:
+        return _found(image, grey, board)
+    except MeasurementError as error:
+        from calib_core.optics.board_other import refuse_other_kind
+
+        refuse_other_kind(grey, board, error)
+        raise
+
+
+def _found(image: Image, grey: NDArray[np.uint8], board: Board) -> BoardView:
     from calib_core.optics.board_charuco import find_charuco
     from calib_core.optics.board_circles import find_circles
 
-    grey, in_colour = grey_eight_bit(image), image.ndim == 3
-    refuse_flat_image(grey)
+    in_colour = image.ndim == 3
     if board.kind == "charuco":
         points, ids, in_board = find_charuco(grey, board)
         sigma = _grid_sigma(points, ids, board.columns - 1)

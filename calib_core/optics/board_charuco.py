@@ -15,12 +15,13 @@ from calib_core.optics.board_corners import (
     FittedCorners,
     fitted_at,
 )
-from calib_core.optics.board_refusal import shrunk, why_not_found
+from calib_core.optics.board_refusal import CELL_BOARD, MIRRORED, shrunk, why_not_found
 from calib_core.optics.camera_start import homographies
 from calib_core.optics.charuco_count import refuse_other_count
 from calib_core.records import Board
 
 _FEWEST_CORNERS, _FEWEST_MARKERS = 6, 4
+_THRESHOLD_PX = 23  # the largest window of OpenCV's three: the reason need not be looked for in all
 
 
 def find_charuco(grey: NDArray[np.uint8], board: Board) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
@@ -128,13 +129,15 @@ def _dictionary(name: str):
     return cv2.aruco.getPredefinedDictionary(code)
 
 
-def _other_dictionary(grey: NDArray[np.uint8]) -> str | None:
+def dictionary_in(grey: NDArray[np.uint8]) -> str | None:
     """Return the smallest dictionary that holds the markers of a frame, None where too few are any's."""
     import cv2
 
     families = [name for name in dir(cv2.aruco) if name.startswith("DICT_") and name.upper() == name]
     families = [name for name in families if not name.endswith(("_50", "_100", "_250"))]
-    detector = cv2.aruco.ArucoDetector([_dictionary(name) for name in families])
+    once = cv2.aruco.DetectorParameters()
+    once.adaptiveThreshWinSizeMin = once.adaptiveThreshWinSizeMax = _THRESHOLD_PX
+    detector = cv2.aruco.ArucoDetector([_dictionary(name) for name in families], once)
     found: Any = detector.detectMarkersMultiDict(shrunk(grey)[0])
     if found[1] is None:
         return None
@@ -151,17 +154,14 @@ def _why_not(grey: NDArray[np.uint8], board: Board, corners: int, markers: int) 
     if corners == 0:
         mirrored = _detect(np.ascontiguousarray(grey[:, ::-1]), board, False)
         if len(mirrored.marker_ids) > max(markers, _FEWEST_MARKERS):
-            return MeasurementError(
-                "the board as it is",
-                "its mirror image",
-                "Turn off mirroring in the camera's driver, or take the mirror out of the optics' path.",
-            )
+            return MeasurementError(*MIRRORED)
         assert board.dictionary is not None
-        if markers < _FEWEST_MARKERS and (other := _other_dictionary(grey)):
+        if markers < _FEWEST_MARKERS and (other := dictionary_in(grey)):
             return MeasurementError(
                 "markers of {dictionary}, as cell.board says",
                 "markers of {other}",
                 "Correct the dictionary in cell.board.",
+                CELL_BOARD,
                 dictionary=board.dictionary,
                 other=other,
             )

@@ -3,11 +3,17 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.optics.adjust import Corners
+from calib_core.optics.board_refusal import BRING_WHOLE, MIRRORED, board_words, other_board
 from calib_core.optics.camera_start import homographies
+from calib_core.optics.circle_lattice import CircleGrid, circle_grid
 from calib_core.records import Board
 
+_LEAST_APART_PX = 3.0
+_FOLLOWS = 0.3  # of the distance between circles: a lens bends a grid by less
+_ROUND = 0.82  # of a circle's area at its outline; a square has 0.785
 _LEAST_WHITE = 12
 _NEARLY_WHITE = 0.85
 _EVEN = 0.03  # of the brightness: a plane's own error is as large
@@ -26,19 +32,65 @@ def find_circles(grey: NDArray[np.uint8], board: Board, places_mm: FloatArray) -
     places_mm : (rows · columns, 3)
         Where the circles stand on the board, row by row.
     """
+    seen: list[CircleGrid] = []
+    for dark in (True, False):
+        image = np.asarray(grey if dark else 255 - grey, dtype=np.uint8)
+        spots = _spots(image)
+        grid = circle_grid(spots)
+        told = None if grid is None else grid.told(board)
+        if told is None and len(spots) >= len(places_mm) and (grid is None or grid.count <= len(places_mm)):
+            told = _searched(image, board, places_mm)
+        if told is not None:
+            centroids, areas_px = _centroids(grey.astype(np.float64), told, dark=dark)
+            return _seen_centers(centroids.reshape(-1, 2), areas_px, places_mm).reshape(told.shape)
+        seen += [] if grid is None else [grid]
+    if seen:
+        _refuse_other_grid(max(seen, key=lambda one: one.count), grey, board)
+    return None
+
+
+def seen_circles(grey: NDArray[np.uint8]) -> CircleGrid | None:
+    """Return the grid of circles that a frame shows, whatever was told; None where it shows none."""
+    grids = [circle_grid(_spots(image, _ROUND)) for image in (grey, 255 - grey)]
+    return max((grid for grid in grids if grid is not None), key=lambda grid: grid.count, default=None)
+
+
+def _refuse_other_grid(grid: CircleGrid, grey: NDArray[np.uint8], board: Board) -> None:
+    """Raise MeasurementError: a grid that is seen is not the told one."""
+    if grid.is_mirrored(board):
+        raise MeasurementError(*MIRRORED)
+    is_part = grid.count < board.columns * board.rows and grid.is_asymmetric == (
+        board.kind == "asymmetric-circles"
+    )
+    if is_part and not grid.ends_in(grey):
+        raise MeasurementError(board_words(board.kind, board.columns, board.rows), grid.words, BRING_WHOLE)
+    raise other_board(board, grid.words)
+
+
+def _searched(grey: NDArray[np.uint8], board: Board, places_mm: FloatArray) -> FloatArray | None:
+    """Return the told grid of dark circles (rows, columns, 2) as OpenCV finds and completes it, or None."""
     import cv2
 
     layout = cv2.CALIB_CB_ASYMMETRIC_GRID if board.kind == "asymmetric-circles" else cv2.CALIB_CB_SYMMETRIC_GRID
-    for image in (grey, 255 - grey):  # OpenCV looks for dark blobs
-        for flags in (layout, layout | cv2.CALIB_CB_CLUSTERING):
-            found, centres = cv2.findCirclesGrid(
-                image, (board.columns, board.rows), flags=flags, blobDetector=_blob_detector(grey)
-            )
-            if found:
-                grid = np.asarray(centres, dtype=float).reshape(board.rows, board.columns, 2)
-                centroids, areas_px = _centroids(grey.astype(np.float64), grid, dark=image is grey)
-                return _seen_centers(centroids.reshape(-1, 2), areas_px, places_mm).reshape(grid.shape)
+    for flags in (layout, layout | cv2.CALIB_CB_CLUSTERING):
+        found, centres = cv2.findCirclesGrid(
+            grey, (board.columns, board.rows), flags=flags, blobDetector=_spot_detector(grey)
+        )
+        if found and _is_grid(np.asarray(centres, dtype=float).reshape(-1, 2), grey, places_mm):
+            return np.asarray(centres, dtype=float).reshape(board.rows, board.columns, 2)
     return None
+
+
+def _is_grid(points: FloatArray, grey: NDArray[np.uint8], places_mm: FloatArray) -> bool:
+    """Whether points may be a grid at all: apart from each other, in the frame, as the flat board has them."""
+    apart = np.linalg.norm(points[:, None] - points[None], axis=2) + 1e9 * np.eye(len(points))
+    inside = (points >= 0) & (points <= np.array(grey.shape[::-1]) - 1)
+    if not inside.all() or apart.min() < _LEAST_APART_PX:
+        return False
+    onto = homographies(Corners.of([points], [places_mm]))[0]
+    seen = (places_mm @ np.diag([1, 1, 0]) + [0, 0, 1]) @ onto.T
+    off = np.linalg.norm(seen[:, :2] / seen[:, 2:] - points, axis=1)
+    return float(np.median(off)) < _FOLLOWS * apart.min()
 
 
 def _seen_centers(centroids: FloatArray, areas_px: FloatArray, places_mm: FloatArray) -> FloatArray:
@@ -63,12 +115,20 @@ def _seen_centers(centroids: FloatArray, areas_px: FloatArray, places_mm: FloatA
     return centers
 
 
-def _blob_detector(grey: NDArray[np.uint8]):
+def _spots(grey: NDArray[np.uint8], least_roundness: float = 0.0) -> FloatArray:
+    """Return the middles (N, 2) of dark spots, px."""
+    found = _spot_detector(grey, least_roundness).detect(grey)
+    return np.array([spot.pt for spot in found], dtype=float).reshape(-1, 2)
+
+
+def _spot_detector(grey: NDArray[np.uint8], least_roundness: float = 0.0):
     import cv2
 
     parameters = cv2.SimpleBlobDetector.Params()
     parameters.minArea, parameters.maxArea = 12.0, 0.05 * grey.size
-    parameters.minDistBetweenBlobs = 3.0
+    parameters.minDistBetweenBlobs = _LEAST_APART_PX
+    if least_roundness:
+        parameters.filterByCircularity, parameters.minCircularity = True, least_roundness
     return cv2.SimpleBlobDetector.create(parameters)
 
 

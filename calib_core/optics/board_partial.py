@@ -16,7 +16,7 @@ from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.optics.board_corners import FittedCorners, fitted_at, refined, spacing
-from calib_core.optics.board_refusal import ends_in_frame
+from calib_core.optics.board_refusal import CELL_BOARD, ends_in_frame
 from calib_core.records import Board
 
 Grey = NDArray[np.uint8]
@@ -280,7 +280,7 @@ def _refuse_another(seen: FloatArray, board: Board, rows_counted: bool, columns_
     if rows_counted and columns_counted:
         columns, rows = sorted((columns, rows), reverse=board.columns >= board.rows)
         got = message("a board of {columns} × {rows} inner corners from edge to edge", columns=columns, rows=rows)
-        raise MeasurementError(need, got, to_do)
+        raise MeasurementError(need, got, to_do, CELL_BOARD)
     if rows_counted or columns_counted:
         got = message("{count} inner corners from edge to edge", count=rows if rows_counted else columns)
-        raise MeasurementError(need, got, to_do)
+        raise MeasurementError(need, got, to_do, CELL_BOARD)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import InputError, MeasurementError
 from calib_core.frames import FloatArray
-from calib_core.messages import message
+from calib_core.messages import Message, message, templates
 from calib_core.records import Board
 
 Grey = NDArray[np.uint8]
@@ -15,12 +15,38 @@ Grey = NDArray[np.uint8]
 _SHARP = 0.06
 _SEARCHED_PIXELS = 1_400_000
 _LEAST_CONTRAST = 12.0  # grey values of 255 between the dark and the bright of a frame
-_NAMES = {
-    "chessboard": "inner corners",
-    "charuco": "squares",
-    "circles": "circles",
-    "asymmetric-circles": "circles, every second row shifted",
-}
+CELL_BOARD = "cell.board"
+"""Where a frame contradicts what is told of the board: who looks at many frames says so first."""
+BRING_WHOLE = message("Bring the whole board into the frame, without shadows, glare or fingers on it.")
+MIRRORED = (
+    message("the board as it is"),
+    message("its mirror image"),
+    message("Turn off mirroring in the camera's driver, or take the mirror out of the optics' path."),
+    CELL_BOARD,
+)
+_BOARDS = templates(
+    {
+        "chessboard": "a chessboard of {columns} × {rows} inner corners",
+        "charuco": "a ChArUco board of {columns} × {rows} squares",
+        "circles": "a grid of {columns} × {rows} circles",
+        "asymmetric-circles": "a grid of {columns} × {rows} circles, every second row shifted",
+    }
+)
+
+
+def board_words(kind: str, columns: int, rows: int) -> Message:
+    """Return what a board is called by its kind and size."""
+    return message(_BOARDS[kind], columns=columns, rows=rows)
+
+
+def other_board(board: Board, seen: Message) -> MeasurementError:
+    """Return that a frame shows another board than the told one."""
+    return MeasurementError(
+        board_words(board.kind, board.columns, board.rows),
+        seen,
+        "Correct kind, columns and rows in cell.board.",
+        CELL_BOARD,
+    )
 
 
 def grey_eight_bit(image: NDArray[Any]) -> Grey:
@@ -82,13 +108,7 @@ def refuse_flat_image(grey: Grey) -> None:
 
 def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> MeasurementError:
     """Return the likeliest reason why the board was not found; `seen` is another chessboard, or a part of this."""
-    need = message(
-        "the whole {kind} board of {columns} × {rows} {names}",
-        kind=board.kind,
-        columns=board.columns,
-        rows=board.rows,
-        names=_NAMES[board.kind],
-    )
+    need = message("the whole board, {board}", board=board_words(board.kind, board.columns, board.rows))
     saturated = float((grey >= 255).mean())
     if saturated > 0.5:
         return MeasurementError(
@@ -116,7 +136,7 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
                 "squares."
             )
         else:
-            to_do = message("Bring the whole board into the frame, without shadows, glare or fingers on it.")
+            to_do = BRING_WHOLE
         return MeasurementError(
             need,
             "a board of {columns} × {rows} inner corners, or a part of one",

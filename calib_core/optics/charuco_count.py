@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
+from calib_core.optics.board_refusal import CELL_BOARD
 from calib_core.records import Board
 
 IntArray = NDArray[np.int64]
@@ -50,6 +51,7 @@ def refuse_other_count(ids: IntArray, quads: FloatArray, board: Board, grey: NDA
         "a ChArUco board of {told_columns} × {told_rows} squares, as cell.board says",
         "one of {columns} × {rows} squares, by its markers' numbers",
         "Correct columns and rows in cell.board: count squares, not corners.",
+        CELL_BOARD,
         told_columns=board.columns,
         told_rows=board.rows,
         columns=columns,

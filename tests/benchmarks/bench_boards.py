@@ -1,5 +1,6 @@
-"""Chessboards in a frame: those cut off by a third, how fast one is found, and frames without one."""
+"""Boards in a frame: chessboards cut off by a third, how fast one is found, and boards described wrongly."""
 
+import re
 import time
 from contextlib import suppress
 
@@ -12,6 +13,7 @@ from calib_core.optics.board import find_board
 from calib_core.optics.camera import calibrate_camera
 from calib_core.records import Board
 from tests.boards_in_part import CAMERA, PITCH_MM, SHAPE, cut_off_views
+from tests.wrong_boards import RIGHT, board_frames, wrong_descriptions
 
 _BOARD = Board(kind="chessboard", columns=SHAPE[0], rows=SHAPE[1], pitch_mm=PITCH_MM)
 _LENS = ("fx", "fy", "cx", "cy")
@@ -44,7 +46,34 @@ def run(full: bool) -> list[Row]:
             "a board in a frame of 1920×1080, of the processor", "≤ 40 ms", f"{1e3 * whole:.0f} ms", whole <= 0.04
         ),
         Row("the same without a board", "≤ 80 ms", f"{1e3 * empty:.0f} ms", empty <= 0.08),
+        *_described_wrongly(20 if full else 4),
     ]
+
+
+def _described_wrongly(frames: int) -> list[Row]:
+    """Return how often a wrong description is named, and a right board accused, in frames of each kind."""
+    named, wrong, accused, right = 0, 0, 0, 0
+    for kind, board in RIGHT.items():
+        seen = board_frames(board, 43, frames)
+        right, accused = right + len(seen), accused + sum(_reason(frame, board) is not None for frame in seen)
+        for one in wrong_descriptions(kind):
+            reasons = [_reason(frame, one.told) for frame in seen]
+            wrong += len(reasons)
+            named += sum(r is not None and re.search(one.says, r) is not None for r in reasons)
+    of = f"4 kinds of board × 12 wrong descriptions × {frames} frames"
+    return [
+        Row(f"{of}: named", "≥ 95 %", f"{named} of {wrong}", named >= 0.95 * wrong),
+        Row("boards described rightly that are refused", "0", f"{accused} of {right}", accused == 0),
+    ]
+
+
+def _reason(frame: np.ndarray, board: Board) -> str | None:
+    """Return what a frame shows instead of a board, None where it shows it."""
+    try:
+        find_board(frame, board)
+    except MeasurementError as error:
+        return str(error.got)
+    return None
 
 
 def _seconds() -> tuple[float, float]:

@@ -49,6 +49,22 @@ VIEW_NOT_USED = Code(
     usual_causes="A board that was held by hand, a rolling shutter, corners that were taken for others.",
 )
 
+BOARD_NOT_AS_TOLD = Code(
+    "board-not-as-told",
+    "warning",
+    text=Plural(
+        "{captures} shows another board than cell.board tells: need {need}, got {got}.",
+        "{captures} show another board than cell.board tells: need {need}, got {got}.",
+    ),
+    to_do="{to_do}",
+    reason="need {need}, got {got}. {to_do}",
+    meaning="Corners are numbered by what is told of the board; where that is wrong, most frames are refused, and those "
+    "that are taken may have their corners in wrong places.",
+    decided="The frame shows how many squares or circles the board has, its kind or its markers, and a quarter of the "
+    "frames or more contradict what is told.",
+    usual_causes="Squares counted for corners, another kind or dictionary chosen, a mirrored image.",
+)
+
 FEW_FRAMES_USED = Code(
     "most-frames-not-used",
     "warning",

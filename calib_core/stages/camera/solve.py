@@ -5,8 +5,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.captures.boards import board_in, board_of, relative_pitch_sigma
-from calib_core.captures.contradictions import EXCLUDED, not_a_frame, not_measured
+from calib_core.captures.boards import (
+    board_in,
+    board_of,
+    frames_not_used,
+    likeliest_failure,
+    relative_pitch_sigma,
+)
+from calib_core.captures.contradictions import EXCLUDED, not_a_frame
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
 from calib_core.findings import Finding, judgement, reasons_of
@@ -57,7 +63,7 @@ def solve(given: "StageInput") -> CameraResult:
     if not views:
         if not failed:
             raise InputError("frames of the board", "none", "Capture the board and add the frames.", "captures")
-        first_name, first = next(iter(failed.items()))
+        first_name, first = likeliest_failure(failed)
         got = message("{found} (none of {count} frames shows the board)", found=first.got, count=len(captures))
         raise MeasurementError(first.need, got, first.to_do, first_name)
     image_size = _one_size(views)
@@ -239,7 +245,7 @@ def _not_used(
     off = [codes.VIEW_NOT_USED(list(each), each=each) for each in groups.values()]
     used = len(views) - len(solution.rejected)
     few = [codes.FEW_FRAMES_USED(used=used, count=expected)] if used < 0.5 * expected else []
-    return [*few, *off, *not_measured(failed, codes.FRAME_NOT_USED)]
+    return [*frames_not_used(failed, used), *few, *off]
 
 
 def _rows(

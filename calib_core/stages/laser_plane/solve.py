@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from calib_core.captures.boards import board_in, board_of
+from calib_core.captures.boards import board_in, board_of, frames_not_used, likeliest_failure
 from calib_core.captures.camera_source import camera_of
-from calib_core.captures.contradictions import EXCLUDED, not_a_frame, not_measured
+from calib_core.captures.contradictions import EXCLUDED, not_a_frame
 from calib_core.captures.lost_rays import lost_rays
 from calib_core.captures.plane_views import PlaneViews
 from calib_core.captures.solved_optics import camera_segments, remembered
@@ -66,11 +66,11 @@ def solve_laser_plane(
     boards = PlaneViews(given.session, camera, given.read)
     views, failed = _find_all(given, boards)
     if not views:
-        first_name, first = next(iter(failed.items()), ("captures", None))
-        if first is None:
+        if not failed:
             raise InputError(
                 "frames of the board with the stripe on it", "none", "Capture some and add them.", "captures"
             )
+        first_name, first = likeliest_failure(failed)
         got = message(
             "{found} (none of {count} captures shows both board and stripe)", found=first.got, count=len(failed)
         )
@@ -184,10 +184,10 @@ def _not_used(solution: PlaneSolution, failed: dict[str, MeasurementError], coun
     }
     used = sum(view.left_out is None for view in solution.views)
     return [
+        *frames_not_used(failed, used),
         *([camera_codes.FEW_FRAMES_USED(used=used, count=count)] if used < 0.5 * count else []),
         *([codes.LINE_OFF_PLANE(list(off), each=off)] if off else []),
         *([codes.NO_LINE_ON_BOARD(dark)] if dark else []),
-        *not_measured(failed, camera_codes.FRAME_NOT_USED),
     ]
 
 
