@@ -98,7 +98,7 @@ def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> _Detected:
             "cell.board",
         )
     pattern = cv2.aruco.CharucoBoard(
-        (board.columns, board.rows), board.pitch_mm, board.marker_mm, _dictionary(board.dictionary)
+        (board.columns, board.rows), board.pitch_mm, board.marker_mm, dictionary_named(board.dictionary)
     )
     pattern.setLegacyPattern(legacy)
     # OpenCV gives None where it finds none, which its types do not say.
@@ -112,7 +112,7 @@ def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> _Detected:
     )
 
 
-def _dictionary(name: str):
+def dictionary_named(name: str):
     import cv2
 
     full = name.upper() if name.upper().startswith("DICT_") else f"DICT_{name.upper()}"
@@ -137,7 +137,7 @@ def dictionary_in(grey: NDArray[np.uint8]) -> str | None:
     families = [name for name in families if not name.endswith(("_50", "_100", "_250"))]
     once = cv2.aruco.DetectorParameters()
     once.adaptiveThreshWinSizeMin = once.adaptiveThreshWinSizeMax = _THRESHOLD_PX
-    detector = cv2.aruco.ArucoDetector([_dictionary(name) for name in families], once)
+    detector = cv2.aruco.ArucoDetector([dictionary_named(name) for name in families], once)
     found: Any = detector.detectMarkersMultiDict(shrunk(grey)[0])
     if found[1] is None:
         return None

@@ -16,13 +16,16 @@ from calib_core.archive.bag import open_bag, write_bag
 from calib_core.archive.bag_seal import SEAL_FILE
 from calib_core.archive.folder import SESSION_FILE, result_data, to_json_bytes
 from calib_core.captures.advice import arc_findings
+from calib_core.captures.boards import frames_not_used
 from calib_core.captures.measure import measure_capture
+from calib_core.errors import MeasurementError
 from calib_core.exports.answer import Answer
 from calib_core.findings import CODES, Finding
 from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.findings.reading import as_read
 from calib_core.formats.points import parse_profile
 from calib_core.frames import RigidTransform
+from calib_core.optics.board_refusal import CELL_BOARD, board_words
 from calib_core.optics.camera_evidence import coverage_findings
 from calib_core.records import LimitChange, Session, Verification, parse_session
 from calib_core.review.check import check_session
@@ -161,6 +164,13 @@ def board_at(aside: float) -> Case:
         return measure_capture(session, session.captures[0], lambda _: as_png(frame)).findings
 
     return case
+
+
+def other_boards(used: int) -> Case:
+    """Return what is said of a frame that shows another board, beside others that are used."""
+    need, got = board_words("chessboard", 9, 6), board_words("chessboard", 8, 6)
+    failed = {"b01": MeasurementError(need, got, "Correct cell.board.", CELL_BOARD)}
+    return lambda: frames_not_used(failed, used)
 
 
 def first_seen() -> Iterable[Finding]:
@@ -340,9 +350,10 @@ CASES: dict[str, tuple[Case, Case]] = {
     "input-not-usable": (check(sphere_diameter_mm=None), check()),
     "file-doubtful": (in_metres, check()),
     "capture-shows-nothing": (flat, first_seen),
-    "image-not-covered": (lambda: coverage_findings(0.5, 3.1), lambda: coverage_findings(0.5, 2.9)),
+    "image-not-covered": (lambda: coverage_findings(0.8, 3.1), lambda: coverage_findings(0.8, 2.9)),
     "image-covered-in-part": (lambda: coverage_findings(0.5, 2.9), lambda: coverage_findings(0.61, 2.9)),
     "board-in-part": (board_at(0.33), board_at(0.0)),
+    "board-not-as-told": (other_boards(2), other_boards(20)),
     "stripe-through-middle": (arc(0.97), arc(0.93)),
     "stripe-grazes-sphere": (arc(0.42), arc(0.48)),
     "arc-short": (arc(0.7, 1.1), arc(0.7, 1.3)),
