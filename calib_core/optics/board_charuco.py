@@ -113,6 +113,7 @@ def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> _Detected:
 
 
 def dictionary_named(name: str):
+    """Return OpenCV's dictionary of markers by its name; raises InputError where there is none of it."""
     import cv2
 
     full = name.upper() if name.upper().startswith("DICT_") else f"DICT_{name.upper()}"
