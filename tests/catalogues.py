@@ -37,6 +37,7 @@ Text = tuple[str, str]  # the template, and its plural or nothing
 _ERRORS = {error.__name__ for error in _kinds_of(CalibrationError)}
 _LABELS = {"label", "limit_label", "title", "remark", "caption", "alt", "instruction", "why", "exit"}
 _LABEL = re.compile(r"[A-Z].*[a-z]|.* ")
+_WORDS = re.compile("[a-z]{2}|: |^(PASS|WARN|FAIL)$")  # what there is to translate
 _PLACE = re.compile(r"\{[^{}]*\}")
 _ALWAYS = datetime(2026, 1, 1, tzinfo=UTC)  # the files change with their texts alone
 
@@ -57,9 +58,7 @@ def texts_by_area() -> dict[str, set[Text]]:
             found.setdefault(room, set()).update(messages_of(file, known))
     seen: set[str] = set()
     for texts in found.values():
-        texts -= {
-            text for text in texts if text[0] in seen or not re.search("[a-z]{2}|: ", _PLACE.sub("", text[0]))
-        }
+        texts -= {text for text in texts if text[0] in seen or not re.search(_WORDS, _PLACE.sub("", text[0]))}
         seen |= {text[0] for text in texts}
     return {area: texts for area, texts in sorted(found.items()) if texts}
 

@@ -1,7 +1,6 @@
 """Blocks as text for a terminal."""
 
 import math
-import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
@@ -27,10 +26,11 @@ from calib_core.records.evidence import (
 MOST_IN_SIGHT: Final = 3
 """So many warnings are in sight; the others are shown on demand."""
 
-VERDICTS: Final = templates({
-    "pass": "PASS. The captures agree with each other and determine the answer.",
-    "warn": "WARN. Usable with care: read the warnings before you rely on it.",
-    "fail": "FAIL. Do not use this result: the warnings say what to do.",
+_VERDICT_WORDS: Final = templates({"pass": "PASS", "warn": "WARN", "fail": "FAIL"})
+_VERDICT_MEANINGS: Final = templates({
+    "pass": "The captures agree with each other and determine the answer.",
+    "warn": "Usable with care: read the warnings before you rely on it.",
+    "fail": "Do not use this result: the warnings say what to do.",
 })  # fmt: skip
 
 _WIDTH: Final = 100
@@ -72,8 +72,7 @@ def result_text(
 
 def verdict_words(verdict: str, said: Catalogue = ENGLISH) -> tuple[str, str]:
     """Return a verdict as one word, and the sentence that says what it means."""
-    word, meaning = re.split(r"\. |。", said.say(VERDICTS[verdict]), maxsplit=1)
-    return word, meaning
+    return said.say(_VERDICT_WORDS[verdict]), said.say(_VERDICT_MEANINGS[verdict])
 
 
 def _sentences(label: str, texts: Sequence[str], said: Catalogue) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from calib_core.errors import NotFoundError
 from calib_core.frames import FloatArray, RigidTransform
+from server.scenes.advice import no_advice
 from server.scenes.cache import PointCache
 from server.scenes.cloud_view import CloudColors, CloudView
 from server.scenes.detail import Details
@@ -85,10 +86,10 @@ class LiveScene:
     def update(self, scene: SceneInput) -> int:
         """Draw a newer state of the session; return how many nodes were sent or taken away."""
         with self._lock:
-            self._scene = self._points.on(scene)
+            waited, self._scene = self._scene.advise is no_advice, self._points.on(scene)
             before, self._facts = self._facts, scene_facts(self._scene)
             sent = self._redraw()
-            if before is None or stage_of(before) != stage_of(self._facts):
+            if before is None or waited or stage_of(before) != stage_of(self._facts):
                 self._show(view(first_view(self._facts), self._facts))
             return sent
 

@@ -5,9 +5,10 @@ import logging
 import threading
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from calib_core.errors import CalibrationError, NotFoundError
+from server.scenes.advice import no_advice
 from server.scenes.cloud_view import CloudView
 from server.scenes.live import LiveScene
 from server.scenes.scene_input import SceneInput
@@ -173,10 +174,10 @@ class SceneManager:
     def _opened(self, session_id: str, entry: _Entry) -> LiveScene:
         with entry.opening:
             if entry.scene is None:
-                entry.scene = LiveScene(self.load(session_id))
+                entry.scene = LiveScene(replace(self.load(session_id), advise=no_advice))  # that takes its time
                 if self._subscribe is not None:
                     entry.unsubscribe = self._subscribe(session_id, lambda: self.refresh(session_id))
-                    self.refresh(session_id)  # for what happened since it was loaded
+                self.refresh(session_id)  # for the advice, and what happened since it was loaded
             return entry.scene
 
     def _leave(self, session_id: str, entry: _Entry) -> None:

@@ -17,7 +17,7 @@ MANY = 60
 """From so many captures on; up to here each has nodes of its own, whose looks tell its state."""
 
 _FLANGE_MM, _LASER_MM, _CROSS_MM = 28.0, 18.0, 14.0
-_MOST_AXES, _MOST_LASERS, _MOST_FANS, _MOST_POINTS = 120, 300, 40, 60_000
+_MOST_AXES, _MOST_LASERS, _MOST_FANS, _MOST_LABELS, _MOST_POINTS = 120, 200, 24, 30, 15_000
 
 
 def frames_of_all(captures: Sequence[CaptureFacts]) -> Iterator[Node]:
@@ -89,5 +89,5 @@ def named(captures: Sequence[CaptureFacts], picked: str | None) -> list[CaptureF
     """Return the captures that have a label: of many those picked and rejected, and some spread over the rest."""
     if len(captures) <= MANY:
         return list(captures)
-    every = -(-len(captures) // MANY)
+    every = -(-len(captures) // _MOST_LABELS)
     return [c for k, c in enumerate(captures) if c.id == picked or k % every == 0]

@@ -92,11 +92,10 @@ def many_arrowheads(
 ) -> Node:
     """Return pyramids that point along z, a colour each, as one node: far fewer triangles than `many_axes`."""
     places = [_place(pose) for pose in poses]
-    half = 0.15 * length_mm
-    corners = np.array([[half, half, 0], [-half, half, 0], [-half, -half, 0], [half, -half, 0], [0, 0, length_mm]])
+    corners = np.array([[0.2, 0, 0], [-0.1, 0.17, 0], [-0.1, -0.17, 0], [0, 0, 1]]) * length_mm
     arguments = {
         "vertices": _metres(corners).astype(np.float32),
-        "faces": np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [2, 1, 0], [3, 2, 0]], dtype=np.uint32),
+        "faces": np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3], [2, 1, 0]], dtype=np.uint32),
         "batched_wxyzs": np.array([place["wxyz"] for place in places], dtype=np.float32),
         "batched_positions": np.array([place["position"] for place in places], dtype=np.float32),
         "batched_colors": np.array(colors, dtype=np.uint8),

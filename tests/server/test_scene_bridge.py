@@ -4,6 +4,7 @@ import logging
 import socket as sockets
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from errno import ECONNREFUSED
 
 import httpx
@@ -20,7 +21,7 @@ from server.scenes.bridge import MAX_MESSAGE_BYTES, refusal
 from server.scenes.live import SECRET_HEADER, LiveScene
 from server.scenes.manager import SceneManager
 from server.scenes.offline import scene_html
-from server.scenes.scene_input import SceneInput
+from server.scenes.scene_input import SceneAdvice, SceneInput
 from server.scenes.viewers import VIEWER_HEADER
 from tests.server.scene_cell import make_cell, serve_scenes, wait_until
 
@@ -121,6 +122,32 @@ def test_a_viewer_is_let_in_while_its_scene_is_being_opened(
             assert len(socket.recv(timeout=300)) > 100
     finally:
         may_open.set()
+
+
+def test_what_was_captured_is_drawn_before_the_advice_is_worked_out(
+    client: httpx.Client, sessions: Sessions, manager: SceneManager
+) -> None:
+    asked, may_advise = threading.Event(), threading.Event()
+    pose = sessions.inputs["s1"].session.captures[0].pose or []
+
+    def slowly(_: SceneInput) -> SceneAdvice:
+        asked.set()
+        may_advise.wait(60)
+        return SceneAdvice(next_pose=[pose[4 * row : 4 * row + 4] for row in range(4)])
+
+    sessions.inputs["s1"] = replace(sessions.inputs["s1"], advise=slowly)
+    try:
+        with look_at(client, "s1") as socket:
+            assert len(socket.recv(timeout=300)) > 100
+            live = manager.live("s1")
+            assert live is not None
+            assert asked.wait(60)
+            assert "frames" in live.drawn_layers
+            assert "ghost" not in live.drawn_layers
+            may_advise.set()
+            wait_until(lambda: "ghost" in live.drawn_layers)
+    finally:
+        may_advise.set()
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "http://127.0.0.1.evil.example", "null", "", None])

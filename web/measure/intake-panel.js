@@ -5,13 +5,12 @@ import { Problem } from "../state/http.js";
 import { field, h, make } from "../dom.js";
 import { typedNumbers } from "../format.js";
 import { kindOf, knowFormats, match, sessionFolder, stemOf, takenOf } from "../state/files.js";
-import { mark } from "../icons.js";
 import { plural, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { draftKey, freeId, send, takeBrought, takeWaiting } from "../state/upload.js";
 import { StateElement } from "../components/base.js";
 import { keep } from "./removed-captures.js";
-import { imageOf, matchRow, numbersOf, pictureOf } from "./match-row.js";
+import { imageOf, matchTable, numbersOf, pictureOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
 import { knowConventions } from "../state/pose-table.js";
 import { stepName } from "./rail.js";
@@ -264,11 +263,6 @@ export class IntakePanelElement extends StateElement {
     return match(this.#files.map(({ path }) => path), this.#poses.map(({ text }) => text));
   }
 
-  /** The table's angles in the files' order. */
-  #tableAngles() {
-    return typedNumbers(this.#angles.value);
-  }
-
   /** Frames of the board: one a capture, or the lit board and then its stripe. @returns {Parcel[]} */
   #boards() {
     const taken = new Set(this.state.captures.map((capture) => capture.id));
@@ -288,7 +282,7 @@ export class IntakePanelElement extends StateElement {
     if (this.state.showsBoard(this.#step.value)) return this.#boards();
     const taken = new Set(this.state.captures.map((capture) => capture.id));
     const step = /** @type {Capture["step"]} */ (this.#step.value);
-    const angles = this.#tableAngles();
+    const angles = typedNumbers(this.#angles.value); // in the files' order
     return this.#rows().flatMap(({ file, line }) => {
       const found = file === null ? undefined : this.#files[file];
       const pose = line === null ? undefined : this.#poses[line];
@@ -325,16 +319,11 @@ export class IntakePanelElement extends StateElement {
     this.#add.setAttribute("aria-disabled", String(ready === 0));
     this.#addAndSolve.hidden = ready < ENOUGH_TO_SOLVE || this.state.stageOf(step) !== step;
     if (!rows.length) return this.#table.replaceChildren();
-    const heads = boards ? /** @type {const} */ (["file"]) : /** @type {const} */ (["file", "line", "flange", "look"]);
-    this.#table.replaceChildren(h("table", {},
-      h("thead", {}, h("tr", {}, ...heads.map((head) => h("th", { scope: "col" }, t(`match.${head}`))))),
-      h("tbody", {}, ...rows.map(({ file, line }) => this.#row(file === null ? undefined : this.#files[file], line === null ? undefined : this.#poses[line], boards)))));
-  }
-
-  /** @param {Found | undefined} found @param {ParsedPose | undefined} pose @param {boolean} board a frame of it needs no pose */
-  #row(found, pose, board) {
-    const stored = found && this.#stored.has(found.file) ? mark("pass", t("match.stored")) : null;
-    return board ? h("tr", {}, h("td", {}, found?.path ?? "", " ", stored)) : matchRow(found, pose, stored, found && this.#pictureOf(found));
+    this.#table.replaceChildren(matchTable(rows.map(({ file, line }) => {
+      const found = file === null ? undefined : this.#files[file];
+      const picture = boards ? null : found && this.#pictureOf(found);
+      return { found, pose: line === null ? undefined : this.#poses[line], isStored: !!found && this.#stored.has(found.file), picture };
+    }), boards));
   }
 
   /** A measurement's small picture. @param {Found} found */

@@ -1,4 +1,4 @@
-// A file and its pose side by side, before they become a capture.
+// Files and their poses side by side, before they become captures.
 
 import { h } from "../dom.js";
 import { fixed } from "../format.js";
@@ -9,14 +9,20 @@ import { profilePlot } from "./profile-plot.js";
 /** @import {Found} from "../state/files.js" */
 /** @import {Measured, ParsedPose} from "../state/model.js" */
 
-/**
- * @param {Found | undefined} found
- * @param {ParsedPose | undefined} pose
- * @param {HTMLElement | null} stored
- * @param {Element | null} [picture]
- */
-export function matchRow(found, pose, stored, picture) {
-  const matrix = pose?.matrix;
+/** @typedef {{ found?: Found | undefined, pose?: ParsedPose | undefined, isStored: boolean, picture?: Element | null | undefined }} Pair */
+
+/** @param {Pair[]} pairs @param {boolean} boards frames of them need no pose */
+export function matchTable(pairs, boards) {
+  const heads = boards ? /** @type {const} */ (["file"]) : /** @type {const} */ (["file", "line", "flange", "look"]);
+  return h("table", {},
+    h("thead", {}, h("tr", {}, ...heads.map((head) => h("th", { scope: "col" }, t(`match.${head}`))))),
+    h("tbody", {}, ...pairs.map((pair) => matchRow(pair, boards))));
+}
+
+/** @param {Pair} pair @param {boolean} board */
+function matchRow({ found, pose, isStored, picture }, board) {
+  const matrix = pose?.matrix, stored = isStored ? mark("pass", t("match.stored")) : null;
+  if (board) return h("tr", {}, h("td", {}, found?.path ?? "", " ", stored));
   return h(
     "tr", {},
     h("td", {}, picture, found ? found.path : mark("warn", t("match.no_file")), " ", stored),
