@@ -13,7 +13,7 @@ import numpy as np
 
 from calib_core.cell.layout import Layout
 from calib_core.cell.walk import Position, Walk
-from calib_core.chain.axes_start import refined
+from calib_core.chain.axes_start import moved_back, refined
 from calib_core.chain.spread import robust_costs
 from calib_core.frames import FloatArray
 
@@ -82,18 +82,9 @@ def _told_apart(walk: Walk, centers: FloatArray, at: Position) -> tuple[np.ndarr
     return ball, misfit
 
 
-def _turned_back(walk: Walk, centers: FloatArray, at: Position) -> FloatArray:
-    """Return arcs' possible centres (K, 2, 3) as they lie on what carries them."""
-    zero, moves, _ = walk.balls(replace(at, places=np.zeros_like(at.places)))
-    assert moves is not None
-    columns = walk.layout.firsts[walk.place][:, None] + np.arange(3)
-    turns = np.take_along_axis(moves, columns[:, None, :], axis=2)
-    return np.einsum("kji,ksj->ksi", turns, centers - zero[:, None])
-
-
 def _gathered(walk: Walk, centers: FloatArray, at: Position, counts: np.ndarray) -> np.ndarray:
     """Return which ball of its mounting each arc is of, by axes that are known roughly."""
-    back, ball = _turned_back(walk, centers, at), np.zeros(len(centers), dtype=int)
+    back, ball = moved_back(walk, centers, at), np.zeros(len(centers), dtype=int)
     rng = np.random.default_rng(len(centers))
     for place in range(len(counts)):
         own = np.flatnonzero(walk.place == place)
@@ -132,7 +123,7 @@ def _split(walk: Walk, ball: np.ndarray) -> Walk:
 
 def _placed(split: Walk, at: Position, walk: Walk, centers: FloatArray) -> Position:
     """Return the axes of a guess with each ball where its arcs lie."""
-    back = _turned_back(walk, centers, at)
+    back = moved_back(walk, centers, at)
     places = [_middle(back[split.place == n]) for n in range(len(split.layout.places))]
     return replace(at, places=np.array(places))
 

@@ -6,6 +6,7 @@ guesses are refined with their directions free.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -182,3 +183,12 @@ def refined(walk: Walk, centers: FloatArray, at: Position, kept: Sequence[int]) 
         else:
             damping *= 10
     return at, misfit
+
+
+def moved_back(walk: Walk, centers: FloatArray, at: Position) -> FloatArray:
+    """Return arcs' possible centres (K, 2, 3) as they lie on what carries them."""
+    zero, moves, _ = walk.balls(replace(at, places=np.zeros_like(at.places)))
+    assert moves is not None
+    columns = walk.layout.firsts[walk.place][:, None] + np.arange(3)
+    turns = np.take_along_axis(moves, columns[:, None, :], axis=2)
+    return np.einsum("kji,ksj->ksi", turns, centers - zero[:, None])

@@ -12,15 +12,21 @@ from itertools import product
 
 import numpy as np
 
-from calib_core.cell.layout import AxisState, MovedAxis
+from calib_core.cell.layout import AxisState, Layout, MovedAxis
+from calib_core.cell.walk import foot_moves
 from calib_core.chain.axes_start import turns_about
+from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.spread import robust_costs
-from calib_core.chain.start import Centers, Start
+from calib_core.chain.start import Centers, Start, centers_of, find_starts
 from calib_core.chain.start_search import random_rotations
-from calib_core.frames import FloatArray, nearest_rotation, rotation_from_vector, skew, with_third
+from calib_core.frames import FloatArray, RigidTransform, nearest_rotation, rotation_from_vector, skew, with_third
 
 _ROTATIONS, _ROUNDS = 48, 8
-_KEPT, _STEPS = 8, 40
+_KEPT, _STEPS = 12, 40
+_LEAST_TRIED = 288
+_LIKELY, _OTHER = 3, 0.1
+_SCALE_SIGMA = 0.02
+_FOOT_ROUNDS, _SURE_MM = 2, 0.5
 _MOST_TRIED = 700
 _SEARCH_CAPTURES = 40
 _LEAST_SCALE_MM = 0.3
@@ -50,8 +56,38 @@ class _Guess:
     cost: float
 
 
-def find_foot(centers: Centers, foot: Foot, over_robot: int) -> tuple[AxisState, ...]:
-    """Return how the axes lie by one scanner's captures of one ball.
+def foot_axes(
+    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout
+) -> tuple[tuple[AxisState, ...], Start]:
+    """Return how the axes under the robot lie by one scanner's captures of one ball, and its start by them."""
+    readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
+    given = centers_of(observations, sphere), Foot(layout.axes, readings), observations[0].carriers.over_robot
+    found: list[tuple[tuple[AxisState, ...], Start]] = []
+    for axes in find_feet(*given):
+        start = find_starts(centers_of(on_foot(observations, layout, axes), sphere))[0]
+        for _ in range(_FOOT_ROUNDS):
+            axes = better_foot(*given, axes, start)
+            start = find_starts(centers_of(on_foot(observations, layout, axes), sphere))[0]
+        found.append((axes, start))
+        if start.scatter_mm < _SURE_MM:
+            break
+    return min(found, key=lambda one: one[1].scatter_mm)
+
+
+def on_foot(
+    observations: Sequence[SphereObservation], layout: Layout, axes: Sequence[AxisState]
+) -> list[SphereObservation]:
+    """Return observations with the robot's poses as the axes under it have moved them."""
+    readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
+    feet = zip(*foot_moves(layout.axes, axes, readings), strict=True)
+    return [
+        replace(o, base_from_tool0=RigidTransform.of(turn, shift, "base", "base") @ o.base_from_tool0)
+        for o, (turn, shift) in zip(observations, feet, strict=True)
+    ]
+
+
+def find_feet(centers: Centers, foot: Foot, over_robot: int) -> list[tuple[AxisState, ...]]:
+    """Return how the axes lie by one scanner's captures of one ball: a few guesses, the likeliest first.
 
     Parameters
     ----------
@@ -66,9 +102,11 @@ def find_foot(centers: Centers, foot: Foot, over_robot: int) -> tuple[AxisState,
     seen = _Seen(centers.chosen(some), foot.chosen(some), over_robot)
     rotary = [a for a, axis in enumerate(foot.axes) if axis.kind == "rotary"]
     every = [dict(zip(rotary, ways, strict=True)) for ways in product(_ways(len(rotary)), repeat=len(rotary))]
-    tried = sorted((one for ways in every for one in seen.searched(ways)), key=lambda one: one.cost)
-    best = min((seen.refined(one) for one in tried[:_KEPT]), key=lambda one: one.cost)
-    return seen.axes(best)
+    many = max(_ROTATIONS, _LEAST_TRIED // len(every))
+    tried = sorted((one for ways in every for one in seen.searched(ways, many)), key=lambda one: one.cost)
+    best = sorted((seen.refined(one) for one in tried[:_KEPT]), key=lambda one: one.cost)
+    others = [one for one in best[1:] if abs(one.cost - best[0].cost) > _OTHER]
+    return [seen.axes(one) for one in (best[0], *others[: _LIKELY - 1])]
 
 
 def better_foot(
@@ -106,29 +144,34 @@ class _Seen:
         # base_from_tool0 of a ball on the flange, tool0_from_base of one in base
         self._rotations, self._translations = back, moved
 
-    def searched(self, ways: dict[int, FloatArray]) -> list[_Guess]:
-        """Return the best few guesses with directions that are given."""
+    def searched(self, ways: dict[int, FloatArray], many: int) -> list[_Guess]:
+        """Return the best few guesses with directions that are given, of so many rotations."""
         parts, fixed = self._parts(ways)
-        rotations = random_rotations(_ROTATIONS)
+        rotations = random_rotations(many)
         linear = self._linear(parts, fixed, rotations, np.ones((len(rotations), len(parts))))
         off = self._off(parts, fixed, rotations, linear)
         for _ in range(_ROUNDS):
             rotations, linear = self._stepped(parts, fixed, rotations, linear, off)
             off = self._off(parts, fixed, rotations, linear)
         costs = robust_costs(np.linalg.norm(off, axis=2))
-        return [_Guess(ways, rotations[n], linear[n], float(costs[n])) for n in np.argsort(costs)[:2]]
+        return [_Guess(ways, rotations[n], linear[n], float(costs[n])) for n in np.argsort(costs)[: many // 24]]
 
     def refined(self, guess: _Guess) -> _Guess:
         """Return a guess refined with its directions free."""
-        damping = _DAMPING
+        damping, guess = _DAMPING, replace(guess, cost=guess.cost + self._stretched(guess))
         for _ in range(_STEPS):
             turns, columns, off = self._derived(guess)
             weight = 1 / (1 + (np.linalg.norm(off, axis=1) / self._scale(off)) ** 2)
             rows = columns.reshape(-1, columns.shape[2])
             weighted = rows * np.repeat(weight, 3)[:, None]
-            normal = weighted.T @ rows
+            normal, slope = weighted.T @ rows, weighted.T @ off.ravel()
+            for a, unit, stretch in self._ways_of(guess):
+                own = 2 * len(guess.ways) + 6 + 3 * a + np.arange(3)
+                pull = 1 / np.sqrt(1 + stretch**2)
+                normal[np.ix_(own, own)] += pull * np.outer(unit, unit) / _SCALE_SIGMA**2
+                slope[own] += pull * unit * stretch / _SCALE_SIGMA
             normal += damping * np.diag(np.diag(normal)) + _RIDGE * np.trace(normal) * np.eye(len(normal))
-            step = -np.linalg.solve(normal, weighted.T @ off.ravel())
+            step = -np.linalg.solve(normal, slope)
             trial = self._moved(guess, turns, step)
             gain = guess.cost - trial.cost
             damping = damping / 5 if gain > 0 else damping * 10
@@ -136,6 +179,17 @@ class _Seen:
             if damping > 1e6 or 0 < gain < 1e-6:
                 break
         return guess
+
+    def _ways_of(self, guess: _Guess) -> list[tuple[int, FloatArray, float]]:
+        """Return the linear axes' directions, and by how many standard deviations their scales are not one."""
+        ways = [
+            (a, guess.linear[3 + 3 * a : 6 + 3 * a]) for a in range(len(self._foot.axes)) if a not in guess.ways
+        ]
+        lengths = [max(float(np.linalg.norm(way)), 1e-9) for _, way in ways]
+        return [(a, way / n, (n - 1) / _SCALE_SIGMA) for (a, way), n in zip(ways, lengths, strict=True)]
+
+    def _stretched(self, guess: _Guess) -> float:
+        return sum(float(np.sqrt(1 + stretch**2)) - 1 for _, _, stretch in self._ways_of(guess))
 
     def axes(self, guess: _Guess) -> tuple[AxisState, ...]:
         """Return the axes of a guess."""
@@ -228,7 +282,8 @@ class _Seen:
         rotation = nearest_rotation(guess.rotation @ rotation_from_vector(turn))
         linear = guess.linear + step[count + 3 :]
         off = self._off(*self._parts(ways), rotation[None], linear[None])[0]
-        return _Guess(ways, rotation, linear, float(robust_costs(np.linalg.norm(off, axis=1))))
+        there = _Guess(ways, rotation, linear, float(robust_costs(np.linalg.norm(off, axis=1))))
+        return replace(there, cost=there.cost + self._stretched(there))
 
     @staticmethod
     def _scale(off: FloatArray) -> float:

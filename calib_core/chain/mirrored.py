@@ -1,63 +1,130 @@
-"""What a scanner that stands still cannot tell of axes before it: on which side of its plane of light they are.
+"""What scanners that stand still cannot tell of axes before them: on which side of their planes of light they are.
 
 Every place of a ball, mirrored at the plane of light, moves about the mirrored axis as the ball moves about the
-true one, and gives the same profiles.  Where a fixed scanner alone sees an axis, both answers are as likely: the
-stated covariance has room for the other one, unless the sense in which the axis counts tells them apart.
+true one, and gives the same profiles.  Where one fixed scanner alone sees an axis, both answers are as likely; of
+several, whose planes of light may nearly be one, all captures say how likely the other one is.  The stated
+covariance has room for it, unless the sense in which the axis counts tells them apart.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.cell.layout import AxisState
+from calib_core.chain.likelihood import fit
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
-from calib_core.frames import FloatArray
+from calib_core.chain.rejection import Judged
+from calib_core.chain.table_judging import EncoderScale
+from calib_core.chain.variance import ChainFit
+from calib_core.frames import FloatArray, with_third
+
+_HOPELESS = 12.0  # log-likelihood
+_LIKELIER = 0.5  # log-likelihood: less is no reason to change sides
 
 
-def mirror_spread(
-    observations: Sequence[SphereObservation], data: ChainData, state: ChainState, told_direction: int | None
-) -> FloatArray:
-    """Return what the mirrored answer adds to the covariance of the edges' unknowns, (P, P).
+@dataclass(frozen=True, eq=False)
+class MirrorImage:
+    """An answer on the other side of a plane of light, and by how much (natural logarithm) it is likelier."""
+
+    state: ChainState
+    log_odds: float
+
+    @property
+    def chance(self) -> float:
+        """How likely it is beside the answer."""
+        return float(1 / (1 + np.exp(-self.log_odds)))
+
+
+JudgedTable = tuple[Judged, EncoderScale]
+
+
+def likelier_side(
+    observations: Sequence[SphereObservation],
+    start: ChainState,
+    core: np.ndarray,
+    judge: Callable[[ChainState, np.ndarray], JudgedTable],
+    told_direction: int | None,
+) -> tuple[JudgedTable, MirrorImage | None]:
+    """Return captures judged from a start and a core of them, or from its mirror image; and the other image."""
+    judged = judge(start, core)
+    image = mirror_image(observations, judged[0].data, judged[0].fit, told_direction)
+    if image is None or image.log_odds < _LIKELIER:
+        return judged, image
+    judged = judge(image.state, judged[0].used)
+    return judged, mirror_image(observations, judged[0].data, judged[0].fit, told_direction)
+
+
+def mirror_image(
+    observations: Sequence[SphereObservation], data: ChainData, found: ChainFit, told_direction: int | None
+) -> MirrorImage | None:
+    """Return the likeliest mirror image of a fit; None where captures, or what is told, leave no doubt.
 
     Parameters
     ----------
     observations, data
         All captures, and the same as arrays.
-    state : ChainState
-        The answer.
+    found : ChainFit
     told_direction : {1, -1}, optional
         The sense in which the axis counts.
     """
-    walk, at = data.walk, state.position
-    layout, spread = walk.layout, np.zeros((data.unknowns, data.unknowns))
-    riding: np.ndarray = np.any(layout.rides[walk.place], axis=1)
+    walk = data.walk
+    riding: np.ndarray = np.any(walk.layout.rides[walk.place], axis=1)
     sided = any(
         o.kind != "profile" or o.side is not None for o, on in zip(observations, riding, strict=True) if on
     )
-    if not riding.any() or walk.over_robot[riding].any() or sided or len(set(walk.scanner[riding].tolist())) > 1:
-        return spread
-    scanner = int(walk.scanner[riding][0])
+    if not riding.any() or walk.over_robot[riding].any() or sided:
+        return None
+    images: list[MirrorImage] = []
+    for scanner in np.unique(walk.scanner[riding]).tolist():
+        image = _mirrored(data, found.state, scanner, told_direction)
+        if image is not None:
+            there = fit(data, image, found.sigmas)
+            images.append(MirrorImage(there.state, found.minimum.at.cost - there.at.cost))
+    best = max(images, key=lambda one: one.log_odds, default=None)
+    return None if best is None or best.log_odds < -_HOPELESS else best
+
+
+def _mirrored(data: ChainData, state: ChainState, scanner: int, told_direction: int | None) -> ChainState | None:
+    """Return axes under the object and their balls mirrored at a scanner's plane of light."""
+    layout, at = state.walk.layout, state.position
     normal, origin = at.mount_rotations[scanner][:, 1], at.mount_translations[scanner]
-    step = np.zeros(data.unknowns)
+    mirror = np.eye(3) - 2 * np.outer(normal, normal)
+    axes, places = list(at.axes), at.places.copy()
     for a, (edge, axis) in enumerate(zip(layout.axes, at.axes, strict=True)):
+        if edge.carries != "object" or not layout.rides[:, a].any():
+            continue
+        rotary = edge.kind == "rotary"
+        z = mirror @ axis.rotation[:, 2] * (-1 if rotary else 1)  # a mirrored turn counts the other way
+        if told_direction is not None and z @ axis.rotation[:, 2] < 0:
+            return None
+        point = mirror @ (axis.origin - origin) + origin
+        axes[a] = AxisState(with_third(z), point if rotary else axis.origin, axis.scale)
+        for n in layout.on_axis(a):
+            in_base = at.places[n] @ axis.rotation.T + axis.origin if rotary else at.places[n]
+            there = mirror @ (in_base - origin) + origin
+            places[n] = (there - point) @ axes[a].rotation if rotary else there
+    return ChainState.at(data, replace(at, places=places, axes=tuple(axes)))
+
+
+def mirror_spread(data: ChainData, state: ChainState, image: MirrorImage | None) -> FloatArray:
+    """Return what a mirror image adds to the covariance of the edges' unknowns, (P, P)."""
+    layout, step = data.walk.layout, np.zeros(data.unknowns)
+    each = () if image is None else zip(layout.axes, state.position.axes, image.state.position.axes, strict=True)
+    for a, (edge, axis, there) in enumerate(each):
         if edge.carries != "object":
             continue
-        z = axis.rotation[:, 2]
-        sense = -1.0 if edge.kind == "rotary" else 1.0  # a mirrored turn counts the other way
-        other = sense * (z - 2 * normal * (normal @ z))
-        if other @ z < 0:
-            if told_direction is not None:
-                return np.zeros_like(spread)
-            other = -other
-        point = axis.origin - 2 * normal * (normal @ (axis.origin - origin))
+        z, other = axis.rotation[:, 2], there.rotation[:, 2]
+        other = other if other @ z > 0 else -other
         columns = layout.axis(a).start
         step[columns : columns + 2] = (axis.rotation.T @ np.cross(z, other))[:2]
         if edge.kind == "rotary":
-            across = point - axis.origin
+            across = there.origin - axis.origin
             across = across - other * (other @ across)
             step[columns + 2 : columns + 4] = (axis.rotation.T @ across)[:2]
     step[data.held] = 0.0
-    return 0.5 * np.outer(step, step)
+    return (0.0 if image is None else image.chance) * np.outer(step, step)
 
 
 def with_spread(covariance: FloatArray, spread: FloatArray) -> FloatArray:

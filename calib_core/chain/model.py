@@ -360,11 +360,9 @@ class ChainState:
     @property
     def table(self) -> TableState:
         """The last axis that carries a ball, with the places on it."""
-        layout = self.walk.layout
-        axis, places = self.position.axes[layout.table], self.position.places[layout.on_axis(layout.table)]
-        if layout.axes[layout.table].kind == "linear":  # whose places are in base
-            places = (places - axis.origin) @ axis.rotation
-        return TableState.of(axis, places)
+        layout, at = self.walk.layout, self.position
+        axis, linear = at.axes[layout.table], layout.axes[layout.table].kind == "linear"
+        return TableState(axis.rotation, axis.origin, at.places[layout.on_axis(layout.table)], axis.scale, linear)
 
     @property
     def radius_mm(self) -> float:

@@ -38,17 +38,21 @@ class TableReadings:
 
 @dataclass(frozen=True, eq=False)
 class TableState:
-    """One guess of the turntable: R (3, 3) and T (3,) of its frame in base, mounts (M, 3) in it, encoder scale."""
+    """One guess of the turntable: R (3, 3) and T (3,) of its frame in base, mounts (M, 3) in it, encoder scale.
+
+    A linear axis `shifts` what it carries: it has no place of its own, and its mounts are in base at zero.
+    """
 
     rotation: FloatArray
     origin: FloatArray
     mounts: FloatArray
     scale: float = 1.0
+    shifts: bool = False
 
-    @classmethod
-    def of(cls, axis: AxisState, mounts: FloatArray) -> "TableState":
-        """Return an axis with the places that it carries."""
-        return cls(axis.rotation, axis.origin, mounts, axis.scale)
+    @property
+    def mounts_in_base(self) -> FloatArray:
+        """The mounts at zero, (M, 3)."""
+        return self.mounts if self.shifts else self.mounts @ self.rotation.T + self.origin
 
     @property
     def axis(self) -> AxisState:
@@ -57,8 +61,9 @@ class TableState:
 
     def moved(self, step: FloatArray) -> "TableState":
         """Return the guess after a step of the axis and of every mount, (5 + 3 M,)."""
+        axis = self.axis.moved(step[:AXIS_UNKNOWNS])
         mounts = self.mounts + step[AXIS_UNKNOWNS:].reshape(-1, 3)
-        return TableState.of(self.axis.moved(step[:AXIS_UNKNOWNS]), mounts)
+        return TableState(axis.rotation, axis.origin, mounts, axis.scale, self.shifts)
 
     def centers(self, readings: TableReadings) -> FloatArray:
         """Return where the sphere stands in base, (K, 3), mm."""

@@ -2,7 +2,8 @@
 
 z is the axis, in the sense that points up in base (along base's +z; where the axis is within 12° of level, in the
 sense that the cell's `direction` gives, else that in which the angles count up).  The origin is the centre of the
-first mounting's circle.  x is base's x axis without its part along z (base's y where those two nearly coincide).
+first mounting's circle, or of its sphere at zero where the axis is linear.  x is base's x axis without its part
+along z (base's y where those two nearly coincide).
 """
 
 from collections.abc import Callable
@@ -85,13 +86,13 @@ def frame_by_rule(state: TableState, given_direction: int | None = None, upward:
     if upward is None:
         upward = bool(axis[2] > 0) if abs(axis[2]) > LEVEL else (given_direction or 1) > 0
     sign = 1.0 if upward else -1.0
-    origin = state.origin + axis * state.mounts[0, 2]
+    origin = state.mounts[0] if state.shifts else state.origin + axis * state.mounts[0, 2]
     z = sign * axis
     across = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     x = across - z * (z @ across)
     x = x / np.linalg.norm(x)
     rotation = np.column_stack([x, np.cross(z, x), z])
-    mounts = (state.mounts @ state.rotation.T + state.origin - origin) @ rotation
+    mounts = (state.mounts_in_base - origin) @ rotation
     return TableFrame(RigidTransform.of(rotation, origin, "base", "turntable"), int(sign), mounts)
 
 

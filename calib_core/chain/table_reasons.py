@@ -6,7 +6,6 @@ import numpy as np
 
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.spread import spread_over
-from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding
 from calib_core.findings.codes.turntable import REMOUNTED
@@ -22,11 +21,10 @@ def table_reasons(
 ) -> dict[str, dict[str, Value]]:
     """Return what is to be said of each capture that is not used, by capture."""
     residuals, frame = table.residuals, table.frame
-    places = places_in_table(observations, residuals.both_in_base, frame)
     found: dict[str, dict[str, Value]] = {}
     for k in np.flatnonzero(~table.used).tolist():
         o, distance = observations[k], float(residuals.distance_mm[k])
-        other = _other_mount(places[k], frame.mounts_mm, table.mounts, o.mount, distance)
+        other = _other_mount(residuals.places_mm[k], frame.mounts_mm, table.mounts, o.mount, distance)
         found[o.sphere.capture] = {
             "distance_mm": distance,
             "axial_mm": float(residuals.axial_mm[k]),
@@ -37,17 +35,6 @@ def table_reasons(
             "mount": other or "",
         }
     return found
-
-
-def places_in_table(
-    observations: Sequence[TableObservation], centers_in_base: FloatArray, frame: TableFrame
-) -> FloatArray:
-    """Return the captures' own sphere centres (K, …, 3) in T, turned back to angle zero."""
-    local = np.moveaxis(frame.base_from_turntable.inverse().apply(centers_in_base), 0, -2)
-    angle = -frame.direction * np.array([o.angle_rad for o in observations])
-    cosine, sine = np.cos(angle), np.sin(angle)
-    x, y, z = np.moveaxis(local, -1, 0)
-    return np.moveaxis(np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1), -2, 0)
 
 
 def _other_mount(
@@ -64,7 +51,7 @@ def remounted(observations: Sequence[TableObservation], table: TurntableSolution
     rejected = np.flatnonzero(~table.used)
     if len(rejected) < 3:
         return None
-    places = places_in_table(observations, table.residuals.both_in_base, table.frame)[rejected]
+    places = table.residuals.places_mm[rejected]
     guesses = places[spread_over(len(places))].reshape(-1, 3)
     agree = np.linalg.norm(places[None] - guesses[:, None, None], axis=3).min(axis=2) < _SAME_PLACE_MM
     best = int(np.argmax(agree.sum(axis=1)))

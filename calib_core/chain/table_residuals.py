@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.cell.walk import Walk
 from calib_core.chain.answer import surface_distances
+from calib_core.chain.axes_start import moved_back
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.table_frame import TableFrame
@@ -26,8 +27,11 @@ class TableResiduals:
         The capture's own sphere centre on the +y and on the −y side, mm.
     centers_in_base, expected_in_base : (K, 3)
         The capture's own sphere centre, and where the solution expects it, mm.
+    places_mm : (K, 2, 3)
+        Both moved back by all axes, in T at zero; NaN where another axis carries the sphere.
     radial_mm, tangential_mm, axial_mm : (K,)
-        Their difference away from the axis, around it (as angles count up), and along it (T's z).
+        Their difference away from the axis, around it (as angles count up), and along it (T's z); of a linear axis
+        the first two are along T's x and y.
     angle_rad : (K,)
         The tangential part as an angle of the table.
     surface_rms_mm : (K,)
@@ -36,6 +40,7 @@ class TableResiduals:
 
     sides: np.ndarray
     both_in_base: FloatArray
+    places_mm: FloatArray
     centers_in_base: FloatArray
     expected_in_base: FloatArray
     radial_mm: FloatArray
@@ -67,19 +72,29 @@ def table_residuals(
     frame : TableFrame
         The state's.
     """
-    expected = walk.balls(state.position)[0]
-    layout = state.walk.layout
+    layout, at = state.walk.layout, state.position
+    expected = walk.balls(at)[0]
     mounts = {name: state.mount(n) for n, (name, _) in enumerate(layout.mounts)}
     both = both_centers_in_base(observations, SphereSize(2 * state.radius_mm), mounts)
     first = np.linalg.norm(both[:, 0] - expected, axis=1) <= np.linalg.norm(both[:, 1] - expected, axis=1)
     centers = np.where(first[:, None], both[:, 0], both[:, 1])
     sides = np.where(first, 1, -1) * [o.sphere.circle_radius_mm is not None for o in observations]
-    arms = frame.base_from_turntable.inverse().apply(expected)
-    offsets = (centers - expected) @ frame.base_from_turntable.rotation
-    radius = np.maximum(np.hypot(arms[:, 0], arms[:, 1]), 1e-9)
-    away = arms[:, :2] / radius[:, None]
-    around = np.column_stack([-away[:, 1], away[:, 0]]) * frame.direction
-    tangential = np.einsum("ki,ki->k", offsets[:, :2], around)
+    places, own = moved_back(walk, both, at), at.places[walk.place]
+    local = np.where(first[:, None], places[:, 0], places[:, 1]) - own
+    away = own[:, :2].copy()
+    for a, axis in enumerate(layout.axes):
+        some = np.isin(walk.place, layout.on_axis(a))
+        if axis.kind == "linear":
+            local[some], away[some] = local[some] @ at.axes[a].rotation, [1.0, 0.0]
+    on_table = np.isin(walk.place, layout.on_axis(layout.table))
+    if state.table.shifts:
+        local[on_table] = (local[on_table] @ at.axes[layout.table].rotation.T) @ frame.base_from_turntable.rotation
+    else:
+        places = places @ state.table.rotation.T + state.table.origin
+        local[on_table, 2] *= frame.direction
+    radius = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+    away /= radius[:, None]
+    tangential = local[:, 1] * away[:, 0] - local[:, 0] * away[:, 1]
     laser = [(o.sphere.ball_from_scanner @ mounts[o.sphere.scanner]).inverse() for o in observations]
     rms = [
         float(np.sqrt(np.mean(surface_distances(o.sphere, t.apply(c), state.radius_mm) ** 2)))
@@ -90,9 +105,10 @@ def table_residuals(
         both_in_base=both,
         centers_in_base=centers,
         expected_in_base=expected,
-        radial_mm=np.einsum("ki,ki->k", offsets[:, :2], away),
+        places_mm=frame.base_from_turntable.inverse().apply(np.where(on_table[:, None, None], places, np.nan)),
+        radial_mm=np.einsum("ki,ki->k", local[:, :2], away),
         tangential_mm=tangential,
-        axial_mm=offsets[:, 2],
+        axial_mm=local[:, 2],
         angle_rad=tangential / radius,
         surface_rms_mm=np.array(rms),
     )

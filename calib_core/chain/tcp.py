@@ -13,14 +13,14 @@ import numpy as np
 from calib_core.arms.alike import visits
 from calib_core.arms.errors import ArmTerm
 from calib_core.cell.layout import AxisState, KnownDistance, Layout, MovedAxis
-from calib_core.cell.walk import Position, foot_moves
+from calib_core.cell.walk import Position
 from calib_core.chain.answer import Answer, answer_of
 from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
 from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.balls import candidates, middle_of
 from calib_core.chain.effective import with_effective_points
-from calib_core.chain.foot_start import Foot, better_foot, find_foot
+from calib_core.chain.foot_start import foot_axes, on_foot
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.incidents import Happened, named_causes
 from calib_core.chain.influence import Influence, influence_of
@@ -47,14 +47,14 @@ from calib_core.chain.unmodelled import Unmodelled, unmodelled_of
 from calib_core.chain.warm_up import WarmUp, warm_up_of
 from calib_core.chain.without_turns import OpenShifts, open_shifts
 from calib_core.errors import MotionError
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray
 from calib_core.messages import Value, plural
 
 Progress = Callable[[float, str], None]
-_LEAST_CAPTURES = 5
+LEAST_CAPTURES = 5
 _SAME_POSE_MM = 0.05
 _MOST_LEFT_OUT = 60
-_FOOT_ROUNDS = 2
+_STILL_MM = 2.0
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ def solve_tcp(
     chosen, start = every[0], every[0].start
     data = replace(data, distances=layout.apart(options.distances))
     state, core, spread = together(data, mains, every, axes)
-    state, core = with_other_balls(data, centers_of(observations, sphere), state, core)
+    state, core = with_other_balls(data, centers_of(on_foot(observations, layout, axes), sphere), state, core)
     judged = with_more_spread(judge_from(observations, data, state, core, given), spread)
     held = hold_files(judged, options.apply_scanner)
     arm = None
@@ -359,32 +359,31 @@ def _starts(
     observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
 ) -> tuple[tuple[AxisState, ...], list[list[Start]]]:
     """Return the axes under the robot, and each scanner's starts, the likeliest first."""
-    every = [centers_of([observations[k] for k in some], sphere) for some in groups]
     if not layout.axes:
-        return (), [find_starts(centers) for centers in every]
-    readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
-    n = max(range(len(groups)), key=lambda n: len(groups[n]))
-    largest, over = groups[n], observations[groups[n][0]].carriers.over_robot
-    given = every[n], Foot(layout.axes, readings[largest]), over
-    axes = find_foot(*given)
-    for _ in range(_FOOT_ROUNDS):
-        start = find_starts(_on_foot([observations[k] for k in largest], sphere, layout, axes))[0]
-        axes = better_foot(*given, axes, start)
-    moved = [_on_foot([observations[k] for k in some], sphere, layout, axes) for some in groups]
-    return axes, [find_starts(centers) for centers in moved]
+        return (), [_with_others(observations, sphere, some) for some in groups]
+    largest = max(groups, key=len)
+    axes, _ = foot_axes([observations[k] for k in largest], sphere, layout)
+    standing = on_foot(observations, layout, axes)
+    return axes, [_with_others(standing, sphere, some) for some in groups]
 
 
-def _on_foot(
-    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, axes: Sequence[AxisState]
-) -> Centers:
-    """Return balls' centres with the robot's poses as the axes under it have moved them."""
-    readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
-    feet = zip(*foot_moves(layout.axes, axes, readings), strict=True)
-    moved = [
-        replace(o, base_from_tool0=RigidTransform.of(turn, shift, "base", "base") @ o.base_from_tool0)
-        for o, (turn, shift) in zip(observations, feet, strict=True)
+def _with_others(observations: Sequence[SphereObservation], sphere: SphereSize, some: np.ndarray) -> list[Start]:
+    """Return the starts of a scanner's captures of its main ball that let its other balls stand still as well."""
+    main = observations[some[0]]
+    starts = find_starts(centers_of([observations[k] for k in some], sphere))
+    others: dict[tuple[str, str], list[SphereObservation]] = {}
+    for o in observations:
+        if o.scanner == main.scanner and (o.carriers.ball, o.ball) != (main.carriers.ball, main.ball):
+            others.setdefault((o.carriers.ball, o.ball), []).append(o)
+    balls = [centers_of(own, sphere) for own in others.values() if len(own) > 1]
+    if not balls:
+        return starts
+    off = [
+        max(float(np.median(middle_of(candidates(ball, one.rotation, one.translation))[1])) for ball in balls)
+        for one in starts
     ]
-    return centers_of(moved, sphere)
+    limit = max(2 * min(off), _STILL_MM)
+    return [one for one, far in zip(starts, off, strict=True) if far <= limit]
 
 
 def with_own_sigmas(
@@ -446,12 +445,12 @@ def _require_motion(observations: Sequence[SphereObservation]) -> None:
             _require_motion([observations[k] for k in some])
         return
     count = len(observations)
-    if count < _LEAST_CAPTURES:
+    if count < LEAST_CAPTURES:
         raise MotionError(
             "at least {least_captures} captures of the sphere (better 10 to 15)",
             str(count),
             "Add two shifts of the scanner without turning it, then three tilts about different axes.",
-            least_captures=_LEAST_CAPTURES,
+            least_captures=LEAST_CAPTURES,
         )
     rotations = np.array([o.base_from_tool0.rotation for o in observations])
     positions = np.array([o.base_from_tool0.translation_mm for o in observations])

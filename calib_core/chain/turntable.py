@@ -25,7 +25,7 @@ from calib_core.chain.circles import PaperAxis, paper_axis
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
-from calib_core.chain.mirrored import mirror_spread, with_spread
+from calib_core.chain.mirrored import JudgedTable, MirrorImage, likelier_side, mirror_spread, with_spread
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.rejection import Judged, core_of
@@ -129,7 +129,9 @@ class TurntableSolution:
     tool_move : ToolMove or None
         How far the captures of the table see the tool elsewhere than those of the stage before.
     mirror : TableCovariance or None
-        The part of `covariance` that is due to the answer mirrored at the plane of light, which fits as well.
+        The part of `covariance` that is due to the answer mirrored at the plane of light.
+    mirror_chance : float
+        How likely that answer is.
     by_arm_mm : float
         How much those of the stage before scatter alike: the arm, not the table.
     """
@@ -153,6 +155,7 @@ class TurntableSolution:
     move: TableMove | None = None
     tool_move: ToolMove | None = None
     mirror: TableCovariance | None = None
+    mirror_chance: float = 0.0
     by_arm_mm: float = 0.0
 
     @property
@@ -223,12 +226,12 @@ def solve_turntable(
     point_sigma = options.point_sigma_mm or pooled_point_sigma([o.sphere for o in observations], sphere)
     observations = with_table_sigmas(observations, sphere, options.point_sigma_mm)
     data = _data(observations, sphere, point_sigma, tool, options)
-    judged, encoder = _judge(observations, data, tool, start, options)
+    judged, encoder, image = _judge(observations, data, tool, start, options)
 
     tell(0.7, "Holding the tool")
     move = tool_move(judged)
     state, covariance = _tool_held(judged, tool, move)
-    spread = mirror_spread([o.placed for o in observations], data, state, options.direction)
+    spread = mirror_spread(data, state, image)
     covariance = with_spread(covariance, spread)
 
     tell(0.8, "Testing the encoder, drawing the paper's circles")
@@ -255,6 +258,7 @@ def solve_turntable(
         move=table_move_of(judged, len(observations)),
         tool_move=move,
         mirror=mirror_of(spread, state, options.direction),
+        mirror_chance=image.chance if image else 0.0,
         by_arm_mm=tool.held.sigmas.largest_position_mm if tool.held else 0.0,
     )
 
@@ -416,16 +420,19 @@ def _judge(
     tool: KnownTool,
     start: TableStart,
     options: TurntableOptions,
-) -> tuple[Judged, EncoderScale]:
+) -> tuple[Judged, EncoderScale, MirrorImage | None]:
     spheres = [o.placed for o in observations]
     at = start.position or Position(*_mounts(tool), start.state.mounts, (start.state.axis,))
     state = ChainState.at(data, at)
     if data.tool_prior is not None:
         known = data.tool_prior
         state = replace(state.with_mounts_of(known.rotations, known.translations), scanner=known.scanner)
-    return judge_table(
-        spheres, data, state, core_of(start.misfit_mm), options.sigmas, options.encoder_scale is False
-    )
+
+    def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
+        return judge_table(spheres, data, there, core, options.sigmas, options.encoder_scale is False)
+
+    judged, image = likelier_side(spheres, state, core_of(start.misfit_mm), judge, options.direction)
+    return *judged, image
 
 
 def _tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tuple[ChainState, FloatArray]:

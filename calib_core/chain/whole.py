@@ -19,7 +19,7 @@ from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
 from calib_core.chain.leave_one_out import without_each
-from calib_core.chain.mirrored import mirror_spread, with_spread
+from calib_core.chain.mirrored import JudgedTable, MirrorImage, likelier_side, mirror_spread, with_spread
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.reasons import rejection_reasons
@@ -122,7 +122,9 @@ def solve_chain(
     table_observations = table_with_effective_points(table_observations, sphere)
     tcp_observations = with_own_sigmas(tcp_observations, sphere, options.point_sigma_mm)
     table_observations = with_table_sigmas(table_observations, sphere, options.point_sigma_mm)
-    judged, encoder, point_sigma = _judge(tcp_observations, table_observations, sphere, tcp, turntable, options)
+    (judged, encoder), image, point_sigma = _judge(
+        tcp_observations, table_observations, sphere, tcp, turntable, options
+    )
 
     tell(0.8, "Comparing with the stages' own answers")
     unmoved = hold_files(judged, tcp.options.apply_scanner)
@@ -135,15 +137,19 @@ def solve_chain(
             for o, seen in zip(table_observations, spheres[len(tcp_observations) :], strict=True)
         ]
     held = with_tool_move(unmoved, turntable.tool_move, len(tcp_observations))
-    spread = mirror_spread(
-        [*tcp_observations, *(o.placed for o in table_observations)], judged.data, held.state, options.direction
-    )
+    spread = mirror_spread(judged.data, held.state, image)
     held = replace(held, covariance=with_spread(held.covariance, spread))
     covariance = held.covariance
     still = _tcp_part(tcp_observations, tcp, judged, held, point_sigma)
     turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoder, options)
     mirror = mirror_of(spread, held.state, options.direction)
-    turning = replace(turning, tool_move=turntable.tool_move, by_arm_mm=turntable.by_arm_mm, mirror=mirror)
+    turning = replace(
+        turning,
+        tool_move=turntable.tool_move,
+        by_arm_mm=turntable.by_arm_mm,
+        mirror=mirror,
+        mirror_chance=image.chance if image else 0.0,
+    )
     layout = judged.data.walk.layout
     size = layout.axis_and_places(layout.table)
     tool_shift = tcp.joint.mount_from_laser.difference(still.joint.mount_from_laser)
@@ -179,7 +185,7 @@ def _judge(
     tcp: TcpSolution,
     turntable: TurntableSolution,
     options: TurntableOptions,
-) -> tuple[Judged, EncoderScale, float | None]:
+) -> tuple[JudgedTable, MirrorImage | None, float | None]:
     spheres = [*tcp_observations, *(o.placed for o in table_observations)]
     point_sigma = options.point_sigma_mm or pooled_point_sigma(spheres, sphere)
     still = len(tcp_observations)
@@ -197,7 +203,11 @@ def _judge(
     if tcp.arm is not None and tcp.arm.applied:
         data = with_open_arm(data, start, spheres, tcp.arm)
     core = np.concatenate([tcp.used, turntable.used])
-    return *judge_table(spheres, data, start, core, options.sigmas, options.encoder_scale is False), point_sigma
+
+    def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
+        return judge_table(spheres, data, there, core, options.sigmas, options.encoder_scale is False)
+
+    return *likelier_side(spheres, start, core, judge, options.direction), point_sigma
 
 
 def _tcp_part(

@@ -7,7 +7,7 @@ import pytest
 
 import calib_core as cc
 from calib_core.library.opened import in_memory
-from calib_core.simulation import TopologyScenario
+from calib_core.simulation import TcpScenario, TopologyScenario
 from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from tests.topology_errors import distances
@@ -95,3 +95,33 @@ def test_of_several_axes_the_one_with_the_ball_tells_how_its_readings_err() -> N
     result = chain_of("rail-positioner")
     assert result["angle_sigma_deg"] == pytest.approx(np.rad2deg(5e-5), rel=0.01)
     assert result["reading_sigma_mm"] is None
+
+
+SLIDE = AxisOptions("slide", "linear", "object", None, (1.0, 0.0, 0.0), low=0.0, high=120.0, sigma=0.02)
+FLOOR = (BallOptions("one"), BallOptions("two", at_mm=(830.0, 60.0, 470.0)))
+HELD = BallOptions("held", "tool0", (25.0, -40.0, 130.0))
+GATE = ScannerOptions("gate", "base")
+
+
+def test_a_slide_before_two_scanners_of_nearly_one_plane_of_light_is_told_from_its_mirror_image() -> None:
+    ball = BallOptions("carried", "slide", (1035.0, -240.0, 440.0), mount="carried")
+    scanners = (GATE, ScannerOptions("other", "base"))
+    cell = TopologyScenario("", scanners, (HELD, ball), (SLIDE,), TcpScenario(window_x_mm=100.0), on_axes=14)
+    session, files, truth = simulate_topology(cell, "", 1)
+    result = in_memory(session, files).run()["chain"]
+    *_, (name, squared, freedom, error_deg) = distances(result, truth)
+    assert (name, result.verdict) == ("slide", "pass")
+    assert squared < CHI2[freedom]
+    assert error_deg < 0.1  # it was 2.3°
+    assert not {"axis-place-undetermined", "axis-mirrored"} & {one.code for one in result.findings}
+
+
+def test_balls_before_a_robot_on_rails_are_told_apart_by_how_another_scanner_sees_one() -> None:
+    cell = TopologyScenario(
+        "", (ScannerOptions("arm"), GATE), (*FLOOR, HELD), (RAIL,), TcpScenario(window_x_mm=100.0), "names"
+    )
+    session, files, truth = simulate_topology(cell, "", 1)
+    result = in_memory(session, files).run()["tcp"]
+    assert (result.verdict, len(result.spheres)) == ("pass", 3)
+    for name, squared, freedom, _ in distances(result, truth):
+        assert squared < CHI2[freedom], name

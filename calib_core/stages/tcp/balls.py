@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.captures.more_arcs import further_arcs
+from calib_core.cell.axes import moved_axes
 from calib_core.cell.carriers import ball_name, rides_on_axis, told_balls, told_distances
+from calib_core.chain.arrays import layout_of
 from calib_core.chain.balls import by_distances, labelled
+from calib_core.chain.foot_start import foot_axes, on_foot
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.tcp import TcpSolution, by_scanner
+from calib_core.chain.tcp import LEAST_CAPTURES, TcpSolution, by_scanner, moving_axes
 from calib_core.findings import Finding
 from calib_core.findings.codes import spheres as codes
 from calib_core.findings.codes.captures import CAPTURE_OF_NO_BALL
@@ -19,6 +22,8 @@ from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.records import Cell
 from calib_core.records.topology import FoundSphere
 
+_ONE_BALL_MM = 1.5
+"""Scatter of a scanner's arcs, as if they were of one ball: what is more is of several."""
 _LEAST_WITH_MORE = 3
 """Captures with further arcs; in fewer it is a reflection or another round thing."""
 
@@ -46,11 +51,26 @@ def all_arcs(
 def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) -> Observed:
     """Return what captures saw, arcs of other balls too, where they show several."""
     arcs = all_arcs(given, observed.observations, {o.carriers.ball for o in observed.observations})
-    found = labelled(arcs, sphere, by_scanner(arcs)) if arcs else None
-    if found is None:
+    if arcs is None:
         return observed
+    named = labelled(_standing(given.session.cell, arcs, sphere), sphere, by_scanner(arcs))
+    if named is None:
+        return observed
+    found = [replace(arc, ball=one.ball) for arc, one in zip(arcs, named, strict=True)]
     unused = [*observed.unused, *of_no_ball([o.capture for o in observed.observations], found)]
     return Observed([o for o in found if o.ball], observed.failed, unused)
+
+
+def _standing(cell: Cell, arcs: Sequence[SphereObservation], sphere: SphereSize) -> Sequence[SphereObservation]:
+    """Return arcs as of a robot whose foot stands still, by a scanner that sees one ball; else as they are."""
+    layout = layout_of(arcs, moving_axes(arcs, moved_axes(cell)))
+    for some in by_scanner(arcs) if layout.axes else ():
+        own = [arcs[k] for k in some]
+        if len(told_balls(cell, own[0].carriers.ball)) < 2 and len(own) >= LEAST_CAPTURES:
+            axes, start = foot_axes(own, sphere, layout)
+            if start.scatter_mm < _ONE_BALL_MM:
+                return on_foot(arcs, layout, axes)
+    return arcs
 
 
 def of_no_ball(own: Sequence[str], found: Sequence[SphereObservation]) -> list[Finding]:

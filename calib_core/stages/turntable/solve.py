@@ -14,7 +14,7 @@ from calib_core.cell.found import known_scanner, no_scanner
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.without_turns import open_shifts
 from calib_core.errors import InputError, MotionError
-from calib_core.findings import Finding, judged, verdict_of
+from calib_core.findings import Finding, judged, sentence_of, verdict_of
 from calib_core.findings.codes import turntable as codes
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
@@ -57,7 +57,10 @@ def solve(given: StageInput) -> TurntableResult:
         solved = tcp_of(given)
         tool, sphere = tool_of(solved), solved.sphere
         found = _about_tool(solved, given.session.captures)
-    table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
+    try:
+        table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
+    except MotionError as error:  # the table is not to blame where the tool is wrong
+        raise (error.adding(sentence_of(found[0])) if found else error) from None
     found += findings_of_table(given, table, sphere, tool.mounts)
     found += beyond_told_sigma(table.solution.sigmas, table.solution.options.position_sigma_mm)
     found += [*lost_rays_of([one.sphere for one in table.observations]), *table.unused]

@@ -21,6 +21,7 @@ from calib_core.stages.tcp.verdict import is_beyond
 
 _UNDETERMINED_RAD = np.deg2rad(0.5)
 _UNDETERMINED_MM = 3.0
+_MIRRORED_CHANCE = 0.01
 _WEAK_RAD = np.deg2rad(0.1)
 _MOST_REJECTED = 1 / 3
 _ONE_HEIGHT_MM = 20.0
@@ -43,7 +44,7 @@ def _undetermined(table: TurntableSolution) -> list[Finding]:
     sure = _without_mirror(table)
     tilts, shifts = _open_tilts(sure), _open_shifts(sure)
     found: list[Finding] = []
-    if table.mirror is not None and (lean_rad := _mirrored_rad(table.mirror)) > _UNDETERMINED_RAD:
+    if (lean_rad := _mirrored_rad(table)) > _UNDETERMINED_RAD:
         found.append(codes.AXIS_MIRRORED(lean_deg=float(np.rad2deg(lean_rad))))
     if tilts:
         axes = ", ".join(f"{_words(axis)} (±{_degrees(value)})" for value, axis in tilts)
@@ -66,9 +67,11 @@ def _without_mirror(table: TurntableSolution) -> TableCovariance:
     )
 
 
-def _mirrored_rad(mirror: TableCovariance) -> float:
-    """Return by how much the mirrored axis leans from the stated one; each has half the chance."""
-    return float(np.sqrt(2) * mirror.axis_direction_sigma_rad)
+def _mirrored_rad(table: TurntableSolution) -> float:
+    """Return by how much a mirrored axis that is to be reckoned with leans from the stated one, else 0."""
+    if table.mirror is None or table.mirror_chance < _MIRRORED_CHANCE:
+        return 0.0
+    return table.mirror.axis_direction_sigma_rad / float(np.sqrt(table.mirror_chance))
 
 
 def _open_tilts(covariance: TableCovariance) -> list[tuple[float, FloatArray]]:
@@ -85,7 +88,7 @@ def undetermined_of_table(table: TurntableSolution) -> list[Undetermined]:
     """Return the directions in which the axis is not fixed: tilts beyond 0.5°, shifts beyond 3 mm."""
     found: list[Undetermined] = []
     covariance = _without_mirror(table)
-    if table.mirror is not None and _mirrored_rad(table.mirror) > _UNDETERMINED_RAD:
+    if table.mirror is not None and _mirrored_rad(table) > _UNDETERMINED_RAD:
         lean = np.linalg.eigh(table.mirror.axis_direction)[1][:, -1]
         said = message("the axis may be its mirror image at the plane of light: tell the side of one capture")
         found.append(Undetermined(direction=lean.tolist(), description=str(said)))
