@@ -120,6 +120,13 @@ export interface ArmText {
   tip?: string | null;
 }
 
+export interface ArmWorth {
+  captures: number;
+  without_mm: number;
+  with_mm: number;
+  worth_it: boolean;
+}
+
 export interface Arming {
   mover: string;
   settings?: Record<string, unknown>;
@@ -499,6 +506,8 @@ export interface CellPlan {
   limited_by: string;
   sentence: string;
   table?: TablePlan | null;
+  arm_errors?: ArmWorth[];
+  arm_sentence?: string;
 }
 
 export interface CellSession {
@@ -808,7 +817,7 @@ export interface DriftPoint {
 }
 
 export interface DriftSeries {
-  figure: "tool" | "tool-orientation" | "axis" | "axis-direction" | "verification";
+  figure: "tool" | "tool-orientation" | "axis" | "axis-direction" | "verification" | "arm-zero";
   title: string;
   unit: "mm" | "deg";
   points: DriftPoint[];
@@ -1651,6 +1660,7 @@ export interface PlannedCell {
   pitch_mm?: number;
   kind?: "profile" | "cloud" | "center";
   arm?: "calibrated" | "ordinary" | "nominal";
+  arm_name?: string | null;
   position_sigma_mm?: number | null;
   mounting_mm?: number;
   sphere_diameter_mm?: number | null;

@@ -82,7 +82,7 @@ def _terms(
     arm: ArmTable, joints_deg: Sequence[float | None], joints_mm: Sequence[float | None]
 ) -> list[tuple[ArmTerm, FloatArray]]:
     points, axes, flange = joint_lines(arm, joints_deg, joints_mm)
-    reach = _reach(arm)
+    reach = reach_of(arm)
     zero_deg, length_mm, axis_deg, coupling, sag_deg = next(own for most, own in _CLASSES if reach <= most)
     count, turns = len(arm.joints), [joint.kind == "revolute" for joint in arm.joints]
     readings = [float(value or 0.0) for value in joints_deg]
@@ -122,7 +122,8 @@ def _terms(
     return found
 
 
-def _reach(arm: ArmTable) -> float:
+def reach_of(arm: ArmTable) -> float:
+    """Return about how far an arm reaches from its second axis, mm."""
     told = sum(float(np.hypot(joint.a_mm, joint.d_mm)) for joint in arm.joints[1:])
     placed = [joint.previous_from_joint for joint in arm.joints[1:]]
     return told + sum(float(np.linalg.norm(np.array(rows)[:3, 3])) for rows in placed if rows is not None)

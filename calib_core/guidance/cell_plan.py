@@ -12,6 +12,7 @@ from calib_core.chain.model import Sigmas
 from calib_core.errors import InputError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import RigidTransform, rotation_from_vector
+from calib_core.guidance.arm_plan import ArmWorth, arm_worth
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 from calib_core.guidance.field_of_view import Sight
@@ -36,6 +37,7 @@ _DIAMETERS_MM: Final = (12.0, 20.0, 25.4, 30.0, 38.1, 50.0, 60.0, 80.0)
 _MOST_CAPTURES: Final = 30
 _GRID: Final = 160
 _LEAST_BESIDE: Final = 8  # captures beside the table, before those on it
+_TILT_DEG: Final = 30.0  # where the limits tell none
 _HOME: Final = rotation_from_vector(np.array([np.pi, 0.0, 0.0]))
 _SAME: Final = 1.02  # nearer to each other than this two spheres are alike, and the smaller one is proposed
 
@@ -43,6 +45,7 @@ _SAME: Final = 1.02  # nearer to each other than this two spheres are alike, and
 class CellToPlan(Record):
     """A cell that does not stand yet; lengths in mm. What is left out is an ordinary one's.
 
+    `arm_name` is that of a known arm: the plan then says what its own errors, solved with joints, are worth.
     `mounting_mm` is about how far the scanner sits from the flange; without `sphere_diameter_mm` the usual ones
     are tried.
     """
@@ -52,6 +55,7 @@ class CellToPlan(Record):
     pitch_mm: Positive = 0.1
     kind: Literal["profile", "cloud", "center"] = "profile"
     arm: ArmClass = "ordinary"
+    arm_name: str | None = None
     position_sigma_mm: NotNegative | None = None
     mounting_mm: Positive = 150.0
     sphere_diameter_mm: Positive | None = None
@@ -93,6 +97,8 @@ class CellPlan(Record):
     limited_by: str
     sentence: str
     table: TablePlan | None = None
+    arm_errors: list[ArmWorth] = Field(default_factory=list[ArmWorth])
+    arm_sentence: str = ""
 
 
 def plan_cell(cell: CellToPlan) -> CellPlan:
@@ -128,7 +134,10 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
             to_do = message("Widen `limits`: the scanner must see the sphere all around the table.")
             raise InputError("poses all around the table", "none that the limits allow", to_do, "limits")
         reached = None if reached is None else reached and bool(table.reachable)
+    worth = _arm_errors(cell)
     return CellPlan(
+        arm_errors=worth,
+        arm_sentence=_said_of_arm(worth),
         reachable=reached,
         wanted_mm=cell.wanted_mm,
         sphere=plan,
@@ -141,6 +150,36 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
         limited_by=_limited_by(situation),
         table=table,
         sentence=_sentence(cell, plan),
+    )
+
+
+def _arm_errors(cell: CellToPlan) -> list[ArmWorth]:
+    """Return what the arm's own errors are worth; nothing where they were measured, or the arm is not named."""
+    if cell.arm_name is None or cell.arm == "calibrated":
+        return []
+    from calib_core.arms.kinematics import arm_of
+
+    own_mm = ARMS[cell.arm].position_mm if cell.position_sigma_mm is None else cell.position_sigma_mm
+    return arm_worth(arm_of(cell.arm_name), own_mm, cell.limits.tilt_deg or _TILT_DEG)
+
+
+def _said_of_arm(worth: list[ArmWorth]) -> str:
+    first = next((one for one in worth if one.worth_it), None)
+    if not worth:
+        return ""
+    if first is None:
+        return message(
+            "The arm's own errors are not worth solving with {count} captures.", count=worth[-1].captures
+        )
+    return message(
+        "With joints told, the arm's own errors are worth solving from {captures} captures on: points measured "
+        "from other poses then agree to {with_mm:.2f} mm instead of {without_mm:.2f} mm, with {most} captures to "
+        "{best_mm:.2f} mm (RMS, an ordinary arm of its size).",
+        captures=first.captures,
+        with_mm=first.with_mm,
+        without_mm=first.without_mm,
+        most=worth[-1].captures,
+        best_mm=worth[-1].with_mm,
     )
 
 

@@ -33,6 +33,7 @@ from calib_core.review.drift_figures import (
     axes,
     axis_direction,
     axis_point,
+    joint_zeros,
     table_of,
     tool_point,
     turns,
@@ -83,10 +84,12 @@ class DriftPoint(Record):
 class DriftSeries(Record):
     """A figure over a cell's sessions, the oldest first; `trend` is that since the last step.
 
+    `arm-zero` is a joint's zero, where the sessions tell the arm's errors: its title says which.
+
     `temperature` is how it follows the first of arm's, air's and sphere's temperature that enough sessions tell.
     """
 
-    figure: Literal["tool", "tool-orientation", "axis", "axis-direction", "verification"]
+    figure: Literal["tool", "tool-orientation", "axis", "axis-direction", "verification", "arm-zero"]
     title: str
     unit: Literal["mm", "deg"]
     points: list[DriftPoint]
@@ -151,6 +154,10 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
         _series("axis", "Turntable's axis", "mm", axes(tables, axis_point)),
         _series("axis-direction", "Axis direction", "deg", axes(tables, axis_direction)),
         _series("verification", "Tool's error when verified", "mm", [v for s in good if (v := verified(s))]),
+        *(
+            _series("arm-zero", message("Zero of joint {number}", number=number), "deg", zeros)
+            for number, zeros in sorted(joint_zeros(answers).items())
+        ),
     ]
     series = [one for one in found if one.points]
     flags = [said for one in series for said in _flags(one)]

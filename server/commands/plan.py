@@ -34,6 +34,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     ):
         parser.add_argument(f"--{name}", type=float, metavar=name.rsplit("-", 1)[-1].upper(), help=what)
     parser.add_argument("--arm", choices=("calibrated", "ordinary", "nominal"), help="the arm's class (ordinary)")
+    parser.add_argument("--arm-name", metavar="NAME", help="a known arm: what its own errors are worth")
     parser.add_argument(
         "--sphere-class", choices=("certified", "bearing", "coated", "turned"), help="how exact it is (certified)"
     )
@@ -59,6 +60,7 @@ def _cell(options: argparse.Namespace) -> dict[str, Any]:
         sphere_class=options.sphere_class,
         wanted_mm=options.wanted_mm,
         arm=options.arm,
+        arm_name=options.arm_name,
     )
     names = ("near_mm", "far_mm", "near_width_mm", "far_width_mm")
     _add(data, "scanner", _given(**{name: getattr(options, name) for name in names}))
@@ -108,6 +110,7 @@ def _text(plan: "CellPlan") -> str:
         f"  the scanner {plan.distance_mm:.0f} mm from the sphere, "
         f"the stripe {plan.offset_mm:.0f} mm beside its middle"
     )
+    lines += [f"  {plan.arm_sentence}"] if plan.arm_sentence else []
     lines += [f"  {plan.where}", "", f"  {'sphere':>9} {'captures':>9} {'then':>10}"]
     for one in plan.spheres:
         captures = "–" if one.captures is None else str(one.captures)

@@ -11,6 +11,8 @@ from calib_core.arms.errors import arm_moves
 from calib_core.captures.arm_joints import corrected_by
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
+from calib_core.review.between_sessions import SolvedSession
+from calib_core.review.drift import cell_drift
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 from tests.arm_cell import ARM_KINDS, ArmCell, held_out_rms_mm, simulate_arm
@@ -153,10 +155,48 @@ def of_wrong_joints(each: int) -> Row:
     return Row(what, "≥ 98 %", f"{100 * share:.0f} %", share >= 0.98)
 
 
+def of_bumped_joints(each: int, bump_deg: float = 0.15) -> list[Row]:
+    """Return how often a later session of other poses names the joint whose zero moved, and none other."""
+    named: list[bool] = []
+    still: list[bool] = []
+    off: list[float] = []
+    for kind in ARM_KINDS:
+        for seed in range(each):
+            number = 2 + seed % 4  # the first and the last are the base's and the tool's
+            bumped = [bump_deg * (n == number - 1) for n in range(6)]
+            cells = [simulate_arm(kind, 6000 + seed, 30, errors="apply", held=0)]
+            cells += [
+                simulate_arm(kind, 6000 + seed, 30, errors="apply", held=0, bumped_deg=by)
+                for by in ([0.0] * 6, bumped)
+            ]
+            first, same, other = (solved(cell.session).to_json() for cell in cells)
+            for later, as_it_should, beside in ((same, still, []), (other, named, [number])):
+                sessions = [
+                    SolvedSession(session=name, name=name, date=name, results={"tcp": result})
+                    for name, result in (("1", first), ("2", later))
+                ]
+                series = [one for one in cell_drift(sessions).series if one.figure == "arm-zero"]
+                flagged = [int(one.title[-1]) for one in series if one.points[-1].flagged]
+                as_it_should.append(flagged == beside)
+                off += [one.points[-1].change for one in series if int(one.title[-1]) in beside]
+    what = f"six classes of arms, {len(named)}, a later session of other poses"
+    share, quiet = 100 * float(np.mean(named)), 100 * float(np.mean(still))
+    median = f"{share:.0f} %; median change {np.median(off):.2f}°"
+    return [
+        Row(f"the same, one joint's zero moved by {bump_deg}°: named alone", "≥ 90 %", median, share >= 90),
+        Row(f"{what}, nothing moved: no joint named", "≥ 95 %", f"{quiet:.0f} %", quiet >= 95),
+    ]
+
+
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes the 100 arms a class of the target."""
     each = 100 if full else 4
-    rows = [*beside_a_plain_fit(each), *of_rough_arms(each), of_wrong_joints(max(each // 4, 1))]
+    rows = [
+        *beside_a_plain_fit(each),
+        *of_rough_arms(each),
+        of_wrong_joints(max(each // 4, 1)),
+        *of_bumped_joints(each),
+    ]
     for captures in (15, 30):
         ratios: list[float] = []
         right: list[bool] = []
