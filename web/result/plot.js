@@ -229,7 +229,10 @@ function draw(block, element) {
 function section({ series, caption }) {
   const [outline, ...others] = series;
   const all = series.flatMap((one) => one.y.flatMap((value, index) => (value === null ? [] : [[xOf(one, index), value]])));
-  const ends = [0, 1].map((axis) => all.reduce(([low, high], place) => [Math.min(low, place[axis] ?? 0), Math.max(high, place[axis] ?? 0)], [Infinity, -Infinity]));
+  const ends = [0, 1].map((axis) => {
+    const places = all.map((place) => place[axis] ?? 0);
+    return [places.reduce((one, other) => Math.min(one, other), Infinity), places.reduce((one, other) => Math.max(one, other), -Infinity)];
+  });
   const [[left, right], [low, high]] = /** @type {[[number, number], [number, number]]} */ (ends);
   const per = Math.min((WIDTH - 20) / (right - left || 1), 360 / (high - low || 1));
   const place = (/** @type {SeriesOf} */ one, /** @type {number} */ index, /** @type {number} */ value) => `${((WIDTH - (right - left) * per) / 2 + (xOf(one, index) - left) * per).toFixed(1)} ${(10 + (high - value) * per).toFixed(1)}`;
