@@ -195,6 +195,7 @@ class Deviation(Record):
     extremes: list[ExtremePoint] | None = None
     tolerance_mm: float | None = None
     within_tolerance: float | None = None
+    sections: list[PartSection] | None = None
 
 
 class EncoderScaleError(Record):
@@ -421,6 +422,15 @@ class OpticsShift(Record):
     by_place: list[list[float]]
 
 
+class PartSection(Record):
+    """The part cut across an axis of the nominal's frame, in its other two axes."""
+    axis: Literal['x', 'y', 'z']
+    at_mm: float
+    magnified: float
+    nominal: list[list[float]]
+    points: list[list[float]]
+
+
 class Picture(Record):
     """A picture: a named `drawing` of a stage, or a `file` of a `capture`. `alt` says what there is to see."""
     id: str | None = None
@@ -445,7 +455,7 @@ class Plot(Record):
     title: str | None = None
     detail: bool | None = None
     kind: Literal['plot'] | None = None
-    shape: Literal['captures', 'line', 'xy', 'histogram', 'grid']
+    shape: Literal['captures', 'line', 'xy', 'histogram', 'grid', 'section']
     caption: str
     x: Axis
     y: Axis

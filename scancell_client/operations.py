@@ -354,9 +354,9 @@ class Operations(Connection):
         differs."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/read-back", files=[*_files("files", files), *_text("tool", tool), *_text("brand", brand), *_text("numbers", numbers), *_text("convention", convention)])
 
-    def clouds_section(self, session_id: str, *, axis: str | None = None, at_mm: float | None = None, width_mm: float | None = None, against: str | None = None, diameter_mm: float | None = None) -> Any:
+    def clouds_section(self, session_id: str, *, axis: str | None = None, at_mm: float | None = None, normal: str | None = None, width_mm: float | None = None, against: str | None = None, diameter_mm: float | None = None) -> Any:
         """Return the points of the merged cloud in a thin slice, at most four thousand of them."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/section", params=_given({"axis": axis, "at_mm": at_mm, "width_mm": width_mm, "against": against, "diameter_mm": diameter_mm}))
+        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/merged/section", params=_given({"axis": axis, "at_mm": at_mm, "normal": normal, "width_mm": width_mm, "against": against, "diameter_mm": diameter_mm}))
 
     def clouds_deviation(self, session_id: str, *, against: str | None = None, diameter_mm: float | None = None) -> Any:
         """Return how far the merged cloud lies off the reference mesh or the sphere in it, as it was
