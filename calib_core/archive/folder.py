@@ -26,7 +26,7 @@ from calib_core.records.callbacks import ReadFile
 from calib_core.records.plain_json import require_plain, told_once
 
 SESSION_FILE = "session.json"
-_URDF_ENDINGS = (".urdf", ".xacro", ".xml")
+_URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".yaml", ".yml")
 MAX_SESSION_BYTES = 32_000_000
 _ROOM = 100  # for the names of captures' files
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)  # as PowerShell writes what is sent to a file

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.arms.ur_calibration import arm_from_ur_calibration, is_ur_calibration
 from calib_core.errors import InputError, TooLargeError
 from calib_core.formats.shared.number import number
 from calib_core.formats.shared.xml_file import Element, elements
@@ -34,7 +35,7 @@ class _Joint:
 
 
 def arm_from_urdf(data: bytes, name: str, base: str | None = None, tip: str | None = None) -> ArmTable:
-    """Return the table of an arm's joints from its URDF.
+    """Return the table of an arm's joints from its URDF, or a UR's from its calibration (`ur_calibration`).
 
     Parameters
     ----------
@@ -52,6 +53,8 @@ def arm_from_urdf(data: bytes, name: str, base: str | None = None, tip: str | No
     TooLargeError
         If it is beyond 5 MB.
     """
+    if is_ur_calibration(data):
+        return arm_from_ur_calibration(data, name)
     if len(data) > MAX_BYTES:
         raise TooLargeError(
             "a URDF of at most 5 MB", "{count:.1f} MB", "Leave its meshes out.", name, count=len(data) / 1000000.0

@@ -112,3 +112,39 @@ def test_links_that_are_not_there_and_files_without_end_are_refused() -> None:
         arm_from_urdf(UR5E.encode(), "robot.urdf", tip="tool1")
     with pytest.raises(TooLargeError):
         arm_from_urdf(b" " * 5_000_001, "robot.urdf")
+
+
+UR5E_CALIBRATION = """
+kinematics:
+  shoulder: {x: 0, y: 0, z: 0.1625, roll: 0, pitch: 0, yaw: 0}
+  upper_arm: {x: 0, y: 0, z: 0, roll: 1.570796326794897, pitch: 0, yaw: 0}
+  forearm: {x: -0.425, y: 0, z: 0, roll: 0, pitch: 0, yaw: 0}
+  wrist_1: {x: -0.3922, y: 0, z: 0.1333, roll: 0, pitch: 0, yaw: 0}
+  wrist_2: {x: 0, y: -0.0997, z: 0, roll: 1.570796326794897, pitch: 0, yaw: 0}
+  wrist_3: {x: 0, y: 0.0996, z: 0, roll: 1.570796326794897, pitch: 3.141592653589793, yaw: 3.141592653589793}
+  hash: calib_1
+"""
+"""As the driver's description has it for an arm without errors."""
+
+
+@pytest.mark.parametrize("joints", POSTURES)
+def test_a_urs_calibration_is_its_arm(joints: list[float], tmp_path: Path) -> None:
+    arm = arm_from_urdf(UR5E_CALIBRATION.encode(), "robot.yaml")
+    at, nominal = flange_of_joints(arm, joints), flange_of_joints(NAMED_ARMS["ur5e"], joints)
+    np.testing.assert_allclose(at.matrix, nominal.matrix, atol=1e-6)
+    off = arm_from_urdf(UR5E_CALIBRATION.replace("x: -0.425,", "x: -0.4251,").encode(), "robot.yaml")
+    moved = flange_of_joints(off, joints).translation_mm - nominal.translation_mm
+    assert abs(float(np.linalg.norm(moved)) - 0.1) < 1e-6
+    cell = {"sphere_diameter_mm": 40.0, "pose_convention": "abb", "robot": {"arm": "robot.yaml"}}
+    record = {"format": "scancell-session/1", "name": "n", "captures": [], "cell": cell}
+    (tmp_path / "session.json").write_text(json.dumps(record))
+    (tmp_path / "robot.yaml").write_text(UR5E_CALIBRATION)
+    assert load_session(tmp_path)[0].cell.robot.arm == arm
+
+
+@pytest.mark.parametrize(
+    "change", [("forearm", "elbow"), ("0.1625", "text"), ("0.1625", ".inf"), ("kinematics:\n", "kinematics: [")]
+)
+def test_what_is_no_calibration_is_refused(change: tuple[str, str]) -> None:
+    with pytest.raises(InputError, match=r"robot\.yaml"):
+        arm_from_urdf(UR5E_CALIBRATION.replace(*change).encode(), "robot.yaml")

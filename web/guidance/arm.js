@@ -16,7 +16,7 @@ export function chooseArm(button) {
     if (!(held instanceof HTMLInputElement)) return;
     /** @type {{ items: string[] }} */
     const { items } = await (await request("/arms")).json();
-    const file = h("input", { type: "file", accept: ".urdf,.xacro,.xml", hidden: true });
+    const file = h("input", { type: "file", accept: ".urdf,.xacro,.xml,.yaml,.yml", hidden: true });
     const select = h("select", { id: button.id }, h("option", { value: "" }, t("arm.unknown")),
       ...items.map((name) => h("option", { value: JSON.stringify(name) }, name)), h("option", { value: URDF }, t("arm.urdf")));
     const show = () => {
