@@ -43,7 +43,7 @@ def measure_frame(session: Session, capture: Capture, read: ReadFile) -> Measure
         return not_seen(capture, error, image_size=_size(capture, read), **_board_figures(view))
     return measured_of(
         capture,
-        _of_board(view),
+        board_findings(view),
         points=len(pixels),
         preview=_thinned(pixels),
         image_size=view.image_size,
@@ -101,7 +101,7 @@ def _board_figures(view: BoardView | None) -> dict[str, Any]:
     }
 
 
-def _of_board(view: BoardView) -> list[Finding]:
+def board_findings(view: BoardView) -> list[Finding]:
     """Return what is noticed of a board that was found."""
     found: list[Finding] = []
     if np.isfinite(view.edge_width_px) and view.edge_width_px > _SOFT_EDGE_PX:

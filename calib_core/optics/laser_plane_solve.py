@@ -177,7 +177,7 @@ def solve_plane(
     places = [_on_board(camera, s, poses[i], shape) for i, s in zip(used, inliers, strict=True)]
     begin = posed.take(adjusted)
     joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty)
-    held = _why_held(joint)
+    held = why_held(joint)
     if camera_uncertainty is not None and held:
         camera_uncertainty = replace(camera_uncertainty, boards=None)
         joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty)
@@ -208,7 +208,7 @@ def solve_plane(
     )
 
 
-def _why_held(joint: Joint) -> Finding | None:
+def why_held(joint: Joint) -> Finding | None:
     """Return why the refined camera is not to be taken, None where it is."""
     if joint.camera_moved_sigmas > _MOST_CAMERA_SIGMAS:
         return CAMERA_HELD(course="drawn")

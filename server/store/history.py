@@ -100,7 +100,7 @@ def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment
     then = StoredSession(
         id=stored.id,
         session=session,
-        measured=_measured_then(stored, session, before),
+        measured=measured_then(stored.measured, session, before),
         results={stage: past[number].record for stage, number in numbers.items()},
         digests=digests,
         outputs=stored.outputs,
@@ -239,10 +239,12 @@ def _session_then(
     return nearest.model_copy(update={"captures": there})
 
 
-def _measured_then(stored: StoredSession, session: Session, before: Sequence[Data]) -> dict[str, Measured]:
+def measured_then(
+    measured: Mapping[str, Measured], session: Session, before: Sequence[Data]
+) -> dict[str, Measured]:
     """Return what was measured; of a capture that was removed it is not known any more."""
     removed = {item["capture"]: item["removed"] for item in before if item["kind"] == "capture"}
     return {
-        capture.id: measured_of(capture, [FILES_REMOVED()]) if removed[capture.id] else stored.measured[capture.id]
+        capture.id: measured_of(capture, [FILES_REMOVED()]) if removed[capture.id] else measured[capture.id]
         for capture in session.captures
     }

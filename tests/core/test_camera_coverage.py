@@ -12,6 +12,7 @@ from calib_core.optics.board import BoardView
 from calib_core.optics.camera import calibrate_camera
 from calib_core.optics.camera_evidence import camera_findings
 from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.camera_solution import CameraSolution
 
 SIZE = (1280, 960)
 MATRIX = np.array([[1300.0, 0, 645], [0, 1300, 475], [0, 0, 1]])
@@ -21,7 +22,11 @@ CORNERS = [(0.12, 0.14), (0.88, 0.14), (0.12, 0.86), (0.88, 0.86), (0.5, 0.5)]
 MIDDLE = [(0.4, 0.4), (0.6, 0.4), (0.4, 0.6), (0.6, 0.6), (0.5, 0.5)]
 
 
-def findings(places: Sequence[tuple[float, float]], seed: int) -> list[Finding]:
+def calibrated(places: Sequence[tuple[float, float]], seed: int, stretched: float = 1.0) -> CameraSolution:
+    """Return the camera of 15 views of a board whose middle stands at these places of the image, in turn.
+
+    `stretched`: so many times its pitch along the columns is told.
+    """
     rng = np.random.default_rng(seed)
     views: list[BoardView] = []
     while len(views) < 15:
@@ -31,8 +36,12 @@ def findings(places: Sequence[tuple[float, float]], seed: int) -> list[Finding]:
         pixels: FloatArray = LENS.project(turned - turned.mean(0) + ray)
         if (pixels > 0).all() and (pixels < SIZE).all():
             noisy = pixels + rng.normal(0, 0.05, pixels.shape)
-            views.append(BoardView(noisy, BOARD, np.arange(len(BOARD)), SIZE, 0.05))
-    found = camera_findings(calibrate_camera(views, SIZE))
+            views.append(BoardView(noisy, BOARD * [1.0, stretched, 1.0], np.arange(len(BOARD)), SIZE, 0.05))
+    return calibrate_camera(views, SIZE)
+
+
+def findings(places: Sequence[tuple[float, float]], seed: int) -> list[Finding]:
+    found = camera_findings(calibrated(places, seed))
     return [one for one in found if one.code.startswith("image-")]
 
 

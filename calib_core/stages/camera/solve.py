@@ -150,11 +150,11 @@ def _result(
 ) -> CameraResult:
     camera = solution.camera
     board = board_of(given.session.cell)
-    unused = _not_used(solution, views, failed, len(given.captures))
+    unused = frames_not_used(solution, views, failed, len(given.captures))
     found = [
         *camera_findings(solution),
-        *_by_robot_findings(solution.robot, board),
-        *_unverifiable(board, views, solution.robot),
+        *by_robot_findings(solution.robot, board),
+        *unverifiable(board, views, solution.robot),
         *unused,
     ]
     seen = solution.coverage
@@ -210,7 +210,7 @@ def _by_robot(camera: CameraModel, told: RobotLengths) -> CameraByRobot:
     )
 
 
-def _by_robot_findings(told: RobotLengths | None, board: Board) -> list[Finding]:
+def by_robot_findings(told: RobotLengths | None, board: Board) -> list[Finding]:
     """Return where the robot's lengths contradict pitch or camera."""
     if told is None:
         return []
@@ -222,7 +222,7 @@ def _by_robot_findings(told: RobotLengths | None, board: Board) -> list[Finding]
     return [codes.CAMERA_BY_ROBOT()] if told.chance < _RARE else []
 
 
-def _unverifiable(board: Board, views: dict[str, BoardView], told: RobotLengths | None) -> list[Finding]:
+def unverifiable(board: Board, views: dict[str, BoardView], told: RobotLengths | None) -> list[Finding]:
     """Return what frames of this kind of board cannot tell."""
     found = [codes.PITCH_NOT_CHECKED(pitch_mm=board.pitch_mm)] if told is None else []
     if any(view.turn_is_ambiguous for view in views.values()):
@@ -235,7 +235,7 @@ def _unverifiable(board: Board, views: dict[str, BoardView], told: RobotLengths 
     return found
 
 
-def _not_used(
+def frames_not_used(
     solution: CameraSolution, views: dict[str, BoardView], failed: dict[str, MeasurementError], expected: int
 ) -> list[Finding]:
     """Return which of the frames that should show the board are not used."""

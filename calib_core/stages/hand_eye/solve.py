@@ -55,7 +55,7 @@ def solve(given: StageInput) -> HandEyeResult:
         method="A X = Z B in closed form, then by maximum likelihood of the robot's pose errors",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        **judgement(_noticed(found, agreement)),
+        **judgement(hand_eye_findings(found, agreement)),
         tool0_from_camera=found.tool0_from_camera.to_rows(),
         covariance=found.covariance[:6, :6].tolist(),
         base_from_board=found.base_from_board.to_rows(),
@@ -148,7 +148,8 @@ def agreement_of(
     )
 
 
-def _noticed(found: HandEye, agreement: Agreement | None) -> list[Finding]:
+def hand_eye_findings(found: HandEye, agreement: Agreement | None) -> list[Finding]:
+    """Return what makes the board's second opinion weak, or that the sphere's answer is another."""
     sigmas = np.sqrt(np.diag(found.covariance)[:6])
     if float(np.rad2deg(sigmas[:3].max())) > _WELL_SIGMA_DEG or float(sigmas[3:].max()) > _WELL_SIGMA_MM:
         return [codes.CAMERA_WEAK()]

@@ -125,7 +125,7 @@ def _result(
     normal, distance = solution.normal, solution.distance_mm
     covariance = _with_pitch(solution.covariance, distance, camera)
     sigma_deg = rotation_sigma_deg(covariance)
-    unused = _not_used(solution, failed, len(given.captures))
+    unused = lines_not_used(solution, failed, len(given.captures))
     found = [*noticed(solution, sigma_deg), *lost_rays(sum(view.without_ray for view in solution.views))]
     found += [solution.camera_held] if solution.camera_held else []
     return LaserPlaneResult(
@@ -176,7 +176,7 @@ def noticed(solution: PlaneSolution, normal_sigma_deg: float) -> list[Finding]:
     return found
 
 
-def _not_used(solution: PlaneSolution, failed: dict[str, MeasurementError], count: int) -> list[Finding]:
+def lines_not_used(solution: PlaneSolution, failed: dict[str, MeasurementError], count: int) -> list[Finding]:
     """Return which frames of `count` captures are not used."""
     dark = [view.name for view in solution.views if view.left_out == "no-line"]
     off: dict[str, dict[str, Value]] = {

@@ -27,6 +27,7 @@ from calib_core.stages.turntable.record import TurntableResult
 
 if TYPE_CHECKING:
     from calib_core.chain.table_start import Mounts
+    from calib_core.chain.tcp import TcpSolution
     from calib_core.chain.turntable import KnownTool, TurntableOptions
 
 _TCP_SHARE = 0.4
@@ -56,7 +57,7 @@ def solve(given: StageInput) -> TurntableResult:
     else:
         solved = tcp_of(given)
         tool, sphere = tool_of(solved), solved.sphere
-        found = _about_tool(solved, given.session.captures)
+        found = about_tool(solved.solution, given.session.captures)
     try:
         table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
     except MotionError as error:  # the table is not to blame where the tool is wrong
@@ -111,13 +112,13 @@ def tool_of(solved: SolvedTcp) -> "KnownTool":
     return KnownTool(solution.joint.mount_from_laser, solution.held, two_step, arm)
 
 
-def _about_tool(solved: SolvedTcp, captures: Sequence[Capture]) -> list[Finding]:
+def about_tool(tool: "TcpSolution", captures: Sequence[Capture]) -> list[Finding]:
     """Return what is to be said of the tool that a table is solved by."""
     from calib_core.stages.tcp.verdict import tcp_findings
 
-    verdict = verdict_of(tcp_findings(solved.solution, captures))
+    verdict = verdict_of(tcp_findings(tool, captures))
     found = [codes.TCP_FAILED()] if verdict == "fail" else [codes.TCP_DOUBTFUL()] if verdict == "warn" else []
-    return [*found, codes.BY_TOOL_ALONE()] if solved.solution.optics else found
+    return [*found, codes.BY_TOOL_ALONE()] if tool.optics else found
 
 
 def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:

@@ -128,7 +128,7 @@ def solve(given: StageInput) -> VerifyResult:
             *checks,
         ]
         findings += [*doubtful, *_disagreeing(first, sphere, own, found)]
-    unchecked = _unchecked(limits, checks, flat)
+    unchecked = unchecked_limits(limits, checks, flat)
     decision = overall(checks, len(unchecked))
     findings += [
         *([] if doubtful else decision_findings(checks, count)),
@@ -137,7 +137,7 @@ def solve(given: StageInput) -> VerifyResult:
         *late,
         *unchecked,
     ]
-    findings += _of_scatter(found, knows_uncertainty, decision) if found is not None else []
+    findings += scatter_findings(found, knows_uncertainty, decision) if found is not None else []
     surfaces = np.empty(0) if found is None else found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
     return VerifyResult(
         method="centre of a still sphere over held-out captures, by their and the answer's covariance",
@@ -228,7 +228,7 @@ def _by_plate_alone(
     if flat is None or not checks:
         to_do = "" if flat is None else flat.why_not
         raise MotionError("captures of a plate that tell its flatness", "too few of use", to_do, "captures")
-    late, unchecked = limit_findings(limits), _unchecked(limits, checks, flat)
+    late, unchecked = limit_findings(limits), unchecked_limits(limits, checks, flat)
     decision = overall(checks, len(unchecked))
     count = sum(row.used for row in flat.residuals)
     findings = [*decision_findings(checks, count), *doubts, *unchecked, *flat.findings, *late, codes.PLATE_ALONE()]
@@ -293,7 +293,7 @@ def _flatness(limits: Verification, flat: Plate | None) -> list[VerifyCheck]:
     ]
 
 
-def _unchecked(limits: Verification, checks: Sequence[VerifyCheck], flat: Plate | None) -> list[Finding]:
+def unchecked_limits(limits: Verification, checks: Sequence[VerifyCheck], flat: Plate | None) -> list[Finding]:
     """Return the limits that were set and that these captures cannot be held to."""
     found = {check.name for check in checks}
     of_plate = (
@@ -339,7 +339,7 @@ def _tool(given: StageInput) -> tuple[Tool, Placement | None, str, list[Finding]
     return Tool.of(answer), axes_of_answer(cell, answer), stage, doubts, answer.arm_model
 
 
-def _of_scatter(found: HeldOut, knows_uncertainty: bool, decision: Decision | None) -> list[Finding]:
+def scatter_findings(found: HeldOut, knows_uncertainty: bool, decision: Decision | None) -> list[Finding]:
     """Return what is said of the scatter; where limits were set, these decide."""
     if not knows_uncertainty:
         return [codes.TOOL_WITHOUT_UNCERTAINTY()] if decision is None else []

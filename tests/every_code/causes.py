@@ -1,0 +1,121 @@
+"""Rows of causes: poses, lengths and angles that are told wrongly, beside those that are right."""
+
+from collections.abc import Callable, Iterable
+from functools import cache
+
+import numpy as np
+from wrong_lengths import ANGLES, scaled_files, told_angles
+from wrong_poses import Measured, reordered, rewritten, swapped, writer
+
+from calib_core.captures.content import sphere_of
+from calib_core.captures.observe import observe_capture
+from calib_core.causes.poses import pose_causes
+from calib_core.causes.scales import scale_causes
+from calib_core.causes.session import unsolved_causes
+from calib_core.causes.table import direction_findings, table_causes
+from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.chain.table_frame import TableFrame
+from calib_core.findings import Finding
+from calib_core.findings.codes.causes import POINT_UNIT
+from calib_core.frames import RigidTransform
+from calib_core.records import Session
+from tests.every_code.made import CELL, TABLE, Case, made, session_of, tool_of
+
+
+@cache
+def measured() -> Measured:
+    """Return a right session's captures of the still sphere, measured."""
+    session = made("tcp", 11).session
+    read = made("tcp", 11).files.__getitem__
+    observations = [observe_capture(session, c, read) for c in session.captures]
+    return Measured(session, observations, sphere_of(session.cell, session.captures))
+
+
+def poses(wrong: Callable[[Session], Session]) -> Case:
+    """Return what is said of poses that were told in another way."""
+
+    def case() -> Iterable[Finding]:
+        session = wrong(measured().session)
+        return pose_causes(session.cell, session.captures, measured().observations, measured().sphere)
+
+    return case
+
+
+def in_order(order: Callable[[int], list[int]]) -> Case:
+    """Return what is said of poses in another order."""
+    return poses(lambda session: reordered(session, order(len(session.captures))))
+
+
+def two_swapped(count: int) -> list[int]:
+    """Return an order in which two are exchanged."""
+    return swapped(count, np.random.default_rng(5))
+
+
+def lengths(x: float = 1.0, diameter_mm: float = 40.0) -> Case:
+    """Return what is said of profiles that are so many times too wide, of a ball that is told as so large."""
+
+    def case() -> Iterable[Finding]:
+        cell = made("tcp", 11)
+        files = scaled_files(cell.files, x, 1.0)
+        return scale_causes(cell.session, cell.session.captures, files.__getitem__, SphereSize(diameter_mm))
+
+    return case
+
+
+@cache
+def on_table() -> list[SphereObservation]:
+    """Return the captures of the ball on a table, measured."""
+    session = session_of(TABLE)
+    return [observe_capture(session, c, CELL.files.__getitem__) for c in session.captures]
+
+
+def angles(wrong: Callable[[list[float]], list[float]]) -> Case:
+    """Return what is said of the table's angles, told otherwise."""
+
+    def case() -> Iterable[Finding]:
+        session = told_angles(session_of(TABLE), wrong)
+        tool = RigidTransform(np.array(CELL.truth["tool0_from_laser"]), "tool0", "laser")
+        told = [
+            TableObservation(seen, float(np.deg2rad(c.table_deg or 0.0)), c.mount or "")
+            for seen, c in zip(on_table(), session.captures, strict=True)
+        ]
+        return table_causes(session.captures, told, SphereSize(40.0), tool)
+
+    return case
+
+
+def direction(told: int) -> Case:
+    """Return what is said where angles that count right-handed about an axis that points up are told so, or not."""
+    up = RigidTransform.of(np.eye(3), np.zeros(3), "base", "turntable")
+    cell = session_of(TABLE, turntable={"direction": told}).cell
+    return lambda: direction_findings(cell, TableFrame(up, 1, np.zeros((1, 3))))
+
+
+def in_unit(scenario: str) -> Case:
+    """Return the causes of a session whose files are in a unit, unsolved."""
+    return lambda: [
+        POINT_UNIT(remedy=cause, unit="m")
+        for cause in unsolved_causes(made(scenario, 3).session, made(scenario, 3).files.__getitem__)
+        if cause.kind == "point-unit"
+    ]
+
+
+CASES: dict[str, tuple[Case, Case]] = {
+    "moved-sphere": (tool_of("sphere: moved by 5 mm for good"), tool_of("arms: clean")),
+    "changed-tool": (
+        tool_of("books: tool changed midway by 0.2°", 2),
+        tool_of("sphere: moved by 0.5 mm for good"),
+    ),
+    "swapped-poses": (tool_of("books: two poses swapped"), tool_of("arms: clean")),
+    "shifted-poses": (tool_of("books: poses shifted by one"), tool_of("arms: clean")),
+    "pose-list-order": (in_order(lambda count: list(range(count))[::-1]), in_order(two_swapped)),
+    "pose-reading": (
+        poses(lambda session: rewritten(session, "fanuc", writer("kuka", 1.0, False))),
+        poses(lambda session: rewritten(session, "kuka", writer("kuka", 1.0, False))),
+    ),
+    "sphere-diameter": (lengths(diameter_mm=44.0), lengths()),
+    "scaled-profile": (lengths(x=1.05), lengths()),
+    "point-unit": (in_unit("tcp-metres"), in_unit("tcp")),
+    "table-direction": (direction(-1), direction(1)),
+    "table-angles": (angles(ANGLES["10 % too large"]), angles(list)),
+}
