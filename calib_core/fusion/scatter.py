@@ -23,6 +23,7 @@ _ROUNDS = 3
 _SIMPLEX = np.array([[0.0, 0.0], [0.7, 0.0], [0.0, 0.7]])
 _USUAL_MM, _USUAL_RAD = 0.1, 3e-4
 _WIDE = 2.5  # of the priors' logarithms: a factor of twelve
+_FARTHEST = 1000.0  # times the usual: scans whose poses are of others ask for ever more
 _OUTLYING = 4.0  # of its expected square
 _FEWEST_FOR_OUTLIERS = 5
 _BLOCK_PATCHES = 8.0
@@ -139,7 +140,8 @@ def _likeliest(matrix: FloatArray, vector: FloatArray, own: FloatArray, start: F
         return float(2 * np.log(np.diag(root)).sum() - explained @ explained + prior)
 
     options = {"xatol": 0.02, "fatol": 0.01, "initial_simplex": np.log(start) + _SIMPLEX}
-    return np.exp(minimize(cost, np.log(start), method="Nelder-Mead", options=options).x)
+    bounds = [(one - np.log(_FARTHEST), one + np.log(_FARTHEST)) for one in usual]
+    return np.exp(minimize(cost, np.log(start), method="Nelder-Mead", bounds=bounds, options=options).x)
 
 
 def _moves(

@@ -6,16 +6,18 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.captures.boards import frames_not_used
 from calib_core.errors import MeasurementError
 from calib_core.findings import Finding
 from calib_core.optics.adjust import BoardShape
 from calib_core.optics.board import BoardView
+from calib_core.optics.board_refusal import CELL_BOARD, board_words
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_evidence import camera_findings, coverage_findings
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_solution import CameraSolution, RobotLengths
 from calib_core.records import Board
-from calib_core.stages.camera.solve import by_robot_findings, frames_not_used, unverifiable
+from calib_core.stages.camera.solve import by_robot_findings, unverifiable, views_not_used
 from tests.core.test_camera_coverage import CORNERS, MATRIX, SIZE, calibrated
 from tests.every_code.made import Case, sides
 from tests.every_code.quality import BOARD, frame
@@ -87,17 +89,25 @@ def not_used(views: int = 15, rejected: int = 0, expected: int = 15, failed: int
     seen: Any = {f"b{k}": None for k in range(views)}
     off: Any = {k: {"off": "place"} for k in range(rejected)}
     errors = {f"f{k}": MeasurementError("a board", "none", "Show it.") for k in range(failed)}
-    return lambda: frames_not_used(replace(right(), rejected=off), seen, errors, expected)
+    return lambda: views_not_used(replace(right(), rejected=off), seen, errors, expected)
+
+
+def other_boards(used: int) -> Case:
+    """Return what is said of a frame that shows another board, beside others that are used."""
+    need, got = board_words("chessboard", 9, 6), board_words("chessboard", 8, 6)
+    failed = {"b01": MeasurementError(need, got, "Correct cell.board.", CELL_BOARD)}
+    return lambda: frames_not_used(failed, used)
 
 
 of_camera = partial(sides, camera_findings, right)
 CASES: dict[str, tuple[Case, Case]] = {
     "frame-not-used": (not_used(failed=1), not_used()),
+    "board-not-as-told": (other_boards(3), other_boards(4)),
     "view-not-used": (not_used(rejected=1), not_used()),
     "most-frames-not-used": (not_used(7), not_used(8)),
     "camera-not-converged": of_camera("converged", False, True),
     "few-views": (views(9), views(10)),
-    "image-not-covered": (lambda: coverage_findings(0.5, 3.1), lambda: coverage_findings(0.5, 2.9)),
+    "image-not-covered": (lambda: coverage_findings(0.8, 3.1), lambda: coverage_findings(0.8, 2.9)),
     "image-covered-in-part": (lambda: coverage_findings(0.5, 2.9), lambda: coverage_findings(0.61, 2.9)),
     "boards-not-tilted": (tilted(0.25), tilted(0.27)),
     "distortion-folds": of_camera("camera", lens(-0.42), lens(-0.36)),

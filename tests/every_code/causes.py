@@ -85,7 +85,7 @@ def angles(wrong: Callable[[list[float]], list[float]]) -> Case:
 
 
 def direction(told: int) -> Case:
-    """Return what is said where angles that count right-handed about an axis that points up are told so, or not."""
+    """Return what is said where right-handed angles about an axis that points up are told so, or not."""
     up = RigidTransform.of(np.eye(3), np.zeros(3), "base", "turntable")
     cell = session_of(TABLE, turntable={"direction": told}).cell
     return lambda: direction_findings(cell, TableFrame(up, 1, np.zeros((1, 3))))

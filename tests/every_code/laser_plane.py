@@ -27,7 +27,9 @@ def plane(normal_sigma_deg: float = 0.05, **fields: Any) -> Case:
 
 def across(share: float) -> Case:
     """Return what is noticed where the lines lie such a share of their length apart."""
-    return lambda: plane_findings(replace(right().fit, width_mm=share * right().fit.length_mm), right().lines, 0.05)
+    return lambda: plane_findings(
+        replace(right().fit, width_mm=share * right().fit.length_mm), right().lines, 0.05
+    )
 
 
 def boards(count: int) -> Case:

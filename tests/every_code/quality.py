@@ -8,8 +8,8 @@ from functools import cache, partial
 import cv2
 import numpy as np
 
-from calib_core.captures.measure import measure_capture
 from calib_core.captures.advice import arc_findings
+from calib_core.captures.measure import measure_capture
 from calib_core.captures.measure_frame import board_findings
 from calib_core.findings import Finding
 from calib_core.formats.points import parse_profile
@@ -30,7 +30,7 @@ from server import measuring
 from server.captures.measuring_queue import to_wait
 from server.store.calibrations import Calibrated
 from server.store.history import measured_then
-from tests.every_code.made import CELL, TCP, Case, made, session_of, sides
+from tests.every_code.made import CELL, TCP, Case, session_of, sides
 
 BOARD = {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 9.0}
 

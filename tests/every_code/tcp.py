@@ -1,4 +1,4 @@
-"""Rows of the tool: a solved session with a figure at either side of its limit; sessions with a trouble elsewhere."""
+"""Rows of the tool: a solved session with a figure at either side of its limit, or sessions with a trouble."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -128,7 +128,8 @@ def flange(tool_mm: float = 0.0, mixed: int = 0) -> Case:
     def case() -> Iterable[Finding]:
         session = by_arm(tool_mm)
         some = session.captures[:mixed]
-        others = [one.model_copy(update={"joints_deg": other.joints_deg}) for one, other in zip(some, [*some[1:], *some], strict=False)]
+        joints = [c.joints_deg for c in (*some[1:], *some[:1])]
+        others = [c.model_copy(update={"joints_deg": of}) for c, of in zip(some, joints, strict=True)]
         return flange_findings(session.cell, [*others, *session.captures[mixed:]])
 
     return case

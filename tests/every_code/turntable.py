@@ -1,4 +1,4 @@
-"""Rows of the turntable: a solved table with a figure at either side of its limit; tables with a trouble elsewhere."""
+"""Rows of the turntable: a solved one with a figure at either side of its limit, or cells with a trouble."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -12,7 +12,6 @@ from calib_core.captures.observe import observe_capture
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import TableObservation
 from calib_core.chain.table_judging import EncoderScale
-from calib_core.chain.table_patterns import Pattern
 from calib_core.chain.table_tool import ToolMove
 from calib_core.chain.tcp import solve_tcp
 from calib_core.chain.turntable import KnownTool, TurntableSolution, solve_turntable
@@ -21,7 +20,6 @@ from calib_core.findings import Finding
 from calib_core.frames import FloatArray
 from calib_core.records import Cell
 from calib_core.stages.chain.result import disagreements
-from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.solve import about_tool, table_options
 from calib_core.stages.turntable.verdict import table_findings
@@ -101,7 +99,7 @@ def off_circles(distance_mm: float) -> Case:
     """Return what is noticed where captures lie so far off their circles."""
 
     def change(found: TurntableSolution) -> TurntableSolution:
-        off = found.residuals.expected_in_base + [distance_mm, 0.0, 0.0]
+        off = found.residuals.expected_in_base + np.array([distance_mm, 0.0, 0.0])
         return replace(found, residuals=replace(found.residuals, centers_in_base=off))
 
     return changed(change)
@@ -138,7 +136,9 @@ def scatter(times: float) -> Case:
 
     def change(found: TurntableSolution) -> TurntableSolution:
         told = replace(found.options, position_sigma_mm=0.05)
-        return replace(found, options=told, sigmas=replace(found.sigmas, position_mm=times * 0.05, alike_position_mm=0.0))
+        return replace(
+            found, options=told, sigmas=replace(found.sigmas, position_mm=times * 0.05, alike_position_mm=0.0)
+        )
 
     return changed(change)
 

@@ -16,8 +16,8 @@ from calib_core.stages.verify.decision import Estimate, checked, decision_findin
 from calib_core.stages.verify.flatness import Plate
 from calib_core.stages.verify.held_out import HeldOut
 from calib_core.stages.verify.limits import limit_findings
-from calib_core.stages.verify.solve import scatter_findings, unchecked_limits
 from calib_core.stages.verify.record import Decision
+from calib_core.stages.verify.solve import scatter_findings, unchecked_limits
 from tests.every_code.made import Case
 from tests.verified import brought_tool, shifted, verified_session
 

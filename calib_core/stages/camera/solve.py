@@ -150,7 +150,7 @@ def _result(
 ) -> CameraResult:
     camera = solution.camera
     board = board_of(given.session.cell)
-    unused = frames_not_used(solution, views, failed, len(given.captures))
+    unused = views_not_used(solution, views, failed, len(given.captures))
     found = [
         *camera_findings(solution),
         *by_robot_findings(solution.robot, board),
@@ -235,7 +235,7 @@ def unverifiable(board: Board, views: dict[str, BoardView], told: RobotLengths |
     return found
 
 
-def frames_not_used(
+def views_not_used(
     solution: CameraSolution, views: dict[str, BoardView], failed: dict[str, MeasurementError], expected: int
 ) -> list[Finding]:
     """Return which of the frames that should show the board are not used."""

@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 2  # flat patches alone are compared; the data says which way is out; mistakes fail
+    method_revision = 3  # a nominal that no point is near is told; scans with poses of others are refused by name
     step = CaptureStep(
         "scan",
         "Scan",

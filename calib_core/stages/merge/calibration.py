@@ -68,15 +68,15 @@ def calibration_of_session(given: StageInput, with_table: bool) -> Calibration:
 
     stage = ("turntable" if scanner else "chain") if table_to_solve else "tcp"
     if not table_to_solve and scanner is not None:
-        return _calibration_of(given.session.cell, given.captures, None)
+        return calibration_of(given.session.cell, given.captures, None)
     if not table_to_solve and "tcp" not in steps:
         raise no_scanner("the scanner's pose on the flange")
     result = given.solve_other(stage, tell)
     assert isinstance(result, TcpResult | TurntableResult | ChainResult)
-    return _calibration_of(given.session.cell, given.captures, result)
+    return calibration_of(given.session.cell, given.captures, result)
 
 
-def _calibration_of(
+def calibration_of(
     cell: Cell, captures: Sequence[Capture], result: TcpResult | TurntableResult | ChainResult | None
 ) -> Calibration:
     """Return the calibration out of what the user brings and what was solved."""

@@ -76,9 +76,7 @@ def compared(
         noise_mm2,
     )
     deviation = _deviation(points, origin_mm, nominal, found, settings, known.deviation_sigma_mm)
-    findings = [codes.NOMINAL_ALIKE(alike=found.alike)] if found.alike else []
-    if deviation.counted < _FEW:
-        findings.append(codes.NOMINAL_FAR(percent=100 * deviation.counted))
+    findings = nominal_findings(found.alike, deviation.counted)
     cloud_from_reference = _shifted(found.cloud_from_reference, origin_mm)
     base_from_reference = base_from_cloud @ cloud_from_reference
     covariance = about_origin(found.covariance + known.covariance, found.cloud_from_reference, origin_mm)
@@ -92,6 +90,12 @@ def compared(
         reference_sha256=sha256(data).hexdigest(),
     )
     return Compared(alignment, deviation, tuple(findings))
+
+
+def nominal_findings(alike: int, counted: float) -> list[Finding]:
+    """Return what is doubtful of a nominal with so many poses alike, near which this share of the points lies."""
+    found = [codes.NOMINAL_ALIKE(alike=alike)] if alike else []
+    return [*found, codes.NOMINAL_FAR(percent=100 * counted)] if counted < _FEW else found
 
 
 def cloud_from_reference(merge: Mapping[str, Any] | None, data: bytes) -> FloatArray:
@@ -182,7 +186,8 @@ def _deviation(
     in_nominal = (points - pose[:3, 3]) @ pose[:3, :3]
     values = nominal.distances_mm(in_nominal)
     of_it = np.abs(values) <= _OF_THE_PART * nominal.extent_mm
-    if not of_it.any():
+    counted = float(np.mean(of_it))
+    if not counted:
         of_it = np.ones(len(values), dtype=bool)
     seen = Deviations(values[of_it])
     limit_mm = max(seen.largest_mm(0.99), 1e-3)
@@ -193,7 +198,7 @@ def _deviation(
         signed_mean_mm=seen.mean_mm,
         uncertainty_mm=sigma_mm if np.isfinite(sigma_mm) else None,
         points=len(seen.values_mm),
-        counted=float(np.mean(of_it)),
+        counted=counted,
         limit_mm=limit_mm,
         histogram=histogram(seen.values_mm, limit_mm).tolist(),
         extremes=_extremes(points[of_it] + origin_mm, seen.values_mm, _APART * nominal.extent_mm),
