@@ -165,7 +165,7 @@ def best_possible(count: int, kinds: list[Measured], arm: str) -> list[Row]:
     begins = [next((k for k, z in enumerate(_slopes(*one), 2) if z > slope), _LONG) for one in creeping]
     early = sum(0.03 * at < _FOUND_BEFORE_MM for at in begins) / count
     at_once = sum(_steps(*one)[-1] > step for one in stepping) / count
-    what = f"{arm}, the bound: a test that knows direction and scanner, same false alarms"
+    what = f"{arm}, the bound (direction and scanner known, same false alarms)"
     return [
         Row(f"{what}: creep of 0.03 mm found before {_FOUND_BEFORE_MM:g} mm", "", f"{early:.1%}", None),
         Row(f"{what}: step of 0.3 mm found at once", "", f"{at_once:.1%}", None),
