@@ -18,7 +18,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     brand = "the controller's brand, where the files do not tell it"
     parser.add_argument("--brand", metavar="NAME", help=brand)
     as_written = "take poses as they stand, where the tool or frame they were taught with is not in the files"
-    told = "what the files do not say: convention, unit, columns of a table, topic, base, flange of a recording"
+    told = (
+        "what the files do not say: convention, unit, columns of a table, topic, base, flange of a recording, arm"
+    )
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=told)
     corrected = "correct the poses (or joints: columns j1_deg …) by the arm's errors that this session applies"
     parser.add_argument("--corrected", type=Path, metavar="SESSION", help=corrected)
