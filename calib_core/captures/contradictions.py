@@ -11,8 +11,8 @@ from calib_core.cell.carriers import scanner_names
 from calib_core.cell.consistency import without_readings
 from calib_core.errors import CalibrationError, InputError
 from calib_core.findings import Code, Finding, about
+from calib_core.findings.codes import arm as arm_codes
 from calib_core.findings.codes import captures as codes
-from calib_core.findings.codes import tcp as tcp_codes
 from calib_core.frames import RigidTransform, vector_from_rotation
 from calib_core.messages import Message, Value, message
 from calib_core.poses.identity import AGREE_DEG, AGREE_MM
@@ -121,7 +121,7 @@ def joints_contradict(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
     apart = _apart_by_joints(told)
     if 2 * len(apart) <= len(told):
         return []
-    return [tcp_codes.JOINTS_CONTRADICT(list(apart), apart=len(apart), count=len(told))]
+    return [arm_codes.JOINTS_CONTRADICT(list(apart), apart=len(apart), count=len(told))]
 
 
 def _not_by_joints(cell: Cell, captures: Sequence[Capture]) -> dict[str, dict[str, Value]]:

@@ -11,7 +11,6 @@ from calib_core.causes.joints import likely_joints
 from calib_core.errors import InputError
 from calib_core.findings import Finding
 from calib_core.findings.codes import arm as arm_codes
-from calib_core.findings.codes import tcp as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.poses.identity import AGREE_DEG, AGREE_MM, identity_by_joints
 from calib_core.poses.numbers import parse_pose, to_pose
@@ -55,7 +54,7 @@ def flange_findings(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
         changes=brought_back(reading, cell, captures),
         flange_reading=reading,
     )
-    return [codes.NOT_THE_FLANGE(whose=found.sentence, of=of, remedy=remedy)]
+    return [arm_codes.NOT_THE_FLANGE(whose=found.sentence, of=of, remedy=remedy)]
 
 
 def _read_otherwise(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:

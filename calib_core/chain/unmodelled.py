@@ -17,6 +17,7 @@ from calib_core.chain.rejection import Judged
 from calib_core.chain.score import Scores
 from calib_core.estimation import covariance_of
 from calib_core.findings import Finding
+from calib_core.findings.codes import arm as arm_codes
 from calib_core.findings.codes import tcp as codes
 from calib_core.frames import FloatArray, vector_from_rotation
 
@@ -45,7 +46,7 @@ class Unmodelled:
         """What is noticed of it."""
         if self.kind == "sheet-bent":
             return codes.SHEET_BENT(bend_mm=self.size_mm, half_width_mm=self.half_width_mm)
-        return codes.POSES_LAG(lag_mm=self.size_mm)
+        return arm_codes.POSES_LAG(lag_mm=self.size_mm)
 
 
 def unmodelled_of(judged: Judged) -> Unmodelled | None:

@@ -8,7 +8,7 @@ import pytest
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.repeated import repeats
 from calib_core.findings import has
-from calib_core.findings.codes.tcp import LAG_NOT_CHECKED
+from calib_core.findings.codes.arm import LAG_NOT_CHECKED
 from calib_core.frames import RigidTransform
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage

@@ -10,20 +10,16 @@ import numpy as np
 from cells import GIVEN, Cell
 
 from calib_core.captures.pitch import suspected_pitch
-from calib_core.causes.flange import flange_findings
 from calib_core.chain.held import ScannerError
-from calib_core.chain.observations import SphereObservation
 from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.undetermined import open_directions
 from calib_core.chain.warm_up import WarmUp
 from calib_core.findings import Finding
 from calib_core.formats.points import parse_profile
-from calib_core.frames import RigidTransform
 from calib_core.records import Capture, Session
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.tcp.verdict import doubts_about_two_steps, lag_findings, tcp_findings
+from calib_core.stages.tcp.verdict import doubts_about_two_steps, tcp_findings
 from calib_core.stages.tcp.warm_up import drift_findings
-from tests.every_code.captures import by_arm
 from tests.every_code.made import CELL, TCP, Case, made, result_of, session_of, sides, tool_of
 
 PLANE = {"normal": [0.0, 1.0, 0.0], "distance_mm": 100.0}
@@ -79,23 +75,6 @@ def of_captures(count: int) -> Case:
     return case
 
 
-def at_pose(*places_mm: tuple[float, float]) -> Case:
-    """Return what is said of captures of a ball, each of a flange and the ball's centre so far along x."""
-    flat = 1e-6 * np.eye(3)
-    seen = [
-        SphereObservation(
-            f"p{k}",
-            RigidTransform.of(np.eye(3), np.array([flange, 0.0, 0.0]), "base", "tool0"),
-            "cloud",
-            np.zeros((0, 3)),
-            np.array([center, 0.0, 200.0]),
-            flat,
-        )
-        for k, (flange, center) in enumerate(places_mm)
-    ]
-    return lambda: lag_findings(seen, replace(right().sigmas, position_mm=0.02))
-
-
 def two_steps(times: float) -> Case:
     """The paper's two steps off a right answer by so many times its ±, known to a micrometre."""
 
@@ -118,19 +97,6 @@ def drift(times: float) -> Case:
             "scanner", size, 0.0, True, True, False, 0.2, ("p01",), ("p01",), none, none, none, none, 1e-9
         )
         return drift_findings(replace(right(), warm_up=found))
-
-    return case
-
-
-def flange(tool_mm: float = 0.0, mixed: int = 0) -> Case:
-    """Return what is said of an arm's poses of a tool so long, some captures with the joints of another."""
-
-    def case() -> Iterable[Finding]:
-        session = by_arm(tool_mm)
-        some = session.captures[:mixed]
-        joints = [c.joints_deg for c in (*some[1:], *some[:1])]
-        others = [c.model_copy(update={"joints_deg": of}) for c, of in zip(some, joints, strict=True)]
-        return flange_findings(session.cell, [*others, *session.captures[mixed:]])
 
     return case
 
@@ -186,21 +152,13 @@ CASES: dict[str, tuple[Case, Case]] = {
     "scanner-bow": (of_error("bow"), of_error("shear")),
     "scanner-shear": (tool_of("scanner: shear of 2 %"), tool_of("arms: clean")),
     "scanner-scale-off": (tool_of("scanner: x 1 % too long"), tool_of("arms: clean")),
-    "arm-lengths-off": (tool_of("arms: poses 0.5 % too long"), tool_of("arms: clean")),
     "sphere-diameter-told": (result_of("tcp"), result_of("tcp-centers")),
     "captures-count-less": (of_weight(0.49), of_weight(0.51)),
-    "arm-less-true-than-told": (of_sigmas(position_mm=0.08), of_sigmas(position_mm=0.07)),
-    "lag-not-checked": (at_pose((0, 0), (0, 0), (50, 0)), at_pose((0, 0), (50, 0), (0, 0))),
-    "poses-repeat": (at_pose((0, 0), (50, 0), (0, 0.08)), at_pose((0, 0), (50, 0), (0, 0.09))),
-    "arm-lags": (at_pose((0, 0), (50, 0), (0, 0.09)), at_pose((0, 0), (50, 0), (0, 0.08))),
     "sheet-bent": (
         tool_of("scanner: sheet of light bent by 0.4 mm, 60 captures"),
         tool_of("scanner: bow of 0.05 mm"),
     ),
-    "poses-lag": (tool_of("arms: lags by 0.3 mm along its path"), tool_of("arms: lag of 0.2 mm, any direction")),
     "drift-in-session": (drift(1.1), drift(0.9)),
     "drift-covered": (drift(0.9), drift(1.1)),
-    "poses-not-of-the-flange": (flange(tool_mm=5.1), flange(tool_mm=4.9)),
-    "joints-contradict-poses": (flange(mixed=4), flange(mixed=3)),
     "board-pitch-doubtful": (pitch(1.1, {}), pitch(1.1, {"laser_plane": PLANE})),
 }

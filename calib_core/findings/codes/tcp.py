@@ -198,17 +198,6 @@ POSES_SCATTER = Code(
     usual_causes="A lost mastering, a loose tool or sphere.",
 )
 
-ARM_LENGTHS = Code(
-    "arm-lengths-off",
-    "warning",
-    text="The robot's poses seem too long by {error_percent:.2f} ± {uncertainty_percent:.2f} %, or the scanner's "
-    "lengths too short by as much: the captures hardly tell which.",
-    to_do="Check the arm's calibration, the scanner's own and the sphere's diameter.",
-    meaning="Lengths of arm and scanner do not agree.",
-    decided="The factor between them differs from one beyond chance.",
-    usual_causes="An arm that was never calibrated, a scanner's wrong scale.",
-)
-
 SCANNER_BOW = Code(
     "scanner-bow",
     "warning",
@@ -264,48 +253,6 @@ COUNT_LESS = Code(
     usual_causes="A pose that errs a little more than others.",
 )
 
-ARM_LESS_TRUE = Code(
-    "arm-less-true-than-told",
-    "note",
-    text="The captures agree to {found_mm:.2f} mm where the robot's sigma says {told_mm:.2f} mm: an arm repeats better "
-    "than it is true.",
-    to_do="The stated uncertainty holds it.",
-    meaning="Makers tell how well an arm repeats; what it errs beyond that is estimated and counted.",
-    decided="The estimated standard deviation is more than 1.5 times the one told.",
-    usual_causes="A sigma from a data sheet.",
-    behind=("table-scatter-beyond-told",),
-)
-
-LAG_NOT_CHECKED = Code(
-    "lag-not-checked",
-    "note",
-    text="Not checked: a lag that is always in one direction, and errors of the arm that all captures share.",
-    to_do="Approach some poses from another side and let the arm come to rest to show them.",
-    meaning="A lag that is always in one direction of the flange looks like the tool's own shift.",
-    decided="No pose was taken again after the arm had been elsewhere.",
-)
-
-POSES_REPEAT = Code(
-    "poses-repeat",
-    "note",
-    text="Poses taken again after the arm had been elsewhere differ by {shift_mm:.3f} mm at most ({captures}): where "
-    "they were reached from another side, a lag is no larger.",
-    to_do="Not checked: errors of the arm that all captures share.",
-    meaning="Poses that were reached twice check lag and play of the arm.",
-    decided="The sphere appears less far apart than chance and three standard deviations of the poses allow.",
-)
-
-ARM_LAGS = Code(
-    "arm-lags",
-    "warning",
-    text="{captures} are one pose, reached twice, but see the sphere {shift_mm:.2f} mm apart: the arm lags or has "
-    "play, or the sphere moved.",
-    to_do="By as much the TCP may be off in the direction of approach: let the arm come to rest before each capture.",
-    meaning="A pose that was reached twice shows the sphere at two places.",
-    decided="The shift is beyond three standard deviations of two poses, beyond that of the fits, and above 0.05 mm.",
-    usual_causes="Captures while the arm still moves, play in a joint, a sphere that was touched.",
-)
-
 _DRIFTED = {
     "scanner": "The scanner had not settled: it drifted by {drift_mm:.2f} ± {uncertainty_mm:.2f} mm.",
     "sphere": "The sphere, or the robot's base, had not settled: it drifted by {drift_mm:.2f} ± "
@@ -334,17 +281,6 @@ SHEET_BENT = Code(
     usual_causes="A home-built scanner whose line laser is not a plane, a window in the way of the light.",
 )
 
-POSES_LAG = Code(
-    "poses-lag",
-    "warning",
-    text="The robot seems to be {lag_mm:.2f} mm behind its reported poses, along its way from one capture to the next.",
-    to_do="Let it stand still before each capture, and read the pose afterwards.",
-    meaning="Captures lie off where their poses put them, each along the way on which the robot came.",
-    decided="One unknown more, a length or a share of the way, makes all captures likelier by a factor that chance gives in "
-    "one of 1,000 sessions.",
-    usual_causes="Poses that are read while the robot moves, commanded poses instead of reached ones, play in the gears.",
-)
-
 DRIFTED = Code(
     "drift-in-session",
     "warning",
@@ -366,32 +302,6 @@ DRIFT_COVERED = Code(
     meaning="As `drift-in-session`, but the answer's uncertainty holds it.",
     decided="The drift is no larger than twice the tool's own uncertainty at the workpiece, and below 0.5 mm.",
     usual_causes="A scanner that was just switched on.",
-)
-
-NOT_THE_FLANGE = Code(
-    "poses-not-of-the-flange",
-    "warning",
-    text="{whose}",
-    to_do="The answer is of these poses: give those of the flange, or enter the tool in the controller as they do.",
-    meaning="The joints of a known arm tell the flange, and the poses are those of something else.",
-    decided="One tool or one frame brings all poses to the flange that the joints give.",
-    usual_causes="The controller reported its active tool or frame.",
-    title={
-        "tool": "Poses are of a tool, not of the flange",
-        "frame": "Poses are in another frame, not in the base",
-        "both": "Poses are of a tool in another frame, not of the flange",
-    },
-    by="of",
-)
-
-JOINTS_CONTRADICT = Code(
-    "joints-contradict-poses",
-    "warning",
-    text="The joints of {apart} of {count} captures do not give their poses.",
-    to_do="Check the arm (cell.robot.arm), the joints' order and signs, and the pose convention.",
-    meaning="Joints and poses of most captures are not of one arm.",
-    decided="More than half of the captures are apart, by more than an arm's error.",
-    usual_causes="Another arm than named, joints in another order or sign.",
 )
 
 BOARD_PITCH = Code(

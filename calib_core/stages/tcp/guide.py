@@ -10,7 +10,7 @@ from calib_core.cell.found import carriers_found
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
 from calib_core.findings import has_code, message_of_finding, sentence_of, to_do_of
-from calib_core.findings.codes.tcp import LAG_NOT_CHECKED
+from calib_core.findings.codes.arm import LAG_NOT_CHECKED
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
 from calib_core.guidance.sphere_guess import SeenCenter, probable_place

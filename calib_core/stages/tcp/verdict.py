@@ -14,6 +14,7 @@ from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.undetermined import OpenDirection, about_travel, without_turns
 from calib_core.findings import Finding
 from calib_core.findings.code import Code
+from calib_core.findings.codes import arm as arm_codes
 from calib_core.findings.codes import tcp as codes
 from calib_core.records import Capture
 
@@ -180,7 +181,7 @@ def _doubts_about_noise(solution: TcpSolution) -> list[Finding]:
 def _about(error: ScannerError, solution: TcpSolution) -> Finding:
     values: dict[str, Any] = {"error_percent": 100 * error.error, "uncertainty_percent": 200 * error.sigma}
     if error.name == "arm_scale":
-        return codes.ARM_LENGTHS(error_percent=-100 * error.error, uncertainty_percent=200 * error.sigma)
+        return arm_codes.ARM_LENGTHS(error_percent=-100 * error.error, uncertainty_percent=200 * error.sigma)
     if error.name == "bow":
         return codes.SCANNER_BOW()
     handled = "applied" if solution.held.applied else "left"
@@ -222,7 +223,7 @@ def beyond_told_sigma(sigmas: Sigmas, told_mm: float | None) -> list[Finding]:
     found_mm = sigmas.largest_position_mm
     if told_mm is None or not is_beyond(found_mm, told_mm):
         return []
-    return [codes.ARM_LESS_TRUE(found_mm=found_mm, told_mm=told_mm)]
+    return [arm_codes.ARM_LESS_TRUE(found_mm=found_mm, told_mm=told_mm)]
 
 
 def is_beyond(scatter_mm: float, expected_mm: float) -> bool:
@@ -241,10 +242,10 @@ def lag_findings(observations: Sequence[SphereObservation], sigmas: Sigmas) -> l
     """
     found = repeats(observations)
     if not found:
-        return [codes.LAG_NOT_CHECKED()]
+        return [arm_codes.LAG_NOT_CHECKED()]
     largest = max(found, key=lambda one: one.shift_mm)
     names = [largest.first, largest.again]
     usual_mm = 3 * np.sqrt(2) * sigmas.position_mm
     if largest.is_shift and largest.shift_mm > max(usual_mm, _LEAST_LAG_MM):
-        return [codes.LAG_NOT_CHECKED(), codes.ARM_LAGS(names, shift_mm=largest.shift_mm)]
-    return [codes.POSES_REPEAT(names, shift_mm=largest.shift_mm)]
+        return [arm_codes.LAG_NOT_CHECKED(), arm_codes.ARM_LAGS(names, shift_mm=largest.shift_mm)]
+    return [arm_codes.POSES_REPEAT(names, shift_mm=largest.shift_mm)]
