@@ -28,6 +28,7 @@ _TUKEY = 4.685
 _ALIKE, _FACES = 1.15, 0.3  # poses that fit as well; cosine of a point's normal and the nominal's
 _TURNED_RAD = 0.1
 _CELLS = 8  # along the nominal's size: distances within one are counted as alike
+_FEWEST_FREE = 4
 _LEAST_MM = 1e-4
 _SINGLE = 3e-6  # of the nominal's size: what single precision leaves
 _WORST_CONDITION = 1e6
@@ -227,14 +228,23 @@ def _clustered(
     weighed: FloatArray, distance: FloatArray, matrix: FloatArray, there: FloatArray, nominal: Nominal
 ) -> FloatArray:
     """Return the fit's covariance; distances in one part of the nominal are alike and count once together."""
-    cells = np.floor((there - nominal.middle_mm) / (nominal.extent_mm / _CELLS)).astype(np.int64)
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
-    count = int(cell.max()) + 1
-    scores = np.zeros((count, 6))
-    np.add.at(scores, cell.ravel(), weighed * distance[:, None])
+    counts = weighed.any(axis=1)
+    cells = np.floor((there[counts] - nominal.middle_mm) / (nominal.extent_mm / _CELLS)).astype(np.int64)
+    _, cell, many = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    scores = np.zeros((len(many), 6))
+    np.add.at(scores, cell.ravel(), (weighed * distance[:, None])[counts])
     inverse = np.linalg.inv(matrix)
     least = np.diag([_SINGLE**2] * 3 + [(_SINGLE * nominal.extent_mm) ** 2] * 3)
-    return inverse @ (scores.T @ scores) @ inverse * count / max(count - 6, 1) + least
+    alike = float(many.sum() ** 2 / (many**2).sum())  # so many cells, were all alike
+    return inverse @ (scores.T @ scores) @ inverse * _widened(alike) + least
+
+
+def _widened(cells: float) -> float:
+    """Return by what a covariance of so many cells grows so that its region of 95 % holds (Hotelling's T²)."""
+    from scipy.stats import chi2, f
+
+    free = max(cells - 6, _FEWEST_FREE)
+    return float(6 * (free + 5) / free * f.ppf(0.95, 6, free) / chi2.ppf(0.95, 6))
 
 
 def _share_near(points: FloatArray, nominal: Nominal, found: Alignment) -> float:

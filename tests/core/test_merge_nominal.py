@@ -11,10 +11,12 @@ from calib_core.errors import InputError
 from calib_core.formats.ply import ply_pieces
 from calib_core.graph.keys import inputs_sha256
 from calib_core.records import parse_session
+from calib_core.records.evidence import Figure
 from calib_core.simulation import simulate
 from calib_core.simulation.part import build_part
 from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.pipeline import run
+from server.render.report.report import report_html
 
 PART = build_part()
 CLOUD_FROM_REFERENCE = np.eye(4)
@@ -68,9 +70,24 @@ def test_the_nominal_is_laid_into_the_part_and_deviations_are_what_is_stated() -
         drawn = np.linalg.norm(apart - share[..., None] * along, axis=2).min(axis=1) / section.magnified
         assert section.magnified > 5
         assert 0.2 < np.median(drawn) / np.median(np.abs(off.rms_mm)) < 2.0
+    headline = [block for block in result.evidence if getattr(block, "headline", False)]
+    assert any("Deviation from the nominal" in block.label for block in headline if isinstance(block, Figure))
+    assert any("0.2 mm" in block.label for block in headline if isinstance(block, Figure))
     assert {block.title for block in result.evidence} >= {
         "Against the nominal", "Farthest points", "Section across y",
     }  # fmt: skip
+
+
+def test_the_page_to_sign_has_the_deviation_and_the_report_its_sections() -> None:
+    record, _, _ = _scanned()
+    result = merged(reference="nominal.ply", tolerance_mm=0.2)
+    html = report_html(parse_session(record, "session"), {"merge": {**result.to_json(), "stale": False}})
+    first, rest = html[: html.index("<main>")], html[html.index("<main>") :]
+    assert "Deviation from the nominal, RMS" in first
+    assert "Points within ± 0.2 mm" in first
+    assert result.deviation is not None
+    for section in result.deviation.sections:
+        assert f"Section across {section.axis}" in rest
 
 
 def test_told_poses_take_up_nothing_and_a_part_too_large_is_told_by_its_sign() -> None:

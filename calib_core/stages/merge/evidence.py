@@ -34,6 +34,12 @@ def _headline(result: MergeResult) -> list[AnyBlock]:
     if result.surface_sigma_mm is not None:
         shown = plus_minus(result.surface_sigma_mm, "mm")
         found.append(Figure(label="Merged surface", quantity=shown, remark="along its normal", headline=True))
+    if (off := result.deviation) is not None:
+        found.append(
+            Figure(label="Deviation from the nominal, RMS", quantity=rms(off.rms_mm, "mm"), headline=True)
+        )
+        if off.within_tolerance is not None and off.tolerance_mm is not None:
+            found.append(_within(off.within_tolerance, off.tolerance_mm))
     if result.overlap_rms_mm is not None:
         expected = result.expected_overlap_rms_mm
         found.append(
@@ -129,9 +135,6 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
         Figure(label="Points compared", quantity=fixed(off.points, 0), remark=_share(off.counted)),
         *_laid(alignment),
     ]
-    if off.within_tolerance is not None and off.tolerance_mm is not None:
-        label = message("Points within ± {tolerance_mm:g} mm", tolerance_mm=off.tolerance_mm)
-        blocks.append(Figure(label=label, quantity=fixed(100 * off.within_tolerance, 2, "%")))
     width = 2 * off.limit_mm / len(off.histogram)
     lower = [-off.limit_mm + width * k for k in range(len(off.histogram))]
     return [
@@ -158,6 +161,11 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
             rows=[Row(cells=[*point.point_mm, point.deviation_mm]) for point in off.extremes],
         ),
     ]
+
+
+def _within(share: float, tolerance_mm: float) -> Figure:
+    label = message("Points within ± {tolerance_mm:g} mm", tolerance_mm=tolerance_mm)
+    return Figure(label=label, quantity=fixed(100 * share, 2, "%"), headline=True)
 
 
 def _share(counted: float) -> str:

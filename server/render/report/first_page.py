@@ -175,12 +175,17 @@ def outcome(
     wanted = session.cell.wanted_mm
     verify = results.get("verify", {})
     decision = verify.get("decision")
+    compared = results.get("merge", {}).get("deviation")
     return {
         "stage": stage,
         "verdict": verdict,
         "word": word,
         "meaning": meaning,
-        "figures": [f"{b.label} {figure_text(b)}" for b in blocks[stage] if isinstance(b, Figure) and b.headline],
+        "figures": [
+            f"{block.label} {figure_text(block)}"
+            for block in [*blocks[stage], *(blocks["merge"] if compared and stage != "merge" else [])]
+            if isinstance(block, Figure) and block.headline
+        ],
         "expanded": expanded,
         "wanted": quantity_text(plus_minus(wanted / 2, "mm")) if wanted else "",
         "decision": decision or "",
