@@ -223,7 +223,7 @@ class Album:
             into.mkdir(parents=True, exist_ok=True)
             picture = Image.open(BytesIO(page.screenshot())).convert("RGB")
             picture = picture.resize((960, 540)) if into == FOLDER else picture
-            picture.quantize(255, Image.Quantize.MEDIANCUT).save(into / f"{name}.png", optimize=True)
+            picture.quantize(255, Image.Quantize.FASTOCTREE).save(into / f"{name}.png", optimize=True)
         page.close()
         return found
 

@@ -100,7 +100,7 @@ class Person:
         self.look(f"{len(self.done):02d}")
         name = self.press(self.primary, main=True)
         self.page.wait_for_function(
-            f"(before) => ({_STAND})() !== before && !({_BUSY})", arg=before, timeout=120_000
+            f"(before) => ({_STAND})() !== before && !({_BUSY})", arg=before, timeout=300_000
         )
         self.refused += self.page.locator(".toast.bad").all_inner_texts()
         return name
@@ -125,8 +125,9 @@ _STAND = (
     " document.querySelector('[role=tab][aria-selected=true]')?.innerText,"
     " document.querySelectorAll('sc-rail .answer').length, document.querySelector('#answer-title')?.innerText])"
 )
-_BUSY = (
+_BUSY = (  # at the end of the way nothing is next
     "document.querySelector('sc-actions .job')?.checkVisibility()"
     " || document.querySelector('sc-actions .primary[aria-disabled=true]')"
-    " || ![...document.querySelectorAll('sc-actions button.primary')].some((one) => one.checkVisibility())"
+    " || !(document.querySelector('sc-rail .status-done[aria-current=step]')"
+    " || [...document.querySelectorAll('sc-actions button.primary')].some((one) => one.checkVisibility()))"
 )

@@ -81,6 +81,21 @@ def test_an_archive(begin: Callable[..., Person], api: httpx.Client, tmp_path: P
     expect(report.value.locator("body")).to_contain_text("simulated tcp, seed 7")
 
 
+@pytest.mark.parametrize(
+    ("begins", "steps"),
+    [
+        ("With a turntable", ("tcp", "turntable", "verify", "merge")),
+        ("With raw camera frames", ("camera", "laser-plane", "tcp")),
+    ],
+)
+def test_a_simulated_cell_to_its_end(begin: Callable[..., Person], begins: str, steps: tuple[str, ...]) -> None:
+    person = begin()
+    person.named(begins)
+    expect(person.page.locator("sc-guide h1")).not_to_be_empty(timeout=120_000)  # the cell is simulated first
+    for step in steps:
+        follow(person, step)
+
+
 def captured(person: Person, rows: Locator, count: int) -> bool:
     """Capture where the cell stands; where it is refused, as while a busy machine's poses come late, say no."""
     with person.page.expect_response("**/live/capture") as told:
