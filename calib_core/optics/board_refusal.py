@@ -137,6 +137,10 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
             )
         else:
             to_do = BRING_WHOLE
+        if {columns, rows} == {board.columns, board.rows}:
+            count = int(np.isfinite(seen[..., 0]).sum())
+            got = message("{count} of its corners, and nothing tells which way its rows run", count=count)
+            return MeasurementError(need, got, BRING_WHOLE)
         return MeasurementError(
             need,
             "a board of {columns} × {rows} inner corners, or a part of one",
