@@ -171,9 +171,11 @@ def _of_views(solution: "CameraSolution") -> list[Finding]:
 
 def coverage_findings(covered: float, extrapolation: float) -> list[Finding]:
     """Return how an image that boards cover in part counts: as little as what was seen tells of the rest."""
+    if covered >= ENOUGH_COVERED:
+        return []
     if extrapolation > _HARMLESS_EXTRAPOLATION:
         return [codes.IMAGE_NOT_COVERED(covered=covered)]
-    return [codes.IMAGE_COVERED_IN_PART(covered=covered, ratio=extrapolation)] if covered < ENOUGH_COVERED else []
+    return [codes.IMAGE_COVERED_IN_PART(covered=covered, ratio=extrapolation)]
 
 
 def _of_lens(solution: "CameraSolution") -> list[Finding]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from server.console.command import OK, Command
-from server.console.output import print_result, write_out
+from server.console.output import print_result
 
 if TYPE_CHECKING:
     from calib_core.records import Board
@@ -41,6 +41,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     """Write the board and say how to measure what was printed."""
     from calib_core.errors import InputError
+    from calib_core.formats.shared.writing import write_pieces
     from calib_core.optics.board_print import board_sheet, measured_over, sheet_pdf, sheet_svg
 
     board = _board(options)
@@ -50,12 +51,12 @@ def _run(options: argparse.Namespace) -> int:
             "a file name that ends in .pdf or .svg", str(options.out), "Name the file so.", str(options.out)
         )
     sheet = board_sheet(board, options.paper)
-    write_out(options, options.out, [writers[options.out.suffix.lower()](sheet)])
+    write_pieces(options.out, [writers[options.out.suffix.lower()](sheet)])
     along_row, along_column = measured_over(board)
     told = board.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     width, height = sheet.size_mm
     text = (
-        f"{width:g} × {height:g} mm. Print it at 100 %, not fitted to the page, and glue it flat.\n"
+        f"{options.out}: {width:g} × {height:g} mm. Print it at 100 %, not fitted to the page, and glue it flat.\n"
         f"Then measure it: {along_row} pitches along a row are {along_row * board.pitches_mm[0]:g} mm, "
         f"{along_column} along a column {along_column * board.pitches_mm[1]:g} mm.\n"
         "Tell what you measure as pitch_mm and pitch_y_mm of cell.board, and how well as pitch_sigma_mm:\n"

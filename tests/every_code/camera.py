@@ -107,7 +107,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "most-frames-not-used": (not_used(7), not_used(8)),
     "camera-not-converged": of_camera("converged", False, True),
     "few-views": (views(9), views(10)),
-    "image-not-covered": (lambda: coverage_findings(0.8, 3.1), lambda: coverage_findings(0.8, 2.9)),
+    "image-not-covered": (lambda: coverage_findings(0.5, 3.1), lambda: coverage_findings(0.5, 2.9)),
     "image-covered-in-part": (lambda: coverage_findings(0.5, 2.9), lambda: coverage_findings(0.61, 2.9)),
     "boards-not-tilted": (tilted(0.25), tilted(0.27)),
     "distortion-folds": of_camera("camera", lens(-0.42), lens(-0.36)),

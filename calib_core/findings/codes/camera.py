@@ -101,8 +101,8 @@ IMAGE_NOT_COVERED = Code(
     text="The boards cover {covered:.0%} of the image: the distortion of the rest is extrapolated.",
     to_do="Show the board in the corners too.",
     meaning="Where no board was seen the distortion is a guess.",
-    decided="The projection's uncertainty somewhere in the image is more than 3 times its median, terms of the lens that "
-    "are left at zero taken as uncertain.",
+    decided="Of 8 × 6 cells of the image fewer than 60 % hold a corner, and the projection's uncertainty somewhere in the "
+    "image is more than 3 times its median, terms of the lens that are left at zero taken as uncertain.",
     usual_causes="Boards in the middle of the image alone.",
 )
 
