@@ -1,7 +1,7 @@
 """How many changed lines of the estimating rooms the tests notice: mutants drawn by seed, made by cosmic-ray.
 
-Only the tests that stand nearest to the changed file are run (those that import it, then those that import what
-imports it), so what survives here may still be noticed by the whole suite: the share is a lower bound.
+Only the tests that stand nearest to the changed file are run (of its name or its folder's, then those that import
+it or what imports it), so what lives here may still be noticed by the whole suite: the share is a lower bound.
 """
 
 import importlib.util
@@ -60,9 +60,8 @@ def run(full: bool) -> Iterator[Row]:
             lives = not tests or _passes(tree, source, changed, tests)
             tried, noticed = tried + 1, noticed + (not lives)
             if lives:
-                print(
-                    f"  lives: {source.relative_to(ROOT)}:{line} ({', '.join(t.stem for t in tests) or 'no test'})"
-                )
+                named = ", ".join(test.stem for test in tests) or "no test"
+                print(f"  lives: {source.relative_to(ROOT)}:{line} ({named})", flush=True)
     yield Row(what, target, f"{noticed} ({noticed / tried:.0%})", noticed >= 0.85 * tried)
 
 
@@ -76,8 +75,8 @@ def sources() -> list[Path]:
 
 def _mutant(draw: random.Random) -> tuple[Path, int, str] | None:
     """Return a drawn source, the line that is changed and the changed text; None where there is no such place."""
-    from cosmic_ray.mutating import mutate_code
-    from cosmic_ray.plugins import get_operator, operator_names
+    from cosmic_ray.mutating import mutate_code  # pyright: ignore[reportMissingImports]
+    from cosmic_ray.plugins import get_operator, operator_names  # pyright: ignore[reportMissingImports]
 
     files = sources()
     source = draw.choices(files, [file.stat().st_size for file in files])[0]
@@ -105,19 +104,33 @@ def _copied(tree: Path) -> Path:
 
 
 def _passes(tree: Path, source: Path, changed: str, tests: list[Path]) -> bool:
-    """Return whether the tests pass with the changed source; one that takes ten minutes has noticed."""
+    """Return whether the tests pass with the changed source; what fails must pass with the source as it is."""
     place = tree / source.relative_to(ROOT)
     place.write_text(changed, encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-p", "no:cacheprovider"]
-    command += [str(test.relative_to(ROOT)) for test in tests]
     try:
-        return not subprocess.run(
-            command, cwd=tree, capture_output=True, timeout=PATIENCE_S, env=_environment(tree), check=False
-        ).returncode
-    except subprocess.TimeoutExpired:
-        return False
+        failed = _failing(tree, [str(test.relative_to(ROOT)) for test in tests])
     finally:
         shutil.copy2(source, place)
+    return failed is None or bool(failed and _failing(tree, [failed]) is not None)
+
+
+def _failing(tree: Path, tests: list[str]) -> str | None:
+    """Return the first test that fails, None where all pass; empty where none was collected, or in time."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n0", "-rf", "-p", "no:cacheprovider", *tests]
+    try:
+        done = subprocess.run(
+            command,
+            cwd=tree,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            env=_environment(tree),
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return ""
+    found = re.search(r"^FAILED (\S+)", done.stdout, re.MULTILINE)
+    return None if not done.returncode else found[1] if found else ""
 
 
 def _environment(tree: Path) -> dict[str, str]:
@@ -136,11 +149,13 @@ def _importers() -> Callable[[Path], list[Path]]:
 
 
 def _nearest(source: Path) -> list[Path]:
-    """Return the test files that stand nearest to a source, the one of its name first."""
-    seen, level, tests = {source}, [source], []
+    """Return the test files that stand nearest to a source: by its name, by its folder's, then by imports."""
+    everywhere = sorted((ROOT / "tests" / "core").glob("test_*.py"))
+    tests = [test for name in (source.stem, source.parent.name) for test in everywhere if name in test.stem]
+    seen, level = {source}, [source]
     while level and len(tests) < MOST_TEST_FILES:
         following = sorted({file for one in level for file in _importers()(one)} - seen)
         seen |= set(following)
         tests += [file for file in following if file.name.startswith("test_")]
         level = [file for file in following if not file.name.startswith("test_")]
-    return sorted(tests, key=lambda test: source.stem not in test.stem)[:MOST_TEST_FILES]
+    return list(dict.fromkeys(tests))[:MOST_TEST_FILES]
