@@ -11,6 +11,7 @@ from calib_core.captures.scans import ScanGroup, SessionScans, poses_of
 from calib_core.causes.readings import Reading, changes_of, readings
 from calib_core.errors import CalibrationError
 from calib_core.findings.codes import merge as codes
+from calib_core.formats.format import MM_PER_UNIT
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.arrangement import Fit, coarse, fit
 from calib_core.fusion.clean import clean_scan
@@ -22,6 +23,7 @@ from calib_core.stages.merge.trials import (
     LEAST_PAIRS,
     about_z,
     extent_mm,
+    impossible_among,
     impossible_of_scan,
     impossible_share,
     pairs_with,
@@ -41,6 +43,7 @@ _MOST_SUSPECTS = 6
 _SMALLER = 0.02  # of the others' size: metres
 _LEAST_MM = 2.0  # nobody scans so little of an object
 _MOST_READ_AGAIN = 24
+_ALIKE = 0.01  # of matrices of two readings that are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,9 +208,10 @@ class Mistakes:
         units = [
             replace(one, mm_per_unit=told.mm_per_unit * factor) for one in (told, *ways) for factor in (1e3, 1e-3)
         ]
+        tried: list[_Tried] = []
         seen_before: list[Reading] = [told]
         for reading in (*ways, *units, *readings(self._session.cell, rows)):
-            if reading in seen_before:
+            if reading in seen_before or reading.mm_per_unit not in MM_PER_UNIT.values():
                 continue
             seen_before.append(reading)
             try:
@@ -220,7 +224,12 @@ class Mistakes:
             moves = np.array([new @ np.linalg.inv(old) for new, old in zip(anew, where, strict=True)])
             if np.abs(moves[:, :3, 3]).max() > 1e5:
                 continue
-            yield _Tried(moves, fit(seen, moves), _MORE, self._reading_finding(reading))
+            tried.append(_Tried(moves, fit(seen, moves), _MORE, self._reading_finding(reading)))
+        # Poses in a wrong unit lie on one heap, where pairs are many by chance, and as many in every such reading.
+        for one in tried:
+            others = [other.fit.score for other in tried if not np.allclose(other.ways, one.ways, atol=_ALIKE)]
+            if one.fit.score > _MORE_BY_STEPS * max(others, default=0.0):
+                yield one
 
     def _reading_finding(self, reading: Reading) -> Callable[[Fit, Fit], Finding]:
         def finding(now: Fit, then: Fit) -> Finding:
@@ -302,7 +311,8 @@ class Mistakes:
                 or np.linalg.norm(np.median(beyond, axis=0)) > reach
             ):
                 found.append(looked.used[k])
-        if not found or 2 * len(found) > len(looked.used):
+        rest = [k for k, name in enumerate(looked.used) if name not in found]
+        if not found or 2 * len(found) > len(looked.used) or impossible_among(looked.outward, rest) > _RUBBLE:
             return []
         ids = [capture.id for capture in self._captures(found)]
         remedy = remedy_of("scan-elsewhere", Changes(captures={name: {"excluded": True} for name in ids}), ids)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calib_core.frames import FloatArray, rotation_from_vector
 from calib_core.fusion.arrangement import coarse, fit
-from calib_core.fusion.outward import Outward, sight
+from calib_core.fusion.outward import Outward, Sight, sight
 from calib_core.fusion.overlap import Patches, SeenBy, joined_patches
 from calib_core.records import Changes, RootCause
 
@@ -30,9 +30,20 @@ def impossible_of_scan(found: Outward, scan: int) -> float:
     """Return the same share of those that one scan is part of; 0 where they are few."""
     if found.sight is None:
         return 0.0
-    sides = (found.sight.before, found.sight.behind)[:: found.sign]
-    before, behind = (float(one[scan].sum() + one[:, scan].sum()) for one in sides)
+    before, behind = (float(one[scan].sum() + one[:, scan].sum()) for one in _sides(found.sight, found.sign))
     return before / (before + behind) if before + behind > LEAST_PAIRS else 0.0
+
+
+def impossible_among(found: Outward, scans: Sequence[int]) -> float:
+    """Return the same share of those between some scans."""
+    if found.sight is None:
+        return 0.0
+    before, behind = (float(one[np.ix_(scans, scans)].sum()) for one in _sides(found.sight, found.sign))
+    return before / max(before + behind, 1.0)
+
+
+def _sides(sight: Sight, sign: int) -> tuple[FloatArray, ...]:
+    return (sight.before, sight.behind)[::sign]
 
 
 def pairs_with(seen: Patches, rows: Sequence[NDArray[np.int64]], one: tuple[str, SeenBy], size: float) -> bool:
