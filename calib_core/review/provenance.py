@@ -1,11 +1,12 @@
 """Where results come from: replayed where no seal proves it, and compared with what stands beside them."""
 
-import html
 import math
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+import numpy as np
+
+from calib_core import __version__
 from calib_core.archive.archive import REPORT_FILE, ArchiveFacts, read_archive
 from calib_core.archive.archive import verify as verify_alone
 from calib_core.archive.bag import Bag, BagSource, open_bag
@@ -13,24 +14,36 @@ from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
 from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import parse_json
 from calib_core.archive.seals import IMPORTED, seal_state, session_sha256
-from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.errors import CalibrationError
 from calib_core.exports.answer import answer_of
-from calib_core.findings.codes.provenance import ARCHIVE_DISAGREES, SEAL_BROKEN
+from calib_core.findings.codes.circumstances import CERTIFICATE_OVERDUE
+from calib_core.findings.codes.faults import FAULT_CODES
+from calib_core.findings.codes.provenance import (
+    ARCHIVE_DISAGREES,
+    NOT_REPLAYED,
+    REPLAY_DIFFERS,
+    REPLAYED_OTHER_REVISION,
+    SEAL_BROKEN,
+)
 from calib_core.graph.keys import Graph
 from calib_core.records import Session
 from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.records.findings import Finding
 from calib_core.review.answer import answer_record
+from calib_core.review.printed import misprinted
 from calib_core.review.replay import WORDS, StageReplay, replay
 from calib_core.steps import table_stages, tool_stages
 
 HISTORY_FILE: Final = "history.json"
-_TOLD_OF_THE_MOMENT: Final = (
-    "faults", "findings", "solved", "verified", "warnings", "budget", "undetermined", "decided_before",
-    "equipment", "stale",
-)  # fmt: skip
+_OF_MOMENT: Final = ("decided_before", "faults")  # by who was asked, and when
+_OF_MOMENT_CODES: Final = {
+    *(code.name for code in FAULT_CODES.values()), CERTIFICATE_OVERDUE.name,
+    NOT_REPLAYED.name, REPLAY_DIFFERS.name, REPLAYED_OTHER_REVISION.name,
+}  # fmt: skip
+_OF_RESULTS: Final = ("stale", "fail", "verify-fail")
+_LATER: Final = ("findings", "verified", "decided_before", "equipment")  # answers of 0.1.0 lack them
 _EQUAL: Final = 1e-6
+_EQUAL_COVARIANCE: Final = 1e-4
 
 
 def replayed(
@@ -85,58 +98,86 @@ def _disagreeing(bag: Bag, session: Session, results: Mapping[str, Mapping[str, 
     """Give what stands in an archive beside its results and says something else."""
     graph = Graph(session, bag.sha256)
     try:
-        answer = answer_record(answer_of(session, results, graph.stale(results))).to_json()
+        solved = next(
+            (str(r["solved"]) for stage in tool_stages() if (r := results.get(stage, {})).get("solved")), ""
+        )
+        answer = answer_record(answer_of(session, results, graph.stale(results), solved)).to_json()
     except CalibrationError:
         answer = None
-    checks = {ANSWER_FILE: _answer_fields, REPORT_FILE: _report_fields}
-    for name, fields_of in checks.items():
-        if name in bag.payload and answer is not None:
-            fields = fields_of(bag.read(name), answer)
-            if fields:
-                yield ARCHIVE_DISAGREES([], what=name, fields=", ".join(fields[:5]))
+    fields: dict[str, list[str]] = {}
+    if ANSWER_FILE in bag.payload and answer is not None:
+        fields[ANSWER_FILE] = answer_fields(bag.read(ANSWER_FILE), answer)
+    if REPORT_FILE in bag.payload:
+        fields[REPORT_FILE] = list(misprinted(bag.read(REPORT_FILE), session, results, answer))
+    for name, others in fields.items():
+        if others:
+            yield ARCHIVE_DISAGREES([], what=name, fields=", ".join(others[:5]))
     if HISTORY_FILE in bag.payload:
         yield from _history(bag, results)
 
 
-def _answer_fields(content: bytes, answer: Mapping[str, Any]) -> list[str]:
+def answer_fields(content: bytes, answer: Mapping[str, Any]) -> list[str]:
     """Return the fields of an archive's answer that its results do not give."""
     told = parse_json(content, ANSWER_FILE)
     if not isinstance(told, dict):
         return [ANSWER_FILE]
-    of_failed = ("workpiece_sigma_mm",) if answer["verdict"] == "fail" else ()  # earlier versions stated it
-    fields = [name for name in told if name in answer and name not in (*_TOLD_OF_THE_MOMENT, *of_failed)]
-    return [name for name in fields if not _same(told[name], answer[name])]
+    unknown = {
+        "solved": answer["solved"] is None
+    }  # results of earlier versions, and of the command line, tell none
+    if answer["verdict"] == "fail":
+        unknown["workpiece_sigma_mm"] = True  # earlier versions stated it
+    if answer["software"] != f"scancell {__version__}":
+        unknown["budget"] = True  # another version's method
+    fields = [n for n in answer if not unknown.get(n) and n not in _OF_MOMENT and (n in told or n not in _LATER)]
+    return [n for n in fields if not _same(_lasting(n, told.get(n)), _lasting(n, answer[n]), n)] + _faults(
+        told, answer
+    )
 
 
-def _same(a: Any, b: Any) -> bool:
+def _lasting(name: str, value: Any) -> Any:
+    """Return a field of an answer without the findings of the moment in which somebody asked for it."""
+    if name != "findings" or not isinstance(value, list):
+        return value
+    return [one for one in value if not isinstance(one, dict) or one.get("code") not in _OF_MOMENT_CODES]
+
+
+def _faults(told: Mapping[str, Any], answer: Mapping[str, Any]) -> list[str]:
+    """Return "faults" where those that results decide are others, or one is none."""
+    said = told.get("faults")
+    if not isinstance(said, list) or not all(one in FAULT_CODES for one in said):
+        return ["faults"]
+    return [] if all((one in said) == (one in answer["faults"]) for one in _OF_RESULTS) else ["faults"]
+
+
+def _same(a: Any, b: Any, name: str = "") -> bool:
     """Return whether two values of an answer are the same, numbers but for their rounding."""
+    if name == "covariance" and a is not None and b is not None:
+        return _same_covariance(a, b)
     if isinstance(a, Mapping) and isinstance(b, Mapping):
-        return all(_same(a[name], b[name]) for name in a if name in b)
+        return all(_same(a.get(key), b[key], key) for key in b if key in a or b[key])
     if isinstance(a, list) and isinstance(b, list):
         return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, bool) or isinstance(b, bool):
+        return a is b
     if isinstance(a, float) or isinstance(b, float):
+        within = _EQUAL_COVARIANCE if "sigma" in name else _EQUAL
         return (
             isinstance(a, int | float)
             and isinstance(b, int | float)
-            and math.isclose(a, b, rel_tol=_EQUAL, abs_tol=1e-12)
+            and math.isclose(a, b, rel_tol=within, abs_tol=1e-9)
         )
     return a == b
 
 
-def _report_fields(content: bytes, answer: Mapping[str, Any]) -> list[str]:
-    """Return the frames whose position a report does not print as its archive's results have it."""
-    text = html.unescape(re.sub(r"<[^>]*>", " ", content.decode(errors="replace"))).replace("\N{MINUS SIGN}", "-")
-    frames = (*SCANNER_FRAMES, "base_from_turntable")
-    return [name for name in frames if answer.get(name) and not _prints(text, answer[name]["numbers"][:3])]
-
-
-def _prints(text: str, numbers: list[float]) -> bool:
-    """Return whether three numbers stand in a text one soon after the other, with equally many decimals."""
-    for decimals in range(7):
-        shown = [rf"(?<![\d.]){re.escape(f'{number:.{decimals}f}')}(?!\.?\d)" for number in numbers]
-        if re.search(r"[\s\S]{0,200}?".join(shown), text):
-            return True
-    return False
+def _same_covariance(a: Any, b: Any) -> bool:
+    """Return whether two covariances are the same to a part of their variances, as processors round."""
+    try:
+        one, other = np.array(a, dtype=float), np.array(b, dtype=float)
+        sigmas = np.sqrt(np.abs(np.diag(other)))
+        within = _EQUAL_COVARIANCE * np.outer(sigmas, sigmas)
+        return one.shape == other.shape and bool(np.all(np.isclose(one, other, 0, within, equal_nan=True)))
+    except (TypeError, ValueError):
+        return False
 
 
 def _history(bag: Bag, results: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:

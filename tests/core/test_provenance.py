@@ -10,16 +10,24 @@ from typing import Any
 
 import pytest
 
-from calib_core.archive.archive import pack, verify
+from calib_core.archive.archive import pack, read_archive, verify
 from calib_core.archive.bag import open_bag, write_bag
 from calib_core.archive.bag_seal import SEAL_FILE
 from calib_core.archive.folder import load_results, load_session, to_json_bytes
 from calib_core.archive.keys import keys
 from calib_core.archive.seals import seal_state, signed_result, with_provenance
 from calib_core.errors import ConflictError, InputError, NotFoundError
-from calib_core.review.provenance import replayed
+from calib_core.evidence.text import verdict_words
+from calib_core.exports.answer import answer_of
+from calib_core.findings.catalogues import LANGUAGES, catalogue
+from calib_core.records import Session
+from calib_core.review.answer import answer_record
+from calib_core.review.printed import misprinted
+from calib_core.review.provenance import answer_fields, replayed
 from calib_core.review.provenance import verify as verify_agreement
 from server.cli import main
+from server.render.report.first_page import Circumstances
+from server.render.report.report import report_html
 
 RELEASES = sorted((Path(__file__).parents[1] / "releases").glob("**/*.zip"))
 ARCHIVES = [file for file in RELEASES if file.parent.name == "archives" or file.name == "archive.zip"]
@@ -115,7 +123,7 @@ def rewritten(archive: Path, out: Path, change: dict[str, Any], *, keep_seal: bo
     """The archive with files changed and all checksums made anew."""
     with open_bag(archive) as bag:
         payload = {name: bag.read(name) for name in bag.payload}
-        seal = b"".join(bag.chunks(SEAL_FILE))
+        seal = b"".join(bag.chunks(SEAL_FILE)) if keep_seal else b""
     payload |= change
     with out.open("w+b") as file:
         write_bag(file, "cell", payload, {}, lambda _: {SEAL_FILE: seal} if keep_seal else {})
@@ -156,21 +164,74 @@ def test_names_may_be_taken_out_and_the_seal_may_be_missing(archive, tmp_path):
     assert (bare.sealed, [finding.code for finding in bare.findings]) == (None, ["not-signed"])
 
 
-def test_without_a_seal_answer_and_report_are_compared_with_the_results(archive, tmp_path):
+def disagreeing(archive: Path) -> dict[str, str]:
+    """Return which files of an archive do not agree with its results, and in which fields."""
+    found = verify_agreement(archive).findings
+    return {str(one.values["what"]): str(one.values["fields"]) for one in found if one.code == "archive-disagrees"}
+
+
+def parts(archive: Path) -> tuple[Session, dict[str, Any], dict[str, Any], str]:
+    """Return an archive's session, results, answer and report."""
     with open_bag(archive) as bag:
-        answer, report = json.loads(bag.read("answer.json")), bag.read("report.html").decode()
-    whole = re.escape(str(int(answer["tool0_from_laser"]["numbers"][0])))
-    forged, count = re.subn(rf"(?<![\d.]){whole}\.\d+", "11.11", report)
-    assert count
-    answer["tool0_from_laser"]["matrix"][0][3] += 1.0
-    change = {"answer.json": to_json_bytes(answer), "report.html": forged.encode()}
-    found = verify_agreement(rewritten(archive, tmp_path / "a.zip", change, keep_seal=False))
-    told = {
-        finding.values["what"]: finding.values["fields"]
-        for finding in found.findings
-        if finding.severity == "error"
-    }
-    assert told == {"answer.json": "tool0_from_laser", "report.html": "tool0_from_laser"}
+        archived = read_archive(bag)
+        report = bag.read("report.html").decode() if "report.html" in bag.payload else ""
+        return archived.session, archived.results, json.loads(bag.read("answer.json")), report
+
+
+WHOLE = [file for file in ARCHIVES if file.stem in ("tcp", "turntable", "verify")]
+
+
+@pytest.mark.parametrize("file", WHOLE, ids=lambda file: file.stem)
+def test_without_a_seal_every_field_of_the_answer_is_compared_with_the_results(file, tmp_path):
+    session, results, told, _ = parts(file)
+    own = answer_record(answer_of(session, results)).to_json()
+    for path in leaves(told):
+        forged = changed(told, path)
+        if path != ("solved",):  # results of then do not tell when they were solved
+            assert answer_fields(to_json_bytes(forged), own), path
+    forged = changed(told, ("tool0_from_laser", "matrix", 0, 1))
+    assert disagreeing(
+        rewritten(file, tmp_path / "a.zip", {"answer.json": to_json_bytes(forged)}, keep_seal=False)
+    ) == {"answer.json": "tool0_from_laser"}
+
+
+def test_an_answer_of_another_processor_is_not_accused(archive):
+    session, results, told, _ = parts(archive)
+    own = answer_record(answer_of(session, results)).to_json()
+    frame = told["tool0_from_laser"]
+    frame["covariance"] = [[x * (1 + 1e-5) for x in row] for row in frame["covariance"]]
+    told["position_sigma_mm"] *= 1 + 5e-6
+    assert not answer_fields(to_json_bytes(told), own)
+    emptied = {**told, "tool0_from_laser": {}, "verdict": None}
+    assert answer_fields(to_json_bytes(emptied), own) == ["verdict", "tool0_from_laser"]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("file", WHOLE, ids=lambda file: file.stem)
+def test_without_a_seal_what_the_report_prints_is_compared_with_the_results(file, language):
+    """Each number of its answer, tables and figures, its verdicts, decisions and name; one language a number."""
+    session, results, told, _ = parts(file)
+    report = report_html(session, results, circumstances=Circumstances(language=catalogue(language)))
+
+    def named(page: str) -> list[str]:
+        return list(misprinted(page.encode(), session, results, told))
+
+    assert named(report) == []
+    shown = re.compile(r"<td[^>]*>(?:[−\d.]+ )?(?:± )?[−\d.]*\d(?=(?:[\u202f°][^<]*)?</td>)")
+    begins = report.index('class="verdict', report.index('class="verdict', report.index("<body")) + 20)
+    numbers = [match.end() for match in shown.finditer(report, begins)]
+    assert len(numbers) > 50
+    for end in numbers[LANGUAGES.index(language) :: 3 * (1 + len(numbers) // 100)]:
+        other = "7" if report[end - 1] != "7" else "8"
+        assert named(report[: end - 1] + other + report[end:]), report[end - 60 : end + 20]
+    word, other = (verdict_words(verdict, catalogue(language))[0] for verdict in ("pass", "fail"))
+    for forged in (f'"verdict pass">{other}<', f'"verdict fail">{word}<', f'"verdict fail">{other}<'):
+        assert "verdict" in named(report.replace(f'"verdict pass">{word}<', forged, 1))
+    assert "session" in named(report.replace(f"<h1>{session.name}", "<h1>another"))
+    if 'class="decided pass"' in report:
+        assert "decision" in named(report.replace('class="decided pass"', 'class="decided fail"', 1))
+    begins = report.index("±", report.index('<p class="answer">'))
+    assert named(report[:begins] + report[begins:].replace("0.", "7.", 1)) == ["figures"]
 
 
 @pytest.mark.parametrize("file", ARCHIVES, ids=lambda file: file.stem)

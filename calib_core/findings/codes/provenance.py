@@ -76,7 +76,8 @@ ARCHIVE_DISAGREES = Code(
     text="{what} does not agree with the results in the same archive: {fields}.",
     to_do="Get the archive again from where it was made; do not use it.",
     meaning="An archive tells the same numbers in several places, and they are not the same.",
-    decided="Results are compared with `answer.json`, `history.json` and the numbers that `report.html` prints.",
+    decided="Results are compared with `answer.json`, `history.json` and what `report.html` prints: name, numbers, "
+    "verdicts, decisions.",
     usual_causes="One of the files was edited.",
     fixed=True,
 )
