@@ -233,6 +233,14 @@ class Walk:
         turned, moved = foot_moves(self.layout.axes, axes, self.readings)
         return turned @ self.rotations, np.einsum("kij,kj->ki", turned, self.translations) + moved
 
+    def ball_from_mount(self, at: Position) -> FloatArray:
+        """Return the rotations from what carries scanners into what carries still balls, (K, 3, 3)."""
+        rotations = (self.on_foot(at.axes)[0] if self._on_axes else self.rotations).copy()
+        back = self.over_robot < 0
+        rotations[back] = np.swapaxes(rotations[back], 1, 2)
+        rotations[self.over_robot == 0] = np.eye(3)
+        return rotations
+
     def laser_from_base(self, at: Position) -> FloatArray:
         """Return how balls move in L with the reported position of the flange in base, (K, 3, 3).
 

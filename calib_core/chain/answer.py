@@ -71,7 +71,7 @@ def answer_of(
         o.sphere_center_in_laser_mm(SphereSize(2 * r), int(side)) - q
         for o, q, r, side in zip(observations, expected, radii, sides, strict=True)
     ]
-    turned = data.rotations @ state.position.mount_rotations[walk.scanner]
+    turned = walk.ball_from_mount(state.position) @ state.position.mount_rotations[walk.scanner]
     offsets = np.einsum("kij,kj->ki", turned, np.array(own))
     used_distances = np.concatenate([d for d, u in zip(distances, used, strict=True) if u])
     scatter = np.linalg.norm(offsets[used], axis=1)

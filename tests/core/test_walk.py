@@ -161,3 +161,7 @@ def test_a_pose_that_is_off_moves_the_ball_as_levers_and_axes_say(
     moved = walk_of(layout, true, [0] * 5, [0] * 5, readings).seen(at) - expected
     assert moved == pytest.approx(moves @ np.array([*shift, *turn]), abs=3e-6)
     assert (Carriers(scanner, ball).over_robot != 0) == bool(np.abs(moved).max() > 1e-3)
+    aside = replace(at, places=at.places + np.array([1.0, -2.0, 3.0]))
+    turned = walk.ball_from_mount(at) @ at.mount_rotations[walk.scanner]
+    apart = np.einsum("kij,kj->ki", turned, walk.seen(aside) - expected)
+    assert apart == pytest.approx(np.tile([1.0, -2.0, 3.0], (5, 1)), abs=1e-9)

@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.captures.placement import Placement
 from calib_core.captures.scans import ScanGroup, SessionScans, poses_of
 from calib_core.causes.readings import Reading, changes_of, readings
+from calib_core.cell.carriers import stands_still
 from calib_core.errors import CalibrationError
 from calib_core.findings.codes import merge as codes
 from calib_core.formats.format import MM_PER_UNIT
@@ -200,7 +201,7 @@ class Mistakes:
 
     def _of_poses(self, looked: Looked, seen: Patches, where: list[FloatArray]) -> Iterator[_Tried]:
         captures = [self._groups[name].captures[0] for name in looked.used]
-        if any(capture.pose is None for capture in captures):
+        if any(one.pose is None or stands_still(self._session.cell, one) for one in captures):
             return
         rows = [capture.pose or [] for capture in captures]
         told = Reading.told(CONVENTIONS[self._session.cell.pose_convention])
