@@ -17,10 +17,11 @@ from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table_judging import EncoderScale
-from calib_core.chain.variance import ChainFit
+from calib_core.chain.variance import ChainFit, is_settled
 from calib_core.frames import FloatArray, with_third
 
 _HOPELESS = 12.0  # log-likelihood
+_PLAUSIBLE_MM = 2.0  # captures that scatter more fit neither way
 _LIKELIER = 0.5  # log-likelihood: less is no reason to change sides
 
 
@@ -74,14 +75,20 @@ def mirror_image(
     sided = any(
         o.kind != "profile" or o.side is not None for o, on in zip(observations, riding, strict=True) if on
     )
-    if not riding.any() or walk.over_robot[riding].any() or sided:
+    if (
+        not riding.any()
+        or walk.over_robot[riding].any()
+        or sided
+        or found.sigmas.largest_position_mm > _PLAUSIBLE_MM
+    ):
         return None
     images: list[MirrorImage] = []
     for scanner in np.unique(walk.scanner[riding]).tolist():
         image = _mirrored(data, found.state, scanner, told_direction)
         if image is not None:
             there = fit(data, image, found.sigmas)
-            images.append(MirrorImage(there.state, found.minimum.at.cost - there.at.cost))
+            if is_settled(replace(found, minimum=there)):  # of one that ran away no cost means anything
+                images.append(MirrorImage(there.state, found.minimum.at.cost - there.at.cost))
     best = max(images, key=lambda one: one.log_odds, default=None)
     return None if best is None or best.log_odds < -_HOPELESS else best
 
