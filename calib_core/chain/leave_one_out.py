@@ -60,5 +60,12 @@ def without_each(at: ChainLinearisation) -> WithoutOne:
     steps = -np.einsum("kip,ki->kp", columns, answer[:, :, 0])
     spread = (own @ answer[:, :, 1:])[:, :3, :3]
     moved = np.einsum("kip,kp->ki", at.jacobian, steps)
-    spread = (spread + np.swapaxes(spread, 1, 2)) / 2
+    spread = _positive((spread + np.swapaxes(spread, 1, 2)) / 2)
     return WithoutOne(steps, moved, spread, columns, answer[:, :, 1:] @ reduced)
+
+
+def _positive(spread: FloatArray) -> FloatArray:
+    """Return covariances (K, 3, 3), wide where rounding has made them negative: one capture alone tells that."""
+    values, axes = np.linalg.eigh(spread)
+    turned = (axes * np.abs(values)[:, None, :]) @ np.swapaxes(axes, 1, 2)
+    return np.where(values.min(axis=1)[:, None, None] < 0, turned, spread)

@@ -216,11 +216,12 @@ def _squared_distances(observations: Sequence[SphereObservation], data: ChainDat
     profile = np.isfinite(circle_mm)
     off, rows = measured - centers, np.broadcast_to(np.eye(3), spread.shape).copy()
     # Of a profile the circle was measured: x, z and radius.
-    cut = np.sqrt(np.maximum(radii[profile] ** 2 - centers[profile, 1] ** 2, 1e-6))
+    beside = centers[profile, 1] - measured[profile, 1]  # the light
+    cut = np.sqrt(np.maximum(radii[profile] ** 2 - beside**2, 1e-6))
     off[profile] = np.column_stack([off[profile][:, [0, 2]], circle_mm[profile] - cut])
     rows[profile] = [[1.0, 0, 0], [0, 0, 1.0], [0, 0, 0]]
     # Far beyond the sphere the slope would explode; the distance then speaks by x and z.
-    rows[profile, 2, 1] = np.clip(-centers[profile, 1] / cut, -10, 10)
+    rows[profile, 2, 1] = np.clip(-beside / cut, -10, 10)
     own = np.array([o.center_covariance for o in observations])
     own = data.points_per_independent[:, None, None] * own
     own[profile, 2, 2] += (_LINEARITY * radii[profile]) ** 2
@@ -232,7 +233,8 @@ def _squared_distances(observations: Sequence[SphereObservation], data: ChainDat
     own[unknown, :, 2] *= (circle_mm[unknown] / height)[:, None]
     covariance = own + rows @ spread @ np.swapaxes(rows, 1, 2)
     other = off.copy()
-    off[unknown, 2], other[unknown, 2] = height - centers[unknown, 1], -height - centers[unknown, 1]
+    beside = (centers - measured)[unknown, 1]
+    off[unknown, 2], other[unknown, 2] = height - beside, -height - beside
     return np.minimum(_squares(off, covariance), _squares(other, covariance))
 
 

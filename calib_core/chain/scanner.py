@@ -88,7 +88,7 @@ def corrected(observation: SphereObservation, values: FloatArray, half_width_mm:
         return moved
     circle = np.array([center[0], center[2], observation.circle_radius_mm])
     x, z, radius = circle_step(points[:, [0, 2]], circle).parameters
-    return replace(moved, center_in_laser_mm=np.array([x, 0.0, z]), circle_radius_mm=float(radius))
+    return replace(moved, center_in_laser_mm=np.array([x, center[1], z]), circle_radius_mm=float(radius))
 
 
 def _times(moves: FloatArray, change: FloatArray) -> FloatArray:
@@ -129,6 +129,6 @@ def spheres_seen(
         distance = np.hypot(apart[:, 0], apart[:, 1])
         points = own[:, :2] + apart * (1 - outside / distance)[:, None]
         circles = circle_steps(points, offsets, circles)
-    moved[has_arc] = np.column_stack([circles[:, 0], np.zeros(len(circles)), circles[:, 1]])
+    moved[has_arc] = np.column_stack([circles[:, 0], moved[has_arc, 1], circles[:, 1]])
     radii[has_arc] = circles[:, 2]
     return moved, radii

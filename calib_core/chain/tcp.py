@@ -19,6 +19,7 @@ from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
 from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.balls import candidates, middle_of
+from calib_core.chain.bend import Bend, straightened
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.foot_start import foot_axes, on_foot
 from calib_core.chain.held import Held, hold_files
@@ -131,6 +132,8 @@ class TcpSolution:
         What happened to the captures, where one cause explains several.
     warm_up : WarmUp or None
         How far scanner or sphere drifted meanwhile.
+    bend : Bend or None
+        Of the sheet of light, where the captures show it.
     unmodelled : Unmodelled or None
         What the answer has no room for, beyond chance.
     sphere : SphereSize
@@ -176,6 +179,7 @@ class TcpSolution:
     points_per_independent: float
     causes: list[Happened]
     warm_up: WarmUp | None
+    bend: Bend | None
     unmodelled: Unmodelled | None
     sphere: SphereSize
     seen_in_laser_mm: FloatArray
@@ -242,7 +246,9 @@ def solve_tcp(
     data = replace(data, distances=layout.apart(options.distances))
     state, core, spread = together(data, mains, every, axes)
     state, core = with_other_balls(data, centers_of(on_foot(observations, layout, axes), sphere), state, core)
-    judged = with_more_spread(judge_from(observations, data, state, core, given), spread)
+    judged = judge_from(observations, data, state, core, given)
+    observations, data, judged, bend = straightened(observations, data, judged, given)
+    judged = with_more_spread(judged, spread)
     held = hold_files(judged, options.apply_scanner)
     arm = None
     as_told: Held | None = None
@@ -305,6 +311,7 @@ def solve_tcp(
         points_per_independent=float(np.median([o.points_per_independent for o in observations])),
         causes=causes,
         warm_up=warm_up,
+        bend=bend,
         unmodelled=unmodelled_of(judged),
         sphere=sphere,
         seen_in_laser_mm=point,

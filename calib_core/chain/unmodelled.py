@@ -1,63 +1,56 @@
-"""Errors that the answer has no room for: a bent sheet of light, poses that lag along the robot's path.
+"""Errors that the answer has no room for: poses that lag along the robot's path.
 
-Each is one unknown more, tried at the answer by a score test: how much likelier all captures get with it.  The
-sheet's bend moves points across the plane of light; how the likelihood follows it is found by differences, all
-captures' own centres settled anew.
+Each is one unknown more, tried at the answer by a score test: how much likelier all captures get with it.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 
-from calib_core.chain.likelihood import NoiseShapes, linearised_at
-from calib_core.chain.model import ChainData
+from calib_core.chain.likelihood import NoiseShapes
 from calib_core.chain.rejection import Judged
 from calib_core.chain.score import Scores
-from calib_core.estimation import covariance_of
 from calib_core.findings import Finding
-from calib_core.findings.codes import arm as arm_codes
-from calib_core.findings.codes import tcp as codes
+from calib_core.findings.codes import arm as codes
 from calib_core.frames import FloatArray, vector_from_rotation
 
-Kind = Literal["sheet-bent", "poses-lag", "poses-lag-share"]
+Kind = Literal["poses-lag", "poses-lag-share"]
 
-_RARE: Final = 0.001  # each of three: about one right session in 300 is doubted
+RARE: Final = 0.001  # each of three, with `chain.bend`: about one right session in 300 is doubted
+LEAST_MM: Final = 0.05
 _FAR_MM: Final = 5.0
 _FAR_SHARE: Final = 0.1
-_LEAST_MM: Final = 0.05
-_TRIED_MM: Final = 0.05  # at the stripe's ends
 _LEAST_CAPTURES: Final = 10
 _LEAST_WAY_MM: Final = 1.0
 
 
 @dataclass(frozen=True)
 class Unmodelled:
-    """One error: its size at the stripe's ends, or along the path, and how rare so much is by chance."""
+    """One error: its size along the path, and how rare so much is by chance."""
 
     kind: Kind
     size_mm: float
     chance: float
-    half_width_mm: float
 
     @property
     def finding(self) -> Finding:
         """What is noticed of it."""
-        if self.kind == "sheet-bent":
-            return codes.SHEET_BENT(bend_mm=self.size_mm, half_width_mm=self.half_width_mm)
-        return arm_codes.POSES_LAG(lag_mm=self.size_mm)
+        return codes.POSES_LAG(lag_mm=self.size_mm)
 
 
 def unmodelled_of(judged: Judged) -> Unmodelled | None:
     """Return the likeliest error that chance does not explain and that is large enough to matter, or None."""
-    data = judged.data
-    if np.count_nonzero(judged.used) < _LEAST_CAPTURES or len(data.walk.layout.mounts) > 1:
+    if not can_show(judged):
         return None
-    scores = Scores.of(judged)
-    tried = [*_lags(judged, scores), *_bend(judged, scores)]
-    found = [one for one in tried if one.chance < _RARE and one.size_mm > _LEAST_MM]
+    found = [one for one in _lags(judged, Scores.of(judged)) if one.chance < RARE and one.size_mm > LEAST_MM]
     return min(found, key=lambda one: one.chance, default=None)
+
+
+def can_show(judged: Judged) -> bool:
+    """Return whether captures are enough, and of one scanner, to show one unknown more."""
+    return np.count_nonzero(judged.used) >= _LEAST_CAPTURES and len(judged.data.walk.layout.mounts) == 1
 
 
 def _lags(judged: Judged, scores: Scores) -> Iterator[Unmodelled]:
@@ -85,33 +78,4 @@ def _lags(judged: Judged, scores: Scores) -> Iterator[Unmodelled]:
         rows = np.einsum("kij,kj->ki", moves, shift)[:, :, None]
         gain, size = scores.gained(rows, far)
         size_mm = abs(float(size[0])) * (1.0 if kind == "poses-lag" else usual_mm)
-        yield Unmodelled(kind, size_mm, scores.chance(gain, 1), data.half_width_mm)
-
-
-def _bend(judged: Judged, scores: Scores) -> Iterator[Unmodelled]:
-    """Yield a sheet of light that is bent: points lie off its plane by the square of x."""
-    data = judged.data
-    if not len(data.points):
-        return
-    here = linearised_at(data, judged.fit.state, judged.fit.sigmas)
-    one, other = (
-        linearised_at(_bent(data, bend_mm), judged.fit.state, judged.fit.sigmas)
-        for bend_mm in (_TRIED_MM, -_TRIED_MM)
-    )
-    slope = (one.cost - other.cost) / (2 * _TRIED_MM)
-    curvature = (one.cost + other.cost - 2 * here.cost) / _TRIED_MM**2
-    cross = (one.gradient - other.gradient) / (2 * _TRIED_MM)
-    inverse = covariance_of(here.hessian)
-    # What the answer leaves of its own slope is taken out.
-    slope -= float(cross @ inverse @ here.gradient)
-    information = curvature - float(cross @ inverse @ cross) + 1 / _FAR_MM**2
-    if information <= 0:
-        return
-    gain, size_mm = slope**2 / information, -slope / information
-    yield Unmodelled("sheet-bent", abs(size_mm), scores.chance(gain, 1), data.half_width_mm)
-
-
-def _bent(data: ChainData, bend_mm: float) -> ChainData:
-    points: FloatArray = data.points.copy()
-    points[:, 1] += bend_mm * (data.points[:, 0] / data.half_width_mm) ** 2
-    return replace(data, points=points)
+        yield Unmodelled(kind, size_mm, scores.chance(gain, 1))

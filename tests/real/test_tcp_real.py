@@ -137,3 +137,17 @@ def test_few_right_captures_are_not_accused_of_anything(
         assert np.linalg.norm(here[:3, 3] - there[:3, 3]) < 3.5 * sigma_mm
     else:
         assert "tool-position-without-turns" in {finding.code for finding in result.findings}
+
+
+def test_six_captures_of_which_one_alone_tells_a_direction_are_judged(
+    data_folder: Path,
+) -> None:
+    data = json.loads((data_folder / "tcp-sphere-80mm" / "session.json").read_text(encoding="utf-8"))
+    some = {"p01", "p02", "p03", "p04", "p07", "p15"}
+    data["captures"] = [capture for capture in data["captures"] if capture["id"] in some]
+    result = solve_stage(
+        parse_session(data), "tcp", lambda name: (data_folder / "tcp-sphere-80mm" / name).read_bytes()
+    )
+    assert isinstance(result, TcpResult)
+    assert result.verdict == "fail"
+    assert all(np.isfinite(row.mahalanobis) for row in result.residuals)

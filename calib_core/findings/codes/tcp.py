@@ -273,11 +273,12 @@ _AFTER_DRIFT = {
 SHEET_BENT = Code(
     "sheet-bent",
     "warning",
-    text="The scanner's sheet of light seems bent: by {bend_mm:.2f} mm at {half_width_mm:.0f} mm from its middle.",
+    text="The scanner's sheet of light is bent: by {bend_mm:.2f} mm at {half_width_mm:.0f} mm from its middle. "
+    "The tool allows for it, scans do not.",
     to_do="Calibrate the scanner's plane of light again, or scan with the stripe's middle alone.",
     meaning="Points at the stripe's ends lie beside the plane that all points are taken to lie in. Scans are off by as much.",
     decided="One unknown more, the points' distance from the plane by the square of x, makes all captures likelier by a "
-    "factor that chance gives in one of 1,000 sessions.",
+    "factor that chance gives in one of 1,000 sessions. The tool is then solved with it.",
     usual_causes="A home-built scanner whose line laser is not a plane, a window in the way of the light.",
 )
 

@@ -15,6 +15,7 @@ from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.undetermined import about_travel, without_turns
 from calib_core.findings import Finding, judgement, reasons_of
+from calib_core.findings.codes import tcp as codes
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.records import Capture, Undetermined, VarianceComponents
 from calib_core.records.results import ArmErrorsFound, AtPoint, FoundFrame, LeftInFiles, OpticsShift, ScannerFound
@@ -74,7 +75,9 @@ def tcp_result(
 
 def solution_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> list[Finding]:
     """Return what a solution shows, its drift and what it has no room for too."""
-    more = [solution.unmodelled.finding] if solution.unmodelled else []
+    bend = solution.bend
+    more = [codes.SHEET_BENT(bend_mm=abs(bend.size_mm), half_width_mm=bend.half_width_mm)] if bend else []
+    more += [solution.unmodelled.finding] if solution.unmodelled else []
     return [*tcp_findings(solution, captures), *drift_findings(solution), *more]
 
 

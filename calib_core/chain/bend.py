@@ -1,0 +1,137 @@
+"""A sheet of light that is bent: points lie off its plane by the square of x, one unknown of the scanner more.
+
+It is sought only where a score test finds it: how much likelier all captures get with it.  How the likelihood
+follows it is found by differences, all captures' own centres settled anew.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from calib_core.chain.answer import radii_of
+from calib_core.chain.likelihood import linearised_at
+from calib_core.chain.model import ChainData
+from calib_core.chain.observations import SphereObservation
+from calib_core.chain.rejection import Judged, judge_from
+from calib_core.chain.score import Scores
+from calib_core.chain.unmodelled import LEAST_MM, RARE, can_show, unmodelled_of
+from calib_core.chain.variance import GivenSigmas
+from calib_core.estimation import covariance_of
+from calib_core.frames import FloatArray
+from calib_core.sphere.circle import circle_step
+
+_BELIEVED_MM: Final = 5.0
+_TRIED_MM: Final = 0.05
+_ROUNDS: Final = 4
+_SETTLED: Final = 0.1  # of its standard deviation
+
+
+@dataclass(frozen=True, eq=False)
+class Bend:
+    """How far the light lies off its plane along y at the stripe's ends, mm, and what that does to the unknowns.
+
+    `by_one` (P,) is how the unknowns move with one standard deviation of it; `chance` how rare so much is.
+    """
+
+    size_mm: float
+    sigma_mm: float
+    half_width_mm: float
+    chance: float
+    by_one: FloatArray
+
+
+def straightened(
+    observations: Sequence[SphereObservation], data: ChainData, judged: Judged, given: GivenSigmas
+) -> tuple[list[SphereObservation], ChainData, Judged, Bend | None]:
+    """Return captures and arrays with their points where a bent sheet of light was, and the answer with its bend.
+
+    Where the captures show no bend, or poses that lag explain them better, all is as it was.
+    """
+    found = _bend_at(judged, 0.0) if can_show(judged) and len(data.points) else None
+    as_it_was = list(observations), data, judged, None
+    if found is None or found.chance >= RARE or abs(found.size_mm) <= LEAST_MM:
+        return as_it_was
+    lag = unmodelled_of(judged)
+    if lag is not None and lag.chance < found.chance:
+        return as_it_was
+    chance, seen, bent = found.chance, list(observations), data
+    for _ in range(_ROUNDS):
+        state = judged.fit.state
+        balls = zip(observations, data.walk.seen(state.position), radii_of(data, state), strict=True)
+        seen = [_flattened(o, found, center, radius_mm) for o, center, radius_mm in balls]
+        bent = replace(data, points=_off_the_plane(data.points, found))
+        judged = judge_from(seen, bent, state, judged.used, given)
+        after = _bend_at(judged, found.size_mm)
+        if after is None:
+            return as_it_was
+        settled = abs(after.size_mm - found.size_mm) < _SETTLED * after.sigma_mm
+        found = after
+        if settled:
+            break
+    covariance = judged.fit.covariance + np.outer(found.by_one, found.by_one)
+    judged = replace(judged, fit=replace(judged.fit, covariance=covariance))
+    return seen, bent, judged, replace(found, chance=chance)
+
+
+def _bend_at(judged: Judged, size_mm: float) -> Bend | None:
+    """Return the likeliest bend by the slope of the likelihood at the one that points have, if it peaks."""
+    data, state, sigmas = judged.data, judged.fit.state, judged.fit.sigmas
+    here = linearised_at(data, state, sigmas)
+    one, other = (
+        linearised_at(replace(data, points=_off_the_plane(data.points, more)), state, sigmas)
+        for more in (_of(data, _TRIED_MM), _of(data, -_TRIED_MM))
+    )
+    slope = (one.cost - other.cost) / (2 * _TRIED_MM) + size_mm / _BELIEVED_MM**2
+    curvature = (one.cost + other.cost - 2 * here.cost) / _TRIED_MM**2
+    cross = (one.gradient - other.gradient) / (2 * _TRIED_MM)
+    step = covariance_of(here.hessian) @ cross
+    # What the answer leaves of its own slope is taken out.
+    slope -= float(step @ here.gradient)
+    information = curvature - float(cross @ step) + 1 / _BELIEVED_MM**2
+    if information <= 0:
+        return None
+    sigma_mm = float(information**-0.5)
+    return Bend(
+        size_mm=size_mm - slope / information,
+        sigma_mm=sigma_mm,
+        half_width_mm=data.half_width_mm,
+        chance=Scores.of(judged).chance(slope**2 / information, 1),
+        by_one=-sigma_mm * step[: data.width],
+    )
+
+
+def _of(data: ChainData, size_mm: float) -> Bend:
+    return Bend(size_mm, 0.0, data.half_width_mm, 1.0, np.empty(0))
+
+
+def _off_the_plane(points: FloatArray, bend: Bend) -> FloatArray:
+    moved = points.copy()
+    moved[:, 1] += bend.size_mm * (points[:, 0] / bend.half_width_mm) ** 2
+    return moved
+
+
+def _flattened(
+    observation: SphereObservation, bend: Bend, center: FloatArray, radius_mm: float
+) -> SphereObservation:
+    """Return a profile with its points in the plane that the light is in at the ball.
+
+    Each keeps its distance to the sphere about `center` (3,), where the answer expects it.
+    """
+    if observation.circle_radius_mm is None:
+        return observation
+    points = _off_the_plane(observation.points_in_laser_mm, bend)
+    level = float(_off_the_plane(center[None] * [1.0, 0.0, 1.0], bend)[0, 1])
+    height = np.clip(level - center[1], -radius_mm, radius_mm)
+    apart = points[:, [0, 2]] - center[[0, 2]]
+    square = np.maximum(np.sum(apart**2, axis=1), 1e-12)
+    more = (height + points[:, 1] - level) ** 2 - height**2
+    flat = center[[0, 2]] + apart * np.sqrt(np.maximum(1 + more / square, 0.0))[:, None]
+    x, z, radius = circle_step(flat, np.array([*center[[0, 2]], observation.circle_radius_mm])).parameters
+    return replace(
+        observation,
+        points_in_laser_mm=np.insert(flat, 1, level, axis=1),
+        center_in_laser_mm=np.array([x, level, z]),
+        circle_radius_mm=float(radius),
+    )
