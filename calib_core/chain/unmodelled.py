@@ -50,7 +50,7 @@ def unmodelled_of(judged: Judged) -> Unmodelled | None:
 
 def can_show(judged: Judged) -> bool:
     """Return whether captures are enough, and of one scanner, to show one unknown more."""
-    return np.count_nonzero(judged.used) >= _LEAST_CAPTURES and len(judged.data.walk.layout.mounts) == 1
+    return int(judged.used.sum()) >= _LEAST_CAPTURES and len(judged.data.walk.layout.mounts) == 1
 
 
 def _lags(judged: Judged, scores: Scores) -> Iterator[Unmodelled]:
