@@ -11,11 +11,13 @@ import numpy as np
 from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.chain.undetermined import open_directions
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
+from calib_core.guidance.arm_plan import arm_worth
+from calib_core.guidance.candidates import Candidates
 from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
 from calib_core.guidance.prior import MOST_TAKEN, Contradiction, known_of, situation_of
 from calib_core.messages import message
-from calib_core.records import Capture, Cell, Measured, Meter, MeterPoint, Session
+from calib_core.records import ArmTable, Capture, Cell, Measured, Meter, MeterPoint, Session
 from calib_core.steps import steps_that_show, table_stages, tool_stages
 
 _OPEN_MM = 20.0  # beyond it ± is no figure yet
@@ -24,15 +26,44 @@ _WEAK = 0.2  # of the limits of what is undetermined: what a result warns of
 _HISTORY = 24
 _TO_VERIFY = 150  # candidates: the best of fewer is good enough to verify by
 _NEWEST = 2 * MOST_TAKEN
-_OF_CAPTURE = ("id", "step", "kind", "files", "center_mm", "pose", "side", "excluded", "table_deg", "mount")
+_OF_CAPTURE = (
+    "id",
+    "step",
+    "kind",
+    "files",
+    "center_mm",
+    "pose",
+    "side",
+    "excluded",
+    "table_deg",
+    "mount",
+    "joints_deg",
+    "joints_mm",
+)
 _OF_MEASURED = (
     "capture", "kind", "verdict", "center_mm", "radius_mm", "point_sigma_mm", "points_per_independent",
     "extent_deg", "on_sphere",
 )  # fmt: skip
 _OF_RESULT = (
     "stage", *SCANNER_FRAMES, "sphere_center_in_base_mm", "variance_components", "workpiece", "stale",
-    "angle_sigma_deg", "verdict", "undetermined",
+    "angle_sigma_deg", "verdict", "undetermined", "arm_model",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ArmAdvice:
+    """What the next pose is for, where the arm's own errors are solved with the tool.
+
+    Attributes
+    ----------
+    term : str
+        The one of `arms.errors.arm_terms` of which it tells most.
+    worth_from : int or None
+        How many captures it takes until they are worth solving on such an arm; None where there are as many.
+    """
+
+    term: str
+    worth_from: int | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +81,8 @@ class Advice:
         Captures that the others contradict.
     contradicted : bool
         Whether no tool lets most captures agree: then there is no figure, and no pose to advise.
+    arm : ArmAdvice or None
+        None where the arm's own errors are not to be solved.
     """
 
     meter: Meter
@@ -57,6 +90,7 @@ class Advice:
     next: NextPose | None
     apart: tuple[str, ...] = ()
     contradicted: bool = False
+    arm: ArmAdvice | None = None
 
     def words(self) -> str:
         """Return ``± 0.9 mm, wanted ± 0.2 mm``."""
@@ -190,7 +224,28 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
         little = chosen.after_mm > _LITTLE * chosen.before_mm
         enough = agreed and (count >= _PLENTY or little)
         update["still_needed"] = 0 if enough else max(_PLENTY - count, 1)
-    return Advice(meter.model_copy(update={**update, "enough": enough}), still_open, chosen, apart)
+    meter, arm = meter.model_copy(update={**update, "enough": enough}), _of_arm(situation, chosen)
+    return Advice(meter, still_open, chosen, apart, arm=arm)
+
+
+def _of_arm(situation: Situation, chosen: NextPose) -> ArmAdvice | None:
+    given, count = situation.with_arm, len(situation.taken)
+    if given is None or given.arm is None:
+        return None
+    seen = Candidates((chosen.base_from_tool0,), chosen.center_in_laser_mm[None])
+    design = Design([*situation.taken, *situation.seen_from(given.arm.reached(seen))], given)
+    better = design.arm_terms(range(len(design))) / design.arm_terms(range(count))
+    told = given.arm.table.model_dump_json(), given.sigmas.position_mm, float(np.rad2deg(situation.room.tilt_rad))
+    first = _worth_from(*told)
+    later = first if first is not None and first > count else None
+    return ArmAdvice(given.arm.terms[int(np.argmin(better))].name, later)
+
+
+@lru_cache(maxsize=8)
+def _worth_from(arm: str, own_mm: float, tilt_deg: float) -> int | None:
+    """Return from how many captures on an arm's errors are worth solving, None: more than are usual."""
+    worth = arm_worth(ArmTable.model_validate_json(arm), own_mm, tilt_deg)
+    return next((one.captures for one in worth if one.worth_it), None)
 
 
 def expanded(sigma_mm: float) -> float | None:

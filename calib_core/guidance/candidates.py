@@ -63,18 +63,29 @@ class Room:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Poses, and where the sphere's centre will be seen in L from each, (N, 3), mm."""
+    """Poses, where the sphere's centre will be seen in L from each, (N, 3), mm, and how an arm's errors move them.
+
+    `arm_moves` (N, 6, p) are as of an observation.
+    """
 
     poses: tuple[RigidTransform, ...]
     centers_in_laser: FloatArray
+    arm_moves: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.poses)
 
-    def chosen(self, mask: np.ndarray) -> "Candidates":
-        """Return those of a mask (N,)."""
-        poses = tuple(pose for pose, kept in zip(self.poses, mask, strict=True) if kept)
-        return Candidates(poses, self.centers_in_laser[mask])
+    @property
+    def arrays(self) -> tuple[FloatArray, FloatArray]:
+        """The poses' rotations (N, 3, 3) and translations (N, 3)."""
+        rotations = np.array([pose.rotation for pose in self.poses]).reshape(-1, 3, 3)
+        return rotations, np.array([pose.translation_mm for pose in self.poses]).reshape(-1, 3)
+
+    def chosen(self, some: np.ndarray) -> "Candidates":
+        """Return those of a mask (N,), or of places in the list."""
+        index = np.arange(len(self))[some]
+        moves = None if self.arm_moves is None else self.arm_moves[index]
+        return Candidates(tuple(self.poses[k] for k in index), self.centers_in_laser[index], moves)
 
 
 def candidates(

@@ -20,6 +20,7 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.guidance.arm_unknowns import ArmUnknowns
 
 TURN_RAD, MOUNTED_MM, _SPHERE_MM = 1.0, 300.0, 3000.0
 """What is known of the tool's rotation and place and of the sphere's place before any capture."""
@@ -48,6 +49,8 @@ class Assumed:
     tool_sigma_mm, tool_sigma_rad : float
         How well the tool is known by a drawing, per axis: it says where the sphere will be seen, and counts for
         nothing in what the captures determine, as it does not in a result.
+    arm : ArmUnknowns or None
+        An arm whose own errors are among the unknowns; the point at the workpiece is then as of a right one.
     """
 
     sphere: SphereSize
@@ -59,6 +62,7 @@ class Assumed:
     priors: ScannerPriors | None = field(default_factory=ScannerPriors)
     tool_sigma_mm: float = MOUNTED_MM
     tool_sigma_rad: float = TURN_RAD
+    arm: ArmUnknowns | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +87,12 @@ class Design:
     def __init__(self, observations: Sequence[SphereObservation], assumed: Assumed) -> None:
         self.assumed = assumed
         data = chain_data(observations, assumed.sphere, None, assumed.priors)
-        self._data = data
-        tool = assumed.mount_from_laser
+        tool, arm = assumed.mount_from_laser, assumed.arm
         self._tool = tool.rotation, tool.translation_mm
+        if arm is not None:  # the lengths of its links are among its terms
+            data = replace(data, arm_scale_sigma=0.0)
+            data = replace(data, arm_columns=arm.columns(data, self._state(data), observations))
+        self._data = data
         rows = point_rows(tool.rotation, assumed.point_in_laser_mm, data.half_width_mm, assumed.facing)
         self._rows = rows[:, :6], rows[:, 6 + data.active]
         self._by_lengths = data.arm_scale_sigma * tool.apply(assumed.point_in_laser_mm)
@@ -105,6 +112,11 @@ class Design:
         """Return the same for a Hessian (P, P) that is there already."""
         rows = self._moves(len(hessian))
         return rows @ covariance_of(hessian) @ rows.T
+
+    def arm_terms(self, chosen: Sequence[int]) -> FloatArray:
+        """Return the standard deviation of each of the arm's terms, (p,), of what is believed of it."""
+        arm = self.assumed.arm
+        return np.empty(0) if arm is None else np.sqrt(np.diag(self.covariance(chosen))[-len(arm.terms) :])
 
     def tool(self, chosen: Sequence[int]) -> FloatArray:
         """Return the covariance (6, 6) of mount_from_laser."""
@@ -176,6 +188,7 @@ class Design:
             hessian = linearised_at(data, self._state(data), self.assumed.sigmas).hessian
         else:
             shared = (1 if data.arm_scale_sigma > 0 else 0) + (3 if data.drift_sigma_mm > 0 else 0)
+            shared += 0 if self.assumed.arm is None else len(self.assumed.arm.terms)
             state = replace(self._state(data), shared=np.zeros(shared))
             hessian = prior(data, state, shared)[2]
         return with_tool(hessian)

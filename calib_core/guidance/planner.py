@@ -1,7 +1,7 @@
 """Which pose next, and which set: chosen by what each takes off the uncertainty at the workpiece."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,8 @@ class Situation:
         Whether enough captures agree with each other through one tool and one sphere.
     apart : tuple of str
         Captures that the others contradict.
+    with_arm : Assumed or None
+        The same with the arm's own errors among the unknowns, where these are to be solved.
     """
 
     taken: Sequence[SphereObservation]
@@ -46,19 +48,28 @@ class Situation:
     room: Room
     agreed: bool = True
     apart: tuple[str, ...] = ()
+    with_arm: Assumed | None = None
 
     def proposed(self, count: int, seed: int = _SEED) -> Candidates:
         """Return poses that a capture could be taken from."""
         given = self.assumed
         rng = np.random.default_rng([seed, len(self.taken)])
         radius = given.sphere.radius_mm
-        return candidates(self.room, given.mount_from_laser, given.center_in_base_mm, radius, count, rng)
+        found = candidates(self.room, given.mount_from_laser, given.center_in_base_mm, radius, count, rng)
+        return self.reached(found)
+
+    def reached(self, poses: Candidates) -> Candidates:
+        """Return those poses that an arm whose errors are solved reaches; all, where it is not known."""
+        arm = None if self.with_arm is None else self.with_arm.arm
+        return poses if arm is None else arm.reached(poses)
 
     def seen_from(self, poses: Candidates) -> list[SphereObservation]:
         """Return what captures from poses will show."""
         radius = self.assumed.sphere.radius_mm
         pairs = zip(poses.poses, poses.centers_in_laser, strict=True)
-        return [self.room.sight.observation(f"c{k}", *pair, radius) for k, pair in enumerate(pairs)]
+        seen = [self.room.sight.observation(f"c{k}", *pair, radius) for k, pair in enumerate(pairs)]
+        moves = poses.arm_moves
+        return seen if moves is None else [replace(o, arm_moves=m) for o, m in zip(seen, moves, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +166,7 @@ class _Compared:
         index = np.array(chosen) - self.fixed
         one = min(index[self.sure[index]], key=lambda k: score[k])
         rest = [k for k in index if k != one]
-        others = Candidates(tuple(self.poses.poses[k] for k in rest), self.poses.centers_in_laser[rest])
-        return self.at(int(one)), others
+        return self.at(int(one)), self.poses.chosen(np.array(rest, dtype=int))
 
     def _best_of(self, score: FloatArray) -> int:
         if self.sure.any():
@@ -189,7 +199,7 @@ def _timid(situation: Situation) -> Candidates:
                 if allowed(room, pose, given.mount_from_laser, given.center_in_base_mm, given.sphere.radius_mm):
                     poses.append(pose)
                     places.append(place)
-    return Candidates(tuple(poses), np.array(places).reshape(-1, 3))
+    return situation.reached(Candidates(tuple(poses), np.array(places).reshape(-1, 3)))
 
 
 def _near(situation: Situation, best: NextPose, step: float) -> Candidates:
@@ -209,7 +219,7 @@ def _near(situation: Situation, best: NextPose, step: float) -> Candidates:
         if room.leans_enough(pose.rotation, given.mount_from_laser.rotation) and allowed(room, pose, *known):
             poses.append(pose)
     seen = [(p @ given.mount_from_laser).inverse().apply(given.center_in_base_mm) for p in poses]
-    return Candidates(tuple(poses), np.array(seen).reshape(-1, 3))
+    return situation.reached(Candidates(tuple(poses), np.array(seen).reshape(-1, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +260,7 @@ def planned_set(situation: Situation, count: int, grid: int = 500, sweeps: int =
     ordered = _in_order(design, first, chosen)
     index = np.array(ordered) - taken
     after = [float(worst_sigma_mm(design.workpiece([*first, *ordered[: n + 1]]))) for n in range(len(ordered))]
-    picked = Candidates(tuple(poses.poses[k] for k in index), poses.centers_in_laser[index])
-    return PlannedSet(picked, np.array(after))
+    return PlannedSet(poses.chosen(index), np.array(after))
 
 
 def greedy(design: Design, first: Sequence[int], count: int) -> list[int]:

@@ -81,7 +81,11 @@ def planned_poses(
         _listed(session, situation, pose, sure, situation.assumed.center_in_base_mm, sigma)
         for pose, sigma in zip(plan.poses.poses, plan.after_mm.tolist(), strict=True)
     ]
-    return _list_of(session, step, poses, sure)
+    found = _list_of(session, step, poses, sure)
+    if situation.with_arm is None:
+        return found
+    reached = message("{note} The arm's joints reach each of them.", note=found.note)
+    return found.model_copy(update={"note": reached})
 
 
 def _for_table(

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.arms.alike import REACH_MM
+from calib_core.captures.arm_joints import with_arm_moves
 from calib_core.captures.content import sphere_of
 from calib_core.cell.carriers import ball_on_flange
 from calib_core.cell.found import ON_FLANGE, known_scanner, placed_scanner, scanner_frame
@@ -15,6 +16,7 @@ from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
+from calib_core.guidance.arm_unknowns import arm_unknowns, with_joints
 from calib_core.guidance.candidates import Room
 from calib_core.guidance.design import SIGMAS, Assumed
 from calib_core.guidance.field_of_view import Sight, sight_of
@@ -102,6 +104,9 @@ def known_of(
     if place is None or home is None:
         return None
     point = cell.workpiece_in_laser_mm
+    arm = arm_unknowns(cell, captures, result) if step == "tcp" else None
+    if arm is not None:
+        seen = with_arm_moves(cell, with_joints(captures), seen)
     sigmas, taken = sigmas_of(cell, result), seen[-MOST_TAKEN:]
     apart: tuple[str, ...] = ()
     if place.by_captures:
@@ -119,8 +124,13 @@ def known_of(
         tool_sigma_rad=place.tool_sigma_rad,
     )
     room = Room(sight, cell.limits, home, keep_off)
+    # Until poses are corrected, what was found of their scatter has the arm's errors in it.
+    corrected = bool(((result or {}).get("arm_model") or {}).get("applied"))
+    own = sigmas_of(cell, result if corrected else None)
+    with_arm = None if arm is None else replace(assumed, arm=arm, sigmas=own)
     agreeing = [one for one in taken if one.capture not in apart]
-    return Situation(agreeing, assumed, room, agreed=place.by_captures and not apart, apart=apart)
+    agreed = place.by_captures and not apart
+    return Situation(agreeing, assumed, room, agreed=agreed, apart=apart, with_arm=with_arm)
 
 
 def _calibration_poses(session: Session) -> tuple[RigidTransform, ...]:

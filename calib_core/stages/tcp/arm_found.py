@@ -70,7 +70,7 @@ def arm_table(model: ArmModelFound | None) -> list[AnyBlock]:
     assert isinstance(code.text, str)
     caption = message(code.text, before_mm=before_mm, after_mm=after_mm)
     found = zip(model.names, model.values, model.sigmas, strict=True)
-    rows = [Row(cells=[_label(name), quantity(value, _unit(name), sigma)]) for name, value, sigma in found]
+    rows = [Row(cells=[term_label(name), quantity(value, _unit(name), sigma)]) for name, value, sigma in found]
     columns = [Column(label="Error", align="left"), Column(label="Found")]
     return [
         Table(id="arm", title="The arm's own errors", detail=True, caption=caption, columns=columns, rows=rows)
@@ -81,7 +81,8 @@ def _unit(name: str) -> str:
     return next(unit for ending, unit in _UNITS.items() if name.endswith(ending))
 
 
-def _label(name: str) -> str:
+def term_label(name: str) -> str:
+    """Return what one of `arms.errors.arm_terms` is, as users read it."""
     numbers = [int(n) for n in re.findall(r"\d+", name)]
     template = next(text for ending, text in _TERMS.items() if name.endswith(ending))
     return message(template, number=numbers[0], other=numbers[-1])

@@ -14,7 +14,7 @@ from calib_core.findings.codes.arm import LAG_NOT_CHECKED
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
 from calib_core.guidance.sphere_guess import SeenCenter, probable_place
-from calib_core.messages import Names, message, plural, sentences
+from calib_core.messages import Message, Names, message, plural, sentences
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import Capture, Cell, Finding, GuideNow, Measured
 from calib_core.stages.guide import GuideView
@@ -155,6 +155,7 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
     why = [message("No other pose tells more: {better}.", better=better)]
     if advice.open_directions:
         why.append(message("Still open: {open_directions}", open_directions=_sentence(advice.open_directions[0])))
+    why += _why_for_arm(advice)
     return GuideNow(
         step="tcp",
         stage="tcp",
@@ -170,6 +171,21 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
         meter=meter,
         **suggested(cell, pose.base_from_tool0, note),
     )
+
+
+def _why_for_arm(advice: Advice) -> list[Message]:
+    """Return what the pose tells of the arm's own errors, and when these are worth solving."""
+    if advice.arm is None:
+        return []
+    from calib_core.stages.tcp.arm_found import term_label
+
+    term, count = term_label(advice.arm.term), advice.arm.worth_from
+    told = [
+        message("The arm reaches it; of the arm's own errors it tells most about this one: {term}.", term=term)
+    ]
+    if count is not None:
+        told.append(message("These are worth solving from about {count} captures on.", count=count))
+    return told
 
 
 def _contradicted(advice: Advice) -> GuideNow:
