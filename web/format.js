@@ -104,6 +104,9 @@ export function small(value_mm) {
   return `${significant(value_mm, digits)}${THIN}mm`;
 }
 
+/** How well something is known, as guide and result write it. @param {number} value_mm */
+export const stated = (value_mm) => `${significant(value_mm, 2)}${THIN}mm`;
+
 /** @param {number | null | undefined} value_mm */
 export function millimetres(value_mm, decimals = 1) {
   return value_mm === null || value_mm === undefined ? "–" : `${fixed(value_mm, decimals)}${THIN}mm`;

@@ -1,6 +1,6 @@
 // How the answer would move if a capture were excluded, before anything is solved again: the result tells it of each capture.
 
-import { small } from "../format.js";
+import { small, stated } from "../format.js";
 import { t } from "../texts.js";
 
 /** @import {FigureBlock, Residual, StageResult} from "../state/model.js" */
@@ -13,7 +13,7 @@ export function withoutWords(state, capture) {
     const row = /** @type {Residual[]} */ (result.residuals ?? []).find((one) => one.capture === capture);
     const now = knownTo(result);
     if (result.stale || !now || typeof row?.shift_without_mm !== "number") continue;
-    return t("without.words", { capture, shift: small(row.shift_without_mm), now: small(now), then: small(now * (row.growth_without ?? 1)) });
+    return t("without.words", { capture, shift: small(row.shift_without_mm), now: stated(now), then: stated(now * (row.growth_without ?? 1)) });
   }
   return null;
 }
