@@ -186,7 +186,8 @@ def walk_on(client: httpx.Client, session: str, until: str) -> None:
         now = client.get(f"/sessions/{session}/guide").json()["current"]
         if until == f"{count} captures" or (until == f"half {now['step']}" and 0 < now["still_needed"] <= 8):
             return
-        taken = now["action"] == "capture" and client.post(f"/sessions/{session}/sources/simulated/capture").is_success
+        capture = f"/sessions/{session}/sources/simulated/capture"
+        taken = now["action"] == "capture" and client.post(capture).is_success
         if not taken:  # where the guide asks for more than the simulated cell has, what there is gives the result
             job = client.post(f"/sessions/{session}/solve/{now['stage']}").raise_for_status().json()["id"]
             wait_for(client, job, timeout_s=400)
