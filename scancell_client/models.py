@@ -135,6 +135,7 @@ class CameraCoverage(Record):
     near_mm: float
     far_mm: float
     largest_tilt_rad: float
+    projection_sigma_px: list[list[float | None]] | None = None
 
 
 class CameraResidual(Record):

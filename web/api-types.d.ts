@@ -238,6 +238,14 @@ export interface Board {
   fixed?: boolean;
 }
 
+export interface BoardsSeen {
+  step: string;
+  frames: number;
+  covered: number;
+  depth_ratio: number;
+  one_distance: boolean;
+}
+
 export interface Box {
   low_mm: number[];
   high_mm: number[];
@@ -313,6 +321,7 @@ export interface CameraCoverage {
   near_mm: number;
   far_mm: number;
   largest_tilt_rad: number;
+  projection_sigma_px?: ((number | null)[])[];
 }
 
 export interface CameraResidual {
@@ -719,6 +728,7 @@ export interface Comparison {
   frames: FrameDifference[];
   figures: FigureDifference[];
   residuals: RowDifference[];
+  maps?: Plot[];
 }
 
 export interface ControllerFileContent {
@@ -1113,6 +1123,7 @@ export interface Guide {
   current: GuideNow;
   findings?: Finding[];
   last_capture?: GuideLast | null;
+  coverage?: BoardsSeen[];
 }
 
 export interface GuideLast {

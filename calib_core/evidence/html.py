@@ -3,7 +3,7 @@
 `STYLE` (in `style`) goes with it, once a page; all that it styles is within an element of class ``scancell``.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from typing import Any, Final
 
@@ -22,6 +22,7 @@ from calib_core.evidence.text import (
 from calib_core.messages import ENGLISH, Catalogue, message, templates
 from calib_core.records.evidence import AnyBlock, Figure, Frame, Note, Picture, Plot, Row, Series, Table
 
+Address = Callable[[str], str]
 STALE: Final = "Out of date: cell, captures or files have changed since. Solve again."
 
 _WORDS: Final = templates({
@@ -41,10 +42,16 @@ _MARKS: Final = ("●", "■", "▲")
 _MATRIX_DECIMALS: Final = (6, 6, 6, 4)
 
 
-def result_html(result: Mapping[str, Any], blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH) -> str:
+def result_html(
+    result: Mapping[str, Any],
+    blocks: Sequence[AnyBlock],
+    said: Catalogue = ENGLISH,
+    address: Address | None = None,
+) -> str:
     """Return a result, given as JSON data, as HTML: verdict, headline, warnings, then the rest of its evidence.
 
     Its texts and those of its blocks are in the language already; `said` has the few words between them.
+    `address` tells where a capture's file is to be seen, "" where it cannot be; without it, pictures are words.
     """
     headline, rest = split_headline(blocks)
     warnings: list[str] = list(result.get("warnings") or [])
@@ -56,7 +63,7 @@ def result_html(result: Mapping[str, Any], blocks: Sequence[AnyBlock], said: Cat
         blocks_html(headline, said),
         _list(warnings[:MOST_IN_SIGHT]),
         f"<details><summary>{_word('further', said)}</summary>{more}</details>" if more else "",
-        blocks_html(rest, said),
+        blocks_html(rest, said, address),
         f"<h3>{_word('notes', said)}</h3>{_list(result['notes'])}" if result.get("notes") else "",
     ]
     return "".join(parts)
@@ -70,12 +77,12 @@ def _list(sentences: Sequence[str]) -> str:
     return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in sentences)}</ul>" if sentences else ""
 
 
-def blocks_html(blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH) -> str:
+def blocks_html(blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH, address: Address | None = None) -> str:
     """Return blocks as HTML; what is shown on demand stands in elements that open."""
     parts: list[str] = []
     for section in sections(blocks):
         first = section[0]
-        body = "".join(_section(section, said))
+        body = "".join(_section(section, said, address))
         if first.detail:
             title = escape(first.title) if first.title else _word("details", said)
             parts.append(f"<details><summary>{title}</summary>{body}</details>")
@@ -84,12 +91,12 @@ def blocks_html(blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH) -> str:
     return "".join(parts)
 
 
-def _section(blocks: Sequence[AnyBlock], said: Catalogue) -> Iterator[str]:
+def _section(blocks: Sequence[AnyBlock], said: Catalogue, address: Address | None) -> Iterator[str]:
     for run in runs(blocks):
-        yield _figures(run) if isinstance(run, list) else _block(run, said)
+        yield _figures(run) if isinstance(run, list) else _block(run, said, address)
 
 
-def _block(block: AnyBlock, said: Catalogue) -> str:
+def _block(block: AnyBlock, said: Catalogue, address: Address | None) -> str:
     match block:
         case Figure():
             return _figures([block])
@@ -100,7 +107,9 @@ def _block(block: AnyBlock, said: Catalogue) -> str:
         case Plot():
             return _plot(block, said)
         case Picture():
-            return f'<p class="soft">{escape(block.alt)}</p>'
+            shown = address(block.file) if address and block.file else ""
+            image = f'<img src="{escape(shown)}" alt="">' if shown else ""
+            return f'{image}<p class="soft">{escape(block.alt)}</p>'
         case Note():
             level = block.level if block.level != "info" else "words"
             return f'<p class="{level}">{escape(block.text)}</p>'

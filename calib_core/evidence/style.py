@@ -27,6 +27,7 @@ STYLE: Final = """
 .scancell p { max-width: 75ch; overflow-wrap: anywhere; margin: 6px 0; }
 .scancell summary { cursor: pointer; margin: 10px 0 6px; font-weight: 600; }
 .scancell svg { width: 100%; max-width: 960px; height: auto; display: block; margin: 8px 0; }
+.scancell img { width: 100%; max-width: 480px; display: block; margin: 8px 0; }
 .scancell svg text { fill: var(--soft); font: 12px system-ui, sans-serif; }
 .scancell svg .band { fill: var(--band); } .scancell svg .grid { stroke: var(--line); stroke-width: 1; }
 .scancell svg .empty { fill: none; stroke: var(--line); }

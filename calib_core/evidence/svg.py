@@ -248,7 +248,7 @@ def _grid(plot: Plot) -> Iterator[str]:
             shade = 0.0 if not value or value < 0 else 0.15 + 0.85 * math.sqrt(value / most)
             place = f'x="{_RIGHT + column * width:.1f}" y="{_TOP + row * height:.1f}"'
             size = f'width="{width - 1:.1f}" height="{height - 1:.1f}"'
-            title = with_unit(number_text(value, 0), plot.y.unit)
+            title = with_unit(number_text(value, 3 if most < 100 and value != int(value or 0) else 0), plot.y.unit)
             css = "mark s0" if shade else "empty"
             opacity = f' fill-opacity="{shade:.2f}"' if shade else ""
             yield f'<rect class="{css}" {place} {size}{opacity}><title>{escape(title)}</title></rect>'

@@ -4,7 +4,7 @@ Each folder of `calib_core/stages` holds one: its `__init__.py` has the constant
 """
 
 import importlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from calib_core import __version__
@@ -12,7 +12,7 @@ from calib_core.steps import StageDeclaration
 
 if TYPE_CHECKING:
     from calib_core.records import Capture, GuideNow, Result, Session
-    from calib_core.records.evidence import AnyBlock
+    from calib_core.records.evidence import AnyBlock, Plot
 
 SOFTWARE = f"scancell {__version__}"
 
@@ -101,6 +101,11 @@ class Stage(StageDeclaration):
         """Return a result's evidence as blocks, None where its folder has no evidence.py."""
         own = self._own("evidence")
         return None if own is None else own.evidence(session, result)
+
+    def difference(self, left: "Mapping[str, Any]", right: "Mapping[str, Any]") -> "list[Plot]":
+        """Return how far two of its results, given as JSON data, lie apart as plots, where its folder says so."""
+        own = self._own("difference")
+        return [] if own is None else own.difference(left, right)
 
     def _own(self, file: str) -> Any:
         """Return a module of its folder, None where there is none of that name."""

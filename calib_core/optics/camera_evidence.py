@@ -14,7 +14,7 @@ from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_segments import corner_depths
 from calib_core.optics.camera_solution import Coverage
 from calib_core.optics.coverage_cells import ENOUGH_COVERED, image_coverage
-from calib_core.optics.extrapolation import extrapolation
+from calib_core.optics.extrapolation import extrapolation, projection_sigmas
 
 if TYPE_CHECKING:
     from calib_core.optics.camera_layout import Layout
@@ -29,17 +29,19 @@ _ADVISED_TILT_RAD = 0.26
 _BENDS = {3: " + bend", SHAPE_TERMS: " + cubic bend"}
 
 
-def coverage(fit: "Fit", layout: "Layout", image_size: tuple[int, int]) -> Coverage:
+def coverage(fit: "Fit", layout: "Layout", image_size: tuple[int, int], inflation: float) -> Coverage:
     """Return where in the image and how deep the boards were seen, and how that holds for the rest."""
     counts = image_coverage(fit.corners.pixels, image_size)
     depths = corner_depths(fit.corners, fit.adjusted.state)
     tilt = np.arccos(np.clip(np.abs(fit.adjusted.state.rotations[:, 2, 2]), 0, 1)).max()
+    sigmas_px = projection_sigmas(fit, layout, image_size, counts > 0)
     return Coverage(
         counts,
         (float(depths.min()), float(depths.max())),
         float((counts > 0).mean()),
         float(tilt),
-        extrapolation(fit, layout, image_size, counts > 0),
+        extrapolation(sigmas_px),
+        np.sqrt(inflation) * sigmas_px,
     )
 
 
@@ -102,7 +104,7 @@ def summarise(
         bend_mm=None if shaped is None else _bend_mm(shaped, shape_at),
         bend_gain=None if bent is None else 1 - bent.sigma_px / fit.sigma_px,
         inflation=inflation,
-        coverage=coverage(fit, layout, image_size),
+        coverage=coverage(fit, layout, image_size, inflation),
         converged=end.converged,
         pitch=pitch,
     )

@@ -30,6 +30,8 @@ class Coverage:
         Between a board and the image plane.
     extrapolation : float
         The projection's largest uncertainty in the image over its median.
+    projection_sigma_px : (7, 9)
+        Its uncertainty at the corners of the cells; NaN where a pixel has no ray.
     """
 
     counts: np.ndarray
@@ -37,6 +39,7 @@ class Coverage:
     covered: float
     largest_tilt_rad: float
     extrapolation: float
+    projection_sigma_px: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)

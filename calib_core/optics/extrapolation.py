@@ -1,4 +1,4 @@
-"""How much worse a camera's projection is known where no board was seen."""
+"""How well a camera's projection is known over the image, where no board was seen, too."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.frames import FloatArray
 from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_layout import Layout, camera_of
-from calib_core.optics.coverage_cells import CELLS
+from calib_core.optics.projection_map import as_map, nodes, turns_of
 
 if TYPE_CHECKING:
     from calib_core.optics.camera_solution import Fit
@@ -16,12 +16,11 @@ if TYPE_CHECKING:
 _RADIAL = (4, 5, 8)  # k1, k2 and k3 in the vector of shared parameters
 _USUAL = (1.0, 3.0, 5.0)  # lenses have k2 and k3 of so many times k1² and k1³
 _LEAST = 0.02  # of k1: a lens that seems to have none
-_SMALL_TURN_RAD = 1e-5
 _STEP = 0.01  # of a standard deviation
 
 
-def extrapolation(fit: "Fit", layout: Layout, image_size: tuple[int, int], seen: np.ndarray) -> float:
-    """Return the projection's largest uncertainty in the image over its median; infinite where pixels have no ray.
+def projection_sigmas(fit: "Fit", layout: Layout, image_size: tuple[int, int], seen: np.ndarray) -> FloatArray:
+    """Return the projection's uncertainty at the corners of the image's cells, (7, 9) px; NaN where no ray is.
 
     A term of the lens that the boards do not ask for is zero, which holds for what they saw: beyond, it may be
     what is usual for lenses. A turn of the whole camera is no error of it: the one that fits the `seen` cells
@@ -35,12 +34,12 @@ def extrapolation(fit: "Fit", layout: Layout, image_size: tuple[int, int], seen:
         if place not in layout.free and place in lens:
             at = int(np.searchsorted(lens, place))
             known[at, at] += scale / (factor * max(abs(shared[_RADIAL[0]]), _LEAST) ** term) ** 2
-    covariance = np.linalg.inv(known)
-    camera, pixels = camera_of(shared, layout, image_size), _nodes(image_size)
+    covariance = scale * np.linalg.inv(known)
+    camera, pixels = camera_of(shared, layout, image_size), nodes(image_size)
     depth_mm = float(np.median(fit.adjusted.state.translations[:, 2]))
     points = np.column_stack([camera.undistort(pixels, depth_mm), np.ones(len(pixels))]) * depth_mm
-    if not np.isfinite(points).all():
-        return np.inf
+    has_ray = np.asarray(np.isfinite(points).all(axis=1))
+    points = points[has_ray]
 
     def projected(place: int, step: float) -> FloatArray:
         moved = shared.copy()
@@ -51,21 +50,18 @@ def extrapolation(fit: "Fit", layout: Layout, image_size: tuple[int, int], seen:
     slopes = np.stack(
         [(projected(i, s) - projected(i, -s)) / (2 * s) for i, s in zip(lens, steps, strict=True)], axis=-1
     )
-    turned = [camera.project(points + np.cross(axis, points)) for axis in _SMALL_TURN_RAD * np.eye(3)]
-    turns = np.stack([(one - pixels) / _SMALL_TURN_RAD for one in turned], axis=-1)
-    fitted = np.repeat(_touching(seen), 2)
+    fitted = np.repeat(_touching(seen)[has_ray], 2)
     terms = len(lens)
-    slopes, turns = slopes.reshape(-1, terms), turns.reshape(-1, 3)
+    slopes, turns = slopes.reshape(-1, terms), turns_of(camera, points).reshape(-1, 3)
     slopes = slopes - turns @ np.linalg.lstsq(turns[fitted], slopes[fitted], rcond=None)[0]
     variance = ((slopes @ covariance) * slopes).sum(axis=1).reshape(-1, 2).sum(axis=1)
-    ratio = float(np.sqrt(variance.max() / np.median(variance)))
+    return as_map(np.sqrt(variance), has_ray)
+
+
+def extrapolation(sigmas_px: FloatArray) -> float:
+    """Return the projection's largest uncertainty over its median; infinite where pixels have no ray."""
+    ratio = float(sigmas_px.max() / np.median(sigmas_px))
     return ratio if np.isfinite(ratio) else np.inf
-
-
-def _nodes(image_size: tuple[int, int]) -> FloatArray:
-    """Return the corners of the cells, the image's border with them, (63, 2) px."""
-    axes = [np.linspace(-0.5, length - 0.5, count + 1) for length, count in zip(image_size, CELLS, strict=True)]
-    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
 
 
 def _touching(seen: np.ndarray) -> np.ndarray:

@@ -33,6 +33,7 @@ from calib_core.records.causes import (
 from calib_core.records.field_errors import input_error, input_error_from_details
 from calib_core.records.findings import Finding, MessageParts, Severity
 from calib_core.records.guidance import (
+    BoardsSeen,
     CheckLine,
     Guide,
     GuideLast,
@@ -81,6 +82,7 @@ __all__ = [
     "ArmTable",
     "BeforeAfter",
     "Board",
+    "BoardsSeen",
     "CameraSegment",
     "Capture",
     "CaptureResidual",

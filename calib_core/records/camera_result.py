@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from calib_core.records.base import Matrix4, Record, Rows
+from calib_core.records.base import Finite, Matrix4, Record, Rows
 from calib_core.records.results import CaptureResidual, Result
 from calib_core.records.session import CameraSegment
 
@@ -30,13 +30,18 @@ class CameraCandidate(Record):
 
 
 class CameraCoverage(Record):
-    """Where the boards were seen: corners per cell (rows from the top), their depths, the largest tilt."""
+    """Where the boards were seen: corners per cell (rows from the top), their depths, the largest tilt.
+
+    `projection_sigma_px` is how far a ray may end from its pixel at the corners of the cells, None where a pixel
+    has no ray.
+    """
 
     counts: list[list[int]]
     covered: float
     near_mm: float
     far_mm: float
     largest_tilt_rad: float
+    projection_sigma_px: list[list[Finite | None]] = Field(default_factory=list[list[Finite | None]])
 
 
 class SolvedBoardShape(Record):

@@ -148,6 +148,20 @@ class GuideLast(Record):
     to_do: str | None = None
 
 
+class BoardsSeen(Record):
+    """Where the boards of a step's frames were seen so far.
+
+    `covered` is the share of the image's parts with a corner, as the camera's result counts them; `depth_ratio`
+    how many times as large the nearest board looks as the farthest, `one_distance` says that this is too little.
+    """
+
+    step: str
+    frames: int
+    covered: float
+    depth_ratio: float
+    one_distance: bool
+
+
 class Guide(Record):
     """What to do now and why, how much is still needed, and where every step stands.
 
@@ -158,3 +172,4 @@ class Guide(Record):
     current: GuideNow
     findings: list[Finding] = Field(default_factory=list[Finding])
     last_capture: GuideLast | None = None
+    coverage: list[BoardsSeen] = Field(default_factory=list[BoardsSeen])

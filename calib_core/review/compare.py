@@ -13,6 +13,7 @@ from calib_core.exports.workpiece import covariance_in, point_jacobian, seen_in_
 from calib_core.frames import FloatArray, Frame, RigidTransform
 from calib_core.graph.registry import STAGES
 from calib_core.records import Capture, Record, Session
+from calib_core.records.evidence import Plot
 
 _ROWS: Final = ("mahalanobis", "center_distance_mm", "surface_rms_mm", "rms_px", "line_rms_mm", "radial_mm")
 _RANK: Final = (
@@ -97,7 +98,7 @@ class Comparison(Record):
 
     `shared` counts the captures that both used; where there are some the two are not independent, and the combined
     sigma, root of the sum of both variances, is larger than that of their difference. `changes` is null where it
-    is not known what one of them was solved from.
+    is not known what one of them was solved from. `maps` draw how far two cameras lie apart over the image.
     """
 
     stage: str
@@ -108,6 +109,7 @@ class Comparison(Record):
     frames: list[FrameDifference]
     figures: list[FigureDifference]
     residuals: list[RowDifference]
+    maps: list[Plot] = Field(default_factory=list[Plot])
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,7 @@ def compare_results(left: Compared, right: Compared) -> Comparison:
         frames=[*_frame_differences(left, right)],
         figures=[*_figure_differences(left.record, right.record)],
         residuals=_row_differences(left.record, right.record),
+        maps=STAGES.get(left.record["stage"]).difference(left.record, right.record),
     )
 
 

@@ -27,6 +27,7 @@ from calib_core.records import (
     Session,
     Severity,
 )
+from calib_core.stages.boards_seen import coverage_so_far
 from calib_core.steps import capture_steps
 
 _ENDED: tuple[GuideStatus, ...] = ("done", "known", "not-needed")
@@ -100,7 +101,10 @@ def guide(
     result = view.fresh(current.stage) if current.stage is not None else None
     found = [] if result is None else findings_in(result)
     told = [*(last.findings if last else []), *with_severities(found, severities)]
-    return Guide(steps=steps, current=current, findings=judgement(told)["findings"], last_capture=last)
+    seen = coverage_so_far(session, measured)
+    return Guide(
+        steps=steps, current=current, findings=judgement(told)["findings"], last_capture=last, coverage=seen
+    )
 
 
 def _data(

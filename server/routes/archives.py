@@ -245,9 +245,10 @@ def _circumstances(stored: SessionOfStore, answer: Answer | None, **more: Any) -
     from server.render.report.first_page import Circumstances
 
     if answer is None:
-        return Circumstances(digests=stored.kept, **more)
+        return Circumstances(digests=stored.kept, read=stored.read, **more)
     before, moment = answer.decided_before, answer.of_moment
-    return Circumstances(solved=answer.date, decided_before=before, of_moment=moment, digests=stored.kept, **more)
+    known: Any = {"digests": stored.kept, "read": stored.read, **more}
+    return Circumstances(solved=answer.date, decided_before=before, of_moment=moment, **known)
 
 
 def _report(stored: SessionOfStore, about: "Circumstances", *, with_truth: bool) -> str:

@@ -1,11 +1,16 @@
 """Whether a camera's boards tell the distortion where none was seen: a note where they do, a warning where not."""
 
 from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.captures.boards import frames_not_used
+from calib_core.errors import MeasurementError
+from calib_core.evidence.html import blocks_html
 from calib_core.findings import Finding
 from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
@@ -13,6 +18,11 @@ from calib_core.optics.camera import calibrate_camera
 from calib_core.optics.camera_evidence import camera_findings
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_solution import CameraSolution
+from calib_core.optics.projection_map import projection_difference
+from calib_core.records import Capture, Session
+from calib_core.records.camera_result import CameraResidual, CameraResult
+from calib_core.records.evidence import Picture, Table
+from calib_core.stages.frames_left_out import frames_left_out
 
 SIZE = (1280, 960)
 MATRIX = np.array([[1300.0, 0, 645], [0, 1300, 475], [0, 0, 1]])
@@ -52,3 +62,30 @@ def test_boards_in_the_corners_tell_the_whole_image_and_those_in_the_middle_do_n
     # Lenses of two terms, as the middle asks for, state an even ±, and are 20 px off in the corners.
     (warned,) = findings(MIDDLE, seed)
     assert (warned.code, warned.severity) == ("image-not-covered", "warning")
+
+
+def test_the_map_of_uncertainty_holds_the_difference_to_the_truth() -> None:
+    shares = []
+    for seed in (1, 2, 3):
+        solved = calibrated(CORNERS, seed)
+        shares.append(projection_difference(solved.camera, LENS) / solved.coverage.projection_sigma_px)
+    assert 0.5 < np.sqrt(np.square(shares).mean()) < 1.6
+    assert projection_difference(LENS, LENS).max() < 1e-6
+
+
+def test_a_gate_is_told_with_its_count_what_it_looked_for_and_a_picture() -> None:
+    captures = [Capture(id=f"b{k}", step="camera", kind="frame", files=[f"b{k}.png"]) for k in range(3)]
+    session = cast("Session", SimpleNamespace(captures=captures))
+    failed = {name: MeasurementError("the whole board", "no board", "Light it.") for name in ("b1", "b2")}
+    result = SimpleNamespace(
+        residuals=[CameraResidual(capture=f"b{k}", used=k == 0, reason="no board") for k in range(3)],
+        findings=frames_not_used(failed, 1),
+    )
+    blocks = frames_left_out(session, cast("CameraResult", result))
+    table, picture = blocks
+    assert isinstance(table, Table)
+    assert isinstance(picture, Picture)
+    assert table.rows[0].cells == ["frame-not-used", 2, "b1 and b2", "the whole board", "no board"]
+    assert (picture.capture, picture.file) == ("b1", "b1.png")
+    assert '<img src="data:b1.png"' in blocks_html(blocks, address="data:{}".format)
+    assert "<img" not in blocks_html(blocks)

@@ -26,6 +26,7 @@ export function comparisonSections(comparison, names) {
     decision(comparison),
     bothAnswers(comparison),
     ...comparison.frames.map((frame) => frameSection(frame, comparison, names)),
+    ...(comparison.maps ?? []).map((block) => panel(said(block.title ?? ""), h("p", { class: "soft small" }, said(block.caption)), plot({ ...block, kind: "plot" }))),
     changesSection(comparison),
     figuresSection(comparison, names),
     residualsSection(comparison, names),

@@ -5,48 +5,30 @@ import { fixed } from "../format.js";
 import { t } from "../texts.js";
 
 /** @import {CaptureOut} from "../state/model.js" */
+/** @import {SessionState} from "../state/session.js" */
 
-const CELLS = /** @type {const} */ ([8, 6]);
 const SHARPEST_PX = 1;
 const SOFT_PX = 6; // as calib_core/captures/measure_frame.py
 const SOFTEST_PX = 10;
-const ENOUGH_DEPTH = 1.3;
 
 /**
- * Where the board was seen in all frames of the shown one's step.
- * @param {readonly CaptureOut[]} captures
+ * Where the board was seen in all frames of the shown one's step, as the guide counts it.
+ * @param {SessionState} state
  * @param {CaptureOut} shown
  * @returns {HTMLElement[]}
  */
-export function frameCoverage(captures, shown) {
-  const size = shown.measured.image_size;
-  if (!size) return [];
-  const views = captures.filter((one) => one.step === shown.step && !one.excluded && (one.measured.board_px ?? []).length > 0);
-  const [width, height] = size.map(Number);
-  const points = views.flatMap((view) => (view.measured.board_px ?? []).map(([x, y]) => /** @type {const} */ ([x ?? 0, y ?? 0])));
-  const share = covered(points, width ?? 1, height ?? 1);
-  const pitches = views.map((view) => view.measured.pitch_px ?? 0).filter((pitch) => pitch > 0);
-  const depth = pitches.length ? Math.max(...pitches) / Math.min(...pitches) : 1;
-  const words = t(depth < ENOUGH_DEPTH ? "coverage.shallow" : "coverage.words", { frames: views.length, share: fixed(100 * share, 0), depth: fixed(depth, 1) });
-  const dot = Math.max(width ?? 1, height ?? 1) / 110;
+export function frameCoverage({ captures, guide }, shown) {
+  const seen = guide?.coverage?.find(({ step }) => step === shown.step);
+  if (!seen || !shown.measured.image_size) return [];
+  const views = captures.filter((one) => one.step === shown.step && !one.excluded && one.measured.verdict !== "fail");
+  const [width = 1, height = 1] = shown.measured.image_size.map(Number);
+  const words = t(seen.one_distance ? "coverage.shallow" : "coverage.words", { frames: seen.frames, share: fixed(100 * seen.covered, 0), depth: fixed(seen.depth_ratio, 1) });
   return [h(
     "figure", { class: "seen-so-far" },
     s("svg", { class: "frame-plot", viewBox: `-0.5 -0.5 ${width} ${height}`, role: "img", "aria-label": words },
-      s("path", { class: "found", "stroke-width": dot, d: points.map(([x, y]) => `M${x} ${y}h0`).join("") })),
+      s("path", { class: "found", "stroke-width": Math.max(width, height) / 110, d: views.flatMap((view) => view.measured.board_px ?? []).map(([x, y]) => `M${x} ${y}h0`).join("") })),
     h("figcaption", { class: "small" }, h("strong", {}, t("coverage.title")), ` ${words}`),
   )];
-}
-
-/**
- * The share of the image's parts with a corner in them.
- * @param {readonly (readonly [number, number])[]} points
- * @param {number} width
- * @param {number} height
- */
-function covered(points, width, height) {
-  const [columns, rows] = CELLS;
-  const place = (/** @type {number} */ at, /** @type {number} */ length, /** @type {number} */ count) => Math.min(count - 1, Math.max(0, Math.floor((at + 0.5) / length * count)));
-  return new Set(points.map(([x, y]) => place(y, height, rows) * columns + place(x, width, columns))).size / (columns * rows);
 }
 
 /** A gauge of how narrow the edges are. @param {number} width_px */

@@ -19,7 +19,7 @@ const MOST_OFFERED = 300;
 export class QualityElement extends StateElement {
   /** @type {string | null} the capture that the shown one is compared with */ #other = null;
 
-  parts = /** @type {const} */ (["captures", "selection", "results"]);
+  parts = /** @type {const} */ (["captures", "selection", "results", "guide"]);
 
   update() {
     const capture = this.state.shown;
@@ -32,7 +32,7 @@ export class QualityElement extends StateElement {
       h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
       body(capture, left, this.state),
       preview(withoutWords(this.state, capture.id)),
-      ...frameCoverage(this.state.captures, capture),
+      ...frameCoverage(this.state, capture),
     );
     if (other) void this.#compare(capture, other);
     if (focused) this.querySelector("select")?.focus();

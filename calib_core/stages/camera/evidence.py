@@ -1,9 +1,13 @@
 """What the camera's result says of itself."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from calib_core.evidence.numbers import number_text, quantity, rms
+from calib_core.frames import FloatArray
 from calib_core.messages import message, templates
 from calib_core.records import Session
 from calib_core.records.camera_result import CameraResult
@@ -20,7 +24,8 @@ from calib_core.records.evidence import (
     Series,
     Table,
 )
-from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance, residual_table
+from calib_core.stages.evidence_parts import capture_series, captures_used, provenance, residual_table
+from calib_core.stages.frames_left_out import frames_left_out
 
 MODELS: Final = templates({
     "plain": "plain: k1 k2 p1 p2 k3",
@@ -39,7 +44,7 @@ _LABELS: Final = {
 }
 
 
-def evidence(_session: Session, result: CameraResult) -> list[AnyBlock]:
+def evidence(session: Session, result: CameraResult) -> list[AnyBlock]:
     """Return the camera told in blocks, the answer first."""
     return [
         Figure(label="Reprojection, RMS", quantity=rms(result.reprojection_rms_px, "px"), headline=True),
@@ -49,6 +54,7 @@ def evidence(_session: Session, result: CameraResult) -> list[AnyBlock]:
         *_lengths(result),
         *_views(result),
         *_coverage(result),
+        *_projection(result),
         *_candidates(result),
         Picture(
             id="camera-residuals",
@@ -58,7 +64,7 @@ def evidence(_session: Session, result: CameraResult) -> list[AnyBlock]:
             alt="Seen minus predicted corners of each view. Arrows of one direction in one region mean that the "
             "lens model does not fit there.",
         ),
-        *left_out(result.residuals),
+        *frames_left_out(session, result),
         *residual_table(result.residuals, _COLUMNS, "Each view"),
         *_matrix(result),
         *provenance(result),
@@ -165,11 +171,45 @@ def _coverage(result: CameraResult) -> list[AnyBlock]:
             ),
             x=Axis(label="Column"),
             y=Axis(label="Corners"),
-            series=[
-                Series(label=message("row {k}", k=k + 1), y=list(counts)) for k, counts in enumerate(seen.counts)
-            ],
+            series=_map_rows(seen.counts),
         )
     ]
+
+
+def _projection(result: CameraResult) -> list[AnyBlock]:
+    rows = [[None if one is None else 2 * one for one in row] for row in result.coverage.projection_sigma_px]
+    known = [one for row in rows for one in row if one is not None]
+    if not known:
+        return []
+    caption = message(
+        "How far a ray of the scene may end from its pixel (k = 2), at places all over the image, from {least} to "
+        "{most} px. A turn of the whole camera does not count: it is no error of the lens.",
+        least=number_text(min(known), 3),
+        most=number_text(max(known), 3),
+    )
+    return [image_map(rows, "projection", title="Uncertainty of the projection", caption=caption)]
+
+
+def grid_rows(values: FloatArray) -> list[list[float | None]]:
+    """Return a map's rows, None where it has no value."""
+    return [[float(one) if np.isfinite(one) else None for one in row] for row in values.round(4)]
+
+
+def image_map(rows: Sequence[Sequence[float | None]], name: str, title: str, caption: str) -> Plot:
+    """Return pixels at places all over the image as a map."""
+    return Plot(
+        id=name,
+        title=title,
+        shape="grid",
+        caption=caption,
+        x=Axis(label="Column"),
+        y=Axis(label="Distance", unit="px"),
+        series=_map_rows(rows),
+    )
+
+
+def _map_rows(rows: Sequence[Sequence[float | None]]) -> list[Series]:
+    return [Series(label=message("row {k}", k=k + 1), y=list(row)) for k, row in enumerate(rows)]
 
 
 def _candidates(result: CameraResult) -> list[AnyBlock]:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from calib_core.messages import message
-from calib_core.optics.coverage_cells import ENOUGH_COVERED, image_coverage
-from calib_core.records import Board, GuideNow, Measured, Session
+from calib_core.optics.coverage_cells import ENOUGH_COVERED
+from calib_core.records import Board, GuideNow, Measured
+from calib_core.stages.boards_seen import boards_seen, seen_cells, usable
 from calib_core.stages.guide import GuideView
 from calib_core.stages.tcp.guide import review
 
@@ -17,7 +18,6 @@ _COLUMNS, _ROWS = 3, 3  # the parts of the image that the next view is asked for
 _PLACES = (
     "upper left", "top", "upper right", "left", "middle", "right", "lower left", "bottom", "lower right",
 )  # fmt: skip
-_SIZES_APART = 1.25  # the largest board over the smallest: less is one distance
 
 
 def guide(view: GuideView) -> GuideNow | None:
@@ -33,7 +33,7 @@ def guide(view: GuideView) -> GuideNow | None:
         return _board_missing("camera")
     if result is not None and not result.get("stale"):
         return _review("camera", result, "Look at the result: the model, the arrows of each view, the coverage.")
-    views = _usable(session, measured, "camera")
+    views = usable(session, measured, "camera")
     needed = max(WANTED_VIEWS - len(views), 0)
     missing = _next_view(views)
     if not needed and (missing is None or len(views) >= _ENOUGH_VIEWS):
@@ -62,7 +62,7 @@ def laser_plane_now(view: GuideView) -> GuideNow | None:
         return _board_missing("laser-plane")
     if result is not None and not result.get("stale"):
         return _review("laser-plane", result, "Look at the result: the plane, and how each stripe lies on it.")
-    stripes = _usable(session, measured, "laser-plane")
+    stripes = usable(session, measured, "laser-plane")
     needed = max(WANTED_STRIPES - len(stripes), 0)
     if not needed:
         return _solve("laser-plane", "Solve the laser plane.", "Stripes near and far determine the plane.", result)
@@ -99,31 +99,19 @@ def _stripe_words(board: Board, stripes: int) -> tuple[str, str]:
     )
 
 
-def _usable(session: Session, measured: Sequence[Measured], step: str) -> list[Measured]:
-    """Return what was seen in the step's captures, without the refused and the excluded ones."""
-    seen = {m.capture: m for m in measured}
-    found = [
-        seen.get(c.id, Measured(capture=c.id, kind=c.kind, verdict="pass"))
-        for c in session.captures
-        if c.step == step and not c.excluded
-    ]
-    return [m for m in found if m.verdict != "fail"]
-
-
 def _next_view(views: Sequence[Measured]) -> str | None:
     """Return where the board should go next, None where the image is covered and the distances differ."""
-    sized = [(np.array(v.board_px or v.preview), v.image_size) for v in views if v.preview and v.image_size]
-    if not sized:
+    told = boards_seen("camera", [view for view in views if view.image_size])
+    if told is None:
         return "Show the board to the camera, large and sharp in the middle of the image." if not views else None
-    seen = np.any([image_coverage(pixels, size) > 0 for pixels, size in sized], axis=0)
-    if seen.mean() < ENOUGH_COVERED:
+    if told.covered < ENOUGH_COVERED:
+        seen = seen_cells(views)
         parts = [part.mean() for rows in np.array_split(seen, _ROWS) for part in np.array_split(rows, _COLUMNS, 1)]
         return message(
             "Show the board at the {places} of the image: least was seen there yet.",
             places=_PLACES[int(np.argmin(parts))],
         )
-    sizes = [float(np.sqrt(np.prod(np.ptp(pixels, axis=0)))) for pixels, _ in sized]
-    if max(sizes) < _SIZES_APART * min(sizes):
+    if told.one_distance:
         return "Show the board nearer to the camera, then farther away: all views are from one distance."
     return None
 

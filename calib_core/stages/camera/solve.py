@@ -36,6 +36,7 @@ from calib_core.records.camera_result import (
     CameraResult,
     SolvedBoardShape,
 )
+from calib_core.stages.camera.evidence import grid_rows
 
 if TYPE_CHECKING:
     from calib_core.graph.stage_input import StageInput
@@ -190,6 +191,7 @@ def _result(
             near_mm=seen.depth_mm[0],
             far_mm=seen.depth_mm[1],
             largest_tilt_rad=seen.largest_tilt_rad,
+            projection_sigma_px=grid_rows(seen.projection_sigma_px),
         ),
         by_robot=None if solution.robot is None else _by_robot(camera, solution.robot),
         residuals=_rows(given, solution, views, reasons_of(unused)),

@@ -14,10 +14,10 @@ from calib_core.stages.evidence_parts import (
     captures_used,
     direction_text,
     frame_block,
-    left_out,
     provenance,
     residual_table,
 )
+from calib_core.stages.frames_left_out import frames_left_out
 
 _COLUMNS: Final = (
     ("board_distance_mm", "Distance", "mm"),
@@ -57,7 +57,7 @@ def evidence(session: Session, result: LaserPlaneResult) -> list[AnyBlock]:
             title="Laser frame in the camera",
             detail=True,
         ),
-        *left_out(result.residuals),
+        *frames_left_out(session, result),
         *residual_table(result.residuals, _COLUMNS, "Each stripe"),
         *provenance(result),
     ]

@@ -17,6 +17,7 @@ from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.messages import ENGLISH, Catalogue, message, plural
 from calib_core.moment import now
 from calib_core.records import Capture, Session
+from calib_core.records.callbacks import ReadFile
 from calib_core.records.decided_before import DECISIONS, DecidedBefore
 from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.records.policy import Equipment
@@ -52,6 +53,8 @@ class Circumstances:
         The SHA-256 of files that lie beside the session, by their names: of certificates.
     language : Catalogue
     paper : str
+    read : callable, optional
+        Gives the captures' files, of which the evidence shows some.
     """
 
     solved: str = ""
@@ -61,6 +64,7 @@ class Circumstances:
     digests: Mapping[str, str] = field(default_factory=dict[str, str])
     language: Catalogue = field(default=ENGLISH)
     paper: Literal["A4", "letter"] = "A4"
+    read: ReadFile | None = None
 
     def say(self, name: str, **values: object) -> str:
         """Return one of the report's own texts."""

@@ -25,4 +25,4 @@ def circumstances_in(
     for name in certificate_files(session):
         with suppress(CalibrationError):
             digests[name] = hashlib.sha256(read(name)).hexdigest()
-    return Circumstances(solved=solved, release=release, digests=digests, **more)
+    return Circumstances(solved=solved, release=release, digests=digests, read=read, **more)

@@ -36,6 +36,7 @@ from server.render.report.first_page import (
     plain_text,
     report_number,
 )
+from server.render.report.frame_picture import address_of
 from server.render.report.scene_picture import scene_picture
 from server.render.report.words import WORDS
 
@@ -115,7 +116,7 @@ def report_html(
                 **read[name],
                 "title": said.say(title_of(name)),
                 "word": verdict_words(read[name]["verdict"], said)[0],
-                "body": Markup(result_html(read[name], blocks[name], said)),
+                "body": Markup(result_html(read[name], blocks[name], said, address_of(about.read))),
             }
             for name in names
         ],
