@@ -12,7 +12,7 @@ from calib_core.findings.codes.arm import LAG_NOT_CHECKED
 from calib_core.frames import RigidTransform
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage
-from calib_core.stages.tcp.guide import ASK_FOR_REPEAT, review
+from calib_core.stages.reviewed import ASK_FOR_REPEAT, review
 from calib_core.stages.tcp.record import TcpResult
 from tests.trouble import Trouble, troubled
 from tests.trouble.cell import profile_csv

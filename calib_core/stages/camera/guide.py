@@ -10,7 +10,7 @@ from calib_core.optics.coverage_cells import ENOUGH_COVERED
 from calib_core.records import Board, GuideNow, Measured
 from calib_core.stages.boards_seen import boards_seen, seen_cells, usable
 from calib_core.stages.guide import GuideView
-from calib_core.stages.tcp.guide import review
+from calib_core.stages.reviewed import review
 
 WANTED_VIEWS, WANTED_STRIPES = 10, 8
 _ENOUGH_VIEWS = 14  # so many do, even where a part of the image stays empty: the result tells how that counts

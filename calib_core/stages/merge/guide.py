@@ -14,7 +14,7 @@ from calib_core.frames import FloatArray
 from calib_core.messages import message, sentences
 from calib_core.records import GuideNow, Session
 from calib_core.stages.guide import GuideView
-from calib_core.stages.tcp.guide import review
+from calib_core.stages.reviewed import review
 from calib_core.stages.turntable.guide import wants_turntable
 
 WANTED_AROUND, LEAST_AROUND = 12, 6

@@ -13,7 +13,7 @@ from calib_core.records import GuideNow, Matrix4, Record, Session
 from calib_core.records.base import Finite
 from calib_core.stages.guide import GuideView
 from calib_core.stages.recheck.solve import ENOUGH, is_repeated
-from calib_core.stages.tcp.guide import review
+from calib_core.stages.reviewed import review
 
 _EXIT = message("{enough} poses of the calibration were captured again.", enough=ENOUGH)
 

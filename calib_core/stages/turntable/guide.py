@@ -15,7 +15,7 @@ from calib_core.messages import message, sentences
 from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, GuideNow, Meter, Session
 from calib_core.stages.guide import GuideView
-from calib_core.stages.tcp.guide import review, suggested
+from calib_core.stages.reviewed import review, suggested
 from calib_core.stages.turntable.play import ASK_FOR_PLAY
 
 WANTED_ANGLES, LEAST_ANGLES = 8, 3

@@ -5,7 +5,7 @@ from calib_core.guidance.advice import verify_pose
 from calib_core.messages import message
 from calib_core.records import GuideNow
 from calib_core.stages.guide import GuideView
-from calib_core.stages.tcp.guide import review, suggested
+from calib_core.stages.reviewed import review, suggested
 from calib_core.stages.turntable.guide import wants_turntable
 from calib_core.steps import tool_stages
 
