@@ -46,6 +46,8 @@ _SETTLED = 0.3  # of a logarithm of a capture's variance
 # Sigmas that were told rightly let estimated ones gain so much, a log-likelihood, once in some hundred sessions.
 _CONTRADICTED = 4.0
 _LARGER = 1.5
+_IMPROBABLE = 2.5  # standard deviations
+_LEAST_FREE = 0.1  # of a prior's variance: where captures tell nothing, its own is all that is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +88,23 @@ def with_more_spread(judged: Judged, spread: FloatArray) -> Judged:
     """Return the same with a covariance (P, P) of the edges' unknowns added."""
     covariance, size = judged.fit.covariance.copy(), len(spread)
     covariance[:size, :size] += spread / judged.inflation
+    return replace(judged, fit=replace(judged.fit, covariance=covariance))
+
+
+def with_doubted_priors(judged: Judged) -> Judged:
+    """Return the same, less sure where a radius or an error by incidence lies beyond what is believed of it.
+
+    The covariance then holds by how much the unknowns would move if nothing were believed of it.
+    """
+    data, covariance = judged.data, judged.fit.covariance.copy()
+    if data.tool_prior is not None:
+        return judged
+    for column, nuisance in enumerate(data.active, data.unknowns):
+        sigma, found = data.nuisance_sigmas[nuisance], judged.fit.state.scanner[nuisance]
+        if not data.of_files[nuisance] and abs(found) > _IMPROBABLE * sigma:
+            column_by_one = judged.fit.covariance[:, column] / sigma
+            step = column_by_one * found / sigma / max(1 - column_by_one[column] / sigma, _LEAST_FREE)
+            covariance += np.outer(step, step)
     return replace(judged, fit=replace(judged.fit, covariance=covariance))
 
 

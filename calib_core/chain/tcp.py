@@ -30,7 +30,7 @@ from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, core_of, judge_from, with_more_spread
+from calib_core.chain.rejection import Judged, core_of, judge_from, with_doubted_priors, with_more_spread
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.scanner import corrected as without_errors
 from calib_core.chain.sides import ChosenSides, likeliest_sides
@@ -248,7 +248,7 @@ def solve_tcp(
     state, core = with_other_balls(data, centers_of(on_foot(observations, layout, axes), sphere), state, core)
     judged = judge_from(observations, data, state, core, given)
     observations, data, judged, bend = straightened(observations, data, judged, given)
-    judged = with_more_spread(judged, spread)
+    judged = with_more_spread(with_doubted_priors(judged), spread)
     held = hold_files(judged, options.apply_scanner)
     arm = None
     as_told: Held | None = None

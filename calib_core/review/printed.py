@@ -4,7 +4,7 @@ import html
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.errors import InputError
@@ -12,6 +12,7 @@ from calib_core.evidence.numbers import number_text, quantity, quantity_text
 from calib_core.evidence.text import cell_text, figure_text, verdict_words
 from calib_core.findings.catalogues import LANGUAGES, catalogue
 from calib_core.records import Session
+from calib_core.records.base import Verdict
 from calib_core.records.decided_before import DECISIONS
 from calib_core.records.evidence import AnyBlock, Figure, Frame, Plot, Series, Table
 from calib_core.stages.evidence import stored_evidence
@@ -127,7 +128,7 @@ def _verdicts(page: str, results: _Results, answer: Mapping[str, Any] | None) ->
     """Give "verdict" where those of the answer and of each result are not what is printed, by mark and word."""
     words = {
         verdict: {verdict, *(verdict_words(verdict, catalogue(name))[0].lower() for name in LANGUAGES)}
-        for verdict in ("pass", "warn", "fail")
+        for verdict in get_args(Verdict)
     }
     of_results = Counter(str(result.get("verdict")) for result in results.values())
     marks, every_word = _VERDICT.findall(page), set[str]().union(*words.values())

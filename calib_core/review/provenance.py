@@ -28,6 +28,7 @@ from calib_core.findings.codes.provenance import (
 from calib_core.graph.keys import Graph
 from calib_core.records import Session
 from calib_core.records.callbacks import Progress, ReadFile
+from calib_core.records.faults import OF_RESULTS
 from calib_core.records.findings import Finding
 from calib_core.review.answer import answer_record
 from calib_core.review.printed import misprinted
@@ -40,7 +41,7 @@ _OF_MOMENT_CODES: Final = {
     *(code.name for code in FAULT_CODES.values()), CERTIFICATE_OVERDUE.name,
     NOT_REPLAYED.name, REPLAY_DIFFERS.name, REPLAYED_OTHER_REVISION.name,
 }  # fmt: skip
-_OF_RESULTS: Final = ("stale", "fail", "verify-fail")
+_OF_BAG: Final = (*OF_RESULTS, "verify-fail")
 _LATER: Final = ("findings", "verified", "decided_before", "equipment")  # answers of 0.1.0 lack them
 _EQUAL: Final = 1e-6
 _EQUAL_COVARIANCE: Final = 1e-4
@@ -146,7 +147,7 @@ def _faults(told: Mapping[str, Any], answer: Mapping[str, Any]) -> list[str]:
     said = told.get("faults")
     if not isinstance(said, list) or not all(one in FAULT_CODES for one in said):
         return ["faults"]
-    return [] if all((one in said) == (one in answer["faults"]) for one in _OF_RESULTS) else ["faults"]
+    return [] if all((one in said) == (one in answer["faults"]) for one in _OF_BAG) else ["faults"]
 
 
 def _same(a: Any, b: Any, name: str = "") -> bool:

@@ -73,7 +73,7 @@ def elsewhere(record: dict[str, Any], files: dict[str, bytes]) -> None:
     record["captures"][5]["pose"] = pose.ravel().tolist()
 
 
-def rubble(record: dict[str, Any], seed: int) -> None:
+def rubble(record: dict[str, Any], files: dict[str, bytes], seed: int = 6) -> None:
     order = np.random.default_rng(seed).permutation(len(record["captures"]))
     poses = [capture["pose"] for capture in record["captures"]]
     for capture, place in zip(record["captures"], order, strict=True):
@@ -118,7 +118,7 @@ def test_scans_that_fit_pass_with_nothing_told(table: bool):
 def test_rubble_without_a_known_mistake_fails(seed: int):
     """Once poses in another unit were named, which pile all scans up, or errors without end explained it."""
     record, files = deepcopy(given(False))
-    rubble(record, seed)
+    rubble(record, files, seed)
     _, result = solve(record, files)
     assert (result.verdict, result.findings[0].code) == ("fail", "merge-scans-do-not-fit")
     assert result.mesh is None

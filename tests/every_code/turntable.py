@@ -85,7 +85,7 @@ def mirrored(lean_deg: float) -> Case:
         spread = np.diag([np.deg2rad(lean_deg) ** 2 / 2, 0.0, 0.0])
         both_ways = replace(found.covariance, axis_direction=spread, axis_point=np.zeros((3, 3)))
         own = replace(found.covariance, axis_direction=found.covariance.axis_direction + spread)
-        return replace(found, covariance=own, mirror=both_ways)
+        return replace(found, covariance=own, mirror=both_ways, mirror_chance=0.5)
 
     return changed(change)
 

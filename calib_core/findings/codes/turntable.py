@@ -22,8 +22,8 @@ AXIS_MIRRORED = Code(
     "−1 along the scanner's y).",
     meaning="A scanner that stands still before an axis sees the same profiles of the mirrored axis and spheres. A "
     "part that is merged by the mirrored answer is the part's mirror image.",
-    decided="Only profiles of one scanner that stands still show the axis, no capture's side is told, and both "
-    "answers lie more than 0.5° apart.",
+    decided="Only profiles of scanners that stand still show the axis, no capture's side is told, the mirrored "
+    "answer has a chance of 1 % or more, and both lie more than 0.5° apart.",
     usual_causes="A scanner that stands still before a turntable.",
     fixed=True,
 )
