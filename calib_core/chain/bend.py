@@ -25,6 +25,7 @@ from calib_core.sphere.circle import circle_step
 _BELIEVED_MM: Final = 5.0
 _TRIED_MM: Final = 0.05
 _ROUNDS: Final = 4
+_SURE: Final = 1e-6  # a tool that was changed midway looks bent by chances of 1 in 3,000
 _SETTLED: Final = 0.1  # of its standard deviation
 
 
@@ -47,7 +48,8 @@ def straightened(
 ) -> tuple[list[SphereObservation], ChainData, Judged, Bend | None]:
     """Return captures and arrays with their points where a bent sheet of light was, and the answer with its bend.
 
-    Where the captures show no bend, or poses that lag explain them better, all is as it was.
+    Where the captures show no bend, or poses that lag explain them better, all is as it was.  One that something
+    else might feign is not taken out of the points: the answer is less sure by it.
     """
     found = _bend_at(judged, 0.0) if can_show(judged) and len(data.points) else None
     as_it_was = list(observations), data, judged, None
@@ -56,6 +58,8 @@ def straightened(
     lag = unmodelled_of(judged)
     if lag is not None and lag.chance < found.chance:
         return as_it_was
+    if found.chance >= _SURE:
+        return list(observations), data, _less_sure(judged, found.by_one * found.size_mm / found.sigma_mm), found
     chance, seen, bent = found.chance, list(observations), data
     for _ in range(_ROUNDS):
         state = judged.fit.state
@@ -70,9 +74,12 @@ def straightened(
         found = after
         if settled:
             break
-    covariance = judged.fit.covariance + np.outer(found.by_one, found.by_one)
-    judged = replace(judged, fit=replace(judged.fit, covariance=covariance))
-    return seen, bent, judged, replace(found, chance=chance)
+    return seen, bent, _less_sure(judged, found.by_one), replace(found, chance=chance)
+
+
+def _less_sure(judged: Judged, step: FloatArray) -> Judged:
+    covariance = judged.fit.covariance + np.outer(step, step)
+    return replace(judged, fit=replace(judged.fit, covariance=covariance))
 
 
 def _bend_at(judged: Judged, size_mm: float) -> Bend | None:
