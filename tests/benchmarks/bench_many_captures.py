@@ -86,6 +86,6 @@ def run(full: bool) -> list[Row]:
                 share >= least,
             )
         )
-    what = f"heap of the scene's page at {max(LEAST_SHARE):,}"
+    what = f"heap of the scene's page at {max(LEAST_SHARE):,} captures"
     held = largest_mb <= MOST_HEAP_MB
     return [*rows, Row(what, f"≤ {MOST_HEAP_MB:g} MB", f"{largest_mb:.0f} MB", held)]
