@@ -1,8 +1,13 @@
 """How many connections one address may hold, so that one that opens hundreds shuts nobody else out."""
 
 import ipaddress
+import math
 from collections.abc import Iterable, Sequence
-from typing import Any, Protocol
+from time import monotonic
+from typing import Any, Final, Protocol
+
+_SETTLES_S: Final = 1.0
+"""So long a connection is let be to say what it came for, and to read a refusal."""
 
 
 class Connection(Protocol):
@@ -35,23 +40,31 @@ class AddressLimit:
         self._most = most
         self._proxies = proxies
 
-    def makes_room(self, newcomer: Connection, connections: Iterable[Any]) -> bool:
-        """Close the oldest connection of the newcomer's address that waits, where there are too many.
+    def make_room(self, newcomer: Connection, connections: Iterable[Any]) -> None:
+        """Close as many of the newcomer's address that wait as are too many, the oldest first.
 
-        Returns whether there is room for the newcomer: all others may be busy.
+        Those that have just come are let be until there are twice as many as may be: else a burst would close one
+        that asks for health before it was heard.
         """
-        address = None if newcomer.client is None else newcomer.client[0]
+        same = self._others_of_address(newcomer, connections)
+        too_many = len(same) + 1 - self._most
+        settled_s = monotonic() - _SETTLES_S if too_many <= self._most else math.inf
+        settled = [one for one in same if getattr(one, "waits", False) and one.opened_s < settled_s]
+        for one in sorted(settled, key=lambda one: one.opened_s)[: max(0, too_many)]:
+            one.hang_up()
+
+    def has_room(self, connection: Connection, connections: Iterable[Any]) -> bool:
+        """Whether a request of a connection may be answered: not where all its address may hold are busy."""
+        same = self._others_of_address(connection, connections)
+        return len(same) < self._most or sum(not getattr(one, "waits", False) for one in same) < self._most
+
+    def _others_of_address(self, connection: Connection, connections: Iterable[Any]) -> list[Any]:
+        """Return the open ones of its address, none where that is a proxy's."""
+        address = None if connection.client is None else connection.client[0]
         if address is None or self._is_proxy(address):
-            return True
-        others = [one for one in connections if one is not newcomer and getattr(one, "client", None)]
-        others = [one for one in others if getattr(one, "is_open", True)]
-        same = [one for one in others if one.client[0] == address]
-        if len(same) < self._most:
-            return True
-        waiting: list[Connection] = [one for one in same if getattr(one, "waits", False)]
-        if waiting:
-            min(waiting, key=lambda one: one.opened_s).hang_up()
-        return bool(waiting)
+            return []
+        others = [one for one in connections if one is not connection and getattr(one, "client", None)]
+        return [one for one in others if one.client[0] == address and getattr(one, "is_open", True)]
 
     def _is_proxy(self, address: str) -> bool:
         if "*" in self._proxies or address in self._proxies:

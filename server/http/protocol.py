@@ -24,7 +24,6 @@ class LimitedHttp(HttpToolsProtocol):
     def __init__(self, *args: Any, of_address: AddressLimit, **named: Any) -> None:
         super().__init__(*args, **named)
         self._of_address = of_address
-        self._has_room = True
         self.opened_s = 0.0
         self._since_body = 0  # bytes that came since the last piece of a body
         self._data = b""  # what came last
@@ -33,7 +32,7 @@ class LimitedHttp(HttpToolsProtocol):
         """Begin; its address may have had to give up another one."""
         super().connection_made(transport)
         self.opened_s = time.monotonic()
-        self._has_room = self._of_address.makes_room(self, self.connections)
+        self._of_address.make_room(self, self.connections)
 
     @property
     def waits(self) -> bool:
@@ -76,7 +75,7 @@ class LimitedHttp(HttpToolsProtocol):
     def _start_asgi_task(self, cycle: Any, app: Any) -> None:
         if self.scope["path"].startswith(HEALTH):
             app = self.app  # whoever watches is answered, however many there are
-        elif not self._has_room:
+        elif not self._of_address.has_room(self, self.connections):
             app = problem_response(problem_of_status(503, "more connections than an address may hold"))
         elif app is service_unavailable:
             app = problem_response(problem_of_status(503, "more connections at once than this server holds"))

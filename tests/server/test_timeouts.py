@@ -9,6 +9,7 @@ import ssl
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server.auth.buckets import Buckets
+from server.http.address_limit import AddressLimit
 from server.http.timeouts import Timeouts
 from server.serve import WorkbenchServer
 from server.settings import Settings
@@ -145,6 +147,37 @@ def test_connections_have_an_end(start: Any) -> None:
         end_s = time.monotonic() + 300
         while client.get("/health").status_code != 200:
             assert time.monotonic() < end_s
+
+
+@dataclass
+class Held:
+    """A connection as the limit sees it."""
+
+    opened_s: float
+    waits: bool
+    client: tuple[str, int] | None = ("192.0.2.1", 1)
+    is_open: bool = True
+
+    def hang_up(self) -> None:
+        self.is_open = False
+
+
+def test_a_connection_that_has_just_come_is_heard_before_it_makes_room() -> None:
+    """Beside hundreds of busy ones of its address, the next one hung up on who asks for health."""
+    now_s = time.monotonic()
+    newcomer, fresh, rested = Held(now_s, True), Held(now_s - 0.1, True), Held(now_s - 5.0, True)
+    busy = [Held(now_s - 9.0, waits=False) for _ in range(8)]
+    limit = AddressLimit(8)
+    limit.make_room(newcomer, [*busy, fresh, newcomer])
+    assert fresh.is_open
+    assert not limit.has_room(newcomer, [*busy, fresh, newcomer])
+    assert limit.has_room(newcomer, [*busy[1:], fresh, newcomer])  # one has ended meanwhile
+    limit.make_room(newcomer, [*busy[1:], fresh, rested, newcomer])
+    assert (fresh.is_open, rested.is_open) == (True, False)
+    flood = [Held(now_s - 0.01 * k, waits=True) for k in range(8)]
+    limit.make_room(newcomer, [*busy, *flood, newcomer])
+    assert not any(one.is_open for one in flood)
+    assert all(one.is_open for one in busy)
 
 
 def test_one_address_shuts_nobody_out(start: Any) -> None:
