@@ -1,9 +1,15 @@
 """What every benchmark shares: rows of figures, and interleaved timing of peers in one process."""
 
+import json
+import os
 import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -27,3 +33,20 @@ def interleaved_medians_s(jobs: Mapping[str, Callable[[], object]], rounds: int 
             job()
             durations[name].append(time.perf_counter() - start)
     return {name: statistics.median(values) for name, values in durations.items()}
+
+
+def kept(name: str, step: Callable[[], T]) -> T:
+    """Return what a step of a long bench gives, as JSON; with SCANCELL_BENCH_KEPT, a folder, each is done once.
+
+    A bench of hours that was stopped goes on where it was; the folder is for one state of the product.
+    """
+    folder = os.environ.get("SCANCELL_BENCH_KEPT")
+    if not folder:
+        return step()
+    path = Path(folder, f"{name}.json")
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        value = json.dumps(step())
+        path.with_suffix(".part").write_text(value, encoding="utf-8")
+        path.with_suffix(".part").replace(path)
+    return json.loads(path.read_text(encoding="utf-8"))
