@@ -24,6 +24,7 @@ from calib_core.optics.board_partial import (
 )
 from calib_core.optics.board_refusal import (
     grey_eight_bit,
+    grey_levels,
     is_blurred,
     refuse_flat_image,
     shrunk,
@@ -99,16 +100,17 @@ def find_board(image: Image, board: Board) -> BoardView:
     """
     grey = grey_eight_bit(image)
     refuse_flat_image(grey)
+    grids = lattices(grey) if board.kind == "chessboard" else None
     try:
-        return _found(image, grey, board)
+        return _found(image, grey, board, grids)
     except MeasurementError as error:
         from calib_core.optics.board_other import refuse_other_kind
 
-        refuse_other_kind(grey, board, error)
+        refuse_other_kind(grey, board, error, grids)
         raise
 
 
-def _found(image: Image, grey: NDArray[np.uint8], board: Board) -> BoardView:
+def _found(image: Image, grey: NDArray[np.uint8], board: Board, grids: list[FloatArray] | None) -> BoardView:
     from calib_core.optics.board_charuco import find_charuco
     from calib_core.optics.board_circles import find_circles
 
@@ -117,8 +119,8 @@ def _found(image: Image, grey: NDArray[np.uint8], board: Board) -> BoardView:
         points, ids, in_board = find_charuco(grey, board)
         sigma = _grid_sigma(points, ids, board.columns - 1)
         return BoardView(points, in_board, ids, _size(grey), sigma, in_colour=in_colour)
-    if board.kind == "chessboard":
-        return _chessboard(image, grey, board)
+    if grids is not None:
+        return _chessboard(image, grey, board, grids)
     grid = find_circles(grey, board, points_in_board_mm(board))
     if grid is None:
         raise why_not_found(grey, board)
@@ -133,8 +135,7 @@ def _found(image: Image, grey: NDArray[np.uint8], board: Board) -> BoardView:
     )  # fmt: skip
 
 
-def _chessboard(image: Image, grey: NDArray[np.uint8], board: Board) -> BoardView:
-    grids = lattices(grey)
+def _chessboard(image: Image, grey: NDArray[np.uint8], board: Board, grids: list[FloatArray]) -> BoardView:
     refuse_second_board(grids, board)
     lattice = whole_chessboard(grids, board)
     if lattice is not None:
@@ -231,7 +232,7 @@ def _refined(grey: NDArray[np.uint8], grid: FloatArray) -> FloatArray:
 
 def _has_bright_areas(grey: NDArray[np.uint8]) -> bool:
     """Whether a tenth of the frame is clearly brighter than its ground; a laser line alone in the dark is not."""
-    ground, tenth, bright = (float(v) for v in np.percentile(grey, [1, 90, 99.9]))
+    ground, tenth, bright = grey_levels(grey, [1, 90, 99.9])
     return tenth - ground > 0.12 * (bright - ground)
 
 

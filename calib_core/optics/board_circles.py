@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.optics.adjust import Corners
-from calib_core.optics.board_refusal import BRING_WHOLE, MIRRORED, board_words, other_board
+from calib_core.optics.board_refusal import BRING_WHOLE, MIRRORED, board_words, grey_levels, other_board
 from calib_core.optics.camera_start import homographies
 from calib_core.optics.circle_lattice import CircleGrid, circle_grid
 from calib_core.records import Board
@@ -14,6 +14,8 @@ from calib_core.records import Board
 _LEAST_APART_PX = 3.0
 _FOLLOWS = 0.3  # of the distance between circles: a lens bends a grid by less
 _ROUND = 0.82  # of a circle's area at its outline; a square has 0.785
+_GROUNDS, _DARKER = 12, 0.05  # of the frame's width and contrast: a circle's ground, and how much darker it is
+_SHORTEST_PX = 10
 _LEAST_WHITE = 12
 _NEARLY_WHITE = 0.85
 _EVEN = 0.03  # of the brightness: a plane's own error is as large
@@ -51,8 +53,23 @@ def find_circles(grey: NDArray[np.uint8], board: Board, places_mm: FloatArray) -
 
 def seen_circles(grey: NDArray[np.uint8]) -> CircleGrid | None:
     """Return the grid of circles that a frame shows, whatever was told; None where it shows none."""
-    grids = [circle_grid(_spots(image, _ROUND)) for image in (grey, 255 - grey)]
-    return max((grid for grid in grids if grid is not None), key=lambda grid: grid.count, default=None)
+    return circle_grid(_round_outlines(grey))
+
+
+def _round_outlines(grey: NDArray[np.uint8]) -> FloatArray:
+    """Return the middles (N, 2), px, of what has a round outline, dark or bright: at once, unlike `_spots`."""
+    import cv2
+
+    dark, bright = grey_levels(grey, [1, 99])
+    ground = cv2.blur(grey, (max(grey.shape) // _GROUNDS | 1,) * 2)
+    darker = (ground.astype(np.int16) - grey > _DARKER * (bright - dark)).astype(np.uint8)
+    middles: list[FloatArray] = []
+    for outline in cv2.findContours(darker, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[0]:
+        if len(outline) < _SHORTEST_PX:
+            continue
+        if 4 * np.pi * cv2.contourArea(outline) > _ROUND * cv2.arcLength(outline, True) ** 2:
+            middles.append(outline[:, 0].mean(axis=0))
+    return np.array(middles, dtype=float).reshape(-1, 2)
 
 
 def _refuse_other_grid(grid: CircleGrid, grey: NDArray[np.uint8], board: Board) -> None:
@@ -115,20 +132,18 @@ def _seen_centers(centroids: FloatArray, areas_px: FloatArray, places_mm: FloatA
     return centers
 
 
-def _spots(grey: NDArray[np.uint8], least_roundness: float = 0.0) -> FloatArray:
+def _spots(grey: NDArray[np.uint8]) -> FloatArray:
     """Return the middles (N, 2) of dark spots, px."""
-    found = _spot_detector(grey, least_roundness).detect(grey)
+    found = _spot_detector(grey).detect(grey)
     return np.array([spot.pt for spot in found], dtype=float).reshape(-1, 2)
 
 
-def _spot_detector(grey: NDArray[np.uint8], least_roundness: float = 0.0):
+def _spot_detector(grey: NDArray[np.uint8]):
     import cv2
 
     parameters = cv2.SimpleBlobDetector.Params()
     parameters.minArea, parameters.maxArea = 12.0, 0.05 * grey.size
     parameters.minDistBetweenBlobs = _LEAST_APART_PX
-    if least_roundness:
-        parameters.filterByCircularity, parameters.minCircularity = True, least_roundness
     return cv2.SimpleBlobDetector.create(parameters)
 
 

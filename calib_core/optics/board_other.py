@@ -17,7 +17,9 @@ _LARGEST = 60
 _PLAIN = 0.6  # of the contrast between squares: how bright the darkest of a white square may be
 
 
-def refuse_other_kind(grey: NDArray[np.uint8], board: Board, error: MeasurementError) -> None:
+def refuse_other_kind(
+    grey: NDArray[np.uint8], board: Board, error: MeasurementError, grids: list[FloatArray] | None = None
+) -> None:
     """Raise MeasurementError where a frame in which the told board is not found shows another kind of board.
 
     Parameters
@@ -27,17 +29,18 @@ def refuse_other_kind(grey: NDArray[np.uint8], board: Board, error: MeasurementE
         As it is told.
     error : MeasurementError
         Why it is not found.
+    grids : list of (rows, columns, 2), optional
+        What `lattices` gave of the frame, where it was looked for.
     """
     is_known = error.where == CELL_BOARD and board.kind == "charuco"
     if is_known or is_blurred(grey):
         return
-    seen = _other_kind(grey, board)
+    seen = _other_kind(grey, board, lattices(grey) if grids is None else grids)
     if seen is not None:
         raise other_board(board, seen) from None
 
 
-def _other_kind(grey: NDArray[np.uint8], board: Board) -> Message | None:
-    grids = lattices(grey)
+def _other_kind(grey: NDArray[np.uint8], board: Board, grids: list[FloatArray]) -> Message | None:
     if grids and _is_plain(grey, grids[0]):
         grid = None if board.kind == "chessboard" else seen_chessboard(grey, grids, _LARGEST)
         if grid is None:
