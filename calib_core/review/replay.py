@@ -32,6 +32,9 @@ TOLERANCE: Final = 1e-6
 ROUNDING: Final = 1e-9
 """Or by less than this, relative to the largest number of their vector or matrix: a zero is never quite zero."""
 
+_EXACTLY: Final = 1e-6
+"""What is known so much better than its neighbours has rounding for a sigma, which no two processors share."""
+
 SPREAD: Final = 1e-4
 """What measures a spread is equal within this, relative to the larger: nobody knows a sigma better."""
 
@@ -370,6 +373,8 @@ def _covariance_pairs(
         yield path, left, right, 0.0
         return
     sigmas = [math.sqrt(max(abs(left[k][k]), abs(right[k][k]))) for k in range(len(left))]
+    largest = [max(sigmas[k - k % 3 : k - k % 3 + 3]) for k in range(len(left))]
+    sigmas = [max(*pair) for pair in zip(sigmas, (_EXACTLY * sigma for sigma in largest), strict=True)]
     for k, rows in enumerate(zip(left, right, strict=True)):
         for column, (a, b) in enumerate(zip(*rows, strict=True)):
             yield f"{path}[{k}][{column}]", a, b, SIGMAS * sigmas[k] * sigmas[column]

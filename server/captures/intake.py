@@ -18,6 +18,7 @@ from calib_core.errors import CalibrationError
 from calib_core.moment import now
 from calib_core.records import Capture, Measured, parse_session
 from server.captures.batch_body import CaptureInBody
+from server.captures.changes import corrected_capture
 from server.captures.measurer import Measurer
 from server.captures.measuring_queue import to_wait
 from server.http.idempotency import NO_KEY, Idempotency
@@ -110,6 +111,11 @@ class Intake:
             return await self._write(store, list(contents.values()))
 
         return await self._with_session(session_id, measure_and_store)
+
+    def leave_out(self, session_id: str, capture_id: str, why: str) -> None:
+        """Exclude a capture, and keep why; raises NotFoundError, ConflictError."""
+        changes = {"excluded": True, "excluded_because": {"why": why}}
+        corrected_capture(self._store, self._measuring.measure, session_id, capture_id, changes, None, "live cell")
 
     async def take_unmeasured(
         self, session_id: str, came: Sequence[CaptureInBody]

@@ -352,7 +352,9 @@ class Jobs:
     def _failed(self, job_id: str, pool: Pool, error: BaseException) -> None:
         """Have a job begin anew that an outage has ended, or say why it failed; `cancel` has noted it before."""
         if isinstance(error, OUTAGES):
-            self._try_again(job_id, storage_problem(error))
+            is_late = self._waiting.waited_s(job_id) > self._settings.job_timeout_s
+            told = storage_problem(error)  # no fault of the job, however often it comes
+            self._fail(job_id, told) if is_late else self._wait(job_id, told["got"])
         elif not (isinstance(error, CancelledError) or pool.is_broken_by(error)):
             self._fail(job_id, explained(error))
         elif pool.is_elsewhere:

@@ -28,6 +28,7 @@ class WaitingJobs:
     def __init__(self, hand_on: Callable[[str, float], bool], look_after: Callable[[], None]) -> None:
         self._hand_on, self._look_after = hand_on, look_after
         self._since_s: dict[str, float] = {}
+        self._first_s: dict[str, float] = {}
         self._tries: dict[str, int] = {}
         self._lock = threading.Lock()
         self._stopping = threading.Event()
@@ -45,6 +46,12 @@ class WaitingJobs:
         """Have a job wait, from now on unless it did before."""
         with self._lock:
             self._since_s.setdefault(job_id, time.monotonic())
+            self._first_s.setdefault(job_id, time.monotonic())
+
+    def waited_s(self, job_id: str) -> float:
+        """Return how long ago a job had to wait for the first time, 0 where it never had."""
+        now_s = time.monotonic()
+        return now_s - self._first_s.get(job_id, now_s)
 
     def tries(self, job_id: str) -> int:
         """Count that a job begins anew, and return how often it has."""
@@ -55,8 +62,8 @@ class WaitingJobs:
     def forget(self, job_id: str) -> None:
         """Forget a job that has ended."""
         with self._lock:
-            self._since_s.pop(job_id, None)
-            self._tries.pop(job_id, None)
+            for told in (self._since_s, self._first_s, self._tries):
+                told.pop(job_id, None)
 
     def through_outages(self, act: Callable[[], T]) -> T:
         """Do what reads or writes the store, again while that is away; raises what it raises when all ends."""

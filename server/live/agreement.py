@@ -18,6 +18,7 @@ _STRIPE_MOVED_MM, _STRIPE_STOOD_MM = 0.5, 0.02
 _ROBOT_MOVED_MM, _JOINT_TURNED_DEG = 3.0, 0.5
 _BALL_MOVED_MM = 8.0  # more than a tool is off by that was solved, less than a ball moves by with its table
 _MOST_ARCS = 2000
+_ARRIVES_S = 0.2  # poses may arrive so much later than what the scanner saw, beside the time between two of them
 
 
 class Agreement:
@@ -37,8 +38,9 @@ class Agreement:
         """Begin anew: a device was lost, or the sphere may have been moved by hand."""
         self._stands: Sample | None = None
         self._table_deg: float | None = None
-        self._since_s = -np.inf
-        self._arcs: deque[ArcFit] = deque(maxlen=_MOST_ARCS)
+        self.stands_since_s = self._told_s = -np.inf
+        self.doubted_since_s: float | None = None  # a stand whose pose was not where the robot stood
+        self._arcs: deque[tuple[float, ArcFit]] = deque(maxlen=_MOST_ARCS)
         self._before: Rest | None = None
         if is_remounted:
             self._on_table: Rest | None = None
@@ -55,12 +57,14 @@ class Agreement:
             if self._table_deg is None or abs(sample.table_deg - self._table_deg) > rules.table_deg:
                 self._moved(sample)
             self._table_deg = sample.table_deg
+        self._told_s = sample.host_time_s
 
     def see(self, exposure: Exposure) -> None:
         """Take what the scanner saw; what may have been exposed before the robot stood says nothing."""
-        late = exposure.frame.host_time_s <= self._since_s + self._rules.latency_s
+        seen_s = exposure.frame.host_time_s
+        late = seen_s <= self.stands_since_s + self._rules.latency_s
         if exposure.arc is not None and exposure.frame.fresh and not late:
-            self._arcs.append(exposure.arc)
+            self._arcs.append((seen_s, exposure.arc))
 
     def table_contradiction(self, now: Rest, cell: Cell) -> str:
         """Return what speaks against a standstill's angle of the table, "" where nothing does.
@@ -93,12 +97,14 @@ class Agreement:
             return ""
         turned_deg = _turned_deg(self._stands, now.robot)
         if turned_deg > _JOINT_TURNED_DEG:
+            self.doubted_since_s = self.stands_since_s
             return message(
                 "a joint turned by {turned_deg:.1f}° while the robot's pose stood. Is the pose still being sent?",
                 turned_deg=turned_deg,
             )
-        moved_mm = max((_apart_mm(arc, other) for other in self._arcs), default=0.0)
+        moved_mm = max((_apart_mm(arc, other) for _, other in self._arcs), default=0.0)
         if moved_mm > _STRIPE_MOVED_MM:
+            self.doubted_since_s = self.stands_since_s
             return message(
                 "the stripe moved by {moved_mm:.1f} mm while the robot's pose stood. Is the pose "
                 "still being sent? If scanner or sphere were moved by hand, drive the robot "
@@ -119,7 +125,12 @@ class Agreement:
         )
 
     def _moved(self, sample: Sample) -> None:
-        self._since_s = sample.host_time_s
+        """Begin a new stand; one in which the stripe went elsewhere long before was none."""
+        before_s = self._told_s - _ARRIVES_S
+        seen = [arc for seen_s, arc in self._arcs if seen_s < before_s]
+        if seen and max(_apart_mm(seen[0], other) for other in seen) > _STRIPE_MOVED_MM:
+            self.doubted_since_s = self.stands_since_s
+        self.stands_since_s = sample.host_time_s
         self._arcs.clear()
 
     def _is_straight(self, before: Rest, now: Rest) -> bool:

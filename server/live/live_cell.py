@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.captures.standstill import is_resting
 from calib_core.clock_offset import ClockOffset, clock_offset
 from calib_core.errors import CalibrationError, ConflictError, MeasurementError
 from calib_core.findings import sentence_of
@@ -23,8 +22,8 @@ from server.live.exposures import Exposure, Optics, exposure_of
 from server.live.link import Link
 from server.live.live_captures import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
-from server.live.shots import require_agreement, require_good, told_standing
-from server.live.standstill import Rest, Rules, stood_still
+from server.live.shots import no_scanner, require_agreement, require_good, told_standing
+from server.live.standstill import Rest, Rules, is_new_place, stood_still
 from server.sources.device import Frame, Reading, Sample, host_now_s
 from server.store.audit import acting
 
@@ -33,9 +32,11 @@ log = logging.getLogger("scancell")
 Take = Callable[[Capture, Mapping[str, bytes]], Measured]
 """Stores a capture and returns what was measured in it; raises CalibrationError."""
 
+LeaveOut = Callable[[str, str], object]
+"""Excludes a capture by its id, and says why; raises CalibrationError."""
+
 SHOT_WAITS_S = 8.0
 _SAMPLES, _EXPOSURES, _SEEN = 4000, 12, 1200
-_NEW_PLACE_MM, _NEW_PLACE_RAD, _NEW_TABLE_DEG = 3.0, 0.01, 0.5
 _IDLE_S = 0.1
 
 
@@ -50,6 +51,8 @@ class LiveCell:
     take : callable
         Stores a capture.
     settings : CaptureSettings
+    leave_out : callable, optional
+        Excludes a capture whose pose turned out to be none.
     """
 
     def __init__(
@@ -59,8 +62,9 @@ class LiveCell:
         settings: CaptureSettings,
         rules: Rules | None = None,
         clocks: MeasuredClocks | None = None,
+        leave_out: LeaveOut = lambda _, __: None,
     ) -> None:
-        self._load, self._take = load, take
+        self._load, self._take, self._leave_out = load, take, leave_out
         self._settings, self.rules = settings, rules or Rules()
         self.links: dict[str, Link] = {}
         self._robot: deque[Sample] = deque(maxlen=_SAMPLES)
@@ -73,6 +77,7 @@ class LiveCell:
         self._stopped = False
         self._taken_at: tuple[Sample | None, float | None] | None = None
         self._agreement = Agreement(self.rules)
+        self._taken_here: tuple[str, float] | None = None  # the last capture, and since when the pose had stood
         self.last: Taken | None = None
         self.waits_for = ""
         self.is_taken = False  # where all stand now, a capture was taken already
@@ -92,9 +97,8 @@ class LiveCell:
     def settings(self, settings: CaptureSettings) -> None:
         with self._arrived:
             self._settings = settings
-            self._agreement.forget(
-                is_remounted=True
-            )  # another step or mounting: the sphere may have been moved by hand
+            # Another step or mounting: the sphere may have been moved by hand.
+            self._agreement.forget(is_remounted=True)
 
     def add(self, link: Link) -> None:
         """Take a device's link in place of the one of its name, and start it."""
@@ -292,6 +296,7 @@ class LiveCell:
                 self._seen.append((frame.host_time_s if moment_s is None else moment_s, moment_s is not None, arc))
             robot, table, exposures = list(self._robot), list(self._table), list(self._exposures)
         self.version += 1
+        self._look_back()
         if self._shots:
             self._serve(self._shots[0], cell, taken, robot, table, exposures)
             return
@@ -301,7 +306,7 @@ class LiveCell:
         self.is_taken = False
         if isinstance(rest, str) or self.waits_for or not self.settings.automatic:
             return
-        if self._is_new_place(rest):
+        if self._taken_at is None or is_new_place(rest, *self._taken_at):
             self._store(cell, rest, taken, None)
         else:
             self.is_taken = True
@@ -344,6 +349,25 @@ class LiveCell:
             told = self._agreement.table_contradiction(rest, cell) if on_table else ""
             return told or self._agreement.contradiction(rest) or rest
 
+    def _look_back(self) -> None:
+        """Leave out the last capture where a pose without a time stood before the robot did."""
+        with self._arrived:
+            doubted_s, self._agreement.doubted_since_s = self._agreement.doubted_since_s, None
+        if doubted_s is None or self._taken_here is None or self._taken_here[1] != doubted_s:
+            return
+        name, self._taken_here = self._taken_here[0], None
+        posing = [link for link in self.links.values() if {"robot", "table"} & set(link.source.delivers)]
+        if all(link.source.clock == "every-reading" for link in posing):
+            return
+        self._leave_out(
+            name,
+            message(
+                "The stripe moved on while the pose stood, which perhaps was not sent any more by then. "
+                "If scanner or sphere were moved by hand, take it in again."
+            ),
+        )
+        self.version += 1
+
     def _expire(self) -> None:
         while self._shots and host_now_s() - self._shots[0].asked_s > SHOT_WAITS_S:
             shot = self._shots.popleft()
@@ -355,21 +379,12 @@ class LiveCell:
                 )
             )
 
-    def _is_new_place(self, rest: Rest) -> bool:
-        if self._taken_at is None:
-            return True
-        robot, angle = self._taken_at
-        if angle is not None and rest.table_deg is not None and abs(angle - rest.table_deg) > _NEW_TABLE_DEG:
-            return True
-        if robot is None or rest.robot is None:
-            return False
-        poses = [s.base_from_tool0 for s in (robot, rest.robot) if s.base_from_tool0 is not None]
-        return not is_resting(poses, _NEW_PLACE_MM, _NEW_PLACE_RAD)
-
     def _store(self, cell: Cell, rest: Rest, taken: set[str], shot: Shot | None) -> Taken:
         devices = ", ".join(f"{link.name} ({link.source.name})" for link in self.links.values())
         capture, files = capture_of_rest(cell, rest, self.settings, taken, shot, devices)
+        since_s = self._agreement.stands_since_s
         told = self._keep(capture, files, shot)
+        self._taken_here = capture.id, since_s
         self._taken_at = rest.robot, rest.table_deg
         return told
 
@@ -383,8 +398,3 @@ class LiveCell:
         self.last = Taken(capture.id, measured.verdict, measured.zone, text)
         self.version += 1
         return self.last
-
-
-def no_scanner() -> ConflictError:
-    """Return what is said where no scanner is connected."""
-    return ConflictError("a scanner that is connected", "none", "Connect one in the session's devices.", "devices")

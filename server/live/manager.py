@@ -204,8 +204,12 @@ class LiveCells:
                 known.forget()
             return Measured.model_validate(json.loads(bytes(answer.body))["measured"])
 
+        def leave_out(capture_id: str, why: str) -> None:
+            self._intake.leave_out(session_id, capture_id, why)
+
         clocks = MeasuredClocks(self._clocks.get(session_id), lambda told: self._clocks.put(session_id, told))
-        return LiveCell(known, take, self.capture_settings(session_id), clocks=clocks)
+        settings = self.capture_settings(session_id)
+        return LiveCell(known, take, settings, clocks=clocks, leave_out=leave_out)
 
     def _cell(self, db: Any, session_id: str) -> str:
         return cell_id(empty_session(session_row(db, session_id).record, session_id))

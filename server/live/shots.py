@@ -41,3 +41,8 @@ def require_good(rest: Rest) -> None:
     """Refuse an arc that says too little."""
     if rest.chosen.weak:
         raise ConflictError("a good arc of the sphere", *in_short(rest.chosen.weak))
+
+
+def no_scanner() -> ConflictError:
+    """Return what is said where no scanner is connected."""
+    return ConflictError("a scanner that is connected", "none", "Connect one in the session's devices.", "devices")

@@ -13,6 +13,8 @@ from calib_core.sphere.standstill import Standstill, standstill
 from server.live.exposures import Exposure
 from server.sources.device import Sample
 
+_NEW_PLACE_MM, _NEW_PLACE_RAD, _NEW_TABLE_DEG = 3.0, 0.01, 0.5
+
 
 @dataclass(frozen=True)
 class Rules:
@@ -97,6 +99,16 @@ def stood_still(
             noise_mm=still.noise_mm,
         )
     return Rest(stood, angle, tuple(newest), still)
+
+
+def is_new_place(rest: Rest, robot: Sample | None, table_deg: float | None) -> bool:
+    """Whether robot or table stand elsewhere than they did."""
+    if table_deg is not None and rest.table_deg is not None and abs(table_deg - rest.table_deg) > _NEW_TABLE_DEG:
+        return True
+    if robot is None or rest.robot is None:
+        return False
+    poses = [s.base_from_tool0 for s in (robot, rest.robot) if s.base_from_tool0 is not None]
+    return not is_resting(poses, _NEW_PLACE_MM, _NEW_PLACE_RAD)
 
 
 def _spanning(samples: Sequence[Sample], since_s: float, until_s: float, gap_s: float) -> list[Sample] | str:

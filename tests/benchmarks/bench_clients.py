@@ -43,15 +43,16 @@ def run(full: bool) -> Iterator[Row]:
             try:
                 walk(folder, address)
             except (subprocess.CalledProcessError, FileNotFoundError) as error:
-                said = (getattr(error, "output", "") or str(error)).strip().splitlines()[-_TOLD_LINES:]
-                yield Row(
-                    f"{name}: the walk of docs/rest.md",
-                    "no hand edits",
-                    " ".join(" ".join(said).split())[-200:],
-                    False,
-                )
+                yield Row(f"{name}: the walk of docs/rest.md", "no hand edits", _told(error), False)
             else:
                 yield Row(f"{name}: the walk of docs/rest.md", "no hand edits", "walked", True)
+
+
+def _told(error: Exception) -> str:
+    """Return what a command says first of what is wrong, else what it said last."""
+    lines = (getattr(error, "output", "") or str(error)).strip().splitlines()
+    wrong = [line for line in lines if "[ERROR]" in line or "error:" in line.lower()]
+    return " ".join(" ".join(wrong[:_TOLD_LINES] or lines[-_TOLD_LINES:]).split())[:400]
 
 
 def _python(folder: Path, address: str) -> None:

@@ -36,7 +36,7 @@ CLOCKS: tuple[Clock, ...] = get_args(Clock)
 WAYS = (*CLOCKS, *ROBOTS, *SCANNERS, *TABLES)
 """Kinds of clock of a plain source, then our own sources before a device that speaks their protocol."""
 _WRONG_MM, _WRONG_DEG = 0.5, 0.05
-_STAY_S = 2.0
+_STAY_S, _TRAVEL_S = 2.0, 0.4
 _PATIENCE_S = 60.0
 _NAMES = re.compile("moved|fresh|repeats|turned")
 
@@ -46,9 +46,20 @@ class Trial:
     """How captures went: taken, with a wrong pose or angle, what was said, and how soon."""
 
     taken: int = 0
-    wrong: int = 0
+    names: set[str] = field(default_factory=set[str])
+    off: set[str] = field(default_factory=set[str])  # captures that count, with a wrong pose or angle
     said: list[str] = field(default_factory=list)
     named_s: float | None = None
+
+    @property
+    def wrong(self) -> int:
+        """How many that count have a wrong pose or angle."""
+        return len(self.off)
+
+    def leave_out(self, capture: str, why: str) -> None:
+        """Count a capture no longer."""
+        self.off.discard(capture)
+        self.said.append(why)
 
 
 def run(full: bool) -> Iterator[Row]:
@@ -64,6 +75,43 @@ def run(full: bool) -> Iterator[Row]:
             after = "" if found.named_s is None else f" after {found.named_s:.1f} s"
             measured = f"{found.wrong} of {found.taken} captures; {named(found)}{after}"
             yield Row(f"{way}, {fault}: stored with a wrong pose", "0", measured, not found.wrong)
+    for clock in ("none", "on-change"):
+        found = frozen_at_the_end(clock, moves)
+        measured = f"{found.wrong} of {found.taken} captures, {len(found.said)} left out again"
+        yield Row(
+            f"{clock}, frozen in the last 0.3 s of a move: wrong poses that count", "0", measured, not found.wrong
+        )
+
+
+def frozen_at_the_end(clock: Clock, moves: int, seed: int = 3) -> Trial:
+    """Return how captures went where a robot's stream freezes 0.3 s or less before each second move ends."""
+    wire, found, random = Wire(), Trial(), np.random.default_rng(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        rig = Rig(Path(folder) / "scanner")
+        cell, rig_optics = _cell(rig, clock)
+        rig.go(rig.good[0])
+        live = LiveCell(
+            lambda: (cell, found.names, rig_optics),
+            _taken(rig, found),
+            CaptureSettings(automatic=True),
+            leave_out=found.leave_out,
+        )
+        try:
+            _connect(live, rig, clock, {}, wire)
+            _wait(lambda: found.taken == 1, lambda: live.waits_for)
+            for number in range(moves):
+                rig.go(rig.good[(2 * number + 1) % len(rig.good)])
+                time.sleep(_TRAVEL_S - random.uniform(0.02, 0.3))
+                wire.fault = "freeze"
+                time.sleep(_STAY_S)
+                rig.go(rig.good[(2 * number + 2) % len(rig.good)])
+                time.sleep(_TRAVEL_S + _STAY_S)  # seen there, then it is heard again
+                wire.fault = None
+                time.sleep(_STAY_S)
+        finally:
+            live.stop()
+            rig.stop()
+    return found
 
 
 def named(found: Trial) -> str:
@@ -81,7 +129,10 @@ def trial(way: str, fault: Fault | None, moves: int) -> Trial:
         cell, rig_optics = _cell(rig, way)
         rig.go(places[0])
         live = LiveCell(
-            lambda: (cell, set(), rig_optics), _taken(rig, found), CaptureSettings(automatic=True, step=step)
+            lambda: (cell, found.names, rig_optics),
+            _taken(rig, found),
+            CaptureSettings(automatic=True, step=step),
+            leave_out=found.leave_out,
         )
         faulty = nullcontext({}) if way in CLOCKS else device(way, rig, wire)
         try:
@@ -138,7 +189,9 @@ def _taken(rig: Rig, found: Trial) -> Callable[[Capture, Mapping[str, bytes]], M
         off_mm = np.linalg.norm(told.translation_mm - true.reported[:3, 3])
         off_deg = abs((capture.table_deg or 0.0) - true.table_deg) if capture.step == "turntable" else 0.0
         found.taken += 1
-        found.wrong += bool(off_mm > _WRONG_MM or off_deg > _WRONG_DEG)
+        found.names.add(capture.id)
+        if off_mm > _WRONG_MM or off_deg > _WRONG_DEG:
+            found.off.add(capture.id)
         return Measured(capture=capture.id, kind=capture.kind, verdict="pass")
 
     return take

@@ -62,9 +62,9 @@ class Part:
 
 
 def run(full: bool) -> Iterator[Row]:
-    """Yield the figures; 30 outages of each kind with `full`, else two."""
+    """Yield the figures; ten outages of each kind with `full`, else two."""
     for name in PARTS:
-        yield from rows(name, 30 if full else 2)
+        yield from rows(name, 10 if full else 2)
 
 
 def rows(name: str, times: int) -> list[Row]:
@@ -157,10 +157,7 @@ def _upload(found: Found, session: str, stop: threading.Event, client: httpx.Cli
     number = 0
     while not stop.is_set():
         number += 1
-        x = np.linspace(-12.0, 12.0, 60)
-        z = 200.0 - np.sqrt(20.0**2 - x**2) + 1e-4 * number
-        content = "".join(f"{a:.4f},{b:.4f}\n" for a, b in zip(x, z, strict=True))
-        sent = Sent(f"{session}-{number}", session, f"p{number}", f"# {session}\n{content}".encode())
+        sent = Sent(f"{session}-{number}", session, f"p{number}", f"# {session}\n".encode() + arc(number))
         found.sent.append(sent)
         while not stop.is_set():
             answer = _tried(found, lambda sent=sent: send(client, sent))
@@ -168,6 +165,12 @@ def _upload(found: Found, session: str, stop: threading.Event, client: httpx.Cli
                 sent.answer = answer.json()
                 break
             time.sleep(0.1)
+
+
+def arc(number: int) -> bytes:
+    x = np.linspace(-12.0, 12.0, 60)
+    z = 200.0 - np.sqrt(20.0**2 - x**2) + 1e-4 * number
+    return "".join(f"{a:.4f},{b:.4f}\n" for a, b in zip(x, z, strict=True)).encode()
 
 
 def _solve(found: Found, session: str, stop: threading.Event, client: httpx.Client) -> None:

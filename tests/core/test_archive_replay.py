@@ -123,6 +123,17 @@ def test_what_is_no_frame_any_more_differs(stored: dict[str, Any]) -> None:
     assert not compare({**stored["tcp"], "tool0_from_laser": np.zeros((4, 4)).tolist()}, stored["tcp"]).equal
 
 
+def test_what_is_known_exactly_has_rounding_for_a_sigma() -> None:
+    """A ball's height that defines the frame: its variance comes out as another nothing on each processor."""
+
+    def result(exact: float, beside: float) -> dict[str, Any]:
+        return {"stage": "x", "covariance": [[4e-4, 0.0, beside], [0.0, 4e-4, 0.0], [beside, 0.0, exact]]}
+
+    assert compare(result(1e-22, -4e-15), result(5e-23, -5e-14)).equal
+    assert not compare(result(1e-8, -4e-15), result(2e-8, -5e-14)).equal
+    assert not compare(result(1e-22, 0.0), result(1e-12, 0.0)).equal
+
+
 def test_an_element_of_a_covariance_counts_by_the_sigmas_of_its_row_and_column() -> None:
     """It was "not equal" for 4e-9 between two processors; variances in rad² are 1e-5 of those in mm²."""
 

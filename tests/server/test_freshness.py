@@ -114,6 +114,14 @@ def test_no_capture_has_a_wrong_pose_whatever_stands_between_controller_and_work
     assert found.said or EACH[way] in ("duplicated", "reordered")  # which tell no wrong pose
 
 
+@pytest.mark.parametrize("clock", ["none", "on-change"])
+def test_what_fell_silent_at_the_end_of_a_move_counts_no_longer_once_the_robot_goes_on(clock: Clock) -> None:
+    found = bench_freshness.frozen_at_the_end(clock, 2)
+    assert found.wrong == 0
+    assert len(found.said) > 0
+    assert "perhaps was not sent any more" in found.said[0]
+
+
 def test_an_exposure_that_arrives_late_is_marked() -> None:
     watch = Freshness("every-reading")
     told = [Frame(host_s, "a.csv", b"", host_s - (1.0 if host_s > 101.0 else 0.0)) for host_s in at_50_hz(3.0)]

@@ -78,9 +78,9 @@ public class Walk {
         ApiResponse<SessionAnswer> answer = answers.answersGetAnswerWithHttpInfo(session);
         must(!answer.getData().getStale() && header(answer, "Scancell-Stale").equals("false"), "answer");
         for (String format : List.of("json", "kuka", "abb"))
-            must(answers.answersExportResults(session, format, "").length() > 100, format);
+            must(answers.answersExportResults(session, format, "", null).length() > 100, format);
         ArchivesApi archives = new ArchivesApi(client);
-        must(Files.readString(archives.archivesGetReport(session).toPath()).contains("<html"), "report");
+        must(Files.readString(archives.archivesGetReport(session, null, null, null).toPath()).contains("<html"), "report");
         File archive = archives.archivesGetArchive(session, false);
         StoredSession imported = archives.archivesImportArchive(archive, null);
         must(imported.getName().equals(record.get("name").asText()), "imported");
