@@ -5,12 +5,14 @@ folder that all machines have in the same place. One thread a worker, watched by
 """
 
 import logging
+import math
 import pickle
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from queue import SimpleQueue
 from secrets import token_hex
 from threading import Thread
+from time import monotonic
 from typing import Any
 
 from distributed import Client, KilledWorker
@@ -25,6 +27,7 @@ from server.settings import Settings
 log = logging.getLogger("scancell")
 _CONNECT_S = 10.0
 _RESTART_S = 30.0
+_RECONNECTS_S = 8.0
 _LEAVING_S = 5.0
 """How long the pool's end waits until nannies have heard which workers to end; it does not wait for new ones."""
 
@@ -46,6 +49,7 @@ class DaskPool(Pool):
         self._topic = f"scancell-{token_hex(8)}"
         self._told: SimpleQueue[worker.Message | None] = SimpleQueue()
         self._restarts: list[Thread] = []
+        self._away_since_s = math.inf
         self._client.subscribe_topic(self._topic, self._hear)
         self.executor = self._client.get_executor(pure=False)
         # The client's own thread must not wait for the store.
@@ -93,10 +97,15 @@ class DaskPool(Pool):
 
     @property
     def is_gone(self) -> bool:
-        """Whether the client has given up, or found another scheduler, which knows nothing of what it was told."""
-        if self._client.status in ("closing", "closed"):
-            return True
-        return self._client.status == "running" and self._client.scheduler_info().get("id") != self._cluster
+        """Whether the client has given up, or found another scheduler, which knows nothing of what it was told.
+
+        A client that met a scheduler amid its start may try for a minute: a new one is sooner.
+        """
+        if self._client.status == "running":
+            self._away_since_s = math.inf
+            return self._client.scheduler_info().get("id") != self._cluster
+        self._away_since_s = min(self._away_since_s, monotonic())
+        return self._client.status in ("closing", "closed") or monotonic() - self._away_since_s > _RECONNECTS_S
 
     def close(self) -> None:
         """Leave the cluster; it goes on without."""
