@@ -78,7 +78,7 @@ def scan_groups(captures: Sequence[Capture]) -> list[ScanGroup]:
     for capture in captures:
         last = groups[-1][-1] if groups else None
         single = capture.kind in ("profile", "frame")
-        if last is not None and single and _alike(last) == _alike(capture):
+        if last is not None and single and _alike(last) == _alike(capture) and not _ended(groups[-1], capture):
             groups[-1].append(capture)
         else:
             groups.append([capture])
@@ -88,6 +88,12 @@ def scan_groups(captures: Sequence[Capture]) -> list[ScanGroup]:
 def _alike(capture: Capture) -> tuple[object, ...]:
     """Return what profiles of one scan have in common: their kind, their scanner, and how they are turned."""
     return capture.kind, capture.scanner, capture.table_deg, capture.axes_deg
+
+
+def _ended(group: Sequence[Capture], capture: Capture) -> bool:
+    """Return whether a linear axis stood still for a scan, and has moved; profiles that it takes along go on."""
+    stood = len(group) > 1 and group[-1].axes_mm == group[-2].axes_mm
+    return stood and capture.axes_mm != group[-1].axes_mm
 
 
 def read_scan(session: Session, group: ScanGroup, placement: Placement, read: ReadFile) -> Scan:

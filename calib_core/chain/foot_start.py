@@ -74,6 +74,25 @@ def foot_axes(
     return min(found, key=lambda one: one[1].scatter_mm)
 
 
+def feet_of(
+    observations: Sequence[SphereObservation],
+    sphere: SphereSize,
+    layout: Layout,
+    groups: Sequence[np.ndarray],
+) -> tuple[tuple[AxisState, ...], float]:
+    """Return how the axes under the robot lie by the scanner whose captures they bring together best; how well.
+
+    `groups`: captures of each scanner.
+    """
+    found: list[tuple[tuple[AxisState, ...], float]] = []
+    for some in sorted(groups, key=len, reverse=True):
+        axes, start = foot_axes([observations[k] for k in some], sphere, layout)
+        found.append((axes, start.scatter_mm))
+        if start.scatter_mm < _SURE_MM:
+            break
+    return min(found, key=lambda one: one[1])
+
+
 def on_foot(
     observations: Sequence[SphereObservation], layout: Layout, axes: Sequence[AxisState]
 ) -> list[SphereObservation]:

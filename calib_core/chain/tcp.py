@@ -21,7 +21,7 @@ from calib_core.chain.arrays import chain_data, layout_of
 from calib_core.chain.balls import candidates, middle_of
 from calib_core.chain.bend import Bend, straightened
 from calib_core.chain.effective import with_effective_points
-from calib_core.chain.foot_start import foot_axes, on_foot
+from calib_core.chain.foot_start import feet_of, on_foot
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.incidents import Happened, named_causes
 from calib_core.chain.influence import Influence, influence_of
@@ -368,8 +368,7 @@ def _starts(
     """Return the axes under the robot, and each scanner's starts, the likeliest first."""
     if not layout.axes:
         return (), [_with_others(observations, sphere, some) for some in groups]
-    largest = max(groups, key=len)
-    axes, _ = foot_axes([observations[k] for k in largest], sphere, layout)
+    axes, _ = feet_of(observations, sphere, layout, groups)
     standing = on_foot(observations, layout, axes)
     return axes, [_with_others(standing, sphere, some) for some in groups]
 

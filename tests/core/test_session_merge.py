@@ -205,6 +205,20 @@ def test_single_profiles_at_one_table_angle_are_one_scan():
     assert [group.name for group in groups] == ["p0…p2", "p3…p5", "s0"]
 
 
+def test_a_linear_axis_takes_profiles_along_in_one_scan_or_stands_still_for_each():
+    given, _ = session()
+    data = given.to_json()
+    stood = [0.0, 0.0, 0.0, 900.0, 900.0, 901.0, 902.0]
+    data["captures"] = [
+        {"id": f"p{k}", "step": "scan", "kind": "profile", "files": ["a.csv"], "axes_mm": {"rail": at}}
+        for k, at in enumerate(stood)
+    ]
+    data["cell"] = {**data["cell"], "axes": [{"name": "rail", "kind": "linear", "carries": "robot"}]}
+    for some, names in ((data["captures"][:5], ["p0…p2", "p3…p4"]), (data["captures"][4:], ["p4…p6"])):
+        groups = scan_groups(Session.model_validate({**data, "captures": some}).captures)
+        assert [group.name for group in groups] == names
+
+
 def test_scans_of_single_profiles_are_merged_as_sweeps_are(tmp_path: Path):
     given, files = session()
     record = given.to_json()

@@ -1,5 +1,6 @@
 """Cells of other topologies are solved as well as they say, by the truth of a simulator of its own."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -123,5 +124,20 @@ def test_balls_before_a_robot_on_rails_are_told_apart_by_how_another_scanner_see
     session, files, truth = simulate_topology(cell, "", 1)
     result = in_memory(session, files).run()["tcp"]
     assert (result.verdict, len(result.spheres)) == ("pass", 3)
+    for name, squared, freedom, _ in distances(result, truth):
+        assert squared < CHI2[freedom], name
+
+
+def test_axes_under_the_robot_are_found_by_the_scanner_that_shows_them_best() -> None:
+    rails = tuple(
+        replace(RAIL, name=f"along-{name}", direction_in_base=way, high=120.0)
+        for name, way in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
+    )
+    cell = TopologyScenario(
+        "", (GATE, ScannerOptions("arm")), (FLOOR[0], HELD), rails, TcpScenario(window_x_mm=100.0), "names"
+    )
+    session, files, truth = simulate_topology(cell, "drawn", 11)
+    result = in_memory(session, files).run("tcp")["tcp"]
+    assert result.verdict == "pass"
     for name, squared, freedom, _ in distances(result, truth):
         assert squared < CHI2[freedom], name

@@ -6,6 +6,7 @@ from bench_trouble import errors_over_stated, outcome
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
 from tests.trouble import all_troubles, troubled
+from tests.trouble.cell import Scanners
 
 TROUBLES = all_troubles()
 SOME = [
@@ -39,6 +40,14 @@ NEVER = {
     "sphere: moved by 1 mm for good",
 }
 
+OF_OTHER_CELLS = [
+    "arms: joints 0.1°, links 0.5 mm",
+    "arms: poses 0.5 % too long",
+    "books: two poses swapped",
+    "books: tool changed midway by 0.5 mm",
+    "sphere: moved by 1 mm for good",
+]
+
 CAUSES = {"arms: poses 0.5 % too long": "The robot's poses seem too long by 0.50 ±"}
 
 
@@ -54,6 +63,15 @@ def test_no_pass_is_far_off_and_what_every_cell_has_passes(name: str) -> None:
         assert found.warnings[0].startswith(CAUSES[name]), found.warnings
     if any(" seems wrong by " in warning for warning in found.warnings):
         assert not any("two steps" in warning for warning in found.warnings)  # these follow from it
+
+
+@pytest.mark.parametrize("scanners", ["fixed", "two"])
+@pytest.mark.parametrize("name", OF_OTHER_CELLS)
+def test_no_pass_is_far_off_with_a_scanner_that_stands_still_or_with_two(name: str, scanners: Scanners) -> None:
+    found = outcome(TROUBLES[name], 0, scanners=scanners)
+    if found.verdict == "pass":
+        assert name not in NEVER
+        assert found.worst < 2
 
 
 def test_a_tool_of_points_corrected_for_the_arms_lengths_is_as_unsure_as_they_are() -> None:

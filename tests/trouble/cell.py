@@ -1,8 +1,8 @@
 """One session of a troubled cell: plan, arm, sphere, scanner and bookkeeping, each of which may be changed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +13,13 @@ from tests.trouble.arm import ArmErrors, flange, joints_for
 
 NOMINAL = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4]) @ turn([0.35, 0.0, 0.0]).T
 """How the flange stands in base where it is not tilted (3, 3)."""
+
+Scanners = Literal["one", "fixed", "two"]
+"""One on the flange, one that stands still before a ball on the flange, or two on the flange that take turns."""
+
+NAMES = ("left", "right")
+_HELD_MM = np.array([25.0, -40.0, 130.0])
+_BEFORE_MM = 190.0
 
 
 @dataclass(eq=False)
@@ -103,6 +110,9 @@ class Trouble:
 class Troubled:
     """A session with its files and truth: the tool (4, 4), where the sphere was seen, the scanner's errors.
 
+    A scanner that stands still has for a tool its pose in base, as the arm tells base there; `other` is that of a
+    second scanner.
+
     `laser_from_files` (4, 4) is the frame in which the files count; `sphere_in_base_mm` (3,) is the sphere;
     `too_long` is the share by which the arm tells its lengths too long.
     """
@@ -115,6 +125,7 @@ class Troubled:
     laser_from_files: FloatArray
     sphere_in_base_mm: FloatArray
     too_long: float = 0.0
+    other: FloatArray | None = None
 
 
 TOLD: dict[str, Any] = {
@@ -124,23 +135,36 @@ TOLD: dict[str, Any] = {
 """What the makers of robot and scanner state: true of a clean cell, and all the same told where it is not."""
 
 
-def troubled(trouble: Trouble, seed: int, told: bool = False) -> Troubled:
+def troubled(trouble: Trouble, seed: int, told: bool = False, scanners: Scanners = "one") -> Troubled:
     """Return a session of a cell that has a trouble, all drawn from a seed; `told`: with the makers' sigmas."""
     rng = np.random.default_rng([seed, 907])
     plan = Plan()
     trouble.change(plan, rng)
-    tool = drawn_tool(rng)
-    center = np.array([1000.0, 150.0, 350.0]) + rng.uniform(-60, 60, 3)
-    poses, profiles, seen = _captures(plan, tool, center, rng)
+    mounts, sphere = [drawn_tool(rng)], np.array([1000.0, 150.0, 350.0]) + rng.uniform(-60, 60, 3)
+    if scanners == "fixed":
+        above = sphere - NOMINAL @ (mounts[0][:3, :3] @ [0.0, 0.0, _BEFORE_MM] + mounts[0][:3, 3])
+        mounts, sphere = [pose(NOMINAL, above) @ mounts[0]], _HELD_MM + rng.uniform(-5, 5, 3)
+    elif scanners == "two":
+        mounts.append(mounts[0] @ pose(turn([0.0, 0.5, 0.0]), np.array([-90.0, 12.0, 20.0])))
+        plan.shifts, plan.tilts, plan.alike = 2 * plan.shifts, 2 * plan.tilts, 2 * plan.alike
+    poses, profiles, seen, told_from_base = _captures(plan, mounts, sphere, scanners == "fixed", rng)
     plan.book(poses, profiles, rng)
     files = {f"captures/p{k:03d}.csv": profile_csv(profile) for k, profile in enumerate(profiles)}
-    captures = [
+    captures: list[dict[str, Any]] = [
         {"id": f"p{k:03d}", "step": "tcp", "kind": "profile", "files": [name], "pose": numbers}
         for k, (name, numbers) in enumerate(zip(files, poses, strict=True))
     ]
     cell = cell_record(plan) | (TOLD if told else {})
+    cell |= {"arrangement": "sphere-on-robot"} if scanners == "fixed" else {}
+    if scanners == "two":
+        cell["scanners"] = dict.fromkeys(NAMES, cell.pop("scanner"))
+        captures = [{**capture, "scanner": NAMES[k % 2]} for k, capture in enumerate(captures)]
     session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
-    return Troubled(session, files, tool, seen, seen_by(plan), plan.laser_from_files, center, plan.too_long)
+    other = mounts[1] if scanners == "two" else None
+    first = told_from_base @ mounts[0] if scanners == "fixed" else mounts[0]
+    return Troubled(
+        session, files, first, seen, seen_by(plan), plan.laser_from_files, sphere, plan.too_long, other
+    )
 
 
 def cell_record(plan: Plan) -> dict[str, Any]:
@@ -167,8 +191,8 @@ def drawn_tool(rng: np.random.Generator) -> FloatArray:
 
 
 def _captures(
-    plan: Plan, tool: FloatArray, center: FloatArray, rng: np.random.Generator
-) -> tuple[list[list[float]], list[FloatArray], FloatArray]:
+    plan: Plan, mounts: Sequence[FloatArray], center: FloatArray, fixed: bool, rng: np.random.Generator
+) -> tuple[list[list[float]], list[FloatArray], FloatArray, FloatArray]:
     count = plan.shifts + plan.tilts
     tilts = [np.zeros(3)] * plan.shifts + [
         rng.uniform(-plan.tilt_rad, plan.tilt_rad, 3) for _ in range(plan.tilts)
@@ -176,17 +200,28 @@ def _captures(
     poses: list[list[float]] = []
     profiles: list[FloatArray] = []
     seen: list[FloatArray] = []
+    told: list[FloatArray] = []
     arm = Arm(plan)
     first = drawn_place(plan, rng) if plan.alike else np.zeros(3)
     for k, tilt in enumerate(tilts):
         place, rotation = drawn_place(plan, rng), NOMINAL @ turn(tilt)
         if k < plan.alike:
             place, rotation = first + rng.standard_normal(3), NOMINAL @ turn(0.002 * rng.standard_normal(3))
-        taken = take(arm, tool, rotation, place, (center, center + plan.sphere_at(k, count)), k, rng)
+        mount, centers = mounts[k % len(mounts)], (center, center + plan.sphere_at(k, count))
+        taken = take(arm, mount, rotation, place, centers, k, rng, fixed)
         poses.append(taken.pose)
         profiles.append(taken.profile)
         seen.append(taken.center_in_laser_mm)
-    return poses, profiles, np.mean(seen, axis=0)
+        told.append(taken.told_from_base)
+    middle = mounts[0][:3, :3] @ np.mean(seen, axis=0) + mounts[0][:3, 3] if fixed else center
+    return poses, profiles, np.mean(seen[:: len(mounts)], axis=0), _mean(told, middle)
+
+
+def _mean(frames: Sequence[FloatArray], point: FloatArray) -> FloatArray:
+    """Return the mean of frames (4, 4) that are nearly alike, as it moves a point (3,)."""
+    u, _, vt = np.linalg.svd(np.mean([frame[:3, :3] for frame in frames], axis=0))
+    moved = np.mean([frame[:3, :3] @ point + frame[:3, 3] for frame in frames], axis=0)
+    return pose(u @ vt, moved - u @ vt @ point)
 
 
 @dataclass(eq=False)
@@ -241,15 +276,21 @@ def take(
     centers: tuple[FloatArray, FloatArray],
     k: int,
     rng: np.random.Generator,
+    fixed: bool = False,
 ) -> Taken:
-    """Return a capture by a flange turned so (3, 3); `centers`: where the sphere is thought to be, and is."""
+    """Return a capture by a flange turned so (3, 3); `centers`: where the sphere is thought to be, and is.
+
+    `fixed`: the scanner stands still, and the sphere is on the flange.
+    """
     plan, (thought, there) = arm.plan, centers
-    commanded = pose(rotation, thought - rotation @ (tool[:3, :3] @ place + tool[:3, 3]))
+    aimed = tool[:3, :3] @ place + tool[:3, 3]
+    commanded = pose(rotation, aimed - rotation @ thought if fixed else thought - rotation @ aimed)
     led = arm.led_to(commanded, k, rng)
     own = turn(rng.standard_normal(3) * plan.orientation_rad)
     reached = pose(led[:3, :3] @ own, led[:3, 3] + rng.standard_normal(3) * plan.position_mm)
-    laser_from_base = back(reached @ tool @ plan.mounting(k))
-    in_laser = laser_from_base[:3, :3] @ there + laser_from_base[:3, 3]
+    scanner, ball = (np.eye(4), reached) if fixed else (reached, np.eye(4))
+    laser_from_ball = back(scanner @ tool @ plan.mounting(k)) @ ball
+    in_laser = laser_from_ball[:3, :3] @ there + laser_from_ball[:3, 3]
     return Taken(pose_numbers(commanded), _profile(plan, in_laser, rng), in_laser, commanded @ back(led))
 
 
