@@ -17,6 +17,7 @@ from calib_core.captures.content import shows_board
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView
+from calib_core.optics.board_refusal import BRING_WHOLE
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.hand_eye import HandEye, solve_hand_eye
 from calib_core.optics.hand_eye_frames import CameraDoubt
@@ -87,17 +88,35 @@ class PlaneViews:
         return {name: (pose, board) for (name, (pose, _)), board in zip(lit.items(), boards, strict=True)}
 
     @cached_property
+    def without_board(self) -> dict[str, MeasurementError]:
+        """Why frames with a robot pose do not count for the hand-eye."""
+        return self._looked[1] | {
+            name: MeasurementError(
+                "a board of which each corner is known",
+                "a part of it, and nothing tells which of its corners are seen",
+                BRING_WHOLE,
+            )
+            for name, (_, view) in self._lit.items()
+            if not view.is_numbered
+        }
+
+    @property
     def _lit(self) -> dict[str, tuple[Capture, BoardView]]:
         """The captures with a robot pose whose frame shows the board."""
-        found: dict[str, tuple[Capture, BoardView]] = {}
+        return self._looked[0]
+
+    @cached_property
+    def _looked(self) -> tuple[dict[str, tuple[Capture, BoardView]], dict[str, MeasurementError]]:
+        """The captures with a robot pose: those whose frame shows the board, and why the others do not."""
+        found, failed = dict[str, tuple[Capture, BoardView]](), dict[str, MeasurementError]()
         for capture in self._session.captures:
             if not shows_board(capture) or capture.kind != "frame" or capture.excluded or capture.pose is None:
                 continue
             try:
                 found[capture.id] = capture, board_in(capture, self._board, self._read)
-            except MeasurementError:
-                continue
-        return found
+            except MeasurementError as error:
+                failed[capture.id] = error
+        return found, failed
 
     def _stripe(self, capture: Capture) -> StripeCenters:
         frame = read_frame(capture, self._read, -1)

@@ -13,6 +13,7 @@ from calib_core.records.camera_result import CameraResult
 from calib_core.records.evidence import AnyBlock, Column, Picture, Row, Table
 from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.evidence_parts import left_out
+from calib_core.stages.hand_eye.record import HandEyeResult
 
 _BOARD: Final = (camera.FRAME_NOT_USED.name, camera.BOARD_NOT_AS_TOLD.name)
 _LOOKED_FOR: Final = templates({
@@ -29,7 +30,7 @@ _COLUMNS: Final = (
 )
 
 
-def frames_left_out(session: Session, result: CameraResult | LaserPlaneResult) -> list[AnyBlock]:
+def frames_left_out(session: Session, result: CameraResult | LaserPlaneResult | HandEyeResult) -> list[AnyBlock]:
     """Return one row a gate that dropped frames with a picture of its first one, then what else is not used."""
     rows = result.residuals
     dropped = {row.capture for row in rows if not row.used}

@@ -10,9 +10,12 @@ import calib_core as cc
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.graph.registry import STAGES
+from calib_core.records import Session
+from calib_core.records.evidence import Picture
 from calib_core.review.cell_frames import frame_graph
 from calib_core.simulation import SimulatedSession
-from calib_core.stages.evidence import stored_evidence
+from calib_core.stages.evidence import made_evidence, stored_evidence
+from calib_core.stages.hand_eye.record import HandEyeResult
 from calib_core.stages.hand_eye.solve import agreement_of, composed
 from calib_core.stages.pipeline import run, solve_stage
 from tests.fixed_board_cell import FixedBoardScenario, simulate_fixed_board
@@ -109,3 +112,20 @@ def test_agreement_and_composition_by_samples() -> None:
     assert (far.chance < 1e-6, far.with_stage) == (True, "tcp")
     assert far.sigmas[3] > 20
     assert np.mean(squares) == pytest.approx(6.0, abs=0.8)
+
+
+def test_frames_that_do_not_count_are_told_by_gate_with_a_picture(made: SimulatedSession) -> None:
+    session, files = made.session.to_json(), dict(made.files)
+    lit = [capture for capture in session["captures"] if capture["step"] == "camera"]
+    files[lit[1]["files"][0]] = cv2.imencode(".png", np.full((480, 640), 90, np.uint8))[1].tobytes()
+    lit[4]["pose"][0] += 40.0
+    moved = Session.model_validate(session)
+    result = solve_stage(moved, "hand-eye", files.__getitem__)
+    assert isinstance(result, HandEyeResult)
+    told = {one.code: one.captures for one in result.findings}
+    assert told == {"frame-not-used": [lit[1]["id"]], "view-not-used": [lit[4]["id"]]}
+    unused = {row.capture: row.reason for row in result.residuals if not row.used}
+    assert set(unused) == {lit[1]["id"], lit[4]["id"]}
+    assert "blank frame" in str(unused[lit[1]["id"]])
+    shown = [block for block in made_evidence(moved, result) if isinstance(block, Picture)]
+    assert [block.capture for block in shown] == [lit[1]["id"], lit[4]["id"]]

@@ -35,12 +35,17 @@ VIEW_NOT_USED = Code(
             "{captures} are not used: their points are off a flat board in perspective ({off_px:.0f} px in the first): "
             "they were misread.",
         ),
+        "robot": Plural(
+            "{captures} is not used: it contradicts all others: its pose is not its own, or the board moved.",
+            "{captures} are not used: they contradict all others: their poses are not their own, or the board moved.",
+        ),
     },
     reason={
         "camera": "its corners lie {off_px:.2f} px from their predicted places, those of other views {others_px:.2f} "
         "px: the board moved, is bent or was misread",
         "place": "the board is bent, and nothing tells which of its corners are seen",
         "board": "its points are {off_px:.0f} px off a flat board in perspective: they were misread",
+        "robot": "it contradicts all others: its pose is not its own, or the board moved",
     },
     by="off",
     meaning="One view contradicts the camera that all others agree on, or is no board; it is left out.",

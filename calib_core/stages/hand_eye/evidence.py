@@ -6,14 +6,15 @@ from calib_core.evidence.numbers import fixed, quantity
 from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Figure, Row, Table
-from calib_core.stages.evidence_parts import captures_used, left_out, provenance, residual_table
+from calib_core.stages.evidence_parts import captures_used, provenance, residual_table
+from calib_core.stages.frames_left_out import frames_left_out
 from calib_core.stages.hand_eye.record import Agreement, HandEyeResult
 
 _COLUMNS: Final = (("angle_deg", "Turned", "°"), ("shift_mm", "Shifted", "mm"), ("mahalanobis", "Distance", "σ"))
 _AXES: Final = ("rx", "ry", "rz", "x", "y", "z")
 
 
-def evidence(_session: Session, result: HandEyeResult) -> list[AnyBlock]:
+def evidence(session: Session, result: HandEyeResult) -> list[AnyBlock]:
     """Return the hand-eye calibration told in blocks, the agreement with the sphere first."""
     place = [row[3] for row in result.tool0_from_camera[:3]]
     sigmas = [result.covariance[k][k] ** 0.5 for k in (3, 4, 5)]
@@ -26,7 +27,7 @@ def evidence(_session: Session, result: HandEyeResult) -> list[AnyBlock]:
         *_pitch(result),
         Figure(label="Robot's position, as the frames show it", quantity=quantity(result.position_sigma_mm, "mm")),
         captures_used(result),
-        *left_out(result.residuals),
+        *frames_left_out(session, result),
         *residual_table(result.residuals, _COLUMNS),
         *provenance(result),
     ]

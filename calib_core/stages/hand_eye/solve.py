@@ -1,21 +1,24 @@
 """The hand-eye stage: the lit boards of posed frames, A X = Z B, and the tool that follows beside the sphere's."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from calib_core.captures.boards import frames_not_used
 from calib_core.captures.camera_source import camera_of
 from calib_core.captures.plane_views import PlaneViews
 from calib_core.cell.found import known_scanner
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MeasurementError
 from calib_core.estimation import chance_of
-from calib_core.findings import Finding, judgement
+from calib_core.findings import Finding, judgement, reasons_of
+from calib_core.findings.codes import camera as camera_codes
 from calib_core.findings.codes import recheck as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.optics.hand_eye import HandEye
+from calib_core.records import Session
 from calib_core.records.laser_plane_result import LaserPlaneResult
 from calib_core.stages.hand_eye.record import Agreement, HandEyeResidual, HandEyeResult, by_board
 
@@ -48,14 +51,14 @@ def solve(given: StageInput) -> HandEyeResult:
     found = views.hand_eye if solved is None else views.hand_eye_within(solved)
     frames = views.frames
     given.progress(0.8, "Comparing with the sphere's answer")
-    residuals = _residuals(found, frames)
+    unused = not_used(found, list(frames), views.without_board)
     tool, covariance = _with_plane(given, found)
     agreement = None if tool is None or covariance is None else _agreement(given, tool, covariance)
     return HandEyeResult(
         method="A X = Z B in closed form, then by maximum likelihood of the robot's pose errors",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        **judgement(hand_eye_findings(found, agreement)),
+        **judgement([*hand_eye_findings(found, agreement), *unused]),
         tool0_from_camera=found.tool0_from_camera.to_rows(),
         covariance=found.covariance[:6, :6].tolist(),
         base_from_board=found.base_from_board.to_rows(),
@@ -67,29 +70,48 @@ def solve(given: StageInput) -> HandEyeResult:
         **by_board(tool),
         laser_covariance=None if covariance is None else covariance.tolist(),
         agreement=agreement,
-        residuals=residuals,
+        residuals=_residuals(given.session, found, frames, reasons_of(unused)),
     )
 
 
+def not_used(found: HandEye, names: Sequence[str], without_board: Mapping[str, MeasurementError]) -> list[Finding]:
+    """Return which frames do not count: those without the board, and those that contradict all others.
+
+    Parameters
+    ----------
+    found : HandEye
+    names : sequence of str
+        The captures that it was solved from.
+    without_board : mapping
+        Why other captures show no board.
+    """
+    off = [names[number] for number in sorted(found.rejected)]
+    told = frames_not_used(without_board, len(names))
+    return [*told, camera_codes.VIEW_NOT_USED(off, each={name: {"off": "robot"} for name in off})] if off else told
+
+
 def _residuals(
-    found: HandEye, frames: Mapping[str, tuple[RigidTransform, RigidTransform]]
+    session: Session,
+    found: HandEye,
+    frames: Mapping[str, tuple[RigidTransform, RigidTransform]],
+    reasons: Mapping[str, str],
 ) -> list[HandEyeResidual]:
     rows: list[HandEyeResidual] = []
-    for number, (name, (robot, board)) in enumerate(frames.items()):
-        predicted = found.predict(robot)
-        off = predicted.camera_from_board.difference(board)
-        used = number not in found.rejected
-        rows.append(
-            HandEyeResidual(
-                capture=name,
-                used=used,
-                reason=None if used else "It contradicts all others: its pose is not its own, or the board moved.",
-                angle_deg=float(np.rad2deg(np.linalg.norm(off[:3]))),
-                shift_mm=float(np.linalg.norm(off[3:])),
-                mahalanobis=float(np.sqrt(off @ np.linalg.solve(predicted.covariance, off))),
-            )
-        )
+    for name in (c.id for c in session.captures if c.id in frames or c.id in reasons):
+        off = {} if name not in frames else _apart(found, *frames[name])
+        rows.append(HandEyeResidual(capture=name, used=name not in reasons, reason=reasons.get(name), **off))
     return rows
+
+
+def _apart(found: HandEye, robot: RigidTransform, board: RigidTransform) -> dict[str, float]:
+    """Return how far a frame's board is from where the robot's pose puts it."""
+    predicted = found.predict(robot)
+    off = predicted.camera_from_board.difference(board)
+    return {
+        "angle_deg": float(np.rad2deg(np.linalg.norm(off[:3]))),
+        "shift_mm": float(np.linalg.norm(off[3:])),
+        "mahalanobis": float(np.sqrt(off @ np.linalg.solve(predicted.covariance, off))),
+    }
 
 
 def _with_plane(given: StageInput, found: HandEye) -> tuple[RigidTransform | None, FloatArray | None]:
