@@ -204,7 +204,7 @@ def _look(client: httpx.Client, found: Found) -> None:
         same = answer.status_code == 200 and answer.json() == sent.answer
         if not same or client.get(f"{place}/files/{answer.json()['files'][0]}").content != sent.content:
             found.lost.append(f"{sent.session}/{sent.capture}: {answer.status_code} {answer.text[:200]}")
-    end_s = time.monotonic() + 60
+    end_s = time.monotonic() + 300
     for job in found.jobs:
         while (ended := client.get(f"/jobs/{job}").json())["status"] in ("queued", "running"):
             if time.monotonic() > end_s:

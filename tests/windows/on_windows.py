@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from tests.server.live_server import simulated_session
-from tests.windows.windows_python import ROOT, Figure, outside, ran, serving
+from tests.windows.windows_python import LONGEST_S, ROOT, Figure, outside, ran, serving
 
 
 def sigmas_apart(left: Mapping[str, Any], right: Mapping[str, Any], frame: str) -> float:
@@ -101,7 +101,9 @@ def test_a_second_server_is_told_that_folder_and_port_are_taken(
         port = str(client.base_url.port)
         for words in (["--port", port, "--data", "other"], ["--port", "0", "--data", "taken"]):
             command = [*program, "serve", *words]
-            done = subprocess.run(command, cwd=place, env=outside(), capture_output=True, check=False, timeout=300)
+            done = subprocess.run(
+                command, cwd=place, env=outside(), capture_output=True, check=False, timeout=LONGEST_S
+            )
             assert done.returncode == 2
             assert b"scancell: error:" in done.stderr
     figure("a second server for the same port or folder", "told, status 2", "told, both")
