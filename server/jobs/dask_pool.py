@@ -27,7 +27,7 @@ from server.settings import Settings
 log = logging.getLogger("scancell")
 _CONNECT_S = 10.0
 _RESTART_S = 30.0
-_RECONNECTS_S = 8.0
+_RECONNECTS_S, _ANSWERS_S = 8.0, 4.0
 _LEAVING_S = 5.0
 """How long the pool's end waits until nannies have heard which workers to end; it does not wait for new ones."""
 
@@ -50,6 +50,7 @@ class DaskPool(Pool):
         self._told: SimpleQueue[worker.Message | None] = SimpleQueue()
         self._restarts: list[Thread] = []
         self._away_since_s = math.inf
+        self._known: dict[str, Any] | None = None
         self._client.subscribe_topic(self._topic, self._hear)
         self.executor = self._client.get_executor(pure=False)
         # The client's own thread must not wait for the store.
@@ -79,11 +80,10 @@ class DaskPool(Pool):
 
     def trouble(self) -> str | None:
         """Return in words why no job can be done now, None where they can."""
-        if not self.takes_jobs:
+        known = None if self.is_gone else self._known
+        if known is None:
             return f"the Dask scheduler at {self._settings.dask} does not answer"
-        if not self._client.scheduler_info()["workers"]:
-            return "the Dask cluster has no worker"
-        return None
+        return None if known["workers"] else "the Dask cluster has no worker"
 
     @property
     def is_elsewhere(self) -> bool:
@@ -93,7 +93,7 @@ class DaskPool(Pool):
     @property
     def takes_jobs(self) -> bool:
         """Whether the scheduler is there."""
-        return self._client.status == "running" and not self.is_gone
+        return not self.is_gone and self._known is not None
 
     @property
     def is_gone(self) -> bool:
@@ -101,11 +101,21 @@ class DaskPool(Pool):
 
         A client that met a scheduler amid its start may try for a minute: a new one is sooner.
         """
-        if self._client.status == "running":
+        self._known = self._asked() if self._client.status == "running" else None
+        if self._known is not None:
             self._away_since_s = math.inf
-            return self._client.scheduler_info().get("id") != self._cluster
+            return self._known["id"] != self._cluster
         self._away_since_s = min(self._away_since_s, monotonic())
         return self._client.status in ("closing", "closed") or monotonic() - self._away_since_s > _RECONNECTS_S
+
+    def _asked(self) -> dict[str, Any] | None:
+        """Return what the scheduler says of itself, None where it does not soon: the client would wait for ever."""
+        scheduler: Any = self._client.scheduler
+        try:
+            told: Any = self._client.sync(scheduler.identity, n_workers=1, callback_timeout=_ANSWERS_S)
+        except (TimeoutError, OSError):
+            return None
+        return told
 
     def close(self) -> None:
         """Leave the cluster; it goes on without."""

@@ -127,7 +127,7 @@ class Jobs:
                 self._submit_again(job_id)
             else:
                 self._try_again(job_id, cluster_gone())
-        gone.close()
+        threading.Thread(target=gone.close, daemon=True).start()  # it may wait for what does not answer
 
     def _fail(self, job_id: str, error: Data) -> None:
         with self._store.write() as db:
