@@ -109,7 +109,7 @@ class DaskPool(Pool):
         return self._client.status in ("closing", "closed") or monotonic() - self._away_since_s > _RECONNECTS_S
 
     def _asked(self) -> dict[str, Any] | None:
-        """Return what the scheduler says of itself, None where it does not soon: the client would wait for ever."""
+        """Return what the scheduler says of itself, None where it does not soon: a client would wait."""
         scheduler: Any = self._client.scheduler
         try:
             told: Any = self._client.sync(scheduler.identity, n_workers=1, callback_timeout=_ANSWERS_S)
