@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.arms.alike import visits
 from calib_core.cell.layout import Layout, MovedAxis, index_of
 from calib_core.cell.walk import Carrier, Walk, ways
 from calib_core.chain import scanner
@@ -238,3 +239,13 @@ def _density_slope(observation: SphereObservation, normals: FloatArray, distance
     slope[5] -= len(points)
     slope[6] -= float(np.sum(normals[:, 0] / normals[:, 2]))
     return slope / observation.points_per_independent
+
+
+def visits_of(data: ChainData) -> FloatArray:
+    """Return how often each capture's scanner was at its pose, (K,)."""
+    found, ends = np.ones(data.count), np.column_stack([data.walk.scanner, data.walk.place])
+    rotations, translations = data.walk.across_robot(as_recorded=True)
+    for end in np.unique(ends, axis=0):
+        own = (ends == end).all(axis=1)
+        found[own] = visits(rotations[own], translations[own])
+    return found

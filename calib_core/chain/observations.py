@@ -135,3 +135,36 @@ class TableObservation:
         carriers = replace(self.sphere.carriers, ball=self.axis)
         readings = {**self.sphere.readings, self.axis: self.angle_rad}
         return replace(self.sphere, carriers=carriers, ball=self.mount, readings=readings)
+
+
+def by_scanner(observations: Sequence[SphereObservation]) -> list[np.ndarray]:
+    """Return which observations are of each scanner, in the order in which scanners first appear."""
+    names = [(o.scanner, o.carriers.scanner) for o in observations]
+    return [np.flatnonzero([other == name for other in names]) for name in dict.fromkeys(names)]
+
+
+def with_own_sigmas(
+    observations: Sequence[SphereObservation], sphere: SphereSize, told_mm: float | None
+) -> list[SphereObservation]:
+    """Return observations of several scanners with the points' noise of each."""
+    groups, found = by_scanner(observations), list(observations)
+    if len(groups) > 1 and told_mm is None:
+        for some in groups:
+            pooled = pooled_point_sigma([observations[k] for k in some], sphere)
+            for k in some:
+                found[k] = replace(found[k], common_sigma_mm=found[k].common_sigma_mm or pooled)
+    return found
+
+
+def pooled_point_sigma(observations: Sequence[SphereObservation], sphere: SphereSize) -> float | None:
+    """Return the points' noise across the sphere, pooled over the profiles; None without any.
+
+    A profile meets the sphere's surface aslant: a distance in its plane is R/r times the distance to the sphere.
+    """
+    profiles = [o for o in observations if o.kind == "profile"]
+    if not profiles:
+        return None
+    freedom = np.array([max(len(o.points_in_laser_mm) - 3, 1) for o in profiles])
+    zones = np.array([min((o.circle_radius_mm or 0.0) / sphere.radius_mm, 1.0) for o in profiles])
+    sigmas = zones * np.array([o.point_sigma_mm for o in profiles])
+    return float(np.sqrt(np.average(sigmas**2, weights=freedom)))

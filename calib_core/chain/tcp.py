@@ -4,45 +4,52 @@ Reads as a table of contents: find a start, fit jointly, reject what does not be
 covariance, residuals, leave-one-out, undetermined directions, and the paper's two steps beside it.
 """
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.arms.alike import visits
 from calib_core.arms.errors import ArmTerm
-from calib_core.cell.layout import AxisState, KnownDistance, Layout, MovedAxis
-from calib_core.cell.walk import Position
+from calib_core.cell.layout import KnownDistance, Layout, MovedAxis
 from calib_core.chain.answer import Answer, answer_of
 from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
 from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
-from calib_core.chain.arrays import chain_data, layout_of
-from calib_core.chain.balls import candidates, middle_of
+from calib_core.chain.arrays import chain_data, layout_of, visits_of
 from calib_core.chain.bend import Bend, straightened
 from calib_core.chain.effective import with_effective_points
-from calib_core.chain.foot_start import feet_of, on_foot
+from calib_core.chain.foot_start import on_foot
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.incidents import Happened, named_causes
 from calib_core.chain.influence import Influence, influence_of
 from calib_core.chain.leave_one_out import WithoutOne, without_each
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.moved import OpticsError
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import (
+    SphereObservation,
+    SphereSize,
+    by_scanner,
+    pooled_point_sigma,
+    with_own_sigmas,
+)
+from calib_core.chain.paper import by_paper
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged, core_of, judge_from, with_doubted_priors, with_more_spread
+from calib_core.chain.rejection import judge_from, with_doubted_priors, with_more_spread
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.scanner import corrected as without_errors
-from calib_core.chain.sides import ChosenSides, likeliest_sides
-from calib_core.chain.start import Centers, Start, centers_of, find_starts
+from calib_core.chain.several_starts import (
+    main_balls,
+    moving_axes,
+    starts_of,
+    together,
+    with_other_balls,
+)
+from calib_core.chain.sides import likeliest_sides
+from calib_core.chain.start import centers_of
 from calib_core.chain.two_step import (
     EQUAL_ORIENTATION_RAD,
     TwoStepAnswer,
     orientation_span,
-    two_step,
-    without_capture,
 )
-from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.chain.undetermined import OpenDirection, open_directions
 from calib_core.chain.unmodelled import Unmodelled, unmodelled_of
 from calib_core.chain.warm_up import WarmUp, warm_up_of
@@ -54,8 +61,6 @@ from calib_core.messages import Value, plural
 Progress = Callable[[float, str], None]
 LEAST_CAPTURES = 5
 _SAME_POSE_MM = 0.05
-_MOST_LEFT_OUT = 60
-_STILL_MM = 2.0
 
 
 @dataclass(frozen=True)
@@ -227,7 +232,7 @@ def solve_tcp(
     groups = by_scanner(observations)
     mains = main_balls(observations, groups)
     layout = layout_of(observations, moving_axes(observations, options.axes))
-    axes, starts = _starts(observations, sphere, layout, mains)
+    axes, starts = starts_of(observations, sphere, layout, mains)
 
     tell(0.35, "Fitting all captures jointly")
     measured_sigma = pooled_point_sigma(observations, sphere)
@@ -273,7 +278,7 @@ def solve_tcp(
     joint = answer_of(seen, judged.used, sides, state, left_out_states(held, without, judged.used), data)
 
     tell(0.85, "Computing the paper's two steps beside it")
-    paper, paper_answer, paper_covariance = _paper(seen, sphere, judged, state, sides)
+    paper, paper_answer, paper_covariance = by_paper(seen, sphere, judged, state, sides)
 
     tell(0.95, "Looking for causes")
     covariance = held.covariance
@@ -323,124 +328,6 @@ def solve_tcp(
     )
 
 
-def by_scanner(observations: Sequence[SphereObservation]) -> list[np.ndarray]:
-    """Return which observations are of each scanner, in the order in which scanners first appear."""
-    names = [(o.scanner, o.carriers.scanner) for o in observations]
-    return [np.flatnonzero([other == name for other in names]) for name in dict.fromkeys(names)]
-
-
-def main_balls(observations: Sequence[SphereObservation], groups: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return which observations of each scanner are of the ball that it saw most."""
-    found: list[np.ndarray] = []
-    for some in groups:
-        balls = Counter((observations[k].carriers.ball, observations[k].ball) for k in some)
-        main = balls.most_common(1)[0][0]
-        found.append(np.array([k for k in some if (observations[k].carriers.ball, observations[k].ball) == main]))
-    return found
-
-
-def with_other_balls(
-    data: ChainData, centers: Centers, state: ChainState, core: np.ndarray
-) -> tuple[ChainState, np.ndarray]:
-    """Return a state with the places of balls that no scanner saw most, and captures that agree with it."""
-    places, core, at = state.position.places.copy(), core.copy(), state.position
-    for place in np.flatnonzero(~np.isfinite(places).all(axis=1)):
-        some = np.flatnonzero(data.walk.place == place)
-        n = int(data.walk.scanner[some[0]])
-        own = some[data.walk.scanner[some] == n]
-        both = candidates(centers.chosen(own), at.mount_rotations[n], at.mount_translations[n])
-        places[place], misfit = middle_of(both)
-        core[own] = core_of(misfit)
-    if np.isfinite(at.places).all():
-        return state, core
-    return ChainState.at(data, replace(at, places=places)), core
-
-
-def moving_axes(observations: Sequence[SphereObservation], axes: Sequence[MovedAxis]) -> tuple[MovedAxis, ...]:
-    """Return the axes that carry the robot and that moved between captures of the still sphere."""
-    moved = [axis for axis in axes if axis.carries == "robot"]
-    return tuple(axis for axis in moved if len({o.readings.get(axis.name, 0.0) for o in observations}) > 1)
-
-
-def _starts(
-    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
-) -> tuple[tuple[AxisState, ...], list[list[Start]]]:
-    """Return the axes under the robot, and each scanner's starts, the likeliest first."""
-    if not layout.axes:
-        return (), [_with_others(observations, sphere, some) for some in groups]
-    axes, _ = feet_of(observations, sphere, layout, groups)
-    standing = on_foot(observations, layout, axes)
-    return axes, [_with_others(standing, sphere, some) for some in groups]
-
-
-def _with_others(observations: Sequence[SphereObservation], sphere: SphereSize, some: np.ndarray) -> list[Start]:
-    """Return the starts of a scanner's captures of its main ball that let its other balls stand still as well."""
-    main = observations[some[0]]
-    starts = find_starts(centers_of([observations[k] for k in some], sphere))
-    others: dict[tuple[str, str], list[SphereObservation]] = {}
-    for o in observations:
-        if o.scanner == main.scanner and (o.carriers.ball, o.ball) != (main.carriers.ball, main.ball):
-            others.setdefault((o.carriers.ball, o.ball), []).append(o)
-    balls = [centers_of(own, sphere) for own in others.values() if len(own) > 1]
-    if not balls:
-        return starts
-    off = [
-        max(float(np.median(middle_of(candidates(ball, one.rotation, one.translation))[1])) for ball in balls)
-        for one in starts
-    ]
-    limit = max(2 * min(off), _STILL_MM)
-    return [one for one, far in zip(starts, off, strict=True) if far <= limit]
-
-
-def with_own_sigmas(
-    observations: Sequence[SphereObservation], sphere: SphereSize, told_mm: float | None
-) -> list[SphereObservation]:
-    """Return observations of several scanners with the points' noise of each."""
-    groups, found = by_scanner(observations), list(observations)
-    if len(groups) > 1 and told_mm is None:
-        for some in groups:
-            pooled = pooled_point_sigma([observations[k] for k in some], sphere)
-            for k in some:
-                found[k] = replace(found[k], common_sigma_mm=found[k].common_sigma_mm or pooled)
-    return found
-
-
-def visits_of(data: ChainData) -> FloatArray:
-    """Return how often each capture's scanner was at its pose, (K,)."""
-    found, ends = np.ones(data.count), np.column_stack([data.walk.scanner, data.walk.place])
-    rotations, translations = data.walk.across_robot(as_recorded=True)
-    for end in np.unique(ends, axis=0):
-        own = (ends == end).all(axis=1)
-        found[own] = visits(rotations[own], translations[own])
-    return found
-
-
-def together(
-    data: ChainData, groups: Sequence[np.ndarray], chosen: Sequence[ChosenSides], axes: tuple[AxisState, ...]
-) -> tuple[ChainState, np.ndarray, FloatArray]:
-    """Return a state from what scanners found one by one, captures that agree with it, and the sides' spread."""
-    layout, starts = data.walk.layout, [one.start for one in chosen]
-    core, spread = np.zeros(data.count, dtype=bool), np.zeros((data.unknowns, data.unknowns))
-    centers: list[list[FloatArray]] = [[] for _ in layout.places]
-    unseen = np.full(3, np.nan)
-    for n, (some, one) in enumerate(zip(groups, chosen, strict=True)):
-        core[some] = core_of(one.start.misfit_mm)
-        place = int(data.walk.place[some[0]])
-        centers[place].append(one.start.center)
-        columns = [
-            *range(*layout.mount(n).indices(data.unknowns)),
-            *range(*layout.place(place).indices(data.unknowns)),
-        ]
-        spread[np.ix_(columns, columns)] += one.spread
-    position = Position(
-        np.array([start.rotation for start in starts]),
-        np.array([start.translation for start in starts]),
-        np.array([np.mean(found, axis=0) if found else unseen for found in centers]),
-        axes,
-    )
-    return ChainState.at(data, position), core, spread
-
-
 def say_nothing(_fraction: float, _message: str) -> None:
     """Take progress and tell nobody."""
 
@@ -475,20 +362,6 @@ def _require_motion(observations: Sequence[SphereObservation]) -> None:
         )
 
 
-def pooled_point_sigma(observations: Sequence[SphereObservation], sphere: SphereSize) -> float | None:
-    """Return the points' noise across the sphere, pooled over the profiles; None without any.
-
-    A profile meets the sphere's surface aslant: a distance in its plane is R/r times the distance to the sphere.
-    """
-    profiles = [o for o in observations if o.kind == "profile"]
-    if not profiles:
-        return None
-    freedom = np.array([max(len(o.points_in_laser_mm) - 3, 1) for o in profiles])
-    zones = np.array([min((o.circle_radius_mm or 0.0) / sphere.radius_mm, 1.0) for o in profiles])
-    sigmas = zones * np.array([o.point_sigma_mm for o in profiles])
-    return float(np.sqrt(np.average(sigmas**2, weights=freedom)))
-
-
 def as_corrected(
     observations: Sequence[SphereObservation], data: ChainData, state: ChainState
 ) -> list[SphereObservation]:
@@ -518,51 +391,3 @@ def left_out_states(held: Held, without: WithoutOne, used: np.ndarray) -> list[C
     """Return, for each of the first captures (K,), the unknowns without it; None for a rejected one."""
     steps = without.steps[: len(used)]
     return [held.state.moved(s) if u else None for s, u in zip(steps, used, strict=True)]
-
-
-def _paper(
-    observations: Sequence[SphereObservation],
-    sphere: SphereSize,
-    judged: Judged,
-    state: ChainState,
-    sides: np.ndarray,
-) -> tuple[Answer | None, TwoStepAnswer, FloatArray | None]:
-    """Return the paper's method on the used captures, its sides and the sphere's size those of the joint answer.
-
-    Of a long session only some captures, evenly spread, are left out in turn: each time all is solved again.
-    """
-    if judged.data.walk.layout.axes:
-        return None, TwoStepAnswer(None, None, None, (), "the robot stands on an axis that moved"), None
-    sphere = SphereSize(2 * state.radius_mm, sphere.sigma_mm)
-    used = np.flatnonzero(judged.used & (judged.data.walk.scanner == 0) & (judged.data.walk.place == 0)).tolist()
-    rotations, translations = judged.data.rotations[used], judged.data.translations[used]
-    centers = np.array([observations[k].sphere_center_in_laser_mm(sphere, int(sides[k])) for k in used])
-    answer = two_step(rotations, translations, centers)
-    own_groups = answer.groups
-    groups = tuple(tuple(used[i] for i in group) for group in own_groups)
-    answer = TwoStepAnswer(answer.rotation, answer.translation, answer.center, groups, answer.reason)
-    found = _paper_state(answer, state)
-    if found is None:
-        return None, answer, None
-    left_out: list[ChainState | None] = [None] * len(observations)
-    for n in np.unique(np.linspace(0, len(used) - 1, min(len(used), _MOST_LEFT_OUT)).astype(int)).tolist():
-        rest = np.arange(len(used)) != n
-        left_out[used[n]] = _paper_state(
-            two_step(rotations[rest], translations[rest], centers[rest], without_capture(own_groups, n)), state
-        )
-    some, walk = [observations[k] for k in used], judged.data.walk.chosen(np.array(used))
-    covariance = two_step_covariance(some, sphere, centers, rotations, translations, judged.fit, walk)
-    return answer_of(observations, judged.used, sides, found, left_out, judged.data), answer, covariance
-
-
-def _paper_state(answer: TwoStepAnswer, joint: ChainState) -> ChainState | None:
-    if answer.rotation is None or answer.translation is None or answer.center is None:
-        return None
-    at = joint.position
-    place = Position(
-        np.array([answer.rotation, *at.mount_rotations[1:]]),
-        np.array([answer.translation, *at.mount_translations[1:]]),
-        np.array([answer.center, *at.places[1:]]),
-        at.axes,
-    )
-    return replace(joint, position=place)

@@ -27,7 +27,7 @@ from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
 from calib_core.chain.mirrored import JudgedTable, MirrorImage, likelier_side, mirror_spread, with_spread
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
-from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.observations import SphereSize, TableObservation, pooled_point_sigma, with_own_sigmas
 from calib_core.chain.rejection import Judged, core_of
 from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
@@ -37,7 +37,7 @@ from calib_core.chain.table_patterns import Pattern, pattern_of
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
 from calib_core.chain.table_start import Mounts, TableStart, both_centers_in_base, find_table_start, readings_of
 from calib_core.chain.table_tool import ToolMove, tool_move
-from calib_core.chain.tcp import pooled_point_sigma, say_nothing, with_own_sigmas
+from calib_core.chain.tcp import say_nothing
 from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import MotionError
 from calib_core.estimation import covariance_of

@@ -14,14 +14,20 @@ from calib_core.cell.walk import Position
 from calib_core.chain.answer import answer_of
 from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arm_open import settled, with_open_arm
-from calib_core.chain.arrays import chain_data, layout_of
+from calib_core.chain.arrays import chain_data, layout_of, visits_of
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
 from calib_core.chain.leave_one_out import without_each
 from calib_core.chain.mirrored import JudgedTable, MirrorImage, likelier_side, mirror_spread, with_spread
 from calib_core.chain.model import ChainState
-from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.chain.observations import (
+    SphereObservation,
+    SphereSize,
+    TableObservation,
+    pooled_point_sigma,
+    with_own_sigmas,
+)
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
@@ -35,12 +41,9 @@ from calib_core.chain.tcp import (
     TcpSolution,
     as_corrected,
     left_out_states,
-    pooled_point_sigma,
     say_nothing,
     seen_point,
     sides_of,
-    visits_of,
-    with_own_sigmas,
 )
 from calib_core.chain.turntable import (
     KnownTool,

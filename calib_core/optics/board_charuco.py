@@ -90,16 +90,7 @@ class _Detected(NamedTuple):
 def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> _Detected:
     import cv2
 
-    if board.marker_mm is None or board.dictionary is None:
-        raise InputError(
-            "marker_mm and dictionary of a ChArUco board",
-            "a board without them",
-            "Add both to cell.board, as printed on the board (dictionary: for example DICT_5X5_100).",
-            "cell.board",
-        )
-    pattern = cv2.aruco.CharucoBoard(
-        (board.columns, board.rows), board.pitch_mm, board.marker_mm, dictionary_named(board.dictionary)
-    )
+    pattern = cv2.aruco.CharucoBoard((board.columns, board.rows), board.pitch_mm, *markers_of(board))
     pattern.setLegacyPattern(legacy)
     # OpenCV gives None where it finds none, which its types do not say.
     found: Any = cv2.aruco.CharucoDetector(pattern).detectBoard(grey)
@@ -112,7 +103,19 @@ def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> _Detected:
     )
 
 
-def dictionary_named(name: str):
+def markers_of(board: Board) -> tuple[float, Any]:
+    """Return the side of a ChArUco board's markers, mm, and their dictionary; raises InputError without them."""
+    if board.marker_mm is None or board.dictionary is None:
+        raise InputError(
+            "marker_mm and dictionary of a ChArUco board",
+            "a board without them",
+            "Add both to cell.board, as printed on the board (dictionary: for example DICT_5X5_100).",
+            "cell.board",
+        )
+    return board.marker_mm, _dictionary_named(board.dictionary)
+
+
+def _dictionary_named(name: str):
     """Return OpenCV's dictionary of markers by its name; raises InputError where there is none of it."""
     import cv2
 
@@ -138,7 +141,7 @@ def dictionary_in(grey: NDArray[np.uint8]) -> str | None:
     families = [name for name in families if not name.endswith(("_50", "_100", "_250"))]
     once = cv2.aruco.DetectorParameters()
     once.adaptiveThreshWinSizeMin = once.adaptiveThreshWinSizeMax = _THRESHOLD_PX
-    detector = cv2.aruco.ArucoDetector([dictionary_named(name) for name in families], once)
+    detector = cv2.aruco.ArucoDetector([_dictionary_named(name) for name in families], once)
     found: Any = detector.detectMarkersMultiDict(shrunk(grey)[0])
     if found[1] is None:
         return None

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from html import escape
 from itertools import product
 from math import ceil
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from calib_core.errors import InputError
-from calib_core.optics.board_charuco import dictionary_named
+from calib_core.optics.board_charuco import markers_of
 from calib_core.records import Board
 
 PAPERS_MM: Final = {
@@ -159,14 +159,7 @@ def _markers(board: Board) -> list[tuple[float, ...]]:
     """Return the black runs of a ChArUco board's markers: the white squares are numbered row by row."""
     import cv2
 
-    if board.marker_mm is None or board.dictionary is None:
-        raise InputError(
-            "marker_mm and dictionary of a ChArUco board",
-            "a board without them",
-            "Add both to cell.board, as printed on the board (dictionary: for example DICT_5X5_100).",
-            "cell.board",
-        )
-    words: Any = dictionary_named(board.dictionary)
+    marker_mm, words = markers_of(board)
     white = [(c, r) for r in range(board.rows) for c in range(board.columns) if (c + r) % 2]
     if len(white) > len(words.bytesList):
         raise InputError(
@@ -178,12 +171,11 @@ def _markers(board: Board) -> list[tuple[float, ...]]:
             dictionary=board.dictionary,
         )
     cells = int(words.markerSize) + 2
-    cell_mm = board.marker_mm / cells
+    cell_mm = marker_mm / cells
     found: list[tuple[float, ...]] = []
     for number, (column, row) in enumerate(white):
         left, top = (
-            (k + 0.5) * pitch - board.marker_mm / 2
-            for k, pitch in zip((column, row), board.pitches_mm, strict=True)
+            (k + 0.5) * pitch - marker_mm / 2 for k, pitch in zip((column, row), board.pitches_mm, strict=True)
         )
         dark = np.asarray(cv2.aruco.generateImageMarker(words, number, cells)) == 0
         for line, along in enumerate(dark):

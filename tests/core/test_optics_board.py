@@ -87,6 +87,14 @@ def test_points_are_found_to_a_tenth_of_a_pixel(board: Board, inverted: bool) ->
     assert 0 < view.corner_sigma_px < 0.2
 
 
+@pytest.mark.parametrize("board", [CIRCLES, ASYMMETRIC], ids=lambda b: b.kind)
+def test_circles_seen_aslant_are_found_at_their_own_centres(board: Board) -> None:
+    steep = np.array([[5.0, -0.35, 60.0], [0.25, 4.6, 60.0], [0.0034, 0.0012, 1.0]])
+    view = find_board(render(board, steep), board)
+    off = (view.points_px - truth(board, steep)).mean(axis=0)
+    assert np.abs(off).max() < 0.02  # the middles of the ellipses lie 0.12 and 0.07 px beside
+
+
 def test_charuco_whole_and_in_part() -> None:
     image = render(CHARUCO)
     view = find_board(image, CHARUCO)

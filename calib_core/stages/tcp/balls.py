@@ -13,8 +13,9 @@ from calib_core.chain.arrays import layout_of
 from calib_core.chain.balls import by_distances, labelled
 from calib_core.chain.foot_start import foot_axes, on_foot
 from calib_core.chain.model import ChainState
-from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.chain.tcp import LEAST_CAPTURES, TcpSolution, by_scanner, moving_axes
+from calib_core.chain.observations import SphereObservation, SphereSize, by_scanner
+from calib_core.chain.several_starts import moving_axes
+from calib_core.chain.tcp import LEAST_CAPTURES, TcpSolution
 from calib_core.findings import Finding
 from calib_core.findings.codes import spheres as codes
 from calib_core.findings.codes.captures import CAPTURE_OF_NO_BALL
