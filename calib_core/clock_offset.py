@@ -129,7 +129,7 @@ def _way(positions_mm: FloatArray) -> FloatArray:
         raise MotionError(
             "a move over at least {least_way_mm:g} mm",
             got,
-            "Move back and forth, the sphere in view.",
+            "Move back and forth for longer, the sphere in view.",
             least_way_mm=_LEAST_WAY_MM,
         )
     middle = way - (way.max() + way.min()) / 2

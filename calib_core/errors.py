@@ -47,7 +47,7 @@ class CalibrationError(Exception):
     @property
     def message(self) -> Message:
         """All of it."""
-        return message("{where}: {reason}", where=self.where, reason=self.reason) if self.where else self.reason
+        return message("{what}: {why}", what=self.where, why=self.reason) if self.where else self.reason
 
     @property
     def reason(self) -> Message:

@@ -112,7 +112,7 @@ class RigidTransform:
         for frame in (self.into, self.outof):
             if frame not in FRAMES:
                 raise InputError(
-                    "a frame among {frames}", repr(frame), "Name a known frame.", frames=", ".join(FRAMES)
+                    "a frame among {frames}", repr(frame), "Name one of these.", frames=", ".join(FRAMES)
                 )
         matrix.flags.writeable = False
         object.__setattr__(self, "matrix", matrix)
@@ -235,11 +235,11 @@ def stack_matrices(transforms: Sequence[RigidTransform]) -> FloatArray:
 def _require_rigid(matrix: FloatArray, tolerance: float) -> None:
     if matrix.shape != (4, 4):
         raise InputError(
-            "a 4×4 matrix", "an array of shape {matrix}", "Give 16 numbers, row by row.", matrix=matrix.shape
+            "a 4×4 matrix", "an array of shape {shape}", "Give 16 numbers, row by row.", shape=matrix.shape
         )
     rows = matrix.tolist()  # plain numbers: many times faster than arrays of nine
     if not all(map(isfinite, chain.from_iterable(rows))):
-        raise InputError("a finite matrix", "NaN or infinity in it", "Check where the pose comes from.")
+        raise InputError("a finite matrix", "NaN or infinity", "Check where the poses come from.")
     (xx, xy, xz, _), (yx, yy, yz, _), (zx, zy, zz, _), last = rows
     error = max(
         abs(xx * xx + xy * xy + xz * xz - 1),

@@ -322,9 +322,7 @@ def _json_object(bag: Bag, name: str) -> dict[str, Any]:
     data = parse_json(bag.read(name), where)
     require_plain(data, where)
     if not isinstance(data, dict):
-        raise InputError(
-            "a JSON object {…}", "a {name}", "Pack the session again.", where, name=type(data).__name__
-        )
+        raise InputError("a JSON object", "a {name}", "Pack the session again.", where, name=type(data).__name__)
     return cast("dict[str, Any]", data)
 
 

@@ -284,7 +284,7 @@ def _manifest(files: ZipFiles, base: str, name: str) -> dict[str, str]:
         if len(digest) != 64 or not listed:
             raise InputError("lines of a SHA-256 and a name", ascii(line)[:80], _COPY_AGAIN, place)
         if listed in digests:
-            raise InputError("each file once", "{listed} twice", _COPY_AGAIN, place, listed=ascii(listed)[:80])
+            raise InputError("each file once", "{name} twice", _COPY_AGAIN, place, name=ascii(listed)[:80])
         digests[listed] = digest.lower()
     return digests
 

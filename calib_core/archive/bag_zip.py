@@ -16,7 +16,7 @@ from calib_core.messages import message
 
 CHUNK_BYTES = 1 << 20
 
-_COPY_AGAIN = message("Copy the archive again from where it was made.")
+_COPY_AGAIN = message("Copy or export it again.")
 _PACK_AGAIN = message("Make it with `scancell archive pack`, and import nothing that you did not expect to be so.")
 _END, _END_64, _LOCATOR_64 = b"PK\5\6", b"PK\6\6", b"PK\6\7"
 _END_BYTES, _LOCATOR_64_BYTES, _END_64_BYTES = 22, 20, 56
@@ -130,14 +130,12 @@ def _opened(source: Path | IO[bytes], where: str) -> Generator[IO[bytes]]:
         return
     if not source.is_file():
         got = message("something else") if source.exists() else message("no such file")
-        raise InputError("an archive, a .zip file", got, "Name the archive.", where)
+        raise InputError("an archive, a .zip file", got, "Name an archive of a session.", where)
     try:
         file = source.open("rb")
     except OSError as error:
         got = (error.strerror or type(error).__name__).lower()
-        raise InputError(
-            "an archive that can be read", got, "Check its permissions and the disk.", where
-        ) from None
+        raise InputError("a whole zip archive", got, "Check its permissions and the disk.", where) from None
     with file:
         yield file
 
@@ -149,7 +147,7 @@ def _damage_told(where: str) -> Generator[None]:
     except _DAMAGE as error:
         got = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
-            "an undamaged zip archive", "one that cannot be read ({found})", _COPY_AGAIN, where, found=got
+            "a whole zip archive", "one that cannot be read ({found})", _COPY_AGAIN, where, found=got
         ) from None
 
 
@@ -163,7 +161,7 @@ def _require_directory(file: IO[bytes], where: str, limits: ArchiveLimits) -> No
         file.seek(size - tail_bytes)
         tail = file.read(tail_bytes)
     if begin[:2] != b"PK" or size < _END_BYTES:
-        raise InputError("a zip archive", "something else" if size else "an empty file", _COPY_AGAIN, where)
+        raise InputError("a whole zip archive", "something else" if size else "an empty file", _COPY_AGAIN, where)
     end = tail[-_END_BYTES:]
     if begin != b"PK\3\4" or end[:4] != _END or end[-2:] != b"\0\0":
         got = message("one that was cut off, is empty, or has something before or behind it")

@@ -55,7 +55,7 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     data = parse_json(read_bytes(file, message("Write the session's record."), MAX_SESSION_BYTES), str(file))
     if not isinstance(data, dict):
         raise InputError(
-            "a JSON object {…}", "a {name}", "Write the session's record.", str(file), name=type(data).__name__
+            "a JSON object", "a {name}", "Write the session's record.", str(file), name=type(data).__name__
         )
     record = to_present_format(cast("dict[str, Any]", data), str(file))
     record = _with_arm(record, folder)
@@ -102,7 +102,9 @@ def folder_of(path: Path) -> Path:
         return path.parent
     need = message("a session folder with {session_file} in it", session_file=SESSION_FILE)
     if path.suffix.lower() == ".zip" and path.is_file():
-        raise InputError(need, "an archive", "Unpack it, and name the session folder inside.", str(path))
+        raise InputError(
+            need, "an archive, a .zip file", "Unpack it, and name the session folder inside.", str(path)
+        )
     got = message("something else") if path.exists() else message("nothing there")
     raise InputError(need, got, "Name the session's folder.", str(path))
 
@@ -117,7 +119,7 @@ def parse_json(data: bytes, where: str) -> Any:
             "JSON (UTF-8 text)", "a byte that is no text at {start}", to_do, where, start=error.start
         ) from None
     if not text.strip():
-        raise InputError("JSON", "an empty file", "Copy it again.", where)
+        raise InputError("JSON", "an empty file", "Copy or export it again.", where)
     try:
         return json.loads(text, object_pairs_hook=told_once)
     except InputError as error:
@@ -125,7 +127,7 @@ def parse_json(data: bytes, where: str) -> Any:
     except json.JSONDecodeError as error:
         if error.pos >= len(text.rstrip()):
             got = message("a text that ends too early, in line {lineno}", lineno=error.lineno)
-            raise InputError("JSON", got, "Copy it again.", where) from None
+            raise InputError("JSON", got, "Copy or export it again.", where) from None
         got = message(
             "something else in line {lineno}, column {colno} ({msg})",
             lineno=error.lineno,

@@ -231,7 +231,7 @@ def _own(file: Path, *, there: bool) -> "tuple[Ed25519PrivateKey | None, str]":
         loaded = load_pem_private_key(file.read_bytes(), None)
     except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:
         got = (error.strerror or "").lower() if isinstance(error, OSError) else "something else"
-        raise InputError("a private key (PEM)", got, _NEW_KEY, str(file)) from None
+        raise InputError("an Ed25519 private key (PEM)", got, _NEW_KEY, str(file)) from None
     if not isinstance(loaded, Ed25519PrivateKey):
         raise InputError("an Ed25519 private key (PEM)", f"a {type(loaded).__name__}", _NEW_KEY, str(file))
     return loaded, ""

@@ -247,4 +247,4 @@ def in_format(stored: StoredFile, wanted: str, where: str, scans: Sequence[ScanP
 
 
 def _not_ours(where: str, got: str) -> InputError:
-    return InputError("a cloud as scancell writes it", got, "Solve the merge stage again.", where)
+    return InputError("a cloud as scancell writes it", got, "Solve the session again.", where)

@@ -136,7 +136,7 @@ class _Geometry:
 def _unlike() -> InputError:
     return InputError(
         "an arm whose last three axes meet in a point and whose second and third are parallel",
-        "another kind of arm",
+        "something else",
         "Record the joints with the poses.",
         "cell.robot.arm",
     )

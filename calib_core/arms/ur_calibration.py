@@ -37,7 +37,9 @@ def arm_from_ur_calibration(data: bytes, name: str) -> ArmTable:
     import yaml
 
     if len(data) > _MOST_BYTES:
-        raise TooLargeError("a calibration of at most 100 kB", "a larger file", "Give the driver's own.", name)
+        raise TooLargeError(
+            "a calibration of at most 100 kB", "a larger one", "Give the file as its program wrote it.", name
+        )
     try:
         read = yaml.safe_load(data)
         links = cast("dict[str, dict[str, Any]]", read["kinematics"])
@@ -49,10 +51,10 @@ def arm_from_ur_calibration(data: bytes, name: str) -> ArmTable:
             numbers=list(_NUMBERS),
         )
         to_do = message("Draw it anew with the driver's calibration_correction.")
-        raise InputError(need, "another file", to_do, name) from None
+        raise InputError(need, "something else", to_do, name) from None
     if not np.isfinite(rows).all():
         raise InputError(
-            "finite numbers", "others", "Draw it anew with the driver's calibration_correction.", name
+            "finite numbers", "something else", "Draw it anew with the driver's calibration_correction.", name
         )
     joints: list[ArmJoint] = []
     for link, (x, y, z, roll, pitch, yaw) in zip(_LINKS, rows, strict=True):

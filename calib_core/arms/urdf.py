@@ -108,7 +108,7 @@ def _table(to_base: list[_Joint], to_tip: list[_Joint], source: str, name: str) 
 def _joints(rows: list[Element], name: str) -> dict[str, _Joint]:
     if not rows or rows[0].name != "robot":
         got = f"<{rows[0].name}>" if rows else message("no element")
-        raise InputError("a URDF, which begins with <robot>", got, "Give the robot's description.", name)
+        raise InputError("a URDF, which begins with <robot>", got, "Give the arm's own description.", name)
     inside: dict[int, dict[str, Mapping[str, str]]] = {}
     for row in rows:
         if row.path:
@@ -130,7 +130,7 @@ def _joint(row: Element, inside: dict[str, Mapping[str, str]], name: str) -> _Jo
     where = f"{name}, line {row.line}, joint {own}"
     if kind not in (*_MOVES, "fixed"):
         raise InputError(
-            "a joint that is fixed, revolute, continuous or prismatic", f"'{kind}'", "Take it out.", where
+            "a joint that is fixed, revolute, continuous or prismatic", f"'{kind}'", "Leave it out.", where
         )
     if "mimic" in inside and kind != "fixed":
         raise InputError(
@@ -189,7 +189,7 @@ def _z_along(axis: FloatArray) -> FloatArray:
 def _link(named: str | None, usual: tuple[str, ...], links: set[str], name: str) -> str | None:
     if named is not None and named not in links:
         raise InputError(
-            "a link '{named}'", ", ".join(sorted(links)[:12]), "Name one of the file's links.", name, named=named
+            "a link '{named}'", ", ".join(sorted(links)[:12]), "Name one of these.", name, named=named
         )
     return named or next((link for link in usual if link in links), None)
 
@@ -205,7 +205,7 @@ def _way_up(link: str, by_child: Mapping[str, _Joint], name: str) -> list[_Joint
         way.append(by_child[link])
         link = by_child[link].parent
         if len(way) > len(by_child):
-            raise InputError("links that form a tree", "a chain that closes", "Correct the parents.", name)
+            raise InputError("links that form a tree", "a chain that closes", "Correct it.", name)
     return way[::-1]
 
 

@@ -180,7 +180,7 @@ def _diameter(real: Element, every: Sequence[Element], where: str) -> CertifiedD
     value = _number(own["value"], where) * factor
     if value <= 0:
         raise InputError(
-            "a positive diameter", "{value:g} mm", "Look at the certificate.", _at(real, where), value=value
+            "a positive diameter in mm", "{value:g} mm", "Look at the certificate.", _at(real, where), value=value
         )
     sigma, coverage = _sigma(inside, where)
     return CertifiedDiameter(

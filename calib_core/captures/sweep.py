@@ -96,7 +96,7 @@ def _require_count(got: int, files: int, field: str, capture: Capture) -> None:
         raise InputError(
             "as many {field} as files, {files}",
             f"{got}",
-            "Give one for each file, in their order.",
+            "Give one for each, in their order.",
             capture.id,
             field=field,
             files=files,

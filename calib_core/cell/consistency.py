@@ -118,7 +118,7 @@ def _require_distances(cell: Cell) -> None:
         if one == other or pair in seen:
             need = message("each distance once, between two balls")
             got = message("'{one}' and '{other}'", one=one, other=other)
-            raise InputError(need, got, "Remove it.", "cell.sphere_distances")
+            raise InputError(need, got, "Leave it out.", "cell.sphere_distances")
         seen.add(pair)
         least = (_diameter_mm(cell, balls[one]) + _diameter_mm(cell, balls[other])) / 2
         if known.mm < least:
@@ -132,7 +132,7 @@ def _require_distances(cell: Cell) -> None:
         if None not in (balls[one].on, balls[other].on) and balls[one].on != balls[other].on:
             need = message("a distance between balls that one thing carries")
             got = message("'{one}' and '{other}', which are carried apart", one=one, other=other)
-            raise InputError(need, got, "Remove it.", "cell.sphere_distances")
+            raise InputError(need, got, "Leave it out.", "cell.sphere_distances")
 
 
 def _diameter_mm(cell: Cell, ball: Sphere) -> float:
@@ -166,7 +166,7 @@ def _require_readings(axes: Sequence[CellAxis], captures: Sequence[Capture]) -> 
                     got = message(
                         "{field} of the axis '{name}', which is {kind}", field=field, name=name, kind=kinds[name]
                     )
-                    raise InputError("{right}", got, "Correct the field.", f"captures[{capture.id}]", right=right)
+                    raise InputError("{right}", got, "Correct it.", f"captures[{capture.id}]", right=right)
     for axis in axes:
         read = [where[axis.name] for one in shown if axis.name in (where := readings(one))]
         if shown and not read:
@@ -207,4 +207,4 @@ def _named(axes: Sequence[CellAxis], name: str) -> CellAxis:
 def _unknown(place: str, name: str, known: Iterable[str]) -> InputError:
     place = place if place.startswith("captures") else f"cell.{place}"
     names = ", ".join(f"'{one}'" for one in known) or message("none")
-    return InputError("one of {names}", "'{name}'", "Correct the name.", place, names=names, name=name)
+    return InputError("one of {names}", "'{name}'", "Correct it.", place, names=names, name=name)

@@ -111,7 +111,7 @@ def covariance_in(result: Mapping[str, Any], name: str) -> FloatArray:
     whole = name.startswith("cross") or (square and _is_covariance(covariance))
     if not ((np.abs(covariance) < _LARGEST).all() and whole):
         where = f"results/{result['stage']}.json: {name}"
-        got = message("numbers that cannot be one") if square else message("another shape")
+        got = message("numbers that cannot be one") if square else message("something else")
         raise InputError("a covariance of six numbers", got, "Solve the session again.", where)
     return covariance
 

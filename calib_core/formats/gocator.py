@@ -166,12 +166,12 @@ def _rows(section: _Section, place: int, header: list[str], where: str) -> list[
             if value is None:
                 raise InputError(
                     "a number under {named}",
-                    "{text!r} in line {number}",
+                    "{bad!r} in line {line}",
                     "Correct it.",
                     where,
                     named=named,
-                    text=text,
-                    number=number,
+                    bad=text,
+                    line=number,
                 )
             row[named] = value
         rows.append(row)
@@ -187,7 +187,7 @@ def _of(rows: list[dict[str, Any]], named: str, wanted: int | None, where: str) 
         raise InputError("one {named} in a capture's file", listed, to_do, where, named=named.lower())
     if wanted is not None and wanted not in there:
         listed = ", ".join(map(str, there[:20])) or message("none")
-        raise InputError(f"{named.lower()} {wanted}", "only {listed}", "Name one of these.", where, listed=listed)
+        raise InputError(f"{named.lower()} {wanted}", "only {known}", "Name one of these.", where, known=listed)
     return [row for row in rows if wanted is None or int(row[named]) == wanted]
 
 
@@ -204,7 +204,9 @@ def _frame_points(rows: list[dict[str, Any]], header: list[str], section: _Secti
     else:
         x = _numbers(header[header.index("Axis") + 1 :], section.first_line, where)
         if np.isnan(x).any() or (np.diff(x) == 0).any():
-            raise InputError("x positions behind Axis in the header", "others", "Copy or export it again.", where)
+            raise InputError(
+                "x positions behind Axis in the header", "something else", "Copy or export it again.", where
+            )
     return np.column_stack([x, np.full(len(z), by_axis["Z"]["Y"]), z])
 
 

@@ -48,7 +48,7 @@ def read(data: bytes, name: str, settings: HeightImageSettings, kind: PointKind 
             "an image of heights, grey with 16 bit or floating point", got, "Export the heights.", name
         )
     if settings.rows is not None and settings.rows > len(heights):
-        raise InputError("{rows} rows", f"{len(heights)}", "Correct the setting rows.", name, rows=settings.rows)
+        raise InputError("{rows} rows", f"{len(heights)}", "Correct it.", name, rows=settings.rows)
     return grid_of(heights[: settings.rows], settings, name)
 
 

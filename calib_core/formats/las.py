@@ -142,7 +142,7 @@ def _require_plausible(data: bytes, name: str) -> bool:
         (table,) = struct.unpack_from("<q", data, first_point)
         table = struct.unpack_from("<q", data, len(data) - 8)[0] if table == -1 else table
         if not first_point <= table <= len(data) - 8:
-            raise InputError("a whole LAZ file", "no table of its pieces", _TO_DO, name)
+            raise InputError("a whole LAS or LAZ file", "no table of its pieces", _TO_DO, name)
         (pieces,) = struct.unpack_from("<I", data, table + 4)
         require_count(pieces, len(data), name)
         _require_item_sizes(data[header_size:first_point], struct.unpack_from("<H", data, 105)[0], name)
@@ -153,7 +153,7 @@ def _require_item_sizes(records: bytes, point_bytes: int, name: str) -> None:
     """Refuse a LAZ file whose packing describes points of another size than its header."""
     begin = records.find(_PACKING)
     if begin < 0:
-        raise InputError("a whole LAZ file", "no description of its packing", _TO_DO, name)
+        raise InputError("a whole LAS or LAZ file", "no description of its packing", _TO_DO, name)
     items = begin - 2 + _RECORD_HEAD + 32
     try:
         (count,) = struct.unpack_from("<H", records, items)
@@ -190,7 +190,7 @@ def las_pieces(tables: Iterable[NDArray[Any]], count: int, names: tuple[str, ...
             steps = np.round((xyz_m - origin) / _STEP_M)
             if np.abs(steps).max() > np.iinfo(np.int32).max:
                 got = message("points 2 km apart")
-                raise InputError("points within 2 km for LAS", got, "Take another format.", "las")
+                raise InputError("points within 2 km for LAS", got, "Export it in one of these formats.", "las")
             low, high = np.minimum(low, steps.min(axis=0)), np.maximum(high, steps.max(axis=0))
             records = np.zeros(len(steps), _RECORD)
             records["xyz"] = steps

@@ -24,7 +24,7 @@ def parse_mesh(data: bytes, name: str) -> MeshData:
     if not sure or entry.read_mesh is None:
         titles = " or ".join(sorted((entry.name.upper() for _, entry in found), reverse=True))
         got = f"'.{name.rsplit('.', 1)[-1]}'" if "." in name else message("no ending")
-        raise InputError("a mesh as {titles}", got, "Export it as one of these.", name, titles=titles)
+        raise InputError("a mesh as {titles}", got, "Export it in one of these formats.", name, titles=titles)
     mesh = entry.read_mesh(data, name)
     if not len(mesh.triangles):
         raise wrong(name, message("no triangle"), message("Export a mesh, not a cloud."))

@@ -33,7 +33,7 @@ def read(data: bytes, name: str, settings: NpySettings, kind: PointKind | None) 
     if array.ndim == 2 and min(array.shape) > 1 and kind != "profile":
         return grid_of(array, settings, name)
     raise InputError(
-        need, "an array of shape {array}", "Save it with numpy.save in one of these.", name, array=array.shape
+        need, "an array of shape {shape}", "Save it with numpy.save in one of these.", name, shape=array.shape
     )
 
 

@@ -114,7 +114,7 @@ def _points_of_list(values: FloatArray, path: str, kind: PointKind | None, where
         to_do = (
             message("Say whether it is a profile or a cloud.")
             if kind is None
-            else message("Write one point after the other.")
+            else message("Write one point a line.")
         )
         raise InputError("points of two or three numbers", got, to_do, where)
     return fitting[0]

@@ -36,7 +36,7 @@ def opened_files(files: Mapping[str, bytes], skipped: dict[str, str] | None = No
                 entries = [entry for entry in archive.infolist() if not entry.is_dir()]
                 if len(entries) > _MOST_FILES or sum(entry.file_size for entry in entries) > _MOST_BYTES:
                     to_do = message("Give the files with programs, tools and frames alone.")
-                    raise InputError("a backup of at most 20000 files and 256 MB", "a larger backup", to_do, name)
+                    raise InputError("a backup of at most 20000 files and 256 MB", "a larger one", to_do, name)
                 for entry in entries:
                     try:
                         opened[entry.filename] = archive.read(entry)
@@ -46,7 +46,7 @@ def opened_files(files: Mapping[str, bytes], skipped: dict[str, str] | None = No
                         skipped[entry.filename] = str(error) or "damaged"
         except _DAMAGED as error:
             to_do = message("Copy it from the controller again, or unpack it and give the folder.")
-            refusal = InputError("a whole zip file", str(error) or "a damaged one", to_do, name)
+            refusal = InputError("a whole zip archive", str(error) or "damaged content", to_do, name)
             if skipped is None or len(files) == 1:
                 raise refusal from None
             skipped[name] = refusal.reason

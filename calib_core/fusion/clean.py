@@ -40,7 +40,7 @@ def clean_scan(scan: Scan, options: CleanOptions | None = None) -> CleanScan:
     if not (cleaned.verdicts == KEPT).any():
         got = ", ".join(f"{count} {name}" for name, count in cleaned.removed().items())
         raise MeasurementError(
-            "a scan with points on a surface",
+            "points on a surface",
             "none among {points_in_laser_mm:g} points ({found})",
             "Check that rows and columns are the scan's own, and its poses; or exclude it.",
             scan.name,

@@ -196,7 +196,7 @@ class VoxelGrid:
         """
         same = other.size_mm == self.size_mm and np.array_equal(other.origin_mm, self.origin_mm)
         if not same or other._table.normals != self._table.normals or other._tiles:
-            raise InputError("a grid of the same voxels", "another", "Make both grids alike.", "voxel_mm")
+            raise InputError("a grid of the same voxels", "something else", "Make both grids alike.", "voxel_mm")
         for first in range(0, other._table.used, _BRICKS_AT_ONCE):
             self._take(other._table.voxels(first, first + _BRICKS_AT_ONCE))
         self.points_added += other.points_added
@@ -229,7 +229,7 @@ class VoxelGrid:
     ) -> None:
         if points.ndim != 3 or points.shape[2] != 3:
             raise InputError(
-                "rows of points (P, C, 3)", "shape {points}", "Reshape the scan.", where, points=points.shape
+                "rows of points (P, C, 3)", "shape {frame}", "Reshape the scan.", where, frame=points.shape
             )
         fits = poses.shape in ((len(points), 4, 4), (1, 4, 4))
         fits &= weights.shape in (points.shape[:2], (1, 1))

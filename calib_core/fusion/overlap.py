@@ -277,7 +277,7 @@ def overlap(seen: Patches, errors: PoseErrors | None = None) -> Overlap:
         raise InputError(
             "the errors of {count} scans",
             "those of {count_other}",
-            "Give one for each.",
+            "Give one for each, in their order.",
             "errors",
             count=count,
             count_other=len(e.own),

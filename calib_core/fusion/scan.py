@@ -51,7 +51,7 @@ class Scan:
                 "a scan of profiles × columns × 3 numbers",
                 "a scan with no points"
                 if points.size == 0
-                else message("an array of shape {points}", points=points.shape),
+                else message("an array of shape {shape}", shape=points.shape),
                 "Take the scan again, or exclude it.",
                 self.name,
             )
@@ -76,10 +76,10 @@ class Scan:
         if not np.isfinite(points).all(axis=2).any():
             raise InputError(
                 "a scan with points",
-                "{height} blanks: nothing came back to the scanner",
-                "Check distance and exposure and take the scan again, or exclude it.",
+                "{count} blanks: nothing came back to the scanner",
+                "Take the scan again, or exclude it.",
                 self.name,
-                height=points.shape[0] * points.shape[1],
+                count=points.shape[0] * points.shape[1],
             )
 
     @property

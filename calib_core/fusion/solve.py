@@ -149,7 +149,7 @@ def solve_merge(
     o = options or MergeOptions()
     tell = progress or _say_nothing
     if not scans:
-        raise InputError("at least one scan", "none", "Scan the object and add the captures.", "captures")
+        raise InputError("at least one scan", "none", "Add scans of the object.", "captures")
     grid = crew or Alone(o)
     moving = o.registration or o.self_calibration
     failed: dict[str, MeasurementError] = {}

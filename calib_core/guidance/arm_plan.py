@@ -61,7 +61,7 @@ def arm_worth(
     """
     if len(arm.joints) != 6 or any(joint.kind != "revolute" for joint in arm.joints):
         to_do = message("Plan without the arm's name.")
-        raise InputError("an arm of six turning joints", "another kind of arm", to_do, "arm_name")
+        raise InputError("an arm of six turning joints", "something else", to_do, "arm_name")
     rng = np.random.default_rng(_SEED)
     home = _home(arm, rng)
     ball = flange_of_joints(arm, home).apply(_SEEN)

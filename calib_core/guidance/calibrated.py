@@ -101,7 +101,7 @@ class Calibrated:
             covariance[6:12, 12:] = scanner["covariance_with_table"]
         covariance = np.triu(covariance) + np.triu(covariance, 1).T
         if not np.isfinite(covariance).all():
-            raise InputError("covariances of finite numbers", "others", "Solve the session again.")
+            raise InputError("covariances of finite numbers", "something else", "Solve the session again.")
         optics = tuple(OpticsShift.model_validate(one) for one in result.get("optics") or [])
         covariance = _with_optics_apart(covariance, optics)
         angle = float(np.deg2rad(result.get("angle_sigma_deg") or 0.0))

@@ -167,10 +167,10 @@ def _joint_table(path: Path, count: int) -> tuple[list[_Row], list[dict[str, Any
         missing = f"j{places.index(-1) + 1}_deg"
         raise InputError(
             "a column for each of the arm's joints, j1_deg …",
-            "none of {missing}",
+            "none of {node}",
             "Add it.",
             path.name,
-            missing=missing,
+            node=missing,
         )
     named = head.index("name") if "name" in head else -1
     rows: list[_Row] = []

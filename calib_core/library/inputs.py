@@ -94,7 +94,7 @@ def with_calibration(cell: CellLike, calibration: Calibration) -> Cell:
         got = (
             repr(calibration)[:60]
             if matrix is None or not matrix.ndim
-            else message("an array of shape {matrix}", matrix=matrix.shape)
+            else message("an array of shape {shape}", shape=matrix.shape)
         )
         to_do = message("Give a TcpResult, a ChainResult, or the scanner's matrix on the flange.")
         raise InputError("a calibration, or a 4×4 matrix", got, to_do)
@@ -121,7 +121,7 @@ def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dic
     mounts = [None] * count if given.mounts is None else list(given.mounts)
     for what, found in (("pose", poses), ("angle", angles), ("mount", mounts)):
         if len(found) != count:
-            to_do = message("Give one a scan, in the same order.")
+            to_do = message("Give one for each, in their order.")
             raise InputError("{count} {what}s, one a scan", str(len(found)), to_do, step, count=count, what=what)
     return [
         _capture(step, k, scan, {"pose": pose, "table_deg": angle, "mount": mount})
@@ -142,7 +142,7 @@ def _angles(angles: Iterable[Any], step: str) -> list[float]:
         return [float(angle) for angle in angles]
     except (TypeError, ValueError) as error:
         need = message("the table's angle of each scan, a number in degrees")
-        raise InputError(need, str(error), "Correct this angle.", step) from None
+        raise InputError(need, str(error), "Correct it.", step) from None
 
 
 def _capture(step: str, index: int, scan: Any, fields: dict[str, Any]) -> tuple[Capture, dict[str, bytes]]:
@@ -182,7 +182,7 @@ def kind_name_and_bytes(scan: Any, where: str, kind: Kind | None) -> tuple[Kind,
         got = (
             repr(scan)[:60]
             if array is None or not array.ndim
-            else message("an array of shape {array}", array=array.shape)
+            else message("an array of shape {shape}", shape=array.shape)
         )
         raise InputError("points, N×2 (a profile) or N×3 (a cloud)", got, "Give them as rows of numbers.", where)
     data = BytesIO()

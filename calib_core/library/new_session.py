@@ -109,7 +109,7 @@ def new_session(
         with suppress(OSError):
             remove_folder(target)
         got = (error.strerror or type(error).__name__).lower()
-        to_do = message("Check the disk and its permissions.")
+        to_do = message("Check its permissions and the disk.")
         raise InputError("a folder that can be written", got, to_do, str(target)) from None
     files = [
         {
@@ -182,7 +182,7 @@ def _given(root: Path) -> list[GivenFile]:
             raise InputError(
                 "at most {most_files} files",
                 "more",
-                "Name the folder of one session.",
+                "Name the session's folder.",
                 str(root),
                 most_files=_MOST_FILES,
             )

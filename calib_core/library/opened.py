@@ -240,7 +240,7 @@ def in_memory(record: Session, files: Mapping[str, bytes]) -> OpenSession:
 
     def read(name: str) -> bytes:
         if name not in files:
-            raise InputError("a file of the session", "none named '{name}'", "Give it.", name, name=name)
+            raise InputError("a file of the session", "none named '{name}'", "Add it.", name, name=name)
         return files[name]
 
     return OpenSession(record, read)

@@ -274,7 +274,7 @@ def _refuse_blurred(width_px: float, grid: FloatArray) -> None:
         raise MeasurementError(
             "sharp edges between the board's squares (narrower than {blurred_share:.0f} px)",
             "a blurred frame, edges {width_px:.0f} px wide",
-            "Focus the lens, hold the board still, or shorten the exposure.",
+            "Focus the lens, hold the board still, or expose less.",
             blurred_share=_BLURRED_SHARE * apart_px,
             width_px=width_px,
         )

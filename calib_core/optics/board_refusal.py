@@ -63,10 +63,10 @@ def grey_eight_bit(image: NDArray[Any]) -> Grey:
     if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)) or image.ndim not in (2, 3) or image.size == 0:
         raise InputError(
             "a grey or colour image of 8 or 16 bit",
-            "{dtype} of shape {image}",
-            "Save it as PNG.",
+            "{dtype} of shape {frame}",
+            "Save it as PNG or TIFF of 8 or 16 bit.",
             dtype=image.dtype,
-            image=image.shape,
+            frame=image.shape,
         )
     if image.ndim == 3:
         image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_RGB2GRAY)
@@ -103,7 +103,9 @@ def refuse_flat_image(grey: Grey) -> None:
         return
     if dark >= 250:
         raise MeasurementError(
-            "a frame that shows the board", "a saturated frame, white all over", "Expose it less."
+            "a frame that shows the board",
+            "a saturated frame, white all over",
+            "Shorten the exposure or dim the laser or the lamps.",
         )
     got = (
         message("a black frame")
@@ -121,14 +123,17 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
     saturated = float((grey >= 255).mean())
     if saturated > 0.5:
         return MeasurementError(
-            need, "a frame that is saturated over {saturated:.0%}", "Shorten the exposure.", saturated=saturated
+            need,
+            "a frame that is saturated over {saturated:.0%}",
+            "Shorten the exposure or dim the laser or the lamps.",
+            saturated=saturated,
         )
     (bright,) = grey_levels(grey, [99.5])
     if bright < 60:
         return MeasurementError(
             need,
             "a frame too dark to find it (brightest grey {bright:.0f} of 255)",
-            "Light the board.",
+            "Light the board, and check the exposure and lens cap.",
             bright=bright,
         )
     if is_blurred(grey):

@@ -260,7 +260,7 @@ def _full_distortion(distortion: ArrayLike) -> FloatArray:
     if given.size > 14 or not np.isfinite(given).all():
         raise InputError(
             "up to 14 finite distortion coefficients",
-            message("{given} of them", given=given.size) if given.size > 14 else "NaN or infinity",
+            message("{count} of them", count=given.size) if given.size > 14 else "NaN or infinity",
             "Give them in OpenCV's order: {coefficients}.",
             coefficients=" ".join(COEFFICIENTS),
         )

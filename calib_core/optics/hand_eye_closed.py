@@ -56,7 +56,7 @@ def _require_one(strengths: FloatArray, count: int) -> None:
             )
             if count >= 3
             else f"{count}",
-            "Take the board with the flange turned by 20° about different axes.",
+            "Take the lit board with the flange turned by 20° about different axes.",
             "captures",
         )
 

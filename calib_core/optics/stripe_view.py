@@ -145,17 +145,17 @@ def _require_image(image: ImageArray, where: str) -> None:
         raise InputError(
             "an image of 8 or 16 bit",
             "numbers of type {dtype}",
-            "Save frames as PNG or TIFF of 8 or 16 bit.",
+            "Save it as PNG or TIFF of 8 or 16 bit.",
             where,
             dtype=image.dtype,
         )
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
         raise InputError(
             "a grey or a three-colour image",
-            "an array of shape {image}",
+            "an array of shape {shape}",
             "Give one frame.",
             where,
-            image=image.shape,
+            shape=image.shape,
         )
     if min(image.shape[:2]) < _SMALLEST_PX or max(image.shape[:2]) > _LARGEST_PX:
         raise InputError(

@@ -51,7 +51,7 @@ def input_error_from_details(details: Sequence[Any], data: Any, where: str) -> I
     first = details[0]
     place = _place(first["loc"][1:] if first["loc"][:1] == ("body",) else first["loc"], data)
     need, got = _field_error(first)
-    to_do = message("Correct this field.")
+    to_do = message("Correct it.")
     if first["type"] == "missing":
         got, need = message("nothing"), message("the field '{first}'", first=first["loc"][-1])
         to_do = message("Add it.")

@@ -56,18 +56,18 @@ def too_deep(where: str) -> InputError:
 def _require_plain_scalar(value: Any, where: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
         got = message("NaN or infinity, or a number beyond 1.8e308")
-        raise InputError("finite numbers", got, "Correct the number.", where)
+        raise InputError("finite numbers", got, "Correct it.", where)
     if isinstance(value, float) and 0 < abs(value) < sys.float_info.min:
         got = message("one that is no zero and smaller than computers count, {value:g}", value=value)
-        raise InputError("ordinary numbers", got, "Correct the number.", where)
+        raise InputError("ordinary numbers", got, "Correct it.", where)
     if isinstance(value, int) and abs(value) >= _LARGEST_INTEGER:
         raise InputError(
             "integers of at most 63 bits", "one of {value} bits", "Correct it.", where, value=value.bit_length()
         )
     if isinstance(value, str):
         if "\0" in value:
-            raise InputError("text without NUL characters", "one with", "Remove it.", where)
+            raise InputError("text without NUL characters", "one with", "Leave it out.", where)
         try:
             value.encode()
         except UnicodeEncodeError:
-            raise InputError("Unicode text", "half of a surrogate pair", "Correct the text.", where) from None
+            raise InputError("Unicode text", "half of a surrogate pair", "Correct it.", where) from None

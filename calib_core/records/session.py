@@ -346,7 +346,7 @@ class Session(WrittenRecord):
             if capture.id in seen:
                 raise mismatch(
                     "capture ids that differ",
-                    message("'{capture}' twice", capture=capture.id),
+                    message("'{name}' twice", name=capture.id),
                     "Rename or remove one.",
                 )
             seen.add(capture.id)

@@ -88,7 +88,7 @@ def _set_aside(opened: dict[str, bytes], named: dict[str, str], where: str) -> N
     said = ""
     for name, data in list(opened.items()):
         if (known := compiled(name, data)) is not None:
-            said = message("{what}: {to_do}", what=message(known[0]), to_do=message(known[1]))
+            said = message("{what}: {why}", what=message(known[0]), why=message(known[1]))
             del opened[name]
             if not is_listed(name, names):
                 named[name] = said
@@ -120,7 +120,7 @@ def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
         for brand in by_ending or know:
             counts[brand.name] = counts.get(brand.name, 0) + 1
     if not counts:
-        to_do = message("Name the brand with --brand: {readers}.", readers=_readers())
+        to_do = message("Name the brand with --brand: {best}.", best=_readers())
         raise InputError("a file of a known controller", "one that no brand's reader knows", to_do, where)
     most = max(counts.values())
     best = [name for name, count in counts.items() if count == most]

@@ -49,7 +49,11 @@ class Told:
                 )
             if len(word) > _LONGEST:
                 raise InputError(
-                    "at most {longest} characters", f"{len(word)}", "Say less.", f"told: {name}", longest=_LONGEST
+                    "at most {longest} characters",
+                    f"{len(word)}",
+                    "Shorten it.",
+                    f"told: {name}",
+                    longest=_LONGEST,
                 )
         if words.get("unit", "mm") not in _UNITS:
             raise InputError("mm or m", f"'{words['unit']}'", "Name one of these.", "told: unit")

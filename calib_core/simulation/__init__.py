@@ -94,7 +94,7 @@ def require_scenario(scenario: str) -> None:
         raise InputError(
             "a scenario among {names}",
             repr(scenario),
-            "Name one of these simulated cells.",
+            "Name one of these.",
             names=", ".join(names),
         )
 

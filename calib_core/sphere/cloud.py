@@ -131,7 +131,7 @@ def _sample(points: FloatArray) -> FloatArray:
         raise MeasurementError(
             "finite numbers, or NaN where nothing came back",
             "infinity in the cloud",
-            "Write NaN where the scanner saw nothing, or leave those points out.",
+            "Write blanks or NaN where the scanner saw nothing.",
         )
     sample = sample[finite]
     if len(sample) < LEAST_POINTS:

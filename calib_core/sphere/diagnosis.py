@@ -33,16 +33,16 @@ def points_as_rows(points: ArrayLike, columns: int, what: str) -> FloatArray:
     array = np.asarray(points, dtype=float)
     if array.size == 0:
         raise MeasurementError(
-            "a {what} with points", "an empty one", "Check the scanner's exposure and its file.", what=what
+            "a {kind} with points", "an empty one", "Check the scanner's exposure and its file.", kind=what
         )
     if array.ndim != 2 or array.shape[1] != columns:
         raise MeasurementError(
             "a {what} as an array of N rows and {columns} columns",
-            "an array of shape {array}",
-            "Give one point a row.",
+            "an array of shape {shape}",
+            "Write one point a line.",
             what=what,
             columns=columns,
-            array=array.shape,
+            shape=array.shape,
         )
     return array
 
@@ -51,7 +51,7 @@ def require_diameter(diameter_mm: float | None) -> None:
     """Raise MeasurementError unless the diameter is None or a positive finite number."""
     if diameter_mm is not None and not (np.isfinite(diameter_mm) and diameter_mm > 0):
         raise MeasurementError(
-            "a positive sphere diameter in mm",
+            "a positive diameter in mm",
             f"{diameter_mm}",
             "Give the diameter from the sphere's certificate.",
         )

@@ -27,7 +27,7 @@ class Refusals:
         """Count a token or a login that was none; raises TooManyError after ten in a row."""
         wait_s = self._trials.wait_s(address)
         if wait_s:
-            raise too_many(wait_s, message("tokens that are good"), message("many in a row that are not"))
+            raise too_many(wait_s, message("a good token"), message("many in a row that are not"))
 
     def note(self, store: Store, act: Act) -> None:
         """Add a refused request to the log of who did what."""

@@ -35,7 +35,11 @@ def apply_changes(db: Transaction, stored: StoredSession, changes: Changes) -> D
         fixed = [field for field in FIXED if field in patch]
         if fixed:
             raise InputError(
-                "the '{fixed}' that the capture came with", "another", "Upload it again.", name, fixed=fixed[0]
+                "the '{name}' that the capture came with",
+                "something else",
+                "Upload it again.",
+                name,
+                name=fixed[0],
             )
     session, undo = applied(stored.session, changes)
     of_cell = require_usable(stored.session, session)

@@ -39,7 +39,7 @@ class CaptureInBody:
             if not len(set(capture.files)) == len(self.contents) == len(capture.files):
                 got, to_do = (
                     message("{count} for {count_other}", count=len(capture.files), count_other=len(self.contents)),
-                    message("Name each file once."),
+                    message("Name it once."),
                 )
                 raise InputError("as many different `files` as `sizes`", got, to_do, self.where)
             require_known_fields(capture, self.where)

@@ -145,7 +145,7 @@ def _with_limit_changes(before: Session, after: Session, who: str, why: str) -> 
     old, new = before.cell.verification, after.cell.verification
     if (new.changes or []) != (old.changes or []) and "verification" in after.cell.model_fields_set:
         to_do = message("Leave `changes` out: they are kept by the server.")
-        raise InputError("the limits' changes as they were kept", "others", to_do, "verification.changes")
+        raise InputError("the limits' changes as they were kept", "something else", to_do, "verification.changes")
     steps = STAGES.get("verify", "stage").steps
     taken = sum(capture.step in steps for capture in before.captures)
     made = changes_between(old, new, taken, now(), who, why)
@@ -174,7 +174,7 @@ def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
     for name in FIXED:
         if name in changes and changes[name] != record.get(name):
             to_do = message("Remove the capture and upload it again.")
-            raise InputError("the '{name}' that the capture came with", "another", to_do, name, name=name)
+            raise InputError("the '{name}' that the capture came with", "something else", to_do, name, name=name)
     before = {path for path, _ in unknown_fields(parse_capture(record, "record"))}
     changed = parse_capture(merge_patch(record, changes), "request")
     require_known_fields(changed, "request", before)
@@ -183,5 +183,5 @@ def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
 
 def _changed_meanwhile(what: str) -> ConflictError:
     return ConflictError(
-        "a {what} that rests", "one that was just changed", "Send the change again.", what, what=what
+        "a {what} that rests", "one that was just changed", "Send the request again.", what, what=what
     )

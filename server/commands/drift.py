@@ -52,11 +52,11 @@ def _of_one_cell(paths: Sequence[Path]) -> list["SolvedSession"]:
         to_do = message("Name sessions of one cell: drift of two cells says nothing.")
         raise InputError(
             "sessions whose cell.id is the same",
-            "'{cells}' and '{cells_other}'",
+            "'{one}' and '{other}'",
             to_do,
             "SESSION",
-            cells=cells[0],
-            cells_other=cells[1],
+            one=cells[0],
+            other=cells[1],
         )
     return [session for session, _ in found]
 

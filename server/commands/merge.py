@@ -97,7 +97,7 @@ def _captures(files: dict[str, Path], poses: Path | None) -> Iterable[dict[str, 
     told = None if poses is None else [one for one in read_poses(poses).poses if one.pose is not None]
     scans = [(name, k, own) for name, path in files.items() for k, own in enumerate(_own_poses(path))]
     if told is not None and len(told) != len(scans):
-        to_do = message("Give one pose a scan, in the files' order.")
+        to_do = message("Give one for each, in their order.")
         raise InputError(
             plural("{count} pose", "{count} poses", by="count", count=len(scans)),
             f"{len(told)}",

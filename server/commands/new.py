@@ -28,7 +28,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.library.new_session import new_session
 
     if options.sphere_mm is not None and not 0 < options.sphere_mm < 1e5:
-        raise InputError("a diameter in mm", f"{options.sphere_mm:g}", "Say it in mm, above 0.", "--sphere-mm")
+        raise InputError("a positive diameter in mm", f"{options.sphere_mm:g}", "Give it in mm.", "--sphere-mm")
     made = new_session(
         options.folder, options.out, options.convention, options.sphere_mm, None, options.unit, options.arm
     )

@@ -68,7 +68,7 @@ def pairs_of(words: list[str]) -> dict[str, str]:
     for word in words:
         name, equals, value = word.partition("=")
         if not equals:
-            raise InputError("NAME=VALUE", f"'{word}'", "Write it as unit=mm.", "--set")
+            raise InputError("NAME=VALUE", f"'{word}'", "Say it as NAME=VALUE.", "--set")
         pairs[name.strip()] = value
     return pairs
 

@@ -37,7 +37,7 @@ def _run(options: argparse.Namespace) -> int:
         results = replayed(session, read, load_results(folder))
         answer = answer_of(session, results, Graph.stale_of(session, read, results))
     if (options.numbers is None) == (options.file is None):
-        raise InputError("FILE or --numbers", "both or neither", "Give one of them.", "read-back")
+        raise InputError("FILE or --numbers", "both or neither", "Name one of these.", "read-back")
     if options.numbers is not None:
         convention = options.convention or answer.session.cell.pose_convention
         numbers = typed_numbers(options.numbers)

@@ -32,9 +32,7 @@ def parse_json(text: str | bytes, where: str) -> Any:
     except InputError as error:
         raise error.at(where) from None
     except ValueError as error:  # includes UnicodeDecodeError and integers of thousands of digits
-        raise InputError(
-            "JSON (UTF-8)", "something else: {error}", "Correct the text.", where, error=error
-        ) from None
+        raise InputError("JSON (UTF-8)", "something else: {error}", "Correct it.", where, error=error) from None
     require_plain(data, where)
     return data
 

@@ -69,7 +69,7 @@ def named_files(record: dict[str, Any], uploads: list[tuple[str, bytes]]) -> dic
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InputError("a list of file names", repr(names)[:80], "Name each file of the capture.", where)
     if len(set(names)) != len(names):
-        raise InputError("file names that differ", "one that stands twice", "Name each file once.", where)
+        raise InputError("names that differ", "one that stands twice", "Name it once.", where)
     if len(names) != len(uploads):
         raise InputError(
             "as many files as the record names: {count}",

@@ -216,7 +216,7 @@ class ArmedTables:
         armed = self.get(session_id)
         if armed is None:
             to_do = message("Let an operator arm it, with limits.")
-            raise ConflictError("a table that is armed for this session", "none", to_do, "table-mover")
+            raise ConflictError("a table that is armed", "none", to_do, "table-mover")
         return armed
 
     def disarm(self, session_id: str) -> None:

@@ -70,10 +70,10 @@ def next_message(received: bytes) -> tuple[str, bytes] | None:
         end = found.start() if found else 0
     if max(end, 0 if end else len(text)) > LONGEST_MESSAGE:
         raise InputError(
-            "at most {longest_message} characters",
+            "at most {longest} characters",
             "more",
             "Send one at a time.",
-            longest_message=LONGEST_MESSAGE,
+            longest=LONGEST_MESSAGE,
         )
     return (text[:end].decode("ascii", errors="replace"), text[end:]) if end else None
 
@@ -147,7 +147,7 @@ def _record_fields(told: dict[str, str]) -> dict[str, str | float | int]:
             fields[_FIELDS[name]] = float(value) if name == "table" else int(value)
         except ValueError:
             if name == "table":
-                raise InputError("table=ANGLE in degrees", repr(value[:20]), "Send a number.") from None
+                raise InputError("table=ANGLE in degrees", repr(value[:20]), "Send it as 123.456.") from None
             fields[_FIELDS[name]] = value
     return fields
 

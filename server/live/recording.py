@@ -155,7 +155,7 @@ def on_one_clock(recorded: Recorded, clocks: MeasuredClocks) -> tuple[Recorded, 
     gap_s = max((later - earlier for earlier, later in pairwise(kept_s)), default=0.0)
     if gap_s > _MOST_GAP_S:
         raise MeasurementError(
-            "poses without a gap", "{gap_s:.2f} s without one", "Let the robot send more often.", gap_s=gap_s
+            "a recording without a gap", "{gap_s:.2f} s without one", "Let the robot send more often.", gap_s=gap_s
         )
     speed_mm_s = speed_of(kept)
     if speed_mm_s > _STANDS_MM_S:

@@ -127,7 +127,12 @@ class RobotPorts:
             server = await asyncio.start_server(serve, settings.host, settings.port, limit=4 * LONGEST_MESSAGE)
         except OSError as error:
             got = message("none to be had ({strerror})", strerror=error.strerror or error)
-            raise InputError("an address to listen on", got, "Choose another port or host.", "port") from None
+            raise InputError(
+                "an address to serve on",
+                got,
+                "Choose another with --port (0: any that is free) or --host.",
+                "port",
+            ) from None
         port = self._open[session_id] = OpenPort(session_id, settings, server)
 
     async def close(self, session_id: str) -> None:

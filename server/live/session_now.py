@@ -69,7 +69,7 @@ class SessionNow:
             if known.laser_plane is None:
                 raise InputError(
                     "the plane of light, to make points of the stripe",
-                    "none yet",
+                    "none",
                     "Calibrate camera and laser plane first, or give them in the cell.",
                 )
             self._calibration = parts, calibration_of(self._session, _no_file)

@@ -90,11 +90,11 @@ async def add(
         raise InputError("a JSON object as the record", type(data).__name__, "Send one at a time.", "record")
     if len(files) > settings.max_files_per_capture:
         raise TooLargeError(
-            "at most {max_files_per_capture} files",
+            "at most {most_files} files",
             f"{len(files)}",
             "Split it.",
             "files",
-            max_files_per_capture=settings.max_files_per_capture,
+            most_files=settings.max_files_per_capture,
         )
     data.pop("measured", None)  # of a record that came from here
     async with memory.taken(sum(file.size or 0 for file in files)):

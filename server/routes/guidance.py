@@ -57,7 +57,7 @@ def get_budget(
 
     given = [x_mm, y_mm, z_mm]
     if any(value is None for value in given) and any(value is not None for value in given):
-        raise InputError("x_mm, y_mm and z_mm together, or none", "some of them", "Give all three.", "x_mm")
+        raise InputError("x_mm, y_mm and z_mm together, or none", "some", "Give all three.", "x_mm")
     point = None if x_mm is None else [value or 0.0 for value in given]
     return budget_at(stored.session, stored.results_with_stale(), point, field)
 

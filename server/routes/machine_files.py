@@ -37,8 +37,6 @@ async def contents_of(files: list[UploadFile]) -> dict[str, bytes]:
     for place, file in enumerate(files):
         name = file.filename or message("file {place}", place=place + 1)
         if name in contents:
-            raise InputError(
-                "file names that differ", "'{name}' twice", "Name each file once.", "files", name=name
-            )
+            raise InputError("names that differ", "'{name}' twice", "Name it once.", "files", name=name)
         contents[name] = await file.read()
     return contents

@@ -100,7 +100,7 @@ async def read_back_tool(
                 answer = session_answer(db, load_session(db, store.blobs, session_id))
             if bool(numbers.strip()) == bool(contents):
                 raise InputError(
-                    "the controller's files or numbers", "both or neither", "Give one of them.", "read-back"
+                    "the controller's files or numbers", "both or neither", "Name one of these.", "read-back"
                 )
             if contents:
                 known, pose = frame_in(contents, brand or None, tool or None, answer.mount_from_laser)

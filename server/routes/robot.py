@@ -83,11 +83,11 @@ async def say(session_id: ExistingSession, request: Request, ports: RobotPortsDe
     body = await request.body()
     if len(body) > LONGEST_MESSAGE:
         raise TooLargeError(
-            "at most {longest_message} bytes",
+            "at most {max_bytes} bytes",
             f"{len(body)}",
             "Send one at a time.",
             "request",
-            longest_message=LONGEST_MESSAGE,
+            max_bytes=LONGEST_MESSAGE,
         )
     act = acting_now(request.client.host if request.client else "")
     answer, xml = await ports.answer(session_id, body.decode("ascii", errors="replace"), act)

@@ -167,7 +167,7 @@ def _require_address(url: str) -> None:
         good, parts = False, urlsplit("")
     if not good or any(c.isspace() or not c.isprintable() for c in url):
         to_do = message("Write it as https://host/path.")
-        raise InputError("an address that begins with https:// or http://", repr(url[:80]), to_do, "url")
+        raise InputError("an address that begins with http:// or https://", repr(url[:80]), to_do, "url")
     if parts.username or parts.password:
         to_do = message("Leave user and password out: the receiver knows the sender by the signature.")
         raise InputError("an address without a password", "one with it", to_do, "url")

@@ -167,7 +167,7 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
         parts.append(_line(_cut_words(look.cloud.section, frame)))
     shown = len(merged.points_mm)
     part = (
-        message("{shown} of {measured}", shown=number_text(shown, 0), measured=number_text(merged.measured, 0))
+        message("{rows} of {count}", rows=number_text(shown, 0), count=number_text(merged.measured, 0))
         if shown < merged.measured
         else number_text(shown, 0)
     )

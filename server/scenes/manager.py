@@ -111,7 +111,7 @@ class SceneManager:
             raise NotFoundError(
                 "a session",
                 "the id '{session_id}', which none has",
-                "Choose one of the sessions listed.",
+                "Name one of these.",
                 session_id=session_id,
             )
         return scene

@@ -92,7 +92,7 @@ class Viewers:
             return client.get_render(height_px, width_px, transport_format="png", timeout=_PICTURE_S)
         except (RuntimeError, TimeoutError):
             raise NotFoundError(
-                "a scene that is being looked at",
+                "a scene that somebody looks at",
                 "one that drew nothing in time",
                 "Bring the page with the scene to the front, then ask again.",
                 "viewer",

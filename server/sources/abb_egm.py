@@ -50,7 +50,7 @@ class AbbEgm:
         try:
             found, state = self._stream.receive_from_robot(_WAIT_S)
         except DecodeError:
-            raise InputError("a message of EGM", "other bytes", "Let the controller alone send here.") from None
+            raise InputError("a message of EGM", "something else", "Let the controller alone send here.") from None
         if not found:
             return None
         chosen = self._settings

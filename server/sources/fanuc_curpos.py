@@ -58,10 +58,10 @@ class FanucCurpos:
             raise ConnectionError(message("the controller's answer breaks off"))
         if answer.status != 200:
             raise InputError(
-                "the file {path}",
+                "the file {name}",
                 "the answer {status}",
                 "Unlock it in the controller's HTTP.",
-                path=_PATH,
+                name=_PATH,
                 status=answer.status,
             )
         return self._sample(content.decode("latin-1"))

@@ -27,7 +27,7 @@ class FrameFolder:
 
     def __init__(self, settings: FrameFolderSettings) -> None:
         if not settings.folder.is_dir():
-            raise InputError("a folder", "none", "Check the path.", str(settings.folder))
+            raise InputError("a folder", "none", "Correct it.", str(settings.folder))
         self._settings = settings
         self._seen = self._whole()
         self._growing: dict[str, tuple[int, int]] = {}

@@ -181,11 +181,7 @@ def _only(found: list[Any], settings: GenicamSettings) -> Any:
     wanted = (
         message("the camera {address}", address=settings.address) if settings.address else message("one camera")
     )
-    to_do = (
-        message("Name one of these as the address.")
-        if names
-        else message("Check its cable, its power and the interface.")
-    )
+    to_do = message("Name one of these.") if names else message("Check its cable, its power and the interface.")
     raise InputError(wanted, ", ".join(names) or "none that answers", to_do, "address")
 
 

@@ -71,7 +71,7 @@ class Modbus:
     def _answer(self, answer: Any) -> Any:
         if answer.isError():
             got = message("the exception {answer}", answer=getattr(answer, "exception_code", answer))
-            raise InputError("a register's value", got, "Check address, type and device id.", "address")
+            raise InputError("a register's value", got, "Check its address and the device's id.", "address")
         return answer
 
     def close(self) -> None:

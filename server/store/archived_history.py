@@ -88,7 +88,7 @@ def read_history(bag: Bag) -> ArchivedHistory:
             raise InputError(
                 "a stage among {stage_names}",
                 repr(result.stage[:60]),
-                "Pack it again.",
+                "Pack the session again.",
                 place,
                 stage_names=", ".join(stage_names()),
             )

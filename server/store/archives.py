@@ -91,7 +91,7 @@ def pack_stored(
     for name, digest in stored.digests.items():
         if plain_name(name) in payload:
             got = message("a capture's file named {name}", name=name)
-            raise ConflictError("a name of its own for each file", got, "Rename the file.", stored.id)
+            raise ConflictError("names that differ", got, "Rename the file.", stored.id)
         payload[plain_name(name)] = partial(stored.blobs.open, digest)
     pack_files(stored.session, payload, out, stored.id)
 
@@ -177,11 +177,11 @@ def _require_storable(archived: ArchivedSession) -> None:
         if stage not in stage_names():
             raise InputError(
                 "results of the stages {stage_names}",
-                "one of '{stage}'",
+                "one of '{alone}'",
                 "Import it with a version of scancell that solves this stage.",
                 f"{_WHERE}: results",
                 stage_names=", ".join(stage_names()),
-                stage=stage[:60],
+                alone=stage[:60],
             )
     if any(len(set(capture.files)) != len(capture.files) for capture in archived.session.captures):
-        raise InputError("file names that differ", "one that stands twice", "Name each file once.", where)
+        raise InputError("names that differ", "one that stands twice", "Name it once.", where)

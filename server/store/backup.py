@@ -241,7 +241,7 @@ def _manifest(source: Path) -> dict[str, Any]:
     if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
         raise InputError(
             "a backup of the form {format}",
-            "another",
+            "something else",
             "Use the version that wrote it, or a later one.",
             str(file),
             format=_FORMAT,

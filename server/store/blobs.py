@@ -121,7 +121,7 @@ def missing(digest: str) -> NotFoundError:
     to_do = message(
         "Put it back from a backup, or upload the capture again; `scancell doctor` names what else is missing."
     )
-    return NotFoundError("the stored file {digest}…", "nothing in its place", to_do, "blobs", digest=digest[:12])
+    return NotFoundError("the stored file {digest}…", "nothing there", to_do, "blobs", digest=digest[:12])
 
 
 def require_same(digest: str, found: str) -> None:

@@ -26,7 +26,7 @@ def capture_data(row: CaptureRow, read: Read = measured_as_read) -> Data:
 
 def capture_row(db: Transaction, session_id: str, capture_id: str) -> CaptureRow:
     """Return a capture's row; raises NotFoundError."""
-    row, to_do = db.get(CaptureRow, (session_id, capture_id)), message("List the session's captures.")
+    row, to_do = db.get(CaptureRow, (session_id, capture_id)), message("List them first.")
     return required(row, message("the id of a capture of this session"), repr(capture_id), to_do, "capture")
 
 

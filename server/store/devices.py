@@ -26,8 +26,8 @@ def connected_devices(db: Transaction) -> list[DeviceRow]:
 
 def device_row(db: Transaction, cell: str, name: str) -> DeviceRow:
     """Return a device; raises NotFoundError."""
-    row, to_do = db.get(DeviceRow, (cell, name)), message("List the session's devices.")
-    return required(row, message("a device of this cell"), repr(name[:64]), to_do, "device")
+    row, to_do = db.get(DeviceRow, (cell, name)), message("List them first.")
+    return required(row, message("a device that is connected for this session"), repr(name[:64]), to_do, "device")
 
 
 class DeviceSecrets:

@@ -37,7 +37,7 @@ def cell_history(db: Transaction, cell: str) -> Data:
     sessions = [session for name, session in _sessions(db, cell) if name == cell][::-1]
     releases = [release_data(row) for row in _releases(db, cell)]
     if not sessions and not releases:
-        raise NotFoundError("the id of a cell", repr(cell[:80]), "List the cells.", "cell")
+        raise NotFoundError("the id of a cell", repr(cell[:80]), "List them first.", "cell")
     return {"id": cell, "sessions": sessions, "releases": releases}
 
 

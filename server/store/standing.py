@@ -77,11 +77,11 @@ def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> D
     """
     if fault not in ACKNOWLEDGED:
         raise InputError(
-            "one of {acknowledged}",
+            "one of {names}",
             f"'{fault[:40]}'",
             "Name one of these.",
             "fault",
-            acknowledged=", ".join(ACKNOWLEDGED),
+            names=", ".join(ACKNOWLEDGED),
         )
     cell_history(db, cell)
     found = open_steps(db, cell) if fault == "drift" else _changes(db, cell) - _acknowledged(db, cell, fault)

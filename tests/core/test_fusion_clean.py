@@ -146,5 +146,5 @@ def test_a_cloud_without_order_is_cleaned_by_its_neighbours_in_space():
 def test_a_scan_of_nothing_but_strays_is_refused():
     points = np.full((20, 20, 3), np.nan)
     points[::4, ::4] = np.random.default_rng(5).uniform(-500, 500, (5, 5, 3))
-    with pytest.raises(MeasurementError, match=r"s1: need a scan with points on a surface, got none among 25"):
+    with pytest.raises(MeasurementError, match=r"s1: need points on a surface, got none among 25"):
         clean_scan(scan(points))

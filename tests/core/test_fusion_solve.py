@@ -86,7 +86,7 @@ def test_scans_of_different_sizes_are_merged():
 def test_nothing_to_merge_is_refused():
     with pytest.raises(InputError, match="at least one scan, got none"):
         solve_merge([])
-    with pytest.raises(MeasurementError, match="spoiled: need a scan with points on a surface"):
+    with pytest.raises(MeasurementError, match="spoiled: need points on a surface"):
         solve_merge([nothing_but_strays()])
 
 

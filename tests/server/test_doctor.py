@@ -97,7 +97,7 @@ def test_damaged_captures_are_named_and_mended_from_a_backup(
         assert client.get(f"/sessions/{session}/captures/p1/files/p1.csv").content == rows(1)
         altered = client.get(f"/sessions/{session}/captures/p0/files/p0.csv")
         assert_problem(altered, 503, "as it was stored", "doctor")
-        assert_problem(client.get(f"/sessions/{session}/captures/p2/files/p2.csv"), 404, "nothing in its place")
+        assert_problem(client.get(f"/sessions/{session}/captures/p2/files/p2.csv"), 404, "nothing there")
         with pytest.raises(ConflictError, match="in use"):
             repair(settings, found, backup)
 

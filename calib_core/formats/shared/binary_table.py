@@ -47,7 +47,7 @@ def require_count(count: int, available: int, where: str, unit: str = "points") 
         raise InputError(
             "the {count} {unit} that the header announces",
             "{available} in the file",
-            "Copy it again.",
+            "Copy or export it again.",
             where,
             count=count,
             unit=unit,
@@ -109,7 +109,7 @@ def _npy_header(data: bytes, need: str, to_do: str, where: str) -> tuple[dict[st
     start = 8 + width
     length = int.from_bytes(data[8:start], "little")
     if length > 10_000 or start + length > len(data):
-        raise InputError(need, "a header that is cut off", "Copy it again.", where)
+        raise InputError(need, "a header that is cut off", "Copy or export it again.", where)
     try:
         header = ast.literal_eval(data[start : start + length].decode("latin-1").strip())
     except (ValueError, SyntaxError, MemoryError, RecursionError, TypeError):

@@ -88,7 +88,7 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
     except cv2.error:
         image = None
     if image is None:
-        raise InputError("a readable image", "damaged content", "Copy or export it again.", where)
+        raise InputError("a complete image file", "damaged content", "Copy or export it again.", where)
     return _as_grey_or_rgb(np.asarray(image), where)
 
 
@@ -127,7 +127,9 @@ def _header(data: bytes) -> tuple[int, int, float, bool]:
         return width, height, max(3.0, bits / 8), len(data) >= needed
     if data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         return _tiff_header(data)
-    raise InputError("an image in PNG, TIFF, BMP or JPEG format", "something else", "Export the frame as PNG.")
+    raise InputError(
+        "an image in PNG, TIFF, BMP or JPEG format", "something else", "Save it as PNG or TIFF of 8 or 16 bit."
+    )
 
 
 def _png_is_whole(data: bytes) -> bool:

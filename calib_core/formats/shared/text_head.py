@@ -155,7 +155,7 @@ def _require_no_short_header(line: str, head: Head, where: str, number: int) -> 
     if not axes or len(names) < 2 or (is_comment(line) and names == axes == ["x", "y", "z"]):
         return
     got = message("{count} in line {number}: {line}", count=len(names), number=number, line=shown_line(line))
-    raise InputError("a name for each of {width} columns", got, "Correct the header.", where, width=head.width)
+    raise InputError("a name for each of {width} columns", got, "Correct it.", where, width=head.width)
 
 
 def _require_no_row(line: str, head: Head, where: str, number: int, named: bool) -> None:
@@ -166,11 +166,11 @@ def _require_no_row(line: str, head: Head, where: str, number: int, named: bool)
     if not is_comment(line) and (alike or (not count and all(map(NUMBER.match, words)))):
         raise InputError(
             "{width} numbers in a line, like the rows below",
-            "{line} in line {number}",
+            "{word} in line {number}",
             "Correct this line, or begin it with # where it is a remark.",
             where,
             width=head.width,
-            line=shown_line(line),
+            word=shown_line(line),
             number=number,
         )
 

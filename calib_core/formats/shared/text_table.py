@@ -47,13 +47,13 @@ def parse_numbers(data: bytes, where: str, width: int, example: str) -> FloatArr
     if table.values.shape[1] != width:
         raise InputError(
             "{width} columns a line ({example})",
-            "{width_other} in line {first_line}",
+            "{word} in line {number}",
             "Write one point a line.",
             where,
             width=width,
             example=example,
-            width_other=table.values.shape[1],
-            first_line=table.first_line,
+            word=table.values.shape[1],
+            number=table.first_line,
         )
     return table.values
 
@@ -121,7 +121,7 @@ def _require_empty_end(values: FloatArray, where: str, line: int) -> None:
         raise InputError(
             "a name for each of {width} columns",
             "{width_other} in the header above line {line}",
-            "Correct the header.",
+            "Correct it.",
             where,
             width=values.shape[1],
             width_other=values.shape[1] - 1,

@@ -98,11 +98,11 @@ def _require_width(width: int, kind: PointKind, in_line: int, where: str, first_
     if not least <= width <= most:
         raise InputError(
             "2 or 3 columns a line (x_mm,z_mm)" if kind == "profile" else "3 to 12 columns a line (x,y,z)",
-            "{width} in line {first_line}",
+            "{word} in line {number}",
             "Write one point a line, or name the columns in a header line.",
             where,
-            width=in_line,
-            first_line=first_line,
+            word=in_line,
+            number=first_line,
         )
 
 

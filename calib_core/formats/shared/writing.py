@@ -162,7 +162,7 @@ def table_of(values: ArrayLike, names: tuple[str, ...], kind: str = "<f4") -> ND
     table = np.ascontiguousarray(values, dtype=kind)
     if table.ndim != 2 or not len(table):
         raise InputError(
-            "at least one point to write", "an array of shape {table}", "Merge scans first.", table=table.shape
+            "at least one point to write", "an array of shape {shape}", "Merge scans first.", shape=table.shape
         )
     if table.shape[1] != len(names) or names[:3] != XYZ:
         raise InputError(
@@ -184,7 +184,7 @@ def faces_of(triangles: ArrayLike, points: int) -> NDArray[np.int32]:
     faces = np.asarray(triangles)
     if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
         raise InputError(
-            "triangles of three corners", "an array of shape {faces}", "Mesh the cloud first.", faces=faces.shape
+            "triangles of three corners", "an array of shape {shape}", "Mesh the cloud first.", shape=faces.shape
         )
     if faces.min() < 0 or faces.max() >= points:
         raise InputError(

@@ -47,9 +47,11 @@ def unzipped(data: bytes, name: str) -> bytes:
         with gzip.open(io.BytesIO(data)) as stream:
             unpacked = stream.read(_LARGEST_BYTES + 1)
     except (OSError, EOFError, zlib.error) as error:
-        raise InputError("a whole gzipped file", str(error), "Copy it from the controller again.", name) from None
+        raise InputError("a whole gzipped file", str(error), "Copy or export it again.", name) from None
     if len(unpacked) > _LARGEST_BYTES:
-        raise InputError("a file of at most 64 MB unpacked", "more", "Give the controller's own file.", name)
+        raise InputError(
+            "a file of at most 64 MB unpacked", "more", "Give the file as its program wrote it.", name
+        )
     return unpacked
 
 
@@ -110,6 +112,6 @@ def elements(data: bytes, name: str) -> list[Element]:
         what = expat.errors.messages[error.code] if error.code in expat.errors.messages else str(error)
         to_do = message("Copy the file again: it is cut or damaged, or no XML.")
         raise InputError(
-            "whole XML", "{what} in line {lineno}", to_do, name, what=what, lineno=error.lineno
+            "whole XML", "{word} in line {number}", to_do, name, word=what, number=error.lineno
         ) from None
     return found

@@ -25,7 +25,7 @@ def literal(text: str, begin: int, end: int) -> Value:
         raise ValueError(message("a value is missing"))
     if raw[0] != "[":
         if any(c in raw for c in "[]"):
-            raise ValueError(message("'{raw}' cannot be read", raw=" ".join(raw.split())[:40]))
+            raise ValueError(message("'{left}' cannot be read", left=" ".join(raw.split())[:40]))
         return Value(begin, raw, None)
     if closing(raw, 0, ";") != len(raw):
         raise ValueError(UNMATCHED)

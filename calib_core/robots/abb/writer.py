@@ -72,9 +72,7 @@ def _put(text: str, what: str, pose: list[float], settings: NamedSettings, answe
     text = replaced(text, end + 1, line_end, note) if not plain[end + 1 : line_end].strip() else text
     if kind == "wobjdata":
         if items[1].text.strip().upper() != "TRUE":
-            raise InputError(
-                "a fixed user frame (ufprog TRUE)", "a moved one", "Choose another work object.", name
-            )
+            raise InputError("a fixed user frame (ufprog TRUE)", "a moved one", "Name another.", name)
         text = replaced(text, items[4].position, items[4].position + len(items[4].text), _HERE)
     place = items[1 if kind == "tooldata" else 3]
     return replaced(text, place.position, place.position + len(place.text), _frame(pose))

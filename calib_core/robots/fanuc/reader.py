@@ -191,7 +191,7 @@ def _fields(text: str) -> dict[str, float]:
 def _pose(fields: dict[str, float]) -> tuple[float, ...]:
     missing = [name for name in _NAMES if name not in fields]
     if missing:
-        raise ValueError(message("{missing} missing", missing=", ".join(missing)))
+        raise ValueError(message("{name} missing", name=", ".join(missing)))
     return tuple(fields[name] for name in _NAMES)
 
 

@@ -130,7 +130,7 @@ class _Saved:
         if value.upper() == "NULL":
             self._active[what] = 0
         elif literal:
-            name = message("{what} of line {line}", what=what, line=line)
+            name = message("{kind} of line {line}", kind=what, line=line)
             try:
                 pose = numbers(literal[1], 6)
                 frame = Frame(name, name, pose, "kawasaki", line, self._source.name)

@@ -88,11 +88,11 @@ def _documents(source: Source, found: Found) -> Iterator[_Node]:
             if len(whole) == 1:
                 raise InputError(
                     "messages as YAML",
-                    "{problem} in line {line}",
+                    "{word} in line {number}",
                     "Save them again.",
                     source.name,
-                    problem=problem,
-                    line=line,
+                    word=problem,
+                    number=line,
                 ) from None
             cut = " Is the file cut?" if place == len(whole) - 1 else ""
             found.skip(line, message("a message that is no YAML: {problem}.{cut}", problem=problem, cut=cut))

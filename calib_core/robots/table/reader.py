@@ -94,7 +94,7 @@ def _columns(head: list[str], width: int, told: Told, where: str) -> tuple[str, 
             need = message(
                 "columns {wanted} once each, and {others}", wanted=", ".join(wanted), others=", ".join(OTHERS[:5])
             )
-            raise InputError(need, got, "Correct the columns.", where)
+            raise InputError(need, got, "Correct it.", where)
         return convention, roles
     convention = None if told.convention is None else convention_named(told.convention).name
     roles = roles_of(head, convention)
@@ -121,7 +121,7 @@ def _unit_stated(head: Sequence[str], roles: Sequence[str], convention: str, whe
     right = "rad" if known.form == "rotation-vector" else "deg"
     if len(places) > 1 or not places <= {"", *UNITS}:
         got = " and ".join(unit or "none" for unit in sorted(places))
-        raise InputError("one unit for x, y and z in the header", got, "Correct the header.", where)
+        raise InputError("one unit for x, y and z in the header", got, "Correct it.", where)
     if angles - {right} and known.form != "quaternion":
         got = message("a header that says {angles}", angles=" and ".join(sorted(angles)))
         to_do = message("Convert them, or name another convention than '{convention}'.", convention=convention)

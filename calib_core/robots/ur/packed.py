@@ -78,7 +78,7 @@ def found_in(data: bytes, name: str) -> Found:
 
 def _name(joints: Element) -> str:
     waypoint = next((e for e in reversed(joints.path) if e.name == "Waypoint"), None)
-    return (waypoint.attributes.get("name") if waypoint else None) or message("line {line}", line=joints.line)
+    return (waypoint.attributes.get("name") if waypoint else None) or message("line {number}", number=joints.line)
 
 
 def scripts_in(data: bytes, name: str) -> list[tuple[str, int]]:

@@ -209,7 +209,7 @@ def image_map(rows: Sequence[Sequence[float | None]], name: str, title: str, cap
 
 
 def _map_rows(rows: Sequence[Sequence[float | None]]) -> list[Series]:
-    return [Series(label=message("row {k}", k=k + 1), y=list(row)) for k, row in enumerate(rows)]
+    return [Series(label=message("row {line}", line=k + 1), y=list(row)) for k, row in enumerate(rows)]
 
 
 def _candidates(result: CameraResult) -> list[AnyBlock]:

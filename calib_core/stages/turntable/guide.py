@@ -109,7 +109,7 @@ def _reviewed(cell: Cell, now: GuideNow, advice: TableAdvice | None) -> GuideNow
         return now
     if advice.meter.enough:
         return now.model_copy(
-            update={"meter": advice.meter, "progress": message("enough: {meter}", meter=_words(advice.meter))}
+            update={"meter": advice.meter, "progress": message("enough: {advice}", advice=_words(advice.meter))}
         )
     if advice.next is None or advice.meter.still_needed is None:
         return now.model_copy(update={"meter": advice.meter})

@@ -68,7 +68,7 @@ def guide(view: GuideView) -> GuideNow | None:
         else "Captures that the answer has never seen show how good it is.",
         exit=_EXIT_ON_FLANGE if carried else _EXIT,
         drawing="ball-first" if carried else "tcp-first",
-        progress=message("{seen} of {wanted_captures} captures", seen=seen, wanted_captures=WANTED_CAPTURES),
+        progress=message("{seen} of {enough} captures", seen=seen, enough=WANTED_CAPTURES),
         still_needed=WANTED_CAPTURES - seen,
         **told,
     )

@@ -115,7 +115,7 @@ def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError:
-        raise InputError("an archive", "no such file", "Correct its name.", str(path)) from None
+        raise InputError("an archive, a .zip file", "no such file", "Correct it.", str(path)) from None
 
 
 def _report(

@@ -86,6 +86,6 @@ def _settings(options: argparse.Namespace) -> dict[str, str]:
     for pair in options.set:
         name, equals, value = pair.partition("=")
         if not equals:
-            raise InputError("NAME=VALUE", f"'{pair}'", "Write it as tool_name=tScanner.", "--set")
+            raise InputError("NAME=VALUE", f"'{pair}'", "Say it as NAME=VALUE.", "--set")
         settings[name] = value
     return settings

@@ -10,7 +10,7 @@ from server.console.command import OK, Command
 def _arguments(parser: argparse.ArgumentParser) -> None:
     from server.commands.schema.records import SCHEMAS
 
-    parser.add_argument("record", metavar="RECORD", help=message("one of {schemas}", schemas=", ".join(SCHEMAS)))
+    parser.add_argument("record", metavar="RECORD", help=message("one of {names}", names=", ".join(SCHEMAS)))
 
 
 def _run(options: argparse.Namespace) -> int:
