@@ -42,6 +42,7 @@ def _run(options: argparse.Namespace) -> int:
     """Write the board and say how to measure what was printed."""
     from calib_core.errors import InputError
     from calib_core.formats.shared.writing import write_pieces
+    from calib_core.messages import message
     from calib_core.optics.board_print import board_sheet, measured_over, sheet_pdf, sheet_svg
 
     board = _board(options)
@@ -55,15 +56,27 @@ def _run(options: argparse.Namespace) -> int:
     along_row, along_column = measured_over(board)
     told = board.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     width, height = sheet.size_mm
-    text = (
-        f"{options.out}: {width:g} × {height:g} mm. Print it at 100 %, not fitted to the page, and glue it flat.\n"
-        f"Then measure it: {along_row} pitches along a row are {along_row * board.pitches_mm[0]:g} mm, "
-        f"{along_column} along a column {along_column * board.pitches_mm[1]:g} mm.\n"
-        "Tell what you measure as pitch_mm and pitch_y_mm of cell.board, and how well as pitch_sigma_mm:\n"
-        f"  {json.dumps(told)}"
-    )
+    lines = [
+        message(
+            "{file}: {width_mm:g} × {height_mm:g} mm. Print it at 100 %, not fitted to the page, and glue it "
+            "flat.",
+            file=str(options.out),
+            width_mm=width,
+            height_mm=height,
+        ),
+        message(
+            "Then measure it: {along_row} pitches along a row are {row_mm:g} mm, {along_column} along a column "
+            "{column_mm:g} mm.",
+            along_row=along_row,
+            row_mm=along_row * board.pitches_mm[0],
+            along_column=along_column,
+            column_mm=along_column * board.pitches_mm[1],
+        ),
+        message("Tell what you measure as pitch_mm and pitch_y_mm of cell.board, and how well as pitch_sigma_mm:"),
+        f"  {json.dumps(told)}",
+    ]
     measure = {"pitches_along_row": along_row, "pitches_along_column": along_column}
-    print_result(options, text, {"board": told, "paper_mm": [width, height], "measure": measure})
+    print_result(options, "\n".join(lines), {"board": told, "paper_mm": [width, height], "measure": measure})
     return OK
 
 

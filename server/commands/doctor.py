@@ -55,9 +55,15 @@ def _line(finding: "Finding") -> str:
 
 
 def _sum(found: "Examination") -> str:
-    looked = f"{found.sessions} sessions, {found.captures} captures, {found.files} files"
+    from calib_core.messages import message
+
+    looked = {"sessions": found.sessions, "captures": found.captures, "files": found.files}
     damage = sum(finding.kind == "damage" for finding in found.findings)
-    return f"{looked}: " + (f"{damage} damaged" if damage else "nothing is damaged")
+    if damage:
+        return message(
+            "{sessions} sessions, {captures} captures, {files} files: {damage} damaged", **looked, damage=damage
+        )
+    return message("{sessions} sessions, {captures} captures, {files} files: nothing is damaged", **looked)
 
 
 COMMAND = Command("doctor", "say what is wrong with what a server has stored", "workbench", _arguments, _run)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from calib_core.messages import message, plural
+from calib_core.messages import explained, message, plural
 from server.console.command import NOT_ACCEPTED, OK, Command, server_argument
 from server.console.output import print_result
 
@@ -81,21 +81,27 @@ def _solved(path: Path) -> tuple["SolvedSession", str | None]:
 def _text(found: "CellDrift") -> str:
     lines: list[str] = []
     for series in found.series:
-        lines.append(f"{series.title}, {series.unit} (change from the mean of those before, k = 2)")
+        lines.append(
+            message(
+                "{title}, {unit} (change from the mean of those before, k = 2)",
+                title=series.title,
+                unit=series.unit,
+            )
+        )
         for point in series.points:
             limit = "" if point.limit is None else f"  limit {point.limit:.4f}"
             mark = "  OUTLIER" if point.outlier else "  CHANGED" if point.flagged else ""
             mark += _temperatures(point.environment)
             lines.append(f"  {point.name:<24} {point.change:10.4f} ± {point.uncertainty:.4f}{limit}{mark}")
     if found.within:
-        lines.append("Drift within each session, mm (first capture to last, k = 2)")
+        lines.append(message("Drift within each session, mm (first capture to last, k = 2)"))
     for one in found.within:
         mark = ("  settled" if one.settled else "  NOT SETTLED") if one.found else ""
         lines.append(f"  {one.name:<24} {one.drift_mm:10.4f} ± {one.uncertainty_mm:.4f}{mark}")
-    lines += [f"{one.name}: {one.sentence}" for one in found.within if one.found]
+    lines += [explained(one.name, one.sentence) for one in found.within if one.found]
     lines += found.flags or _unchanged(found)
     lines += found.trends
-    lines += [f"{session}: {why}" for session, why in found.left_out.items()]
+    lines += [explained(session, why) for session, why in found.left_out.items()]
     return "\n".join(lines)
 
 
@@ -106,8 +112,8 @@ def _temperatures(told: "Environment | None") -> str:
 
 def _unchanged(found: "CellDrift") -> list[str]:
     if any(len(series.points) > 1 for series in found.series):
-        return ["Nothing changed by more than its uncertainty."]
-    return ["A change is told from the second solved session on."]
+        return [message("Nothing changed by more than its uncertainty.")]
+    return [message("A change is told from the second solved session on.")]
 
 
 COMMAND = Command(

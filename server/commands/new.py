@@ -37,11 +37,20 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _text(made: "NewSession") -> str:
-    lines = [f"{made.folder}: {made.captures} captures of {len(made.files)} files"]
+    from calib_core.messages import message
+
+    lines: list[str] = [
+        message(
+            "{folder}: {captures} captures of {count} files",
+            folder=str(made.folder),
+            captures=made.captures,
+            count=len(made.files),
+        )
+    ]
     for file in made.files:
         capture = f" ({file['capture']})" if file["capture"] else ""
         lines.append(f"  {file['name']}: {file['taken_for']}{capture}. {file['why']}")
-    lines += [*made.notes, *(f"Missing: {sentence}" for sentence in made.missing)]
+    lines += [*made.notes, *(message("Missing: {what}", what=sentence) for sentence in made.missing)]
     return "\n".join(lines)
 
 

@@ -100,7 +100,12 @@ def _text(now: "GuideNow") -> str:
 
 
 def _listed(plan: "PoseList") -> str:
-    lines = [plan.note, f"  pose of the flange in base ({plan.pose_convention}), then ± at the workpiece"]
+    from calib_core.messages import message
+
+    head = message(
+        "Poses of the flange in base ({convention}), then ± at the workpiece:", convention=plan.pose_convention
+    )
+    lines = [plan.note, f"  {head}"]
     for number, pose in enumerate(plan.poses, start=1):
         after = "not determined yet" if pose.uncertainty_mm is None else f"± {pose.uncertainty_mm:.3f} mm"
         table = "" if pose.table_deg is None else f"  table {pose.table_deg:.0f}°"

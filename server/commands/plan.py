@@ -105,11 +105,15 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def _text(plan: "CellPlan") -> str:
-    lines = [plan.sentence, f"  more captures do not help against {plan.limited_by}"]
-    lines.append(
-        f"  the scanner {plan.distance_mm:.0f} mm from the sphere, "
-        f"the stripe {plan.offset_mm:.0f} mm beside its middle"
+    from calib_core.messages import message
+
+    seen = message(
+        "Let the scanner see the sphere at {distance_mm:.0f} mm, the stripe {offset_mm:.0f} mm beside its middle.",
+        distance_mm=plan.distance_mm,
+        offset_mm=plan.offset_mm,
     )
+    helpless = message("More captures do not help against {limited_by}.", limited_by=plan.limited_by)
+    lines = [plan.sentence, f"  {helpless}", f"  {seen}"]
     lines += [f"  {plan.arm_sentence}"] if plan.arm_sentence else []
     lines += [f"  {plan.where}", "", f"  {'sphere':>9} {'captures':>9} {'then':>10}"]
     for one in plan.spheres:

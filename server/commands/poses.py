@@ -74,21 +74,24 @@ def pairs_of(words: list[str]) -> dict[str, str]:
 
 
 def _text(read: "ControllerFile") -> str:
+    from calib_core.messages import message
     from calib_core.robots import CONVENTIONS
 
-    lines = [f"{read.brand}: {len(read.poses)} poses, {len(read.tools)} tools, {len(read.frames)} frames"]
+    count = {"poses": len(read.poses), "tools": len(read.tools), "frames": len(read.frames)}
+    lines = [message("{brand}: {poses} poses, {tools} tools, {frames} frames", brand=read.brand, **count)]
     if read.poses:
         names = CONVENTIONS[read.poses[0].convention].numbers
-        lines += ["", f"Poses of the flange in the base ({names}; {CONVENTIONS[read.poses[0].convention].units})"]
+        units = CONVENTIONS[read.poses[0].convention].units
+        lines += ["", message("Poses of the flange in the base ({names}; {units})", names=names, units=units)]
         lines += [_pose(pose) for pose in read.poses]
-    for title, frames in (("Tools", read.tools), ("Frames", read.frames)):
+    for title, frames in ((message("Tools"), read.tools), (message("Coordinate frames"), read.frames)):
         if frames:
             lines += ["", title, *map(_frame, frames)]
     doubts = dict.fromkeys(pose.doubt for pose in read.poses if pose.doubt)
     if doubts or read.notes:
-        lines += ["", "To make sure of", *(f"  {text}" for text in (*doubts, *read.notes))]
+        lines += ["", message("To make sure of"), *(f"  {text}" for text in (*doubts, *read.notes))]
     if read.skipped:
-        lines += ["", "Skipped", *(f"  {row.file}:{row.line}: {row.reason}" for row in read.skipped)]
+        lines += ["", message("Skipped"), *(f"  {row.file}:{row.line}: {row.reason}" for row in read.skipped)]
     return "\n".join(lines)
 
 

@@ -41,10 +41,15 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _text(plan: "RecheckPlan") -> str:
+    from calib_core.messages import message
+
     lines = [
-        "Leave the sphere in its place, drive to these poses and capture it with step 'recheck':",
+        message("Leave the sphere in its place, drive to these poses and capture it with step 'recheck':"),
         *(f"  {p.capture:>8}  " + " ".join(f"{value:10.4f}" for value in p.pose) for p in plan.poses),
-        f"  pose of the flange in base ({plan.pose_convention}). Then run this command again.",
+        message(
+            "These are poses of the flange in base ({convention}). Then run this command again.",
+            convention=plan.pose_convention,
+        ),
     ]
     return "\n".join(lines)
 

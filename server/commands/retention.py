@@ -27,6 +27,7 @@ def _run(options: argparse.Namespace) -> int:
     """List what may go, and remove it where that is asked for."""
     from dataclasses import asdict
 
+    from calib_core.messages import message
     from server.store.retention import require_limits
 
     require_limits({"--days": options.days, "--quota-mb": options.quota_mb})
@@ -36,8 +37,12 @@ def _run(options: argparse.Namespace) -> int:
         for one in found
     ]
     size = sum(one.size for one in found) / _MEGABYTE
-    done = f"{removed} removed." if options.remove else "Nothing is removed: add --remove."
-    text = "\n".join([*lines, f"{len(found)} sessions, {size:.1f} MB. {done}"])
+    values = {"count": len(found), "size_mb": size}
+    if options.remove:
+        done = message("{count} sessions, {size_mb:.1f} MB: {removed} removed.", **values, removed=removed)
+    else:
+        done = message("{count} sessions, {size_mb:.1f} MB. Nothing is removed: add --remove.", **values)
+    text = "\n".join([*lines, done])
     print_result(options, text, {"sessions": [asdict(one) for one in found], "removed": removed})
     return OK
 

@@ -37,6 +37,7 @@ def _run(options: argparse.Namespace) -> int:
     """Write the session folder of a simulated cell, with truth.json beside session.json; or serve its devices."""
     if options.scenario == _LIVE:
         return _serve(options)
+    from calib_core.messages import message
     from calib_core.simulation import require_scenario, simulate
 
     require_scenario(options.scenario)
@@ -51,7 +52,13 @@ def _run(options: argparse.Namespace) -> int:
     truth = {"truth.json": to_json_bytes(simulated.truth)}
     save_session(options.out, simulated.session, {**simulated.files, **truth})
     captures = len(simulated.session.captures)
-    text = f"{options.out}: {captures} captures, scenario {options.scenario}, seed {options.seed}"
+    text = message(
+        "{folder}: {captures} captures, scenario {scenario}, seed {seed}",
+        folder=str(options.out),
+        captures=captures,
+        scenario=options.scenario,
+        seed=options.seed,
+    )
     data = {"folder": str(options.out), "captures": captures, "scenario": options.scenario, "seed": options.seed}
     print_result(options, text, data)
     return OK

@@ -3,15 +3,18 @@
 import argparse
 from pathlib import Path
 
+from calib_core.messages import explained, message, templates
 from server.console.command import NOT_ACCEPTED, OK, Command, data_argument
 from server.console.output import print_result
 
-_TOLD = {
-    "none": "no database in it yet",
-    "current": "written by this version",
-    "older": "written by an older version; a copy is kept and it is updated when it is served",
-    "newer": "written by a newer version, which this one cannot use",
-}
+_TOLD = templates(
+    {
+        "none": "no database in it yet",
+        "current": "written by this version",
+        "older": "written by an older version; a copy is kept and it is updated when it is served",
+        "newer": "written by a newer version, which this one cannot use",
+    }
+)
 
 
 def told(data: str | Path) -> str:
@@ -33,14 +36,18 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.back:
         went = go_back(options.data)
-        text = (
-            f"{options.data}: the database has the form of revision {went.now} again (before: {went.before}). Now "
-            f"install the earlier version of scancell; what only the newer one can store is kept in {went.copy}."
+        text = message(
+            "{data}: the database has the form of revision {now} again (before: {before}). Now install the "
+            "earlier version of scancell; what only the newer one can store is kept in {copy}.",
+            data=str(options.data),
+            now=went.now,
+            before=went.before,
+            copy=str(went.copy),
         )
         print_result(options, text, {"revision": went.now, "before": went.before, "copy": str(went.copy)})
         return OK
     state = state_of(options.data)
-    print_result(options, f"{options.data}: {_TOLD[state]}", {"state": state})
+    print_result(options, explained(str(options.data), _TOLD[state]), {"state": state})
     return NOT_ACCEPTED if state == "newer" else OK
 
 

@@ -17,6 +17,17 @@ def spoken(options: argparse.Namespace) -> "Catalogue":
     return catalogue(options.lang or os.environ.get("SCANCELL_LANG") or "en")
 
 
+def lines_said(options: argparse.Namespace, text: str) -> str:
+    """Return what a command prints: each line that is a message or in the catalogue, in the language asked for."""
+    if (getattr(options, "lang", None) or os.environ.get("SCANCELL_LANG") or "en") == "en":
+        return text
+    from calib_core.messages import made_lately
+
+    said = spoken(options)
+    lines = ((line[: len(line) - len(line.lstrip())], line.strip()) for line in text.split("\n"))
+    return "\n".join(indent + said.say(made_lately(line) or line) for indent, line in lines)
+
+
 def result_as_read(
     result: "Result", said: "Catalogue", severities: "Mapping[str, Severity] | None" = None
 ) -> "Result":

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from calib_core.disk import WINDOWS
+from server.console.language import lines_said
 
 STANDARD_OUTPUT = STANDARD_INPUT = Path("-")
 _SPOOLED = "standard input"
@@ -49,13 +50,13 @@ def print_result(options: argparse.Namespace, text: str, data: Any) -> None:
     if options.json:
         print(json.dumps(data, ensure_ascii=False, allow_nan=False), flush=True)
     elif not options.quiet:
-        print(text, flush=True)
+        print(lines_said(options, text), flush=True)
 
 
 def remark(options: argparse.Namespace, sentence: str) -> None:
     """Say something on standard error, unless --quiet."""
     if not options.quiet:
-        print(f"scancell: {sentence}", file=sys.stderr)
+        print(f"scancell: {lines_said(options, sentence)}", file=sys.stderr)
 
 
 def write_out(options: argparse.Namespace, out: Path, pieces: Iterable[bytes | memoryview]) -> None:

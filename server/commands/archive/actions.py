@@ -15,6 +15,7 @@ from calib_core.archive.seals import signed_result
 from calib_core.archive.stored_results import stored_results, truth_of
 from calib_core.errors import CalibrationError, InputError
 from calib_core.findings import in_language
+from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
@@ -134,13 +135,16 @@ def _report(
     for stage in stale:
         remark(
             options,
-            f"warning: the result of {stage} is older than its captures: `scancell run` solves it again.",
+            message(
+                "Warning: the result of {stage} is older than its captures: `scancell run` solves it again.",
+                stage=stage,
+            ),
         )
     try:
         about = circumstances_in(folder, session, read, results, date)
         return {REPORT_FILE: report_html(session, results, stale, truth_of(folder), about).encode()}
     except CalibrationError as error:
-        remark(options, f"warning: packed without the report: {error}")
+        remark(options, message("Warning: packed without the report: {error}", error=error.message))
         return {}
 
 
@@ -155,7 +159,7 @@ def _scene(
         measured = [measure(session, capture, read) for capture in session.captures]
         return {SCENE_FILE: scene_html(scene_input(session, read, measured, results)).encode()}
     except CalibrationError as error:
-        remark(options, f"warning: packed without the scene: {error}")
+        remark(options, message("Warning: packed without the scene: {error}", error=error.message))
         return {}
 
 

@@ -13,7 +13,9 @@ def _place_arguments(parser: argparse.ArgumentParser) -> None:
 def _create_arguments(parser: argparse.ArgumentParser) -> None:
     _place_arguments(parser)
     parser.add_argument("--name", required=True, metavar="NAME", help="who or what it is for")
-    parser.add_argument("--role", required=True, choices=("read", "capture", "admin"), help="what it may do")
+    parser.add_argument(
+        "--role", required=True, choices=("read", "capture", "release", "admin"), help="what it may do"
+    )
     parser.add_argument("--days", type=float, metavar="D", help="how long it is good (default: until revoked)")
 
 

@@ -4,6 +4,7 @@ import argparse
 from datetime import timedelta
 
 from calib_core.errors import InputError
+from calib_core.messages import message, templates
 from server.auth.logins import Logins
 from server.console.audited_store import audited_store
 from server.console.command import OK
@@ -12,11 +13,14 @@ from server.console.remote import connected
 from server.store.models import Data
 from server.store.tokens import list_tokens, revoke_token, token_data
 
-_MAY = {
-    "read": "look at everything",
-    "capture": "look, capture and solve",
-    "admin": "do everything, also remove sessions and manage tokens",
-}
+_MAY = templates(
+    {
+        "read": "look at everything",
+        "capture": "look, capture and solve",
+        "release": "look, capture, solve and release answers",
+        "admin": "do everything, also remove sessions and manage tokens",
+    }
+)
 
 
 def create(options: argparse.Namespace) -> int:
@@ -38,8 +42,14 @@ def create(options: argparse.Namespace) -> int:
         print_result(options, "", record)
     else:
         print(record["token"])  # also with --quiet: it is shown this once
-    until = f"until {record['expires']}" if record["expires"] else "until it is revoked"
-    remark(options, f"keep it: it is not shown again. {record['name']} may {_MAY[role]}, {until}.")
+    values = {"name": record["name"], "what": _MAY[role]}
+    if record["expires"]:
+        text = message(
+            "Keep it: it is not shown again. Until {until} {name} may: {what}.", until=record["expires"], **values
+        )
+    else:
+        text = message("Keep it: it is not shown again. Until it is revoked {name} may: {what}.", **values)
+    remark(options, text)
     return OK
 
 
