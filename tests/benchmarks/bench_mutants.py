@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
-from harness import Row
+from harness import Row, kept
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = [
@@ -57,7 +57,7 @@ def run(full: bool) -> Iterator[Row]:
                 continue
             source, line, changed = mutant
             tests = _nearest(source)
-            lives = not tests or _passes(tree, source, changed, tests)
+            lives = kept(f"mutant-{tried}", lambda s=source, c=changed, t=tests: not t or _passes(tree, s, c, t))
             tried, noticed = tried + 1, noticed + (not lives)
             if lives:
                 named = ", ".join(test.stem for test in tests) or "no test"
