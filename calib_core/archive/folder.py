@@ -20,12 +20,14 @@ from calib_core.errors import ConflictError, InputError
 from calib_core.formats.points import MAX_FILE_BYTES, require_file_size
 from calib_core.formats.shared.writing import write_atomically
 from calib_core.messages import message, with_parts
-from calib_core.moment import now
+from calib_core.moment import now, text_of_seconds
 from calib_core.records import Record, Session, parse_session
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.plain_json import require_plain, told_once
 
 SESSION_FILE = "session.json"
+HISTORY_FILE = "history.json"
+"""The past of a session: earlier results, as a server's archive has it."""
 _URDF_ENDINGS = (".urdf", ".xacro", ".xml", ".yaml", ".yml")
 MAX_SESSION_BYTES = 32_000_000
 _ROOM = 100  # for the names of captures' files
@@ -173,8 +175,41 @@ def write_result(folder: Path, stage: str, result: Record, session: Session) -> 
         if stored is not None:
             return stored
         data = signed_result({**data, "solved": data.get("solved") or now()}, session)
+        _keep_past(folder, stage, path)
     write_atomically(path, to_json_bytes(data))
     return data
+
+
+def past_of(folder: Path) -> dict[str, Any]:
+    """Return what a folder keeps of its past, as JSON data; raises InputError where it is no JSON object."""
+    path = folder / HISTORY_FILE
+    if not path.is_file():
+        return {"format": "scancell-history/1", "results": []}
+    to_do = message("Unpack the archive again.")
+    data = parse_json(read_bytes(path, to_do), str(path))
+    if not isinstance(data, dict) or not isinstance(data.get("results"), list):
+        raise InputError("a past with its results", "something else", to_do, str(path))
+    return cast("dict[str, Any]", data)
+
+
+def _keep_past(folder: Path, stage: str, path: Path) -> None:
+    """Keep a result that is about to be replaced: a verification, and what an archive's past refers to.
+
+    Otherwise who leaves captures out, or widens a limit, until it passes would leave no trace of what was decided.
+    """
+    if not path.is_file():
+        return
+    past = past_of(folder)
+    record = parse_json(read_bytes(path, message("Solve the session again.")), str(path))
+    latest = [one for one in past["results"] if one["stage"] == stage and one.get("record") is None]
+    if latest:
+        latest[-1]["record"] = record
+    elif stage == "verify":
+        created = record.get("solved") or text_of_seconds(path.stat().st_mtime)
+        past["results"].append({"stage": stage, "created": created, "record": record})
+    else:
+        return
+    write_atomically(folder / HISTORY_FILE, to_json_bytes(past))
 
 
 def _same_before(path: Path, data: Mapping[str, Any]) -> dict[str, Any] | None:

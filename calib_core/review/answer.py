@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from pydantic import Field
@@ -148,12 +149,19 @@ def answer_as_read(
 
 
 def answer_of_folder(
-    session: Session, results: Mapping[str, Mapping[str, Any]], read: ReadFile, date: str = ""
+    session: Session,
+    results: Mapping[str, Mapping[str, Any]],
+    read: ReadFile,
+    date: str = "",
+    **beside: Any,
 ) -> SessionAnswer | None:
-    """Return the answer of a session whose files can be read; None where neither chain nor tcp is solved."""
+    """Return the answer of a session whose files can be read; None where neither chain nor tcp is solved.
+
+    `beside` is what is known beside its results, as `decided_before`.
+    """
     stale = Graph.of_files(session, read).stale(results)
     try:
-        return answer_record(answer_of(session, results, stale, date))
+        return answer_record(replace(answer_of(session, results, stale, date), **beside))
     except ConflictError:
         return None
 

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
-from calib_core.records import Session
+from calib_core.archive.folder import past_of
+from calib_core.records import Session, parse_session
 from calib_core.records.decided_before import DecidedBefore, LeftOut
 
 Solved = tuple[Mapping[str, Any], Session | None]
@@ -41,6 +43,21 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
         if told.left_out or told.added or told.limits:
             found.append(told.model_copy(update={"text": told.said()}))
     return found
+
+
+def decided_before_in(
+    folder: Path, session: Session, results: Mapping[str, Mapping[str, Any]]
+) -> tuple[DecidedBefore, ...]:
+    """Return the same of a session folder, as far as it keeps its past; raises InputError where that is none."""
+    if "verify" not in results:
+        return ()
+    told = [one for one in past_of(folder)["results"] if one["stage"] == "verify" and one.get("record")]
+    origins = [(one.get("solved_from") or {}).get("session") for one in told]
+    before = [
+        (one["record"], parse_session(origin, "history.json") if origin else None)
+        for one, origin in zip(told, origins, strict=True)
+    ]
+    return tuple(decided_before([*before, (results["verify"], session)], session))
 
 
 def _used(result: Mapping[str, Any]) -> list[str]:

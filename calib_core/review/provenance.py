@@ -12,7 +12,7 @@ from calib_core.archive.archive import verify as verify_alone
 from calib_core.archive.bag import Bag, BagSource, open_bag
 from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
 from calib_core.archive.dates import ANSWER_FILE
-from calib_core.archive.folder import parse_json
+from calib_core.archive.folder import HISTORY_FILE, parse_json
 from calib_core.archive.seals import IMPORTED, seal_state, session_sha256
 from calib_core.errors import CalibrationError
 from calib_core.exports.answer import answer_of
@@ -35,7 +35,6 @@ from calib_core.review.printed import misprinted
 from calib_core.review.replay import WORDS, StageReplay, replay
 from calib_core.steps import table_stages, tool_stages
 
-HISTORY_FILE: Final = "history.json"
 _OF_MOMENT: Final = ("decided_before", "faults")  # by who was asked, and when
 _OF_MOMENT_CODES: Final = {
     *(code.name for code in FAULT_CODES.values()), CERTIFICATE_OVERDUE.name,

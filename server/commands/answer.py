@@ -19,6 +19,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.stored_results import stored_results
     from calib_core.errors import ConflictError
     from calib_core.review.answer import answer_as_read, answer_of_folder
+    from calib_core.review.decided_before import decided_before_in
     from calib_core.review.provenance import replayed
     from server.console.language import spoken
     from server.console.progress import progress_bar
@@ -28,7 +29,14 @@ def _run(options: argparse.Namespace) -> int:
         with progress_bar(options) as progress:
             results = replayed(session, read, stored_results(folder), progress)
         date = solved_when(folder, results, unpacked=is_archive(options.session))
-        answer = answer_of_folder(session, results, read, date)
+        answer = answer_of_folder(
+            session,
+            results,
+            read,
+            date,
+            of_moment=options.of_moment,
+            decided_before=decided_before_in(folder, session, results),
+        )
     said = spoken(options)
     if answer is None:
         raise ConflictError("a solved session", "no answer yet", "Run `scancell run` on it.", str(options.session))
@@ -45,7 +53,7 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
     from calib_core.frames import Frame, RigidTransform
     from calib_core.graph.registry import STAGES
     from calib_core.records.decided_before import DECISIONS
-    from calib_core.records.evidence import AnyBlock, Figure
+    from calib_core.records.evidence import AnyBlock, Figure, Note
     from calib_core.stages.evidence_parts import frame_block
 
     known = (
@@ -63,6 +71,7 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
         Figure(label="Cell", text=answer.cell),
         *([Figure(label="Solved", text=f"{answer.solved[:16].replace('T', ' ')} UTC")] if answer.solved else []),
         *([Figure(label="Verification", text=DECISIONS[answer.decision])] if answer.decision else []),
+        *(Note(text=str(one.said())) for one in answer.decided_before),
     ]
     frames: tuple[tuple[AnsweredFrame | None, Frame, Frame, str], ...] = (
         (answer.tool, "tool0", "laser", "Scanner on the flange"),

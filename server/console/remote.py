@@ -56,7 +56,11 @@ def connected(options: argparse.Namespace) -> Generator["Scancell"]:
 
 @contextmanager
 def from_server(options: argparse.Namespace) -> Generator[None]:
-    """Put a session of the server that --server names into an archive for as long as a command works with it."""
+    """Put a session of the server that --server names into an archive for as long as a command works with it.
+
+    What speaks against its answer at this moment is the cell's, and in no archive: `options.of_moment` has it.
+    """
+    options.of_moment = ()
     if getattr(options, "server", None) is None or getattr(options.command, "uses_server", False):
         yield
         return
@@ -66,13 +70,28 @@ def from_server(options: argparse.Namespace) -> Generator[None]:
     with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
         file = Path(folder) / "session.zip"
         with connected(options) as api:
-            file.write_bytes(api.archives_get_archive(session_id(api, name), scene=False))
+            found = session_id(api, name)
+            file.write_bytes(api.archives_get_archive(found, scene=False))
+            options.of_moment = _faults_of_moment(api, found)
         options.session = file
         try:
             yield
         except CalibrationError as error:
             place = error.where.replace(str(file), f"session {name}")
             raise type(error)(error.need, error.got, error.to_do, place) from None
+
+
+def _faults_of_moment(api: "Scancell", session: str) -> tuple[str, ...]:
+    from calib_core.records.faults import FAULTS
+    from server.console.client import ProblemError
+
+    try:
+        told = api.answers_get_answer(session)["faults"]
+    except ProblemError as error:
+        if error.status == 409:  # nothing is solved yet
+            return ()
+        raise
+    return tuple(name for name in told if name in FAULTS and FAULTS[name].of == "moment")
 
 
 def session_id(api: "Scancell", name: str) -> str:

@@ -7,7 +7,7 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.archive.bag import Bag
-from calib_core.archive.folder import parse_json, to_json_bytes
+from calib_core.archive.folder import HISTORY_FILE, parse_json, to_json_bytes
 from calib_core.archive.stored_results import require_result
 from calib_core.errors import InputError
 from calib_core.formats.points import require_file_size
@@ -17,7 +17,6 @@ from calib_core.steps import stage_names
 from server.store.history import PastResult, past_results
 from server.store.models import CaptureRow, Data, ResultRow
 
-HISTORY_FILE: Final = "history.json"
 _MOST_BYTES: Final = 256 << 20
 _MOST_RESULTS: Final = 10_000
 

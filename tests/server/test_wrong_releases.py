@@ -1,10 +1,10 @@
-"""Each way to a wrong release is refused or marked with its reason."""
+"""Each way to a wrong release is refused or marked with its reason, by REST and by the command line."""
 
 from collections.abc import Callable, Iterator
 
 import pytest
 
-from tests.server.wrong_releases import WAYS, World, world
+from tests.server.wrong_releases import BY_COMMAND, WAYS, World, world
 
 
 @pytest.fixture(scope="module")
@@ -15,4 +15,5 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
 def test_it_is_refused_or_marked(way: Callable[[World], str], here: World) -> None:
-    assert way(here).startswith(("refused", "marked"))
+    for channel in (way, BY_COMMAND.get(way)):
+        assert channel is None or channel(here).startswith(("refused", "marked"))

@@ -1,9 +1,13 @@
-"""Ways to a wrong release, each tried: it must be refused, or the answer must say what is wrong with it."""
+"""Ways to a wrong release, each tried: it must be refused, or the answer must say what is wrong with it.
+
+`WAYS` are tried by REST, `BY_COMMAND` by the command line; `tests/web/test_wrong_releases_page.py` tries the page.
+"""
 
 import json
+import os
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from io import BytesIO, TextIOWrapper
 from pathlib import Path
@@ -13,12 +17,13 @@ from zipfile import ZipFile
 import httpx
 
 from server.cli import main
-from tests.server.access import bearer, guarded
+from tests.server.access import bearer, guarded, site_of
 from tests.server.live_server import upload
 from tests.verified import shifted, verified_session, written
 
 _SHIFTED_MM = 1.0
 _ZIP = {"Content-Type": "application/zip"}
+_TOKEN = "SCANCELL_TOKEN"
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,8 @@ class World:
     client: httpx.Client
     tokens: Mapping[str, str]
     folder: Path
+    paths: dict[str, str] = field(default_factory=dict[str, str])
+    """The newest session of each cell."""
 
     def session(self, cell: str, made: Any, changes: Mapping[str, Any] | None = None, stage: str = "all") -> str:
         """Return a session of a cell as a program sends it, solved; its path."""
@@ -40,6 +47,7 @@ class World:
                 self.client, here.rpartition("/")[2], capture, *(made.files[name] for name in capture["files"])
             ).raise_for_status()
         self.solve(here, stage)
+        self.paths[cell] = here
         return here
 
     def solve(self, here: str, stage: str) -> None:
@@ -61,11 +69,6 @@ class World:
         return self.session("failed", verified_session(3, _SHIFTED_MM))
 
     @cached_property
-    def failed_folder(self) -> Path:
-        """The same as a folder."""
-        return written(verified_session(3, _SHIFTED_MM), self.folder / "failed")
-
-    @cached_property
     def right_folder(self) -> Path:
         """A right cell as a folder, solved here."""
         return written(verified_session(3), self.folder / "right")
@@ -76,7 +79,12 @@ def world(folder: Path) -> Generator[World]:
     """Serve until all was tried; the client is the administrator's."""
     with guarded(folder / "data") as (client, tokens):
         client.headers.update(bearer(tokens["admin"]))
-        yield World(client, tokens, folder)
+        before = os.environ.get(_TOKEN)
+        os.environ[_TOKEN] = tokens["admin"]
+        try:
+            yield World(client, tokens, folder)
+        finally:
+            os.environ.pop(_TOKEN) if before is None else os.environ.update({_TOKEN: before})
 
 
 def _refused(answer: httpx.Response, *words: str) -> str:
@@ -102,18 +110,11 @@ def export_of_a_failed_verification(here: World) -> str:
     return _refused(here.client.get(f"{here.failed}/exports/kuka"), "verify-fail")
 
 
-def export_of_it_by_the_command_line(here: World) -> str:
-    status, said = command("export", str(here.failed_folder), "--format", "kuka")
-    assert status == 1, said
-    assert "verification failed" in said, said
-    return f"refused: {said}"
-
-
-def its_answer_by_the_command_line(here: World) -> str:
-    status, said = command("answer", str(here.failed_folder), "--json")
-    assert status == 1
-    assert json.loads(said)["faults"] == ["verify-fail"]
-    return "refused with exit status 1, faults verify-fail"
+def its_answer_taken_by_a_program(here: World) -> str:
+    answer = here.client.get(f"{here.failed}/answer").raise_for_status()
+    assert answer.headers["Scancell-Faults"] == "verify-fail"
+    assert answer.json()["faults"] == ["verify-fail"]
+    return "marked: faults verify-fail"
 
 
 def rollback_to_it(here: World) -> str:
@@ -278,6 +279,7 @@ def an_archive_whose_result_was_edited(here: World) -> str:
         for name in before.namelist():
             data = before.read(name)
             after.writestr(name, _moved(data) if name.endswith("data/results/tcp.json") else data)
+    (here.folder / "edited.zip").write_bytes(content.getvalue())
     answer = here.client.post("/archives", content=content.getvalue(), headers=_ZIP)
     return _refused(answer)
 
@@ -286,9 +288,12 @@ def a_folder_whose_result_was_edited(here: World) -> str:
     folder = written(verified_session(19), here.folder / "edited")
     result = folder / "results" / "tcp.json"
     result.write_bytes(_moved(result.read_bytes()))
-    status, said = command("export", str(folder), "--format", "kuka")
-    assert status == 1, said
-    return f"refused: {said}"
+    packed = here.folder / "edited-folder.zip"
+    status, said = command("archive", "pack", str(folder), "--no-scene", "--out", str(packed))
+    assert status == 0, said
+    # Nobody signed it, as what other machines solved: it counts once its captures gave the same here.
+    answer = here.client.post("/archives", content=packed.read_bytes(), headers=_ZIP)
+    return _refused(here.release(f"/sessions/{answer.raise_for_status().json()['id']}"))
 
 
 def _moved(result: bytes) -> bytes:
@@ -300,8 +305,7 @@ def _moved(result: bytes) -> bytes:
 WAYS: tuple[Callable[[World], str], ...] = (
     release_of_a_failed_verification,
     export_of_a_failed_verification,
-    export_of_it_by_the_command_line,
-    its_answer_by_the_command_line,
+    its_answer_taken_by_a_program,
     rollback_to_it,
     a_capture_left_out_after_the_decision,
     a_limit_widened_after_the_decision,
@@ -325,4 +329,124 @@ WAYS: tuple[Callable[[World], str], ...] = (
     an_archive_whose_result_was_edited,
     a_folder_whose_result_was_edited,
 )
-"""All of them, by page (which asks by REST), REST and command line."""
+"""All of them, by REST."""
+
+
+def _folder(here: World, cell: str, made: Any, change: Callable[[dict[str, Any]], object]) -> Path:
+    """Return a folder of a session that was solved, then changed by hand and solved again."""
+    folder = written(made, here.folder / cell)
+    file = folder / "session.json"
+    record = json.loads(file.read_bytes())
+    change(record)
+    file.write_text(json.dumps(record))
+    command("run", str(folder), "--quiet")
+    return folder
+
+
+def _faulty(*session: str, fault: str) -> str:
+    """Ask for an answer and an export; both must tell the fault."""
+    status, said = command("answer", *session, "--json")
+    assert status == 1, said
+    assert fault in json.loads(said[said.index("{") :])["faults"], said
+    status, said = command("export", *session, "--format", "kuka")
+    assert status == 1 or "ATTENTION" in said, said
+    return f"refused: {fault}" if status else f"marked: {fault}"
+
+
+def _decided_before(folder: Path, *words: str) -> str:
+    """Ask for answer, export and report, folder and archive alike: each must tell what was decided before."""
+    packed = folder.with_suffix(".zip")
+    command("archive", "pack", str(folder), "--no-scene", "--out", str(packed))
+    for session in (folder, packed):
+        said = "".join(
+            command(name, str(session), *more)[1]
+            for name, *more in (("answer",), ("export", "--format", "json"), ("report", "--out", "-"))
+        )
+        for word in ("was: failed", *words):
+            assert said.count(word) >= 3, said
+    return f"marked: {words}"
+
+
+def _there(cell: str, fault: str) -> Callable[[World], str]:
+    """Return the way by the command line that asks the server for a session which its way by REST has made."""
+    return lambda here: _faulty(here.paths[cell].rpartition("/")[2], "--server", site_of(here.client), fault=fault)
+
+
+def _left_out(record: dict[str, Any]) -> None:
+    record["captures"][-1]["excluded"] = True
+
+
+def _without_verification(record: dict[str, Any]) -> None:
+    record["captures"] = [one for one in record["captures"] if one["step"] != "verify"]
+
+
+def _edited(name: str) -> Callable[[World], str]:
+    return lambda here: _refused_by_command("export", str(here.folder / name), "--format", "kuka")
+
+
+def _of_wrong_pose(here: World) -> str:
+    status, said = command("run", here.paths["one"].rpartition("/")[2], "--server", site_of(here.client))
+    assert status == 0, said
+    (wrong,) = here.client.get(f"{here.paths['one']}/results/verify").json()["findings"][:1]
+    assert wrong["text"] in " ".join(said.split()), said
+    return f"marked: {said}"
+
+
+def _removed_by_retention(here: World) -> str:
+    status, said = command(
+        "retention", "--server", site_of(here.client), "--cell", "kept", "--quota-mb", "0.001", "--remove"
+    )
+    assert status == 0, said
+    here.client.get(here.paths["kept"]).raise_for_status()
+    return f"refused: {said}"
+
+
+BY_COMMAND: Mapping[Callable[[World], str], Callable[[World], str]] = {
+    release_of_a_failed_verification: _there("failed", "verify-fail"),
+    export_of_a_failed_verification: _there("failed", "verify-fail"),
+    its_answer_taken_by_a_program: _there("failed", "verify-fail"),
+    rollback_to_it: _there("rolled", "verify-fail"),
+    a_capture_left_out_after_the_decision: lambda here: _decided_before(
+        _folder(here, "picked", verified_session(4, _SHIFTED_MM), _left_out), "was left out"
+    ),
+    a_limit_widened_after_the_decision: lambda here: _decided_before(
+        _folder(here, "widened", verified_session(5, _SHIFTED_MM),
+                lambda record: record["cell"]["verification"].update(tool_mm=5.0)),
+        "limits were changed",
+    ),
+    a_limit_taken_away_after_the_decision: lambda here: _decided_before(
+        _folder(here, "unlimited", verified_session(6, _SHIFTED_MM),
+                lambda record: record["cell"].update(verification={})),
+        "limits were changed",
+    ),
+    the_verification_deleted: lambda here: _faulty(
+        str(_folder(here, "deleted", verified_session(7, _SHIFTED_MM), _without_verification)), fault="verify-fail"
+    ),
+    a_stale_answer: _there("stale", "stale"),
+    an_answer_that_failed: _there("wrong", "fail"),
+    captures_that_calibrated_verify: _there("copied", "verify-undecided"),
+    two_captures_verify: _there("few", "verify-undecided"),
+    no_verification_where_the_policy_needs_one: _there("unverified", "verify-undecided"),
+    one_wrong_pose_among_those_that_verify: _of_wrong_pose,
+    a_tool_that_was_bumped: _there("bumped", "drift"),
+    drift_acknowledged_by_the_nights_program: _there("bumped", "drift"),
+    another_scanner: _there("replaced", "equipment-changed"),
+    an_answer_that_is_overdue: _there("late", "overdue"),
+    evidence_in_force_deleted: _removed_by_retention,
+    an_allow_that_names_everything: lambda here: _refused_by_command(
+        "export", here.paths["failed"].rpartition("/")[2], "--server", site_of(here.client), "--format", "kuka",
+        "--allow", "all",
+    ),
+    an_archive_whose_result_was_edited: _edited("edited.zip"),
+    a_folder_whose_result_was_edited: _edited("edited"),
+}  # fmt: skip
+"""By the command line, after the same way by REST.
+
+The others are of logins and policies: it has no words to put in force, to acknowledge or to set a policy.
+"""
+
+
+def _refused_by_command(*words: str) -> str:
+    status, said = command(*words)
+    assert status != 0, said
+    return f"refused: {said}"

@@ -20,6 +20,7 @@ from calib_core.moment import now
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.review.answer import answer_of_folder
+from calib_core.review.decided_before import decided_before_in
 from calib_core.review.provenance import verify as verify_archive
 from calib_core.review.replay import Replay, StageReplay
 from calib_core.review.replay import replay as replay_session
@@ -49,7 +50,8 @@ def pack(options: argparse.Namespace) -> int:
     else:
         date = solved_when(folder, results, unpacked=False)
     extra |= _report(options, folder, session, read, results, date)
-    answer = answer_of_folder(session, results, read, date)
+    before = decided_before_in(folder, session, results)
+    answer = answer_of_folder(session, results, read, date, decided_before=before)
     extra |= {} if answer is None else {ANSWER_FILE: to_json_bytes(answer.to_json())}
     if not options.no_scene:
         extra |= _scene(options, session, read, results)

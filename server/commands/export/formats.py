@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from calib_core.archive.archive import is_archive, opened
@@ -21,6 +22,7 @@ from calib_core.moment import now
 from calib_core.proof import WORDS, is_experimental
 from calib_core.records import Record, Session
 from calib_core.records.faults import NotUsableError, allowed_faults
+from calib_core.review.decided_before import decided_before_in
 from calib_core.review.provenance import replayed
 from calib_core.stages.pipeline import run as run_stages
 from calib_core.stages.pipeline import stages_to_solve
@@ -42,7 +44,7 @@ def export(options: argparse.Namespace) -> int:
     with opened(options.session) as folder:
         session, read = load_session(folder)
         stored = load_results(folder)
-        stale = Graph.stale_of(session, read, stored)
+        stale, earlier = Graph.stale_of(session, read, stored), decided_before_in(folder, session, stored)
         if "not-replayed" not in allow:
             with progress_bar(options) as progress:
                 stored = replayed(session, read, stored, progress)
@@ -55,8 +57,10 @@ def export(options: argparse.Namespace) -> int:
             date = solved_when(folder, stored, unpacked=is_archive(options.session))
     if is_experimental(proof):
         remark(options, f"{options.format} is {WORDS['manual only']}")
+    for before in earlier:
+        remark(options, str(before.said()))
     try:
-        answer = answer_of(session, results, stale, date)
+        answer = replace(answer_of(session, results, stale, date), of_moment=options.of_moment)
         if backup is None:
             content, _ = write_export(answer, options.format, allow, _settings(options))
         else:

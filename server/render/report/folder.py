@@ -10,6 +10,7 @@ from calib_core.archive.release_file import RELEASE_FILE, release_told
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
+from calib_core.review.decided_before import decided_before_in
 from server.render.report.circumstances import certificate_files
 from server.render.report.first_page import Circumstances, Data
 
@@ -25,4 +26,5 @@ def circumstances_in(
     for name in certificate_files(session):
         with suppress(CalibrationError):
             digests[name] = hashlib.sha256(read(name)).hexdigest()
-    return Circumstances(solved=solved, release=release, digests=digests, read=read, **more)
+    before = decided_before_in(folder, session, results)
+    return Circumstances(solved=solved, release=release, decided_before=before, digests=digests, read=read, **more)
