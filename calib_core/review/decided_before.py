@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
-from calib_core.archive.folder import past_of
 from calib_core.records import Session, parse_session
 from calib_core.records.decided_before import DecidedBefore, LeftOut
 
@@ -46,12 +44,12 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
 
 
 def decided_before_in(
-    folder: Path, session: Session, results: Mapping[str, Mapping[str, Any]]
+    past: Mapping[str, Any], session: Session, results: Mapping[str, Mapping[str, Any]]
 ) -> tuple[DecidedBefore, ...]:
-    """Return the same of a session folder, as far as it keeps its past; raises InputError where that is none."""
+    """Return the same of a session by the past that its folder keeps."""
     if "verify" not in results:
         return ()
-    told = [one for one in past_of(folder)["results"] if one["stage"] == "verify" and one.get("record")]
+    told = [one for one in past["results"] if one["stage"] == "verify" and one.get("record")]
     origins = [(one.get("solved_from") or {}).get("session") for one in told]
     before = [
         (one["record"], parse_session(origin, "history.json") if origin else None)

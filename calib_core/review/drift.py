@@ -2,7 +2,7 @@
 
 Every figure of a session is held against the mean of those before it, weighed by their covariances; what sessions
 of one scanner and ball share of their errors is one unknown of all (`common_errors`). A difference that the
-uncertainties explain in fewer than 0.06 % of cases is flagged, so that a series of thirty raises a false alarm in
+uncertainties explain in fewer than 0.04 % of cases is flagged, so that a series of sixty raises a false alarm in
 fewer than 2 %; from there on the series has a new level. Sessions of one program of poses are held against how
 they scatter as well (`between_sessions`): that is less than their ±, of which they share most.
 """
@@ -50,8 +50,7 @@ from calib_core.review.drift_trend import (
 )
 from calib_core.steps import tool_stages
 
-FALSE_ALARM: Final = 6e-4
-_FALSE_BY_SCATTER: Final = 4e-4
+FALSE_ALARM: Final = 4e-4
 _LEAST_STEP: Final = 1.0
 """In stated standard deviations, squared: half the ± that is stated, or a change matters to nobody."""
 _OF_TOOL: Final = ("tool", "verification")
@@ -247,7 +246,7 @@ class _Level:
         if len(like) < LEAST_LIKE:
             return np.inf, 0
         squared, ratio = held_against_like(one, like)
-        crossed = max(_LEAST_STEP, float(fdtri(1, len(like) - 1, 1 - _FALSE_BY_SCATTER)) * ratio)
+        crossed = max(_LEAST_STEP, float(fdtri(1, len(like) - 1, 1 - FALSE_ALARM)) * ratio)
         return (length * np.sqrt(crossed / squared) if squared > 0 else np.inf), len(like)
 
 

@@ -208,7 +208,9 @@ def _slope(measured: Sequence[Measured], places: FloatArray) -> _Slope:
     by_stated = _slope_as_stated(measured, places)
     if len(like) < LEAST_LIKE or float(np.ptp(at := places[[k for k, _ in like]])) == 0:
         return by_stated
-    return min(by_stated, _slope_by_scatter([one for _, one in like], at - at.mean()), key=lambda found: found[2])
+    by_scatter = _slope_by_scatter([one for _, one in like], at - at.mean())
+    slope, uncertainty, chance = min(by_stated, by_scatter, key=lambda found: found[2])
+    return slope, uncertainty, min(1.0, 2 * chance)  # the better of two
 
 
 def _slope_by_scatter(like: Sequence[Measured], places: FloatArray) -> _Slope:

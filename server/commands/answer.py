@@ -15,7 +15,7 @@ def _run(options: argparse.Namespace) -> int:
     """Print the answer; return 1 where it is stale or failed."""
     from calib_core.archive.archive import is_archive, opened
     from calib_core.archive.dates import solved_when
-    from calib_core.archive.folder import load_session
+    from calib_core.archive.folder import load_session, past_of
     from calib_core.archive.stored_results import stored_results
     from calib_core.errors import ConflictError
     from calib_core.review.answer import answer_as_read, answer_of_folder
@@ -35,7 +35,7 @@ def _run(options: argparse.Namespace) -> int:
             read,
             date,
             of_moment=options.of_moment,
-            decided_before=decided_before_in(folder, session, results),
+            decided_before=decided_before_in(past_of(folder), session, results),
         )
     said = spoken(options)
     if answer is None:

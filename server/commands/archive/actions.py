@@ -10,7 +10,7 @@ from calib_core.archive import archive
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
 from calib_core.archive.bag import Content
 from calib_core.archive.dates import ANSWER_FILE, solved_when
-from calib_core.archive.folder import folder_of, load_session, to_json_bytes
+from calib_core.archive.folder import folder_of, load_session, past_of, to_json_bytes
 from calib_core.archive.seals import signed_result
 from calib_core.archive.stored_results import stored_results, truth_of
 from calib_core.errors import CalibrationError, InputError
@@ -50,7 +50,7 @@ def pack(options: argparse.Namespace) -> int:
     else:
         date = solved_when(folder, results, unpacked=False)
     extra |= _report(options, folder, session, read, results, date)
-    before = decided_before_in(folder, session, results)
+    before = decided_before_in(past_of(folder), session, results)
     answer = answer_of_folder(session, results, read, date, decided_before=before)
     extra |= {} if answer is None else {ANSWER_FILE: to_json_bytes(answer.to_json())}
     if not options.no_scene:

@@ -8,7 +8,7 @@ from typing import Any
 
 from calib_core.archive.archive import is_archive, opened
 from calib_core.archive.dates import solved_when
-from calib_core.archive.folder import load_results, load_session
+from calib_core.archive.folder import load_results, load_session, past_of
 from calib_core.archive.stored_clouds import media_types
 from calib_core.cell.found import known_scanner
 from calib_core.errors import InputError
@@ -44,7 +44,7 @@ def export(options: argparse.Namespace) -> int:
     with opened(options.session) as folder:
         session, read = load_session(folder)
         stored = load_results(folder)
-        stale, earlier = Graph.stale_of(session, read, stored), decided_before_in(folder, session, stored)
+        stale, earlier = Graph.stale_of(session, read, stored), decided_before_in(past_of(folder), session, stored)
         if "not-replayed" not in allow:
             with progress_bar(options) as progress:
                 stored = replayed(session, read, stored, progress)

@@ -6,6 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from calib_core.archive.folder import past_of
 from calib_core.archive.release_file import RELEASE_FILE, release_told
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
@@ -26,5 +27,5 @@ def circumstances_in(
     for name in certificate_files(session):
         with suppress(CalibrationError):
             digests[name] = hashlib.sha256(read(name)).hexdigest()
-    before = decided_before_in(folder, session, results)
+    before = decided_before_in(past_of(folder), session, results)
     return Circumstances(solved=solved, release=release, decided_before=before, digests=digests, read=read, **more)
