@@ -1,11 +1,11 @@
-"""Ways to a wrong release by page, REST and command line: how many are refused or marked with their reason."""
+"""Ways to a wrong release by REST and command line: how many are refused or marked with their reason."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from harness import Row
 
-from tests.server.wrong_releases import WAYS, world
+from tests.server.wrong_releases import BY_COMMAND, WAYS, world
 
 
 def run(full: bool) -> list[Row]:
@@ -14,12 +14,13 @@ def run(full: bool) -> list[Row]:
     with TemporaryDirectory() as folder, world(Path(folder)) as here:
         for way in WAYS:
             try:
-                way(here)
+                for channel in (way, BY_COMMAND.get(way)):
+                    assert channel is None or channel(here)
             except AssertionError:
                 silent.append(way.__name__.replace("_", " "))
     return [
         Row(
-            f"{len(WAYS)} ways to a wrong release: silent",
+            f"{len(WAYS)} ways to a wrong release by REST, {len(BY_COMMAND)} by the command line: silent",
             "0 of 25",
             f"{len(silent)}{': ' if silent else ''}{', '.join(silent)}",
             not silent and len(WAYS) >= 25,
