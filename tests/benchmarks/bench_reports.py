@@ -21,7 +21,7 @@ _CONTROLS = re.compile(r"<(button|input|select|textarea|video|audio)\b")
 """What scrolls or unfolds on a screen is laid out for paper: there it would be cut."""
 _WORD = re.compile(r'<word xMin="([\d.-]+)" yMin="([\d.-]+)" xMax="([\d.-]+)" yMax="([\d.-]+)">(.*?)</word>')
 _HEAD = re.compile(r"<(h2|h3|caption)\b[^>]*>(.*?)</\1>", re.DOTALL)
-_FOOT_PT = 60.0
+_FOOT_PT = 50.0
 """Below it stand a page's number and the report's."""
 
 
