@@ -185,10 +185,10 @@ def past_of(folder: Path) -> dict[str, Any]:
     path = folder / HISTORY_FILE
     if not path.is_file():
         return {"format": "scancell-history/1", "results": []}
-    to_do = message("Copy it again.")
+    to_do = message("Copy or export it again.")
     data = parse_json(read_bytes(path, to_do), str(path))
     if not isinstance(data, dict) or not isinstance(data.get("results"), list):
-        raise InputError("a JSON object {…}", "something else", to_do, str(path))
+        raise InputError("a JSON object", "something else", to_do, str(path))
     return cast("dict[str, Any]", data)
 
 
