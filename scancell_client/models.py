@@ -558,6 +558,7 @@ class ScannerFound(Record):
     half_width_mm: float | None = None
     facing: int | None = None
     left_in_files: LeftInFiles | None = None
+    sheet_bend_mm: float | None = None
 
 
 class Series(Record):

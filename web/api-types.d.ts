@@ -2110,6 +2110,7 @@ export interface ScannerFound {
   half_width_mm?: number | null;
   facing?: number;
   left_in_files?: LeftInFiles | null;
+  sheet_bend_mm?: number | null;
 }
 
 export interface SceneControls {

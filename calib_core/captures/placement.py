@@ -55,6 +55,8 @@ class Placement:
         Which of them carries the object.
     cell : Cell, optional
         Where it has several scanners or axes.
+    sheet_per_mm : float
+        How far profiles' light lies off its plane along y, over the square of x.
     origin_mm : tuple of 3
         Without a table, where in base the scans' frame has its zero: near the part, for single precision.
     """
@@ -67,6 +69,7 @@ class Placement:
     axes: tuple[PlacedAxis, ...] = ()
     carrier: str = "base"
     cell: Cell | None = None
+    sheet_per_mm: float = 0.0
     origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
@@ -97,7 +100,7 @@ class Placement:
         frames = [self.mount_from_laser, self.base_from_turntable, *self.mounts.values()]
         axes = [(axis.base_from_axis.to_rows(), axis.turns) for axis in self.axes]
         rows = [None if frame is None else frame.to_rows() for frame in frames]
-        return rows, axes, self.direction, self.scale, self.carrier
+        return rows, axes, self.direction, self.scale, self.carrier, self.sheet_per_mm
 
     def way(self, capture: Capture, base_from_carrier: RigidTransform) -> RigidTransform:
         """Return the way from a capture's scanner into the frame of all, by where what carries it is.
@@ -199,7 +202,15 @@ def placement_of(cell: Cell, captures: Sequence[Capture], solved: Sequence[Mappi
         tuple(_placed(edge, found[edge.name]) for edge in edges),
         _carrier(cell, captures),
         cell,
+        next(filter(None, map(_sheet_per_mm, used)), 0.0),
     )
+
+
+def _sheet_per_mm(result: Mapping[str, Any]) -> float:
+    """Return by how much a result tells that the scanner's sheet of light is bent."""
+    scanner = result.get("scanner")
+    bend_mm = scanner.get("sheet_bend_mm") if isinstance(scanner, Mapping) else None
+    return bend_mm / scanner["half_width_mm"] ** 2 if bend_mm else 0.0
 
 
 def _carrier(cell: Cell, captures: Sequence[Capture]) -> str:

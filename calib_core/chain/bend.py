@@ -12,9 +12,9 @@ import numpy as np
 
 from calib_core.chain.answer import radii_of
 from calib_core.chain.likelihood import linearised_at
-from calib_core.chain.model import ChainData
+from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
-from calib_core.chain.rejection import Judged, judge_from
+from calib_core.chain.rejection import Judged, judge_from, with_more_spread
 from calib_core.chain.score import Scores
 from calib_core.chain.unmodelled import LEAST_MM, RARE, can_show, unmodelled_of
 from calib_core.chain.variance import GivenSigmas
@@ -42,14 +42,23 @@ class Bend:
     chance: float
     by_one: FloatArray
 
+    @property
+    def solved(self) -> bool:
+        """Whether nothing else feigns it, so that it is taken out of the points."""
+        return self.chance < _SURE
+
+    def at_mm(self, x_mm: float) -> float:
+        """Return how far the light lies off its plane at a distance from the stripe's middle."""
+        return self.size_mm * (x_mm / self.half_width_mm) ** 2
+
 
 def straightened(
     observations: Sequence[SphereObservation], data: ChainData, judged: Judged, given: GivenSigmas
 ) -> tuple[list[SphereObservation], ChainData, Judged, Bend | None]:
-    """Return captures and arrays with their points where a bent sheet of light was, and the answer with its bend.
+    """Return captures and arrays with their points where a bent sheet of light was, the answer, and the bend.
 
     Where the captures show no bend, or poses that lag explain them better, all is as it was.  One that something
-    else might feign is not taken out of the points: the answer is less sure by it.
+    else might feign is not taken out of the points.
     """
     found = _bend_at(judged, 0.0) if can_show(judged) and len(data.points) else None
     as_it_was = list(observations), data, judged, None
@@ -58,14 +67,12 @@ def straightened(
     lag = unmodelled_of(judged)
     if lag is not None and lag.chance < found.chance:
         return as_it_was
-    if found.chance >= _SURE:
-        return list(observations), data, _less_sure(judged, found.by_one * found.size_mm / found.sigma_mm), found
+    if not found.solved:
+        return list(observations), data, judged, found
     chance, seen, bent = found.chance, list(observations), data
     for _ in range(_ROUNDS):
         state = judged.fit.state
-        balls = zip(observations, data.walk.seen(state.position), radii_of(data, state), strict=True)
-        seen = [_flattened(o, found, center, radius_mm) for o, center, radius_mm in balls]
-        bent = replace(data, points=_off_the_plane(data.points, found))
+        seen, bent = unbent(observations, data, state, found)
         judged = judge_from(seen, bent, state, judged.used, given)
         after = _bend_at(judged, found.size_mm)
         if after is None:
@@ -74,12 +81,36 @@ def straightened(
         found = after
         if settled:
             break
-    return seen, bent, _less_sure(judged, found.by_one), replace(found, chance=chance)
+    return seen, bent, judged, replace(found, chance=chance)
 
 
-def _less_sure(judged: Judged, step: FloatArray) -> Judged:
-    covariance = judged.fit.covariance + np.outer(step, step)
-    return replace(judged, fit=replace(judged.fit, covariance=covariance))
+def doubted(judged: Judged, bend: Bend | None) -> Judged:
+    """Return captures judged, less sure by what is unknown of a bend that was found of them or of others."""
+    here = bend and _bend_at(judged, bend.size_mm if bend.solved else 0.0)
+    if bend is None or here is None:
+        return judged
+    step = here.by_one if bend.solved else here.by_one * bend.size_mm / here.sigma_mm
+    return with_more_spread(judged, np.outer(step, step))
+
+
+def unbent(
+    observations: Sequence[SphereObservation], data: ChainData, state: ChainState, bend: Bend | None
+) -> tuple[list[SphereObservation], ChainData]:
+    """Return captures and arrays with their points where a bent sheet of light was that is solved.
+
+    Parameters
+    ----------
+    observations, data
+        Captures, and the same as arrays, their points in one plane.
+    state : ChainState
+        Where it expects the balls, profiles are looked at from the plane that the light is in there.
+    bend : Bend or None
+    """
+    if bend is None or not bend.solved:
+        return list(observations), data
+    balls = zip(observations, data.walk.seen(state.position), radii_of(data, state), strict=True)
+    seen = [_flattened(o, bend, center, radius_mm) for o, center, radius_mm in balls]
+    return seen, replace(data, points=_off_the_plane(data.points, bend))
 
 
 def _bend_at(judged: Judged, size_mm: float) -> Bend | None:

@@ -136,6 +136,11 @@ class TableObservation:
         readings = {**self.sphere.readings, self.axis: self.angle_rad}
         return replace(self.sphere, carriers=carriers, ball=self.mount, readings=readings)
 
+    def seen_as(self, placed: SphereObservation) -> "TableObservation":
+        """Return the same with points and pose of the sphere on the axis, where those were corrected."""
+        own = self.sphere
+        return replace(self, sphere=replace(placed, carriers=own.carriers, ball=own.ball, readings=own.readings))
+
 
 def by_scanner(observations: Sequence[SphereObservation]) -> list[np.ndarray]:
     """Return which observations are of each scanner, in the order in which scanners first appear."""

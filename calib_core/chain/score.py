@@ -56,8 +56,9 @@ class Scores:
         freedom = max(3 * int(judged.used.sum()) - data.free_unknowns, 1)
         return cls(reduced[:, :3, :3], own, by_all, covariance_of(at.hessian), misfit, freedom)
 
-    def gained(self, rows: FloatArray, far: float) -> tuple[float, FloatArray]:
-        """Return twice the log-likelihood that unknowns with these rows gain, and their values (W,).
+    def gained(self, rows: FloatArray, far: float) -> tuple[float, FloatArray, FloatArray]:
+        """Return twice the log-likelihood that unknowns with these rows gain, their values (W,), and by how much
+        all unknowns move with them (P,).
 
         Parameters
         ----------
@@ -71,7 +72,7 @@ class Scores:
         square = (turned @ self.information @ rows).sum(axis=0) + np.eye(rows.shape[2]) / far**2
         cross = (turned @ self.by_all).sum(axis=0)
         size = np.linalg.solve(square - cross @ self.covariance @ cross.T, score)
-        return float(score @ size), size
+        return float(score @ size), size, -self.covariance @ cross.T @ size
 
     def chance(self, gain: float, unknowns: int) -> float:
         """Return how often so much comes of chance, whatever the sigmas (an F test)."""

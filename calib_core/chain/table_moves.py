@@ -85,7 +85,7 @@ def table_move_of(judged: Judged, count: int) -> TableMove | None:
     scores = Scores.of(judged)
     found: list[tuple[float, TableMove]] = []
     for trial in _trials(judged, count):
-        gain, size = scores.gained(trial.rows, _FAR_MM)
+        gain, size, _ = scores.gained(trial.rows, _FAR_MM)
         chance, shift_mm = scores.chance(gain, trial.rows.shape[2]), float(np.linalg.norm(size))
         if chance < trial.rare and shift_mm > _LEAST_MM:
             by_sigmas = chance_of(gain / judged.excess, trial.rows.shape[2])

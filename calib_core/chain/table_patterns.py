@@ -75,7 +75,7 @@ def _patterns(judged: Judged) -> list[Pattern]:
         width = rows.shape[2]
         if np.count_nonzero(on_table) < width + _LEAST_SPARE:
             continue
-        gain, size = scores.gained(rows, _FAR_RAD)
+        gain, size, _ = scores.gained(rows, _FAR_RAD)
         # The amplitude of a wave of two components (leans across, cos and sin), at its largest.
         largest = float(np.linalg.svd(size.reshape(2, -1), compute_uv=False)[0])
         found.append(Pattern(kind, times, largest, float(chdtrc(width, gain / judged.excess))))

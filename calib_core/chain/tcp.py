@@ -15,7 +15,7 @@ from calib_core.chain.answer import Answer, answer_of
 from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
 from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of, visits_of
-from calib_core.chain.bend import Bend, straightened
+from calib_core.chain.bend import Bend, doubted, straightened
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.foot_start import on_foot
 from calib_core.chain.held import Held, hold_files
@@ -253,7 +253,7 @@ def solve_tcp(
     state, core = with_other_balls(data, centers_of(on_foot(observations, layout, axes), sphere), state, core)
     judged = judge_from(observations, data, state, core, given)
     observations, data, judged, bend = straightened(observations, data, judged, given)
-    judged = with_more_spread(with_doubted_priors(judged), spread)
+    judged, lag = _less_sure(judged, bend, spread)
     held = hold_files(judged, options.apply_scanner)
     arm = None
     as_told: Held | None = None
@@ -265,7 +265,7 @@ def solve_tcp(
             observations = corrected(observations, arm)
             moved = with_open_arm(with_poses_of(judged.data, observations), held.state, observations, arm)
             again = judge_from(observations, moved, judged.fit.state, judged.used, given)
-            judged = with_more_spread(again, spread)
+            judged, lag = _less_sure(again, bend, spread)
             held = hold_files(judged, options.apply_scanner)
             arm, observations, judged, held = settled(arm, observations, judged, held)
             data = with_poses_of(data, observations)
@@ -317,7 +317,7 @@ def solve_tcp(
         causes=causes,
         warm_up=warm_up,
         bend=bend,
-        unmodelled=unmodelled_of(judged),
+        unmodelled=lag,
         sphere=sphere,
         seen_in_laser_mm=point,
         at_point=held.at_point(point, data.half_width_mm),
@@ -326,6 +326,13 @@ def solve_tcp(
         arm=arm,
         as_told=as_told,
     )
+
+
+def _less_sure(judged: Judged, bend: Bend | None, spread: FloatArray) -> tuple[Judged, Unmodelled | None]:
+    """Return captures judged with what is doubted of the answer in its covariance, and how poses lag."""
+    lag = unmodelled_of(judged)
+    judged = doubted(with_more_spread(with_doubted_priors(judged), spread), bend)
+    return with_more_spread(judged, np.outer(lag.step, lag.step)) if lag else judged, lag
 
 
 def say_nothing(_fraction: float, _message: str) -> None:

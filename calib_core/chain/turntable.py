@@ -19,6 +19,7 @@ from calib_core.cell.layout import AxisState, KnownDistance, Layout, MovedAxis
 from calib_core.cell.walk import Position
 from calib_core.chain.arm_model import ArmModel
 from calib_core.chain.arrays import chain_data, layout_of
+from calib_core.chain.bend import Bend, unbent
 from calib_core.chain.axes_balls import balls_on_axes
 from calib_core.chain.axes_start import axes_guesses, axes_start
 from calib_core.chain.circles import PaperAxis, paper_axis
@@ -27,7 +28,7 @@ from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
 from calib_core.chain.mirrored import JudgedTable, MirrorImage, likelier_side, mirror_spread, with_spread
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
-from calib_core.chain.observations import SphereSize, TableObservation, pooled_point_sigma, with_own_sigmas
+from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation, pooled_point_sigma, with_own_sigmas
 from calib_core.chain.rejection import Judged, core_of
 from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
@@ -53,13 +54,14 @@ _LEANED_RAD = np.deg2rad(10.0)
 class KnownTool:
     """The tool of the stage before, what was found of the scanner with it (None: both exact), and the two steps'.
 
-    `mount_from_laser` is the answer of that stage, `arm` what its poses were corrected by.
+    `mount_from_laser` is the answer of that stage, `arm` what its poses were corrected by, `bend` its points.
     """
 
     mount_from_laser: RigidTransform
     held: Held | None = None
     two_step: RigidTransform | None = None
     arm: ArmModel | None = None
+    bend: Bend | None = None
 
     @property
     def mounts(self) -> Mounts:
@@ -226,7 +228,13 @@ def solve_turntable(
     point_sigma = options.point_sigma_mm or pooled_point_sigma([o.sphere for o in observations], sphere)
     observations = with_table_sigmas(observations, sphere, options.point_sigma_mm)
     data = _data(observations, sphere, point_sigma, tool, options)
-    judged, encoder, image = _judge(observations, data, tool, start, options)
+    state, core, flat = _start_state(data, tool, start), core_of(start.misfit_mm), data
+    as_taken = [o.placed for o in observations]
+    for _ in range(1 + (tool.bend is not None)):  # where the balls are, first by the start
+        spheres, data = unbent(as_taken, flat, state, tool.bend)
+        judged, encoder, image = _judge(spheres, data, state, core, options)
+        state, core = judged.fit.state, judged.used
+    observations = [o.seen_as(sphere) for o, sphere in zip(observations, spheres, strict=True)]
 
     tell(0.7, "Holding the tool")
     move = tool_move(judged)
@@ -414,24 +422,26 @@ def corrected_table(observations: Sequence[TableObservation], held: Held) -> lis
     ]
 
 
-def _judge(
-    observations: Sequence[TableObservation],
-    data: ChainData,
-    tool: KnownTool,
-    start: TableStart,
-    options: TurntableOptions,
-) -> tuple[Judged, EncoderScale, MirrorImage | None]:
-    spheres = [o.placed for o in observations]
+def _start_state(data: ChainData, tool: KnownTool, start: TableStart) -> ChainState:
     at = start.position or Position(*_mounts(tool), start.state.mounts, (start.state.axis,))
     state = ChainState.at(data, at)
     if data.tool_prior is not None:
         known = data.tool_prior
         state = replace(state.with_mounts_of(known.rotations, known.translations), scanner=known.scanner)
+    return state
 
+
+def _judge(
+    spheres: Sequence[SphereObservation],
+    data: ChainData,
+    state: ChainState,
+    core: np.ndarray,
+    options: TurntableOptions,
+) -> tuple[Judged, EncoderScale, MirrorImage | None]:
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
         return judge_table(spheres, data, there, core, options.sigmas, options.encoder_scale is False)
 
-    judged, image = likelier_side(spheres, state, core_of(start.misfit_mm), judge, options.direction)
+    judged, image = likelier_side(spheres, state, core, judge, options.direction)
     return *judged, image
 
 

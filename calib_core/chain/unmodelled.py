@@ -1,6 +1,7 @@
 """Errors that the answer has no room for: poses that lag along the robot's path.
 
-Each is one unknown more, tried at the answer by a score test: how much likelier all captures get with it.
+Each is one unknown more, tried at the answer by a score test: how much likelier all captures get with it.  The
+poses stay as they are; the answer is less sure by what such an error did to it.
 """
 
 from collections.abc import Iterator
@@ -26,13 +27,14 @@ _LEAST_CAPTURES: Final = 10
 _LEAST_WAY_MM: Final = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Unmodelled:
-    """One error: its size along the path, and how rare so much is by chance."""
+    """One error: its size along the path, how rare so much is by chance, and what it did to the unknowns (P,)."""
 
     kind: Kind
     size_mm: float
     chance: float
+    step: FloatArray
 
     @property
     def finding(self) -> Finding:
@@ -76,6 +78,6 @@ def _lags(judged: Judged, scores: Scores) -> Iterator[Unmodelled]:
     )
     for kind, shift, far in trials:
         rows = np.einsum("kij,kj->ki", moves, shift)[:, :, None]
-        gain, size = scores.gained(rows, far)
+        gain, size, step = scores.gained(rows, far)
         size_mm = abs(float(size[0])) * (1.0 if kind == "poses-lag" else usual_mm)
-        yield Unmodelled(kind, size_mm, scores.chance(gain, 1))
+        yield Unmodelled(kind, size_mm, scores.chance(gain, 1), step[: data.width])

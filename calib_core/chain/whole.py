@@ -15,6 +15,7 @@ from calib_core.chain.answer import answer_of
 from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arm_open import settled, with_open_arm
 from calib_core.chain.arrays import chain_data, layout_of, visits_of
+from calib_core.chain.bend import doubted, unbent
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
@@ -125,20 +126,18 @@ def solve_chain(
     table_observations = table_with_effective_points(table_observations, sphere)
     tcp_observations = with_own_sigmas(tcp_observations, sphere, options.point_sigma_mm)
     table_observations = with_table_sigmas(table_observations, sphere, options.point_sigma_mm)
-    (judged, encoder), image, point_sigma = _judge(
+    spheres, (judged, encoder), image, point_sigma = _judge(
         tcp_observations, table_observations, sphere, tcp, turntable, options
     )
+    judged = doubted(judged, tcp.bend)
 
     tell(0.8, "Comparing with the stages' own answers")
     unmoved = hold_files(judged, tcp.options.apply_scanner)
     if tcp.arm is not None and tcp.arm.applied:
-        spheres = [*tcp_observations, *(o.placed for o in table_observations)]
         arm, spheres, judged, unmoved = settled(tcp.arm, spheres, judged, unmoved)
-        tcp, tcp_observations = replace(tcp, arm=arm), spheres[: len(tcp_observations)]
-        table_observations = [
-            replace(o, sphere=replace(o.sphere, base_from_tool0=seen.base_from_tool0))
-            for o, seen in zip(table_observations, spheres[len(tcp_observations) :], strict=True)
-        ]
+        tcp = replace(tcp, arm=arm)
+    tcp_observations, on_table = spheres[: len(tcp_observations)], spheres[len(tcp_observations) :]
+    table_observations = [o.seen_as(seen) for o, seen in zip(table_observations, on_table, strict=True)]
     held = with_tool_move(unmoved, turntable.tool_move, len(tcp_observations))
     spread = mirror_spread(judged.data, held.state, image)
     held = replace(held, covariance=with_spread(held.covariance, spread))
@@ -188,7 +187,7 @@ def _judge(
     tcp: TcpSolution,
     turntable: TurntableSolution,
     options: TurntableOptions,
-) -> tuple[JudgedTable, MirrorImage | None, float | None]:
+) -> tuple[list[SphereObservation], JudgedTable, MirrorImage | None, float | None]:
     spheres = [*tcp_observations, *(o.placed for o in table_observations)]
     point_sigma = options.point_sigma_mm or pooled_point_sigma(spheres, sphere)
     still = len(tcp_observations)
@@ -206,11 +205,12 @@ def _judge(
     if tcp.arm is not None and tcp.arm.applied:
         data = with_open_arm(data, start, spheres, tcp.arm)
     core = np.concatenate([tcp.used, turntable.used])
+    spheres, data = unbent(spheres, data, start, tcp.bend)
 
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
         return judge_table(spheres, data, there, core, options.sigmas, options.encoder_scale is False)
 
-    return *likelier_side(spheres, start, core, judge, options.direction), point_sigma
+    return spheres, *likelier_side(spheres, start, core, judge, options.direction), point_sigma
 
 
 def _tcp_part(

@@ -108,7 +108,8 @@ class ScannerFound(Record):
     are taken out, otherwise to the files as they are.  `sphere_diameter_sigma_mm` is what was told or assumed.
     `covariance_with_table` is (6, n), of base_from_turntable in the whole chain; `half_width_mm` half the width
     that the points fill, in which a bow is measured; `facing` is 1 where z grows away from the scanner, else −1.
-    `left_in_files` is what stays in the files where nothing is applied.
+    `left_in_files` is what stays in the files where nothing is applied.  `sheet_bend_mm` is how far the light lies
+    off its plane along y at `half_width_mm`, by the square of x, where it is bent and that was solved.
     """
 
     names: list[str]
@@ -122,6 +123,7 @@ class ScannerFound(Record):
     half_width_mm: float | None = None
     facing: int = 1
     left_in_files: LeftInFiles | None = None
+    sheet_bend_mm: float | None = None
 
 
 class ArmModelFound(Record):

@@ -96,11 +96,3 @@ def test_a_told_repeatability_that_the_captures_contradict_is_estimated_instead(
     assert 0.15 < components.position_sigma_mm < 0.3  # 0.03 mm were told
     assert any(note.startswith("The captures agree to 0.21 mm where the robot's") for note in result.notes)
     assert errors_over_stated(result, cell).max() < 1  # 2.1 while what each errs by itself was taken for shared
-
-
-def test_a_bent_sheet_of_light_is_solved_with_the_tool() -> None:
-    found = outcome(TROUBLES["scanner: sheet of light bent by 0.4 mm, 60 captures"], 0)
-    assert found.verdict == "warn"
-    (warning,) = found.warnings
-    assert warning.startswith("The scanner's sheet of light is bent: by 0.76 mm at 56 mm from its middle.")
-    assert found.worst < 1  # 2.3 at the workpiece while it was only warned of

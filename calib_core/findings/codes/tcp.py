@@ -273,12 +273,18 @@ _AFTER_DRIFT = {
 SHEET_BENT = Code(
     "sheet-bent",
     "warning",
-    text="The scanner's sheet of light is bent: by {bend_mm:.2f} mm at {half_width_mm:.0f} mm from its middle. "
-    "The tool allows for it, scans do not.",
+    text={
+        "solved": "The scanner's sheet of light is bent: by {bend_mm:.2f} mm at {half_width_mm:.0f} mm from its middle. "
+        "It is solved with the tool; table and merged scans count with it.",
+        "allowed": "The scanner's sheet of light may be bent: by {bend_mm:.2f} mm at {half_width_mm:.0f} mm from its "
+        "middle. Something else might look so; the tool's uncertainty allows for it.",
+    },
+    by="handled",
     to_do="Calibrate the scanner's plane of light again, or scan with the stripe's middle alone.",
-    meaning="Points at the stripe's ends lie beside the plane that all points are taken to lie in. Scans are off by as much.",
+    meaning="Points at the stripe's ends lie beside the plane that all points are taken to lie in. Scans are off by as much, "
+    "unless it is solved.",
     decided="One unknown more, the points' distance from the plane by the square of x, makes all captures likelier by a "
-    "factor that chance gives in one of 1,000 sessions. The tool is then solved with it.",
+    "factor that chance gives in one of 1,000 sessions. Where chance gives it in one of 1,000,000, it is solved.",
     usual_causes="A home-built scanner whose line laser is not a plane, a window in the way of the light.",
 )
 

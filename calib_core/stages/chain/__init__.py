@@ -19,7 +19,7 @@ class Chain(Stage):
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
     known = (*SCANNER_FRAMES, "base_from_turntable")
-    method_revision = 3  # at the workpiece lengths of the arm cancel against what they did to the tool
+    method_revision = 4  # a sheet of light that is bent is counted with
     any_arrangement = True
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")

@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 3  # a nominal that no point is near is told; scans with poses of others are refused by name
+    method_revision = 4  # a sheet of light that is bent is counted with
     step = CaptureStep(
         "scan",
         "Scan",

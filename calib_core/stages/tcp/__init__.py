@@ -18,7 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 6  # a sheet of light that is bent is one unknown more
+    method_revision = 7  # poses that lag leave the answer less sure
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}
     reads = SPHERE_READS

@@ -76,7 +76,10 @@ def tcp_result(
 def solution_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> list[Finding]:
     """Return what a solution shows, its drift and what it has no room for too."""
     bend = solution.bend
-    more = [codes.SHEET_BENT(bend_mm=abs(bend.size_mm), half_width_mm=bend.half_width_mm)] if bend else []
+    more = []
+    if bend is not None:
+        handled = "solved" if bend.solved else "allowed"
+        more = [codes.SHEET_BENT(bend_mm=abs(bend.size_mm), half_width_mm=bend.half_width_mm, handled=handled)]
     more += [solution.unmodelled.finding] if solution.unmodelled else []
     return [*tcp_findings(solution, captures), *drift_findings(solution), *more]
 
@@ -153,6 +156,7 @@ def scanner_found(solution: TcpSolution, which: int = 0) -> ScannerFound:
         half_width_mm=held.half_width_mm,
         facing=held.facing,
         left_in_files=_left_in_files(held, which),
+        sheet_bend_mm=solution.bend.at_mm(held.half_width_mm) if solution.bend and solution.bend.solved else None,
     )
 
 

@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 2  # a table, or a sphere on it, that moved while it was captured is told
+    method_revision = 3  # a sheet of light that is bent is counted with
     step = CaptureStep(
         "turntable",
         "Turntable",
