@@ -19,9 +19,9 @@ from calib_core.cell.layout import AxisState, KnownDistance, Layout, MovedAxis
 from calib_core.cell.walk import Position
 from calib_core.chain.arm_model import ArmModel
 from calib_core.chain.arrays import chain_data, layout_of
-from calib_core.chain.bend import Bend, unbent
 from calib_core.chain.axes_balls import balls_on_axes
 from calib_core.chain.axes_start import axes_guesses, axes_start
+from calib_core.chain.bend import Bend, unbent
 from calib_core.chain.circles import PaperAxis, paper_axis
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench_trouble import outcome
 
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.captures.scans import ScanGroup, read_scan
@@ -11,7 +12,6 @@ from calib_core.frames import FloatArray
 from calib_core.sphere.cloud import fit_sphere
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
-from bench_trouble import outcome
 from tests.trouble import TableTrouble, Troubled, all_troubles, troubled, troubled_table
 from tests.trouble.table_cell import TablePlan
 
