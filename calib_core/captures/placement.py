@@ -208,9 +208,9 @@ def placement_of(cell: Cell, captures: Sequence[Capture], solved: Sequence[Mappi
 
 def _sheet_per_mm(result: Mapping[str, Any]) -> float:
     """Return by how much a result tells that the scanner's sheet of light is bent."""
-    scanner = result.get("scanner")
-    bend_mm = scanner.get("sheet_bend_mm") if isinstance(scanner, Mapping) else None
-    return bend_mm / scanner["half_width_mm"] ** 2 if bend_mm else 0.0
+    told = result.get("scanner")
+    found: Mapping[str, Any] = told if isinstance(told, dict) else {}
+    return found["sheet_bend_mm"] / found["half_width_mm"] ** 2 if found.get("sheet_bend_mm") else 0.0
 
 
 def _carrier(cell: Cell, captures: Sequence[Capture]) -> str:

@@ -228,18 +228,19 @@ def solve_turntable(
     point_sigma = options.point_sigma_mm or pooled_point_sigma([o.sphere for o in observations], sphere)
     observations = with_table_sigmas(observations, sphere, options.point_sigma_mm)
     data = _data(observations, sphere, point_sigma, tool, options)
-    state, core, flat = _start_state(data, tool, start), core_of(start.misfit_mm), data
-    as_taken = [o.placed for o in observations]
-    for _ in range(1 + (tool.bend is not None)):  # where the balls are, first by the start
-        spheres, data = unbent(as_taken, flat, state, tool.bend)
-        judged, encoder, image = _judge(spheres, data, state, core, options)
-        state, core = judged.fit.state, judged.used
+    flat = [o.placed for o in observations]
+    begin = _start_state(data, tool, start)
+    spheres, bent = unbent(flat, data, begin, tool.bend)
+    judged, encoder, image = _judge(spheres, bent, begin, core_of(start.misfit_mm), options)
+    if tool.bend is not None:  # where the balls are is known better now
+        spheres, bent = unbent(flat, data, judged.fit.state, tool.bend)
+        judged, encoder, image = _judge(spheres, bent, judged.fit.state, judged.used, options)
     observations = [o.seen_as(sphere) for o, sphere in zip(observations, spheres, strict=True)]
 
     tell(0.7, "Holding the tool")
     move = tool_move(judged)
     state, covariance = _tool_held(judged, tool, move)
-    spread = mirror_spread(data, state, image)
+    spread = mirror_spread(bent, state, image)
     covariance = with_spread(covariance, spread)
 
     tell(0.8, "Testing the encoder, drawing the paper's circles")
@@ -432,7 +433,7 @@ def _start_state(data: ChainData, tool: KnownTool, start: TableStart) -> ChainSt
 
 
 def _judge(
-    spheres: Sequence[SphereObservation],
+    spheres: list[SphereObservation],
     data: ChainData,
     state: ChainState,
     core: np.ndarray,
