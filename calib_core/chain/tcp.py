@@ -33,7 +33,7 @@ from calib_core.chain.observations import (
 )
 from calib_core.chain.paper import by_paper
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import judge_from, with_doubted_priors, with_more_spread
+from calib_core.chain.rejection import Judged, judge_from, with_doubted_priors, with_more_spread
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.scanner import corrected as without_errors
 from calib_core.chain.several_starts import (

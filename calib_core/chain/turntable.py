@@ -28,7 +28,13 @@ from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
 from calib_core.chain.mirrored import JudgedTable, MirrorImage, likelier_side, mirror_spread, with_spread
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
-from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation, pooled_point_sigma, with_own_sigmas
+from calib_core.chain.observations import (
+    SphereObservation,
+    SphereSize,
+    TableObservation,
+    pooled_point_sigma,
+    with_own_sigmas,
+)
 from calib_core.chain.rejection import Judged, core_of
 from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
