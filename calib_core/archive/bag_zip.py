@@ -16,7 +16,7 @@ from calib_core.messages import message
 
 CHUNK_BYTES = 1 << 20
 
-_COPY_AGAIN = message("Copy or export it again.")
+_COPY_AGAIN = message("Copy the archive again from where it was made.")
 _PACK_AGAIN = message("Make it with `scancell archive pack`, and import nothing that you did not expect to be so.")
 _END, _END_64, _LOCATOR_64 = b"PK\5\6", b"PK\6\6", b"PK\6\7"
 _END_BYTES, _LOCATOR_64_BYTES, _END_64_BYTES = 22, 20, 56

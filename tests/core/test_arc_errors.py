@@ -101,5 +101,5 @@ def test_the_far_side_is_refused_where_the_side_is_known() -> None:
 
 @pytest.mark.parametrize("diameter_mm", [0.0, -38.1, np.nan, np.inf])
 def test_impossible_diameters(diameter_mm: float) -> None:
-    with pytest.raises(MeasurementError, match="positive sphere diameter"):
+    with pytest.raises(MeasurementError, match="positive diameter"):
         fit_arc(arc(), diameter_mm)

@@ -82,5 +82,5 @@ def test_the_radius_given_for_the_diameter_is_named() -> None:
 
 @pytest.mark.parametrize("diameter_mm", [0.0, -1.0, np.nan])
 def test_impossible_diameters(diameter_mm: float) -> None:
-    with pytest.raises(MeasurementError, match="positive sphere diameter"):
+    with pytest.raises(MeasurementError, match="positive diameter"):
         fit_sphere(ball(), diameter_mm)
