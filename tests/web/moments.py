@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
-from itertools import product
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,8 +25,8 @@ sys.path.insert(0, str(ROOT))
 from calib_core.simulation.part import build_part  # noqa: E402
 from server.settings import Settings  # noqa: E402
 from tests.point_files import mesh_file  # noqa: E402
-from tests.server.live_server import serving, simulated_session, wait_for  # noqa: E402
-from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM, look_into_the_merge  # noqa: E402
+from tests.server.live_server import make_session, serving, simulated_session, wait_for  # noqa: E402
+from tests.web.browsing import BROWSER_ARGUMENTS, CHROMIUM, draw_the_scene_seldom, look_into_the_merge  # noqa: E402
 
 FOLDER = ROOT / "docs" / "images" / "moments"
 LEAST_FILL = 0.4
@@ -86,12 +86,16 @@ class Moment:
     problems: list[str] = field(default_factory=list[str])
 
 
-def scene_frame(page: Page) -> Frame:
-    """Return the scene's frame once it tells the story of the page's step."""
-    for _ in range(300):
+_TOLD = """(theme) => !!window.scancellScene?.layers()
+  && (!theme || document.documentElement.classList.contains("dark") === (theme === "dark"))"""
+
+
+def scene_frame(page: Page, theme: str = "") -> Frame:
+    """Return the scene's frame, in a theme, once it tells the story of the page's step."""
+    for _ in range(600):
         for frame in page.frames:
             with suppress(Error):  # it is being loaded: the step's own scene comes
-                if "/viewers/" in frame.url and frame.evaluate("() => !!window.scancellScene?.layers()"):
+                if "/viewers/" in frame.url and frame.evaluate(_TOLD, theme):
                     return frame
         page.wait_for_timeout(200)
     raise AssertionError("the scene does not tell its story")
@@ -123,7 +127,11 @@ class Look:
         return f"{self.size[0]}-{self.theme}-{self.language}"
 
 
-LOOKS = [Look(*one) for one in product(((1280, 720), (1920, 1080)), ("light", "dark"), ("en", "de", "zh"))]
+LOOKS = [
+    Look(size, theme, language)
+    for language, size, theme in product(("en", "de", "zh"), ((1280, 720), (1920, 1080)), ("light", "dark"))
+]
+"""In this order each follows on a page of the other theme, whose scene is drawn anew."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +158,20 @@ def _compare_with_the_part(client: httpx.Client, page: Page, session: str) -> No
         page.locator("sc-merged select", has=page.locator("option[value=mesh]")).select_option("mesh")
 
 
+def _fail_the_tool(client: httpx.Client, page: Page, session: str) -> None:
+    """Hold the tool against a limit that no cell holds."""
+    limits = {"cell": {"verification": {"tool_mm": 0.005}}, "why": "a picture"}
+    client.patch(f"/sessions/{session}", json=limits).raise_for_status()
+    job = client.post(f"/sessions/{session}/solve/verify").raise_for_status().json()["id"]
+    wait_for(client, job)
+    page.reload()
+
+
+def _edit_the_cell(_client: httpx.Client, page: Page, _session: str) -> None:
+    page.locator(".session-title ~ * button, .session-title button").first.click()
+    page.locator("dialog sc-chain-picture").scroll_into_view_if_needed()
+
+
 def _pick_one(_client: httpx.Client, page: Page, _session: str) -> None:
     """Pick a capture in the table, which lights up in the scene, once that is there."""
     page.wait_for_timeout(8000)
@@ -170,8 +192,11 @@ MOMENTS: dict[str, Told] = {
     "table-half": Told("cell", "half turntable", "turntable", ["table-so-far"]),
     "table": Told("cell", "turntable", "turntable.result", ["circles", "places"]),
     "scans": Told("cell", "half scan", "scan", ["scans"]),
+    "chain": Told("cell", "chain", "chain.result", ["sphere"]),
     "merged": Told("cell", "merge", "merge.result", ["scans"]),
     "deviation": Told("cell", "merge", "merge.result", ["scans"], _compare_with_the_part),
+    "verify-failed": Told("tcp", "verify", "verify.result", ["sphere"], _fail_the_tool),
+    "chain-editor": Told("", "0 captures", "tcp", [], _edit_the_cell),
 }
 """The moments in the order in which a scenario's session comes to them."""
 _MOST = 90
@@ -193,6 +218,15 @@ def walk_on(client: httpx.Client, session: str, until: str) -> None:
             wait_for(client, job, timeout_s=400)
 
 
+def own_cell(client: httpx.Client) -> str:
+    """Return a session of a cell with a rail, a table, two scanners and two balls."""
+    axes = [{"name": "rail", "kind": "linear", "carries": "robot"}, {"name": "positioner", "kind": "rotary"}]
+    balls = [{"name": name, "on": "positioner", "diameter_mm": 40.0} for name in ("low", "high")]
+    scanners = {"left": {"on": "tool0"}, "fixed": {"on": "base"}}
+    cell = {"pose_convention": "abb", "scanner": {"kind": "profile"}, "axes": axes, "spheres": balls}
+    return make_session(client, name="Cell 4", cell={**cell, "scanners": scanners})
+
+
 @dataclass
 class Album:
     """Moments of one server: each scenario's session is walked on from moment to moment."""
@@ -203,29 +237,50 @@ class Album:
 
     def look_at(self, name: str, look: Look = LOOKS[0], into: Path | None = None) -> Moment:
         """Measure a moment, and save its picture into a folder where one is named."""
+        page = self.opened(name, look)
+        found = seen(page, name, look, into)
+        page.close()
+        return found
+
+    def opened(self, name: str, look: Look) -> Page:
+        """Return a page at a moment."""
         told = MOMENTS[name]
-        session = self.sessions.setdefault(told.scenario, "")
-        if not session:
-            session = self.sessions[told.scenario] = simulated_session(self.client, scenario=told.scenario)
+        if told.scenario not in self.sessions:
+            made = (
+                simulated_session(self.client, scenario=told.scenario) if told.scenario else own_cell(self.client)
+            )
+            self.sessions[told.scenario] = made
+        session = self.sessions[told.scenario]
         walk_on(self.client, session, told.until)
         address = str(self.client.base_url).split("/api/")[0]
         width, height = look.size
         options: dict[str, Any] = {"viewport": {"width": width, "height": height}, "color_scheme": look.theme}
         page = self.browser.new_page(base_url=address, locale=look.language, **options)
         page.set_default_timeout(120_000)
+        draw_the_scene_seldom(page)
         page.goto(f"/sessions/{session}#{told.place}")
         if told.then:
             told.then(self.client, page, session)
-        scene_frame(page)
-        page.wait_for_timeout(5000)
-        found = moment(page, told.subject)
-        if into is not None:
-            into.mkdir(parents=True, exist_ok=True)
-            picture = Image.open(BytesIO(page.screenshot())).convert("RGB")
-            picture = picture.resize((960, 540)) if into == FOLDER else picture
-            picture.quantize(255, Image.Quantize.FASTOCTREE).save(into / f"{name}.png", optimize=True)
-        page.close()
-        return found
+        return page
+
+
+def seen(page: Page, name: str, look: Look, into: Path | None = None) -> Moment:
+    """Measure a moment's page in a look, and save its picture into a folder where one is named."""
+    page.set_viewport_size({"width": look.size[0], "height": look.size[1]})
+    page.emulate_media(color_scheme=look.theme)
+    scene_frame(page, look.theme)
+    page.wait_for_timeout(5000)
+    found = moment(page, MOMENTS[name].subject)
+    if into is not None:
+        into.mkdir(parents=True, exist_ok=True)
+        picture = Image.open(BytesIO(page.screenshot())).convert("RGB")
+        picture = picture.resize((960, 540)) if into == FOLDER else picture
+        picture.quantize(255, Image.Quantize.FASTOCTREE).save(into / f"{name}.png", optimize=True)
+    return found
+
+
+def _by_language(looks: list[Look]) -> list[tuple[str, list[Look]]]:
+    return [(language, list(alike)) for language, alike in groupby(looks, lambda one: one.language)]
 
 
 def main() -> None:
@@ -241,12 +296,13 @@ def main() -> None:
         with serving(Settings(data=Path(folder), port=0, warm_up=False)) as client:
             client.timeout = 400
             album = Album(client, browser)
-            for name, look in product(told.names or MOMENTS, looks):
-                found = album.look_at(name, look, FOLDER if told.looks is None else told.looks / look.name)
-                print(
-                    f"{name} {look.name}: fills {found.fill:.0%}, {found.labels} labels {found.problems}",
-                    flush=True,
-                )
+            for name, (_, alike) in product(told.names or MOMENTS, _by_language(looks)):
+                page = album.opened(name, alike[0])
+                for look in alike:
+                    found = seen(page, name, look, FOLDER if told.looks is None else told.looks / look.name)
+                    shown = f"fills {found.fill:.0%}, {found.labels} labels {found.problems}"
+                    print(f"{name} {look.name}: {shown}", flush=True)
+                page.close()
         browser.close()
 
 
