@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
+from tests.dealing import dealt
 from tests.windows.open_files import refuse_changes_of_open_files
 
 if TYPE_CHECKING:  # most tests need no browser
@@ -73,22 +74,11 @@ LONGEST = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the longest tests begin first, a like share in each process: begun last, one would do them alone.
-
-    `--dist worksteal` gives each process a run of the tests in this order, and takes from the runs' ends later.
-    """
+    """Let the longest tests begin first, a like share in each process: begun last, one would do them alone."""
     place = {name: number for number, name in enumerate(LONGEST)}
     of = {item: place.get("/".join(item.path.parts[-2:]), -1) for item in items}
-    others = [item for item in items if of[item] < 0]
     longest = sorted((item for item in items if of[item] >= 0), key=of.__getitem__)
-    processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-    ordered: list[pytest.Item] = []
-    for process in range(processes):
-        own = [item for item in longest if of[item] % processes == process]
-        size = (len(items) - len(ordered)) // (processes - process) - len(own)
-        ordered += [*own, *others[: max(size, 0)]]
-        del others[: max(size, 0)]
-    items[:] = [*ordered, *others]
+    items[:] = dealt(longest, [item for item in items if of[item] < 0])
 
 
 @pytest.hookimpl(tryfirst=True)

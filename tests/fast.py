@@ -2,22 +2,23 @@
 
 import subprocess
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
+from tests.dealing import dealt
+
 _LAST_BEGINS_S = 40.0
 _began_s = time.monotonic()
 _always: set[str] = set()
-"""Tests of what was changed: run however long a busy machine took to collect."""
+"""Tests of what was changed: run however busy the machine is."""
 
 
 def _changed() -> set[str]:
-    """Return names of modules that differ from main, or from the last commit where there is no main."""
+    """Return names of modules changed since main was left, or since the last commit where there is no main."""
     root = Path(__file__).resolve().parents[1]
     names: set[str] = set()
-    for command in (["git", "diff", "--name-only", "main"], ["git", "status", "--porcelain"]):
+    for command in (["git", "diff", "--name-only", "--merge-base", "main"], ["git", "status", "--porcelain"]):
         listed = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False).stdout
         names |= {
             Path(line.split()[-1]).stem.removeprefix("test_") for line in listed.splitlines() if line.strip()
@@ -30,16 +31,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     changed = _changed()
     fast = [item for item in items if item.get_closest_marker("browser") is None]
     config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("browser")])
-    items[:] = sorted(fast, key=lambda item: _place(item.path, changed))
-    _always.update(item.nodeid for item in items if _place(item.path, changed) == 0)
+    place = {item: _place(item.path, changed) for item in fast}
+    _always.update(item.nodeid for item in fast if place[item] == 0)
+    ordered = sorted(fast, key=place.__getitem__)
+    near = sum(number < 2 for number in place.values())
+    items[:] = dealt(ordered[:near], ordered[near:])
 
 
-def _place(test: Path, changed: Sequence[str] | set[str]) -> int:
-    """Return 0 for a test of what was changed, 1 for others of the core, which are short, 2 for the rest."""
+def _place(test: Path, changed: set[str]) -> int:
+    """Return 0 for the test of what was changed, 1 for one alike, 2 for others of the core, which are short."""
     words = test.stem.removeprefix("test_")
-    if any(name and (name in words or words in name) for name in changed):
+    if words in changed:
         return 0
-    return 1 if test.parent.name == "core" else 2
+    if any(name and (name in words or words in name) for name in changed):
+        return 1
+    return 2 if test.parent.name == "core" else 3
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -48,6 +54,7 @@ def pytest_runtestloop() -> None:
     _began_s = time.monotonic()  # collecting takes long on a busy machine: else all would be skipped, and pass
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     if item.nodeid not in _always and time.monotonic() - _began_s > _LAST_BEGINS_S:
         pytest.skip("the minute is over")
