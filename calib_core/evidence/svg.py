@@ -55,7 +55,7 @@ def _chart(plot: Plot) -> Iterator[str]:
     if plot.shape == "section":
         yield from _section(plot, x, y)
         return
-    for number, series in enumerate(plot.series):
+    for number, series in reversed([*enumerate(plot.series)]):  # the first lies on top
         yield from _series(plot, series, number % 3, x, y)
 
 

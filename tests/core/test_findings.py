@@ -120,6 +120,8 @@ def test_codes_are_words_with_hyphens_and_each_has_its_page() -> None:
         assert code.meaning, name
         assert code.decided, name
         assert not set(code.behind) - set(CODES), name
+        said = str((code.text, code.to_do, code.reason))
+        assert not re.search(r"`[\w.]+`", said), name  # words are printed; fields are named where it is explained
 
 
 def test_catalogues_hold_what_the_program_says_and_nothing_else_with_the_same_places() -> None:

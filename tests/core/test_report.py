@@ -15,10 +15,13 @@ from calib_core.archive.folder import load_session
 from calib_core.archive.stored_results import stored_results
 from calib_core.errors import InputError
 from calib_core.evidence.numbers import number_text, quantity, quantity_text
+from calib_core.evidence.svg import plot_svg
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import at_workpiece
+from calib_core.findings.catalogues import catalogue
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
+from calib_core.records.evidence import Axis, Plot, Series
 from calib_core.robots import CONVENTIONS
 from server.cli import main
 from server.render.pdf import pdf_of
@@ -122,6 +125,34 @@ def test_the_first_page_is_to_be_signed(solved: Solved) -> None:
     assert results["tcp"]["inputs_sha256"] in first.text
     for role in ("Calibrated by", "Checked by", "Approved by"):
         assert first.row(role) == [role, "", "", ""]
+
+
+def test_the_first_page_says_what_its_plus_minus_is(solved: Solved, turntable_results: Solved) -> None:
+    session, results = turntable_results
+    for of_stage in (results, {"turntable": results["turntable"]}):  # without a tool it is no answer
+        html = report_html(session, of_stage)
+        first = Page(html[html.index("<section") : html.index("<main>")]).text
+        assert first.index("±") < first.index("Expanded uncertainty of the calibration (k = 2")
+    plain = [block for block in solved[1]["tcp"]["evidence"] if not block.get("headline")]
+    html = report_html(solved[0], {"tcp": {**solved[1]["tcp"], "evidence": plain}})
+    assert "Expanded uncertainty of the calibration" not in html
+
+
+@pytest.mark.parametrize(
+    ("language", "order"), [("en", "Order number"), ("de", "Auftragsnummer"), ("zh", "订单号")]
+)
+def test_lines_that_are_often_told_are_said_in_the_language(solved: Solved, language: str, order: str) -> None:
+    session = solved[0].model_copy(update={"documentation": {"order_number": "4711", "bay_door": "north"}})
+    page = Page(report_html(session, {}, circumstances=Circumstances(language=catalogue(language))))
+    assert page.row(order) == [order, "4711"]
+    assert page.row("Bay door") == ["Bay door", "north"]  # as it was told
+
+
+def test_where_two_series_meet_the_first_lies_on_top() -> None:
+    axis, points = Axis(label="Offset", unit="mm"), [3.0, 1.0, 0.0]
+    both = [Series(label="captures", y=points, captures=["p1", "p2", "p3"]), Series(label="drift", y=points)]
+    drawn = plot_svg(Plot(shape="xy", caption="", x=axis, y=axis, series=both))
+    assert drawn.rindex("mark s1") < drawn.index("mark s0")
 
 
 def test_before_the_evidence_the_cell_is_shown_from_two_sides(solved: Solved, turntable_results: Solved) -> None:

@@ -68,9 +68,9 @@ STAGE_BROUGHT = Code(
 DIAMETER_SIGMA_ASSUMED = Code(
     "sphere-sigma-assumed",
     "note",
-    text="sphere_diameter_sigma_mm is left out: {sigma_mm:g} mm is assumed, as of its class (cell.sphere_class).",
+    text="The uncertainty of the sphere's diameter is left out: {sigma_mm:g} mm is assumed, as of its class.",
     meaning="The sphere's diameter is never exact; its uncertainty is part of every answer.",
-    decided="The field is left out.",
+    decided="`cell.sphere_diameter_sigma_mm` is left out; the class is `cell.sphere_class`.",
 )
 
 TOO_FEW_CAPTURES = Code(

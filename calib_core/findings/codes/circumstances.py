@@ -25,7 +25,7 @@ EXPANSION_UNKNOWN = Code(
     "note",
     text="The ball's temperature is known ({temperature_c:.1f} °C), but not its expansion: its diameter is taken as "
     "certified.",
-    to_do="Add `expansion_per_k` to the sphere in cell.equipment: steel 11.5e-6, ceramic 8e-6 to 10e-6.",
+    to_do="Tell the sphere's expansion with the equipment: steel 11.5 · 10⁻⁶, ceramic 8 · 10⁻⁶ to 10 · 10⁻⁶ per kelvin.",
     meaning="Without the sphere's expansion its diameter cannot be given at the temperature of the captures.",
     decided="A temperature of the ball is told, and no `expansion_per_k` of a sphere.",
     usual_causes="A sphere without a data sheet.",
@@ -40,7 +40,7 @@ CERTIFICATE_FILE = Code(
         "differs": "The certificate in {file} is {found}, that of {piece} is told as {told}.",
     },
     by="what",
-    to_do="Put the certificate of this piece into the session's folder under that name, or correct `certificate`.",
+    to_do="Put the certificate of this piece into the session's folder under that name, or correct what is told of it.",
     meaning="Whoever checks traceability later finds another certificate than the one that is told, or none.",
     decided="`certificate.file` of a piece in `cell.equipment` names a file of the session. Where it is a digital "
     "certificate (DCC), its number and its item's serial number are compared with those that are told.",

@@ -181,10 +181,10 @@ SCATTER_BEYOND_TOLD = Code(
 POINT_NOISE_DIFFERS = Code(
     "point-noise-differs",
     "warning",
-    text="The points scatter by {measured_mm:.3f} mm about their arcs, but scanner.point_sigma_mm says "
-    "{told_mm:.3f} mm.",
+    text="The points scatter by {measured_mm:.3f} mm about their arcs, but {told_mm:.3f} mm was told for "
+    "one point.",
     meaning="The noise of the points is not the one that was told.",
-    decided="They differ by more than a factor of two.",
+    decided="It differs from `scanner.point_sigma_mm` by more than a factor of two.",
     usual_causes="A sigma of another scanner or mode, an exposure that does not suit the sphere.",
 )
 

@@ -42,7 +42,7 @@ AXIS_PLACE_OPEN = Code(
 _REASON = {
     "mount": "the sphere appears {distance_mm:.2f} mm (along the axis {axial_mm:+.2f}, away from it {radial_mm:+.2f}, around it "
     "{around_deg:+.3f}°) from where the other captures expect it, {times:.0f} times the expected scatter; it fits the mounting "
-    "'{mount}': correct its `mount`.",
+    "'{mount}': tell that mounting.",
     "angle": "the sphere appears {distance_mm:.2f} mm (along the axis {axial_mm:+.2f}, away from it {radial_mm:+.2f}, around it "
     "{around_deg:+.3f}°) from where the other captures expect it, {times:.0f} times the expected scatter: check its table angle, its "
     "pose and its mounting, and take it again.",
@@ -99,7 +99,7 @@ REMOUNTED = Code(
     "sphere-remounted",
     "warning",
     text="{captures} agree on another place of the sphere on the table (x {x_mm:.1f}, y {y_mm:.1f}, z {z_mm:.1f} mm).",
-    to_do="If it was mounted anew, give these captures a `mount` of their own.",
+    to_do="If it was mounted anew, give these captures a mounting of their own.",
     meaning="The rejected captures agree with each other.",
     decided="Three rejected captures or more lie within 2 mm of one place on the table.",
     usual_causes="A sphere that was mounted anew, without a new name.",
@@ -131,7 +131,7 @@ SPHERE_RESEATED = Code(
     "sphere-reseated",
     "warning",
     text="The sphere stands {shift_mm:.2f} mm elsewhere on the table from {since} on.",
-    to_do="If it was touched, give the captures from there on a `mount` of their own; otherwise take them again.",
+    to_do="If it was touched, give the captures from there on a mounting of their own; otherwise take them again.",
     meaning="Within one mounting the captures see the sphere at two places on the table.",
     decided=_MOVED_BY_CHANCE,
     usual_causes="A sphere that was taken off its stem and put back, or touched.",

@@ -116,7 +116,7 @@ VERIFY_SIDES_OPEN = Code(
     "warning",
     text="On which side of the plane of light the ball was stays open, and the tool's error depends on it: nothing is "
     "decided.",
-    to_do="Turn the flange further between the captures, or tell the side (`side`) of each.",
+    to_do="Turn the flange further between the captures, or tell the side of each.",
     meaning="A profile is alike on both sides of the ball. Here two choices of sides are nearly as likely.",
     decided="Other sides are less than 150 times less likely and move the tool by more than 0.1 mm.",
     usual_causes="Captures that are turned little against each other.",

@@ -301,7 +301,7 @@ def unchecked_limits(limits: Verification, checks: Sequence[VerifyCheck], flat: 
     )
     probing = message("It needs points on the sphere from {least} captures or more.", least=_LEAST_PROBED)
     of_bar = message(
-        "It needs verification.ball_bar_mm, and captures of both spheres, told apart by their `mount`."
+        "It needs the ball bar's length, and captures of both spheres, told apart by their mounting."
     )
     to_do = dict.fromkeys(TITLES, probing) | {"spacing": of_bar, "flatness": of_plate, "flatness_95": of_plate}
     to_do["tool"] = message("It needs captures of the sphere, with step 'verify'.")

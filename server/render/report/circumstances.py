@@ -10,7 +10,7 @@ from calib_core.records import Cell, Session
 from calib_core.records.policy import Environment, Equipment
 from calib_core.robots import CONVENTIONS
 from server.render.report.first_page import ON_FIRST_PAGE, Circumstances, Rows, step_title
-from server.render.report.words import KINDS
+from server.render.report.words import KINDS, OFTEN_TOLD
 
 
 def equipment_rows(session: Session, told: Circumstances) -> list[list[str]]:
@@ -67,11 +67,11 @@ def _temperatures(told: Iterable[Environment]) -> list[str]:
     return found
 
 
-def documentation_rows(session: Session) -> Rows:
-    """Return what was told that stands on no other page, by its own names."""
+def documentation_rows(session: Session, told: Circumstances) -> Rows:
+    """Return what was told that stands on no other page: by its own names, those that are usual in the language."""
     elsewhere = (*ON_FIRST_PAGE, "report_number")
     return [
-        (name.replace("_", " ").capitalize(), text)
+        (told.say(name) if name in OFTEN_TOLD else name.replace("_", " ").capitalize(), text)
         for name, text in (session.documentation or {}).items()
         if name not in elsewhere
     ]

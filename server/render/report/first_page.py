@@ -169,28 +169,28 @@ def outcome(
     try:
         answer = replace(answer_of(session, results, stale), of_moment=tuple(told.of_moment))
         stage, verdict, faults = answer.stage, answer.verdict, answer.all_faults
-        expanded = told.say("expanded")
     except ConflictError:
         stage = next(iter(results), "")
         if not stage:
             return None
-        verdict, faults, expanded = results[stage]["verdict"], (), ""
+        verdict, faults = results[stage]["verdict"], ()
     word, meaning = verdict_words(verdict, told.language)
     wanted = session.cell.wanted_mm
     verify = results.get("verify", {})
     decision = verify.get("decision")
     compared = results.get("merge", {}).get("deviation")
+    figures = [
+        f"{block.label} {figure_text(block)}"
+        for block in [*blocks[stage], *(blocks["merge"] if compared and stage != "merge" else [])]
+        if isinstance(block, Figure) and block.headline
+    ]
     return {
         "stage": stage,
         "verdict": verdict,
         "word": word,
         "meaning": meaning,
-        "figures": [
-            f"{block.label} {figure_text(block)}"
-            for block in [*blocks[stage], *(blocks["merge"] if compared and stage != "merge" else [])]
-            if isinstance(block, Figure) and block.headline
-        ],
-        "expanded": expanded,
+        "figures": figures,
+        "expanded": told.say("expanded") if any("±" in figure for figure in figures) else "",
         "wanted": quantity_text(plus_minus(wanted / 2, "mm")) if wanted else "",
         "decision": decision or "",
         "decided": told.language.say(DECISIONS.get(str(decision), str(decision))) if decision else "",

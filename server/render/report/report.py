@@ -108,7 +108,7 @@ def report_html(
         equipment=equipment_rows(session, about),
         certificates=certificate_rows(session, about),
         environment=environment_rows(session, about),
-        documentation=documentation_rows(session),
+        documentation=documentation_rows(session, about),
         picture=Markup(scene_picture(session, read, said)),
         cell=cell_rows(session.cell, about),
         stages=[

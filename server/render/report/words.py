@@ -42,7 +42,6 @@ WORDS: Final = templates({
     "no verification": "There is no verification: figures with their uncertainty are stated, and no conformity.",
     "no limits": "No limits were set for the verification: figures with their uncertainty are stated, and no "
     "conformity.",
-    "remarks": "Remarks",
     "approval": "Approval",
     "not released": "No release of this answer is known here.",
     "release unsigned": "The archive tells it; nobody who is trusted here has signed it.",
@@ -76,6 +75,10 @@ WORDS: Final = templates({
     "no environment": "No temperatures were told: lengths are taken as they are at the temperature of their "
     "certificates.",
     "documentation": "Documentation",
+    "order": "Order",
+    "order_number": "Order number",
+    "project": "Project",
+    "remarks": "Remarks",
     "cell data": "Cell data",
     "picture": "The cell in base: sphere, and the scanner at each capture. Blue: used. Red: left out. "
     "Grey: not judged.",
@@ -91,6 +94,9 @@ WORDS: Final = templates({
     "report.",
 })  # fmt: skip
 """What stands between the records' own texts."""
+
+OFTEN_TOLD: Final = ("order", "order_number", "project", "remarks")
+"""Lines of `documentation` that have words here; others are said as they were told."""
 
 KINDS: Final = templates({
     "sphere": "Sphere",
