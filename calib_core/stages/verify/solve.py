@@ -300,9 +300,7 @@ def unchecked_limits(limits: Verification, checks: Sequence[VerifyCheck], flat: 
         flat.why_not if flat is not None else message("It needs captures of a flat plate, with step 'plate'.")
     )
     probing = message("It needs points on the sphere from {least} captures or more.", least=_LEAST_PROBED)
-    of_bar = message(
-        "It needs the ball bar's length, and captures of both spheres, told apart by their mounting."
-    )
+    of_bar = message("It needs the ball bar's length, and captures of both spheres, told apart by their mounting.")
     to_do = dict.fromkeys(TITLES, probing) | {"spacing": of_bar, "flatness": of_plate, "flatness_95": of_plate}
     to_do["tool"] = message("It needs captures of the sphere, with step 'verify'.")
     told = {name: getattr(limits, f"{name}_mm") for name in TITLES}
