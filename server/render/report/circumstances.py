@@ -68,7 +68,7 @@ def _temperatures(told: Iterable[Environment]) -> list[str]:
 
 
 def documentation_rows(session: Session, told: Circumstances) -> Rows:
-    """Return what was told that stands on no other page: by its own names, those that are usual in the language."""
+    """Return what was told that stands on no other page; usual lines are said in the language."""
     elsewhere = (*ON_FIRST_PAGE, "report_number")
     return [
         (told.say(name) if name in OFTEN_TOLD else name.replace("_", " ").capitalize(), text)
