@@ -98,7 +98,7 @@ def pose_spread(levers: FloatArray, sigmas: Sigmas) -> FloatArray:
     sigmas : Sigmas
     """
     moved = _spread(np.broadcast_to(np.eye(3), (len(levers), 3, 3)), sigmas.position_mm)
-    return moved + sigmas.orientation_rad**2 * _turning(levers)
+    return moved + sigmas.orientation_rad**2 * _turning(levers[:, :, None] * levers[:, None, :])
 
 
 def linearise(
@@ -344,11 +344,11 @@ class NoiseShapes:
             drawn.append(laser_from_base @ from_middle[:, :, None] * data.arm_scale_sigma)
         if data.drift_sigma_mm > 0:
             drawn.append(laser_from_base * (data.order * data.drift_sigma_mm)[:, None, None])
-        arms = walk.levers(state.position, centers_in_laser)
+        arms, untold = data.levers(state.position, centers_in_laser)
         by_axis = np.empty((0, data.count, 3)) if levers is None else np.moveaxis(levers, 2, 0)
         return cls(
             moving=np.abs(walk.over_robot)[:, None, None] * np.eye(3),
-            turning=_turning(arms),
+            turning=_turning(arms[:, :, None] * arms[:, None, :] + untold),
             axes=by_axis[:, :, :, None] * by_axis[:, :, None, :],
             scale=data.pose_scale[:, None, None],
             stops=(data.stop[:, None] == np.arange(data.stop.max(initial=-1) + 1)).astype(float),
@@ -386,10 +386,9 @@ class NoiseShapes:
         return _spread(self.moving, position_mm) + orientation_rad**2 * self.turning
 
 
-def _turning(arms: FloatArray) -> FloatArray:
-    """Return the covariance (K, 3, 3) of the ends of arms (K, 3) by turns of unit variance about each axis."""
-    squared = np.einsum("ki,ki->k", arms, arms)[:, None, None]
-    return squared * np.eye(3) - arms[:, :, None] * arms[:, None, :]
+def _turning(squared: FloatArray) -> FloatArray:
+    """Return the covariance (K, 3, 3) of the ends of levers by turns of unit variance, by their squares l lᵀ."""
+    return np.trace(squared, axis1=1, axis2=2)[:, None, None] * np.eye(3) - squared
 
 
 def _spread(moving: FloatArray, position_mm: float) -> FloatArray:

@@ -22,6 +22,7 @@ ARM_SCALE_SIGMA = 2e-4
 DRIFT_SIGMA_MM = 0.04
 """How far the sphere drifts from a session's middle to its end, per axis: warmth, settling."""
 
+_UNTOLD_LEVER_MM = 150.0  # scanners and balls sit one to three decimetres from the flange, in some direction
 _PLACE_PRIOR = 1e-10  # 1/mm²: keeps a place finite all of whose captures were rejected
 
 
@@ -126,6 +127,8 @@ class ChainData:
         poses are corrected by; and what is believed of these (`chain.arm_model`).
     exact : tuple of int
         Columns of the first mount that are held, as no motion tells them (`without_turns`).
+    untold : (m, 3) or None
+        Unit vectors in the frame of what carries the first scanner along which its place is held for that.
     """
 
     rotations: FloatArray
@@ -158,6 +161,7 @@ class ChainData:
     arm_columns: FloatArray | None = None
     arm_means: FloatArray | None = None
     exact: tuple[int, ...] = ()
+    untold: FloatArray | None = None
 
     @property
     def count(self) -> int:
@@ -193,6 +197,20 @@ class ChainData:
     def known_columns(self) -> np.ndarray:
         """The columns of what a `ToolPrior` is about: all mounts and the nuisances that are sought."""
         return np.concatenate([self.walk.layout.of_mounts, np.arange(self.unknowns, self.width)])
+
+    def levers(self, at: Position, centers_in_laser: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return expected levers from the flange to balls (K, 3), mm, and how far off they may be (K, 3, 3), mm².
+
+        A place that is held for want of turns tells no lever: along such a direction it may be any usual one.
+        """
+        levers = self.walk.levers(at, centers_in_laser)
+        if self.untold is None:
+            return levers, np.zeros((self.count, 3, 3))
+        directions = self.untold @ at.mount_rotations[self.walk.scanner]
+        along = np.swapaxes(directions, 1, 2) @ directions
+        on_flange = self.walk.over_robot < 0  # the ball; what is held is then a place in base
+        levers = levers - on_flange[:, None] * np.einsum("kij,kj->ki", along, levers)
+        return levers, _UNTOLD_LEVER_MM**2 * along
 
     def holding(self, columns: int | slice | Sequence[int] | np.ndarray, held: bool = True) -> "ChainData":
         """Return the same with some unknowns held at their values, or sought."""

@@ -86,7 +86,8 @@ class OpenShifts:
         about = None if self.travel is None else self.like.T @ self.travel
         columns = [] if about is None else [int(np.argmax(np.abs(about)))]
         columns += [3 + component for component in self.components]
-        return replace(data.holding(columns), exact=tuple(columns)) if columns else data
+        held = data.holding(columns)
+        return replace(held, exact=tuple(columns), untold=self.directions) if columns else data
 
 
 def open_shifts(data: ChainData) -> OpenShifts:

@@ -1,7 +1,9 @@
 """Machines of few axes: what is determined is solved, what is not has no number."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,10 +12,19 @@ import calib_core as cc
 from calib_core.archive.folder import result_data
 from calib_core.cell.found import placed_scanner, placed_table
 from calib_core.errors import ConflictError
+from calib_core.simulation import TOPOLOGY_SCENARIOS
+from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.stages.pipeline import solve_stage
 from server.cli import main
 from tests.topology_errors import distances
 
 CHI2 = {2: 18.4, 3: 21.1}  # 99.99 %
+
+
+def turned_apart(true: Any, found: Any) -> np.ndarray:
+    """Return the small turn (3,), rad, of a found pose (4, 4) from the true one, in its own frame."""
+    turn = np.array([row[:3] for row in true[:3]]).T @ np.array([row[:3] for row in found[:3]])
+    return 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
 
 
 def test_a_gantry_knows_the_scanners_rotation_and_has_no_number_for_its_position() -> None:
@@ -25,10 +36,7 @@ def test_a_gantry_knows_the_scanners_rotation_and_has_no_number_for_its_position
     assert data["sphere_center_in_base_mm"] is None
     assert data["workpiece"] is None
     assert len(data["undetermined"]) == 3
-    true = np.array(truth["tool0_from_laser"])[:3, :3]
-    found = np.array([row[:3] for row in data["tool0_from_laser"][:3]])
-    turn = true.T @ found
-    off = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    off = turned_apart(truth["tool0_from_laser"], data["tool0_from_laser"])
     covariance = np.array([row[:3] for row in data["covariance"][:3]], dtype=float)
     assert off @ np.linalg.solve(covariance, off) < CHI2[3]
 
@@ -130,3 +138,20 @@ def test_a_gantrys_scanner_and_table_are_used_together(tmp_path: Path, capsys: p
     off = np.arccos(np.clip((found[2] * true[2]).sum(), -1, 1))  # the axis in the scanner's frame
     assert off < 5 * np.linalg.norm(sigmas[:3])
     assert (sigmas > 0).all()
+
+
+@pytest.mark.parametrize("carried", ["scanner", "ball"])
+def test_a_gantry_whose_lever_is_not_told_counts_with_the_flanges_small_turns(carried: str) -> None:
+    scenario = TOPOLOGY_SCENARIOS["gantry"]
+    scenario = replace(scenario, cell=replace(scenario.cell, orientation_sigma_rad=1e-3))
+    if carried == "ball":
+        fixed = TOPOLOGY_SCENARIOS["fixed-scanner-turntable"]
+        scenario = replace(scenario, scanners=fixed.scanners, balls=fixed.balls[:1])
+    squared: list[float] = []
+    for seed in range(1, 21):
+        session, files, truth = simulate_topology(scenario, "gantry", seed)
+        result = solve_stage(session, "tcp", files.__getitem__)
+        found = result.tool0_from_laser if carried == "scanner" else result.base_from_laser
+        off = turned_apart(truth["frames"][0]["matrix"], found)
+        squared.append(float(off @ np.linalg.solve(np.array(result.covariance, dtype=float)[:3, :3], off)))
+    assert 1.5 < np.mean(squared) < 3 + 3 * np.sqrt(6 / len(squared))
