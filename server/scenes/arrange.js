@@ -7,7 +7,11 @@
   const EVERY_MS = 120;
   const LONGEST_REASON = 64;
   const LABEL_BACK = "vec4(1.0, 1.0, 1.0, 0.85 *"; // in the shader of labels' grounds
-  const state = { layers: null, labels: [], say: null, translated: new WeakMap(), english: new Map(), hovered: "", camera: "", labelGroup: null };
+  const IN_THE_DARK = [[LABEL_BACK, "vec4(0.11, 0.12, 0.13, 0.85 *"], ["vec4(0.0, 0.0, 0.0, a)", "vec4(0.9, 0.91, 0.93, a)"]];
+  const LIGHT_BLUE = [0.13, 0.36, 1], LIGHT_RED = [0.9, 0.13, 0.1]; // linear
+  const POINT_SIZE = "gl_PointSize = (scale / -world_pos.z)"; // in the shader of points
+  const EVEN_SIZE = "float middle = scale / max(-modelViewMatrix[3].z, 1e-6); gl_PointSize = clamp(scale / -world_pos.z, 0.8 * middle, 1.25 * middle)";
+  const state = { layers: null, labels: [], say: null, translated: new WeakMap(), english: new Map(), hovered: "", camera: "", labelGroup: null, asMade: new WeakMap() };
   const box = document.createElement("canvas").getContext("2d");
 
   /** What stands first where two labels want one place: what is picked, what comes next, then what was rejected last. */
@@ -129,15 +133,52 @@
     }
   }
 
-  /** Labels are black on white as viser draws them, whatever the theme: in the dark they are light on dark. */
-  function darkenLabels(scene) {
-    if (!scene || !document.documentElement.classList.contains("dark")) return;
-    if (!state.labelGroup) scene.traverse((one) => { if (one.material?.fragmentShader?.includes(LABEL_BACK)) state.labelGroup = one.parent; });
+  /**
+   * Labels are black on white and axes deep blue as viser draws them, whatever the theme: in the dark both are light.
+   * Glyphs, axes and themes come by and by; whether anything is another colour now.
+   */
+  function paint(nodes, mutable) {
+    const isDark = document.documentElement.classList.contains("dark");
+    let changed = false;
+    if (!state.labelGroup?.parent) mutable.scene?.traverse((one) => { if (one.material?.fragmentShader?.includes(LABEL_BACK)) state.labelGroup = one.parent; });
     for (const { material } of state.labelGroup?.children ?? []) {
-      if (material.userData.isDark) continue; // glyphs come by and by
-      material.userData.isDark = material.needsUpdate = true;
-      material.fragmentShader = material.fragmentShader.replace(LABEL_BACK, "vec4(0.11, 0.12, 0.13, 0.85 *").replace("vec4(0.0, 0.0, 0.0, a)", "vec4(0.9, 0.91, 0.93, a)");
+      if (Boolean(material.userData.isDark) === isDark) continue;
+      for (const [light, dark] of IN_THE_DARK) material.fragmentShader = material.fragmentShader.replace(isDark ? light : dark, isDark ? dark : light);
+      material.userData.isDark = isDark;
+      changed = material.needsUpdate = true;
     }
+    for (const [name, node] of Object.entries(nodes)) {
+      if (!/^(Frame|BatchedAxes)Message$/.test(node.message?.type)) continue;
+      mutable.nodeRefFromName[name]?.traverse(({ geometry, instanceColor }) => { changed = paintAxes(instanceColor ?? geometry?.attributes.color, isDark) || changed; });
+    }
+    return changed;
+  }
+
+  function paintAxes(colors, isDark) {
+    if (!colors || state.asMade.has(colors) === isDark) return false;
+    if (!isDark) colors.array.set(state.asMade.get(colors));
+    else state.asMade.set(colors, colors.array.slice());
+    for (let index = 0; isDark && index < colors.count; index++) {
+      const [red, green, blue] = [colors.getX(index), colors.getY(index), colors.getZ(index)];
+      if (blue > 0.5 && red + green < 0.01) colors.setXYZ(index, ...LIGHT_BLUE);
+      if (red > 0.5 && blue + green < 0.01) colors.setXYZ(index, ...LIGHT_RED);
+    }
+    if (!isDark) state.asMade.delete(colors);
+    return (colors.needsUpdate = true);
+  }
+
+  /** All points of a cloud are about as large on the screen as those at its middle: strays near the camera are no balls. */
+  function evenPoints(nodes, mutable) {
+    let changed = false;
+    for (const [name, node] of Object.entries(nodes)) {
+      if (node.message?.type !== "PointCloudMessage") continue;
+      mutable.nodeRefFromName[name]?.traverse(({ material }) => {
+        if (!material?.vertexShader?.includes(POINT_SIZE)) return;
+        material.vertexShader = material.vertexShader.replace(POINT_SIZE, EVEN_SIZE);
+        changed = material.needsUpdate = true;
+      });
+    }
+    return changed;
   }
 
   /** The legend stands below the picture: it covers nothing. */
@@ -157,13 +198,13 @@
     const canvas = mutable.canvas ?? document.querySelector("canvas");
     if (!canvas) return;
     showLayers(nodes);
-    darkenLabels(mutable.scene);
+    const painted = [paint(nodes, mutable), evenPoints(nodes, mutable)].includes(true);
     const size = { width: canvas.clientWidth, height: canvas.clientHeight };
     sizeGlyphs(nodes, mutable, size);
     sayLabels(nodes, mutable);
     showLabels(nodes, mutable, size);
     const now = `${mutable.camera.matrixWorld.elements.map((v) => v.toFixed(5)).join()} ${state.labels.map(({ name }) => name).join()} ${JSON.stringify(state.layers)} ${size.width}x${size.height}`;
-    if (now !== state.camera) mutable.requestRender?.();
+    if (painted || now !== state.camera) mutable.requestRender?.();
     state.camera = now;
   }
 

@@ -47,6 +47,8 @@ export class ActionsElement extends StateElement {
   #followed = "";
   #again = "";
   /** Whether the server was away since the solve was begun. */ #wasAway = false;
+  /** Takes back what was said of a failed solve. */ #takeBack = () => {};
+  /** The captures that it had. */ #failedOf = "";
 
   parts = /** @type {const} */ (["session", "guide", "job", "captures", "results", "step", "view", "live"]);
 
@@ -64,6 +66,7 @@ export class ActionsElement extends StateElement {
   update() {
     const { session, job, captures, now, view } = this.state;
     this.#wasAway ||= this.state.live !== "live";
+    if (this.#failedOf !== idsOf(captures)) this.#takeBack(); // other captures may be solved
     const simulated = session?.simulated === true;
     const ready = now?.action === "solve";
     const solved = now?.action === "review";
@@ -95,7 +98,7 @@ export class ActionsElement extends StateElement {
     this.#mend.hidden = !mends || simulated || view !== "result";
     this.#waysIn.hidden = view === "result"; // new captures belong to measuring; files may be dropped all the same
     this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
-    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.#isSolving || !may("capture")));
+    this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.adding || this.#isSolving || !may("capture")));
     this.#showJob();
     this.#offerRemedies();
     if (job && job.id === this.#followed) this.#ended();
@@ -182,7 +185,8 @@ export class ActionsElement extends StateElement {
       notify(t("actions.again"));
       return this.#start(stage);
     }
-    notify(error ? new Problem(error).message : t("actions.failed"), { bad: true });
+    this.#failedOf = idsOf(this.state.captures);
+    this.#takeBack = notify(error ? new Problem(error).message : t("actions.failed"), { bad: true });
     const { items } = await api.causes(this.state.id).catch(() => ({ items: [] }));
     if (!this.state.working) this.#offer(stage, items);
   }
@@ -216,7 +220,7 @@ export class ActionsElement extends StateElement {
   }
 
   async solve() {
-    if (this.#isSolving || (this.#solve.hidden && !this.state.now) || !this.state.captures.length || !allowed("capture")) return;
+    if (this.#isSolving || this.state.adding || (this.#solve.hidden && !this.state.now) || !this.state.captures.length || !allowed("capture")) return;
     await this.#start(this.#stage);
   }
 
@@ -224,6 +228,7 @@ export class ActionsElement extends StateElement {
   async #start(stage) {
     this.#asking = true;
     this.#wasAway = false;
+    this.#takeBack();
     this.#solve.setAttribute("aria-disabled", "true");
     await attempt(async () => {
       const job = await api.solve(this.state.id, stage);
@@ -234,6 +239,9 @@ export class ActionsElement extends StateElement {
     this.update();
   }
 }
+
+/** @param {readonly {id: string}[]} captures */
+const idsOf = (captures) => captures.map(({ id }) => id).join();
 
 /** @param {string} text @param {() => void} action */
 function wayIn(text, action) {

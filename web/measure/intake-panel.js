@@ -357,6 +357,7 @@ export class IntakePanelElement extends StateElement {
   /** Send, and tell it once table and guide show what came. @param {readonly Parcel[]} parcels */
   async #deliver(parcels) {
     this.#isSending = true;
+    this.state.adds(true);
     try {
       const outcome = await send(this.state.id, parcels, this.#progress);
       if (outcome.sent.length) await this.state.reload();
@@ -364,6 +365,7 @@ export class IntakePanelElement extends StateElement {
       return outcome;
     } finally {
       this.#isSending = false;
+      this.state.adds(false);
     }
   }
 

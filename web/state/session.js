@@ -24,6 +24,7 @@ export class SessionState extends EventTarget {
   /** @type {Job | null} */ job = null;
   /** @type {Liveness} */ live = "connecting";
   /** Whether a solve has ended of which guide and results do not know yet. */ settling = false;
+  /** Whether captures are being sent: a solve would not have them all. */ adding = false;
   /** When the page last had the server's word. */ liveSince = new Date();
   /** @type {string | null} */ selected = null;
   /** The point of the merged surface that was last clicked in the scene. @type {readonly number[] | null} */ surface = null;
@@ -203,6 +204,12 @@ export class SessionState extends EventTarget {
   hurry() {
     this.#restsUntilMs = 0;
     if (this.#stale.size) this.#later();
+  }
+
+  /** Captures are being sent from here, or have been. @param {boolean} adding */
+  adds(adding) {
+    this.adding = adding;
+    this.tell("captures");
   }
 
   /** A job that was started here; its events may have come before the answer that names it. @param {Job} job */
