@@ -200,7 +200,10 @@ def _keep_past(folder: Path, stage: str, path: Path) -> None:
     if not path.is_file():
         return
     past = past_of(folder)
-    record = parse_json(read_bytes(path, message("Solve the session again.")), str(path))
+    try:
+        record = parse_json(read_bytes(path, message("Solve the session again.")), str(path))
+    except InputError:  # damaged: it decided nothing
+        return
     latest = [one for one in past["results"] if one["stage"] == stage and one.get("record") is None]
     if latest:
         latest[-1]["record"] = record

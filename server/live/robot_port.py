@@ -130,7 +130,7 @@ class RobotPorts:
             raise InputError(
                 "an address to serve on",
                 got,
-                "Choose another with --port (0: any that is free) or --host.",
+                "Choose another port or host.",
                 "port",
             ) from None
         port = self._open[session_id] = OpenPort(session_id, settings, server)

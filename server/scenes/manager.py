@@ -111,7 +111,7 @@ class SceneManager:
             raise NotFoundError(
                 "a session",
                 "the id '{session_id}', which none has",
-                "Name one of these.",
+                "Take one of those that are listed.",
                 session_id=session_id,
             )
         return scene

@@ -28,7 +28,7 @@ def list_equipment(db: Transaction) -> list[Data]:
 
 def equipment_row(db: Transaction, piece: str) -> EquipmentRow:
     """Return a piece's row; raises NotFoundError."""
-    row, to_do = db.get(EquipmentRow, piece), message("Name one of these.")
+    row, to_do = db.get(EquipmentRow, piece), message("Take one of those that are listed.")
     return required(row, message("the id of a piece of equipment"), repr(piece[:80]), to_do, "equipment")
 
 

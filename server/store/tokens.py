@@ -53,7 +53,7 @@ def token_row(db: Transaction, token_id: str) -> TokenRow:
     """Return a token; raises NotFoundError."""
     got, to_do = (
         message("'{token_id}', which none has", token_id=token_id),
-        message("Name one of these."),
+        message("Take one of those that are listed."),
     )
     return required(db.get(TokenRow, token_id), message("a token's id"), got, to_do, "token")
 

@@ -89,7 +89,7 @@ def add_webhook(db: Session, url: str, name: str, events: Sequence[str], cell: s
 
 def webhook_row(db: Session, webhook_id: str) -> WebhookRow:
     """Return a webhook; raises NotFoundError."""
-    row, to_do = db.get(WebhookRow, webhook_id), message("Name one of these.")
+    row, to_do = db.get(WebhookRow, webhook_id), message("Take one of those that are listed.")
     return required(row, message("the id of a webhook"), repr(webhook_id[:80]), to_do, "webhook")
 
 

@@ -106,7 +106,7 @@ def test_session_json_is_not_json(folder, capsys):
 def test_session_json_is_cut_off(folder, capsys):
     text = (folder / "session.json").read_text()
     (folder / "session.json").write_text(text[: text.index("pose_convention") + 17])
-    refused(folder, capsys, "session.json", "ends too early", "Copy it again")
+    refused(folder, capsys, "session.json", "ends too early", "Copy or export it again")
 
 
 @pytest.mark.parametrize(

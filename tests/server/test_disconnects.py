@@ -83,7 +83,7 @@ def test_a_refused_websocket_hears_why_and_is_no_failure(
         while piece := connection.recv(65536):
             answer += piece
     assert answer.startswith(b"HTTP/1.1 404")
-    assert b"Name one of these." in answer
+    assert b"Take one of those that are listed." in answer
     assert is_served(client)
     assert complaints(caplog) == []
 

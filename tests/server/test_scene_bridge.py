@@ -161,7 +161,7 @@ def test_a_page_from_elsewhere_or_from_nowhere_is_refused_and_opens_nothing(
 def test_an_unknown_session_is_not_found_on_page_and_socket(client: httpx.Client, manager: SceneManager) -> None:
     answer = client.get("/scenes/nobody/")
     assert answer.status_code == 404
-    assert "Name one of these" in answer.json()["detail"]
+    assert "those that are listed" in answer.json()["detail"]
     refused_with(404, client, "nobody")
     assert "nobody" not in manager
 

@@ -80,7 +80,7 @@ def test_it_is_served_as_an_image(client: httpx.Client) -> None:
     assert len(shapes(answer.text)) == 6
     missing = client.get(f"{root}/scenes/nothing/picture")
     assert missing.status_code == 404
-    assert "sessions listed" in missing.json()["detail"]
+    assert "that are listed" in missing.json()["detail"]
 
 
 def _no_file(name: str) -> bytes:
