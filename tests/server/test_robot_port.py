@@ -68,7 +68,7 @@ def test_the_port_is_closed_until_it_is_asked_for(client: httpx.Client) -> None:
     with pytest.raises(ConnectionRefusedError):
         Program(number)
     wrong = {"host": "192.0.2.1", "port": 1}
-    assert_problem(client.put(f"/sessions/{session}/robot-port", json=wrong), 422, "listen on")
+    assert_problem(client.put(f"/sessions/{session}/robot-port", json=wrong), 422, "serve on")
     assert_problem(client.put(f"/sessions/{session}/robot-port", json={"allowed": ["no"]}), 422)
     for host in ("\u00d2% \u0081c\u00ee", "x" * 64, "a..b", ""):
         assert_problem(client.put(f"/sessions/{session}/robot-port", json={"host": host}), 422)
