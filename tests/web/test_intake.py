@@ -1,5 +1,6 @@
 """Getting captures in: tables with any columns, what a convention makes of them in the scene, a watched folder."""
 
+import json
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from calib_core.robots import parse_pose, to_pose
 from calib_core.simulation import simulate
@@ -63,6 +64,40 @@ def test_a_table_with_its_columns_in_any_order(
     expect(page.locator(".captures tbody tr")).to_have_count(3)
     stored = {c["id"]: c["pose"] for c in api.get(f"/sessions/{session}/captures").json()["items"]}
     assert stored == {c["id"]: c["pose"] for c in CAPTURES[:3]}
+    assert watched.complaints == []
+
+
+def test_nothing_is_solved_while_captures_are_on_their_way(
+    open_page: Callable[..., Any], api: httpx.Client, profiles: list[Path]
+) -> None:
+    session = make_session(api, cell=RECORD["cell"])
+    page, watched = open_page(f"/sessions/{session}")
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:  # the second
+        stored = api.get(f"/sessions/{session}/captures").json()["items"]
+        return held.append(route) if route.request.method == "POST" and stored and not held else route.continue_()
+
+    page.route("**/captures", hold)
+    page.locator("sc-intake input[type=file]").first.set_input_files(profiles)
+    paste(page, "\n".join(" ".join(map(str, capture["pose"])) for capture in CAPTURES[:3]))
+    page.get_by_role("button", name="Add 3 captures").click()
+    expect(page.locator(".captures tbody tr")).to_have_count(1)
+    solve = page.locator("sc-actions button.solve")
+    expect(solve).to_have_attribute("aria-disabled", "true")
+    held[0].continue_()
+    expect(page.locator(".captures tbody tr")).to_have_count(3)
+    expect(solve).to_have_attribute("aria-disabled", "false")
+    # What a solve of too few is told leaves with more captures.
+    solve.click()
+    refusal = page.locator(".toast.bad")
+    expect(refusal).to_contain_text("5 captures")
+    for capture in CAPTURES[3:5]:
+        name = capture["files"][0]
+        sent = {"record": json.dumps(capture)}, {"files": (Path(name).name, MADE.files[name])}
+        assert api.post(f"/sessions/{session}/captures", data=sent[0], files=sent[1]).status_code == 201
+    expect(page.locator(".captures tbody tr")).to_have_count(5)
+    expect(refusal).to_have_count(0)
     assert watched.complaints == []
 
 
