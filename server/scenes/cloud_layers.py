@@ -18,6 +18,8 @@ from server.scenes.scene_model import SceneFacts
 ROOT = "/scans/merged"
 CUT: Rgb = (60, 110, 220)
 _PICKED = 0.012  # the radius of a mark, of the cloud's diagonal: points drawn about it are up to half as large
+_BORDER = 0.05  # so much of a cloud on either side may be strays, along each axis
+_ENOUGH = 100_000  # points to tell its size by
 _CHUNK = 100_000  # a browser draws the first ones while the others are on their way
 
 
@@ -62,8 +64,10 @@ def height_range_mm(merged: MergedScans) -> tuple[float, float]:
 
 
 def extent_mm(merged: MergedScans) -> float:
-    """Return the diagonal of the cloud."""
-    return float(np.linalg.norm(np.ptp(merged.points_mm, axis=0)))
+    """Return the diagonal of the cloud without its strays, which may lie far away."""
+    some = merged.points_mm[:: len(merged.points_mm) // _ENOUGH + 1]
+    low, high = np.quantile(some, [_BORDER, 1 - _BORDER], axis=0)
+    return float(np.linalg.norm(high - low)) / (1 - 2 * _BORDER)
 
 
 def point_size_mm(merged: MergedScans, spread: float = 1.0) -> float:
