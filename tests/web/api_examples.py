@@ -322,7 +322,9 @@ def _settings(place: Path) -> Settings:
 def write(examples: dict[str, dict[str, Any]]) -> None:
     """Write examples where the OpenAPI document takes them from, beside those that stand there alone."""
     examples = {**json.loads(TARGET.read_text(encoding="utf-8")), **examples}
-    TARGET.write_text(json.dumps(examples, indent=1, ensure_ascii=False, sort_keys=True) + "\n", encoding="utf-8")
+    told = {name: json.dumps(examples[name], ensure_ascii=False, sort_keys=True) for name in sorted(examples)}
+    lines = ",\n".join(f'"{name}": {text}' for name, text in told.items())
+    TARGET.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """TypeScript types of the API, from its OpenAPI document and the records that its free-form answers hold.
 
-`python tests/web/api_types.py` writes them to web/api-types.d.ts; a test says when they are no longer current.
+`make web-types` writes them to web/api-types.d.ts, which git ignores, before it checks the page.
 """
 
 import json
@@ -86,5 +86,6 @@ def render() -> str:
     return "\n".join(parts)
 
 
-if __name__ == "__main__":
+def write() -> None:
+    """Write web/api-types.d.ts."""
     TARGET.write_text(render(), encoding="utf-8")

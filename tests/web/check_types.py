@@ -58,7 +58,6 @@ if (other.length) { console.error(`other without their comments: ${other.join(",
 
 def check_without_comments() -> int:
     """Return 0 where every module says the same without its comments."""
-    sys.path.insert(0, str(ROOT))
     from server.http.page_files import without_comments
 
     files = [file for file in (ROOT / "web").rglob("*.js") if "vendor" not in file.parts]
@@ -69,5 +68,14 @@ def check_without_comments() -> int:
     return node(arguments, return_completed_process=True, input=modules, text=True).returncode
 
 
+def write_api_types() -> None:
+    """Write the types of what the server asks for and answers, as it does now."""
+    from tests.web.api_types import write
+
+    write()
+
+
 if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))
+    write_api_types()
     sys.exit(node([str(compiler()), "-p", str(ROOT / "web" / "tsconfig.json")]) or check_without_comments())
