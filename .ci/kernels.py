@@ -28,6 +28,15 @@ def files_of(folder: Path) -> list[Path]:
     return found
 
 
+def taken_from(archive: Path, into: Path) -> bool:
+    """Take the kernels that a portable zip brings out into a folder; return whether it brings any."""
+    with zipfile.ZipFile(archive) as given:
+        names = [name for name in given.namelist() if f"/{FOLDER}/" in name and name.endswith(_BROUGHT)]
+        for name in names:
+            (into / Path(name).name).write_bytes(given.read(name))
+    return bool(names)
+
+
 def with_kernels(wheel: Path, folder: Path, tag: str) -> Path:
     """Write a wheel with the kernels of a folder beside a wheel without, such as for `cp312-none-win_amd64`."""
     made = wheel.with_name(re.sub(r"-py3-none-any\.whl$", f"-{tag}.whl", wheel.name))

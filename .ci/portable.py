@@ -1,11 +1,14 @@
 """One zip that runs on Windows without an installation: `make portable PYTHON_ZIP=python-3.12.8-embed-amd64.zip`.
 
-PYTHON_ZIP is the official embeddable Python for Windows x64, from python.org.
+PYTHON_ZIP is the official embeddable Python for Windows x64, from python.org. Made on Windows, or where a program
+runs a Windows Python, that Python itself compiles the kernels which are brought along.
 """
 
 import argparse
+import os
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 import zipfile
@@ -37,6 +40,9 @@ Nothing else on this computer is changed: to remove it, remove this folder. At t
 kernels are compiled for this processor, some minutes, while the workbench is used. To update, put the new folder
 beside this one and move `data` into it.
 """
+_WARM = ["-B", "-m", "server.cli", "warm", "--any-processor"]
+_DROPPED = ("PYTHONPATH", "PYTHONHOME", "NUMBA_CACHE_DIR")
+_IN_TURN = "import subprocess, sys; sys.exit(subprocess.call(sys.argv[1:]))"
 _NEEDLESS = re.compile(r"(^|/)(__pycache__|tests?)/|\.(pyi|lib|pdb|h)$")
 
 
@@ -74,8 +80,22 @@ def install(wheels: list[Path], into: Path) -> None:
                 (into / place).write_bytes(archive.read(name))
 
 
-def make(python_zip: Path, out: Path, house: Path | None, compiled: Path | None = None) -> Path:
-    """Write the portable zip; `house` is a wheelhouse for Windows, else one is made; `compiled` holds kernels."""
+def compile_kernels(top: Path, starter: Path | None) -> None:
+    """Have the folder's Python compile the kernels that it lacks, on Windows or by what runs a Windows Python."""
+    python = str(top / "python" / "python.exe")
+    command = [python, *_WARM] if starter is None else [str(starter), "-c", _IN_TURN, f"Z:{python}", *_WARM]
+    environment = {name: value for name, value in os.environ.items() if name not in _DROPPED}
+    subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=True)
+
+
+def make(
+    python_zip: Path, out: Path, house: Path | None, compiled: Path | None = None, starter: Path | None = None
+) -> Path:
+    """Write the portable zip.
+
+    `house` is a wheelhouse for Windows, else one is made; `compiled` holds kernels; `starter` is a program that
+    runs a Windows Python.
+    """
     with tempfile.TemporaryDirectory() as temporary:
         top = Path(temporary) / "scancell"
         version = unpack(python_zip, top / "python")
@@ -86,6 +106,8 @@ def make(python_zip: Path, out: Path, house: Path | None, compiled: Path | None 
         for file in kernels.files_of(compiled) if compiled else []:
             (top / _PACKAGES / kernels.FOLDER).mkdir(exist_ok=True)
             shutil.copy(file, top / _PACKAGES / kernels.FOLDER)
+        if starter is not None or os.name == "nt":
+            compile_kernels(top, starter)
         own = next(wheel.name.split("-")[1] for wheel in wheels if wheel.name.startswith("scancell-"))
         for name, text in {"Start.cmd": _START, "scancell.cmd": _COMMAND, "README.txt": _README}.items():
             (top / name).write_bytes(text.replace("{version}", own).replace("\n", "\r\n").encode())
@@ -104,8 +126,12 @@ def main() -> None:
         "packages\\calib_core\\kernels\\__pycache__ of this zip, after `scancell warm --any-processor` on Windows"
     )
     parser.add_argument("--kernels", type=Path, help=f"brought along: {where}")
+    parser.add_argument(
+        "--windows-python", type=Path, help="a program that runs a Windows Python: compiles kernels"
+    )
     options = parser.parse_args()
-    made = make(options.python_zip, options.out, options.wheelhouse, options.kernels)
+    given = (options.wheelhouse, options.kernels, options.windows_python)
+    made = make(options.python_zip, options.out, *given)
     print(f"{made}: {made.stat().st_size / 1e6:.0f} MB")
 
 

@@ -211,12 +211,14 @@ def make(
     house: Path | None,
     image_tool: str | None = None,
     compiled: Path | None = None,
+    starter: Path | None = None,
     *,
     compiles: bool = True,
 ) -> dict[Path, str]:
     """Make all parts of a release in a folder, and read them again; return the wheels to try, with their Pythons.
 
-    `compiled` holds kernels for the portable zip; `compiles`: whether there are wheels with those of Pythons here.
+    `compiled` holds kernels for the portable zip, and `starter`, a program that runs a Windows Python, completes
+    them; `compiles`: whether there are wheels with those of Pythons here.
     """
     out.mkdir(parents=True, exist_ok=True)
     wheel = wheelhouse.build(out)
@@ -225,10 +227,12 @@ def make(
     if compiles and (sys.platform, platform.machine()) == ("linux", "x86_64"):
         made = {wheel_with_kernels(wheel, *python): python[1] for python in pythons().items()}
     if python_zip is not None:
-        portable.make(python_zip, out, house, compiled)
+        zipped = portable.make(python_zip, out, house, compiled, starter)
         parts["components"].append(windows := part_of_python(python_zip))
-        if compiled is not None:
-            kernels.with_kernels(wheel, compiled, f"cp{windows['version'].replace('.', '')}-none-win_amd64")
+        with tempfile.TemporaryDirectory() as folder:
+            if kernels.taken_from(zipped, Path(folder)):
+                tag = f"cp{windows['version'].replace('.', '')}-none-win_amd64"
+                kernels.with_kernels(wheel, Path(folder), tag)
     if image_tool is not None:
         image(out, parts["metadata"]["component"]["version"], image_tool)
     (out / PARTS).write_text(json.dumps(parts, indent=1) + "\n", encoding="utf-8")
@@ -250,11 +254,12 @@ def main() -> None:
     parser.add_argument("--python-zip", type=Path, help="the embeddable Python of Windows: the portable zip too")
     parser.add_argument("--wheelhouse", type=Path, help="one for Windows that is there already")
     parser.add_argument("--kernels", type=Path, help="compiled for the portable zip: see portable.py")
+    parser.add_argument("--windows-python", type=Path, help="a program that runs one: see portable.py")
     parser.add_argument("--signing-key", type=Path, help="an ssh key")
     parser.add_argument("--image-tool", help="podman or docker: the image too")
     options = parser.parse_args()
     given = (options.python_zip, options.signing_key, options.wheelhouse, options.image_tool, options.kernels)
-    for wheel, python in make(options.out, *given).items():
+    for wheel, python in make(options.out, *given, options.windows_python).items():
         try_out(wheel, python, list_of_parts(wheel))
     for path in sorted(options.out.iterdir()):
         print(f"{path.stat().st_size / 1e6:8.1f} MB  {path.name}")

@@ -18,6 +18,7 @@ from calib_core.messages import message
 from server.windows_links import link
 
 TASK = "scancell"
+_CONSOLE = "oem" if WINDOWS else "cp850"
 _PROGRAMS = "Microsoft/Windows/Start Menu/Programs"
 _MINIMIZED = 7
 _TASK_XML = """<?xml version="1.0" encoding="UTF-16"?>
@@ -153,11 +154,20 @@ def _require_windows() -> None:
 
 def _schtasks(*words: str, may_fail: bool = False) -> str:
     done = subprocess.run(["schtasks", *words], capture_output=True, check=False)
-    said = " ".join((done.stdout or done.stderr).decode("utf-8", "replace").split())
+    said, complained = _text(done.stdout), _text(done.stderr)
     if done.returncode and not may_fail:
         to_do = message(
             "With --system, open the prompt as administrator; `scancell service install` makes the task."
         )
-        told = " ".join(done.stderr.decode("utf-8", "replace").split()) or said
+        told = " ".join((complained or said).split())
         raise InputError("a task that Windows takes", told, to_do, f"schtasks {words[0]}")
-    return said
+    return said or complained
+
+
+def _text(said: bytes) -> str:
+    """Return what a program of Windows printed: in the console's code page, which may be UTF-8."""
+    try:
+        text = said.decode("utf-8")
+    except UnicodeDecodeError:
+        text = said.decode(_CONSOLE, "replace")
+    return "\n".join(line.rstrip() for line in text.splitlines() if line.strip())

@@ -131,6 +131,30 @@ def test_kernels_are_brought_along_by_a_wheel_of_one_python(wheel: Path, tmp_pat
         assert "Tag: cp312-none-win_amd64\n" in after.read(record.replace("RECORD", "WHEEL")).decode()
 
 
+def test_the_folders_own_python_compiles_what_kernels_it_lacks(
+    python_zip: Path, wheel: Path, tmp_path: Path
+) -> None:
+    """A program that stands for one that runs a Windows Python does what it is told to have done there."""
+    starter, house, told = tmp_path / "python", tmp_path / "house", tmp_path / "told"
+    house.mkdir()
+    shutil.copy(wheel, house)
+    starter.write_text(
+        f"#!{sys.executable}\nimport pathlib, sys\n"
+        f"pathlib.Path({str(told)!r}).write_text('\\n'.join(sys.argv[3:]))\n"
+        "top = pathlib.Path(sys.argv[3].removeprefix('Z:')).parents[1]\n"
+        f"folder = top / 'packages' / {kernels.FOLDER!r}\nfolder.mkdir()\n(folder / 'b.nbc').touch()\n"
+    )
+    starter.chmod(0o755)
+    made = portable.make(python_zip, tmp_path / "out", house, None, starter)
+    python, *words = told.read_text().splitlines()
+    assert python.startswith("Z:/")
+    assert python.endswith("/scancell/python/python.exe")
+    assert words == ["-B", "-m", "server.cli", "warm", "--any-processor"]
+    (taken := tmp_path / "taken").mkdir()
+    assert kernels.taken_from(made, taken)
+    assert [file.name for file in kernels.files_of(taken)] == ["b.nbc"]
+
+
 def test_another_zip_is_no_python_of_windows(tmp_path: Path) -> None:
     file = tmp_path / "other.zip"
     zipfile.ZipFile(file, "w").close()

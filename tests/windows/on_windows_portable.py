@@ -17,6 +17,9 @@ sys.path.insert(0, str(ROOT / ".ci"))
 import portable
 
 _MOST_MB = 400
+_KERNELS = """from calib_core import compiled
+print(compiled.KERNELS, any(file.exists() for file in compiled.stamp_files(compiled.BASELINE)), sep="|")
+"""
 _NEEDLESS = ("include", "libs", "share", "tcl", "wine")
 
 
@@ -35,11 +38,14 @@ def python_zip(into: Path) -> Path:
 
 
 def compiled(program: list[str], place: Path) -> Path:
-    """Compile the kernels with that Python, for any processor; return where they lie."""
-    ran(program, place, "warm", "--any-processor")
-    asked = [python(), "-c", "import calib_core.compiled; print(calib_core.compiled.KERNELS)"]
-    done = subprocess.run(asked, env=outside(), capture_output=True, text=True, check=True)
-    return here(done.stdout.strip()) / "__pycache__"
+    """Compile the kernels with that Python, for any processor, unless they are there; return where they lie."""
+    asked = [python(), "-c", _KERNELS]
+    folder, there = subprocess.run(asked, env=outside(), capture_output=True, text=True, check=True).stdout.split(
+        "|"
+    )
+    if there.strip() != "True":
+        ran(program, place, "warm", "--any-processor")
+    return here(folder) / "__pycache__"
 
 
 @pytest.mark.skipif(shutil.which("unshare") is None, reason="nothing here takes the network away")

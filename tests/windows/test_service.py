@@ -23,7 +23,10 @@ if "/XML" in sys.argv:
     xml = pathlib.Path(sys.argv[sys.argv.index("/XML") + 1])
     log.with_suffix(".xml").write_bytes(xml.read_bytes())
 if "/End" in sys.argv:
-    sys.exit("ERROR: The task is not running.")
+    sys.stderr.buffer.write("FEHLER: Die Aufgabe wird nicht ausgeführt.\\r\\n".encode("cp850"))
+    sys.exit(1)
+if "/Query" in sys.argv:
+    sys.stdout.buffer.write("\\r\\nAufgabe: scancell\\r\\nNächste Laufzeit: N/V\\r\\n".encode("cp850"))
 print("SUCCESS")
 """
 
@@ -75,7 +78,14 @@ def test_for_the_whole_machine_it_starts_with_it(tasks: Path, tmp_path: Path) ->
 
 def test_what_windows_refuses_is_told(tasks: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["service", "stop"]) == 2
-    assert "The task is not running" in capsys.readouterr().err
+    assert "Die Aufgabe wird nicht ausgeführt." in capsys.readouterr().err
+
+
+def test_what_windows_says_in_the_consoles_code_page_is_shown_line_by_line(
+    tasks: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["service", "status"]) == 0
+    assert capsys.readouterr().out.splitlines()[:2] == ["Aufgabe: scancell", "Nächste Laufzeit: N/V"]
 
 
 def test_elsewhere_systemd_is_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -60,6 +60,7 @@ WAYS: list[tuple[str, str, str]] = [
     ("a scheduled task ends after three days, and on batteries", "test_service", "test_it_is_installed_for_a_user_without_rights_and_removed"),
     ("a service of the machine is no user's", "test_service", "test_for_the_whole_machine_it_starts_with_it"),
     ("schtasks refuses", "test_service", "test_what_windows_refuses_is_told"),
+    ("schtasks speaks the console's code page", "test_service", "test_what_windows_says_in_the_consoles_code_page_is_shown_line_by_line"),
     ("a start menu entry is a link of Windows' format", "test_service", "test_a_link_is_read_back_by_its_format"),
     ("a second start finds the server running", "test_service", "test_serve_opens_the_browser_once_it_serves_and_where_it_runs_already"),
     ("the embeddable Python takes no PYTHONPATH, and cmd wants CRLF", "test_release", "test_the_portable_folder_finds_its_packages_and_starts"),
