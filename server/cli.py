@@ -15,7 +15,7 @@ from calib_core import __version__
 from calib_core.disk import WINDOWS
 from calib_core.registry import Registry
 from server.console.command import BAD_INPUT, GROUPS, OK, Command
-from server.console.output import from_standard_input, take_any_text, with_matches
+from server.console.output import from_standard_input, take_any_text, take_long_paths, with_matches
 from server.console.remote import from_server
 
 if TYPE_CHECKING:
@@ -86,6 +86,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.parser.refuse(unknown)
     except SystemExit as end:  # --help, or a usage error that is printed already
         return int(end.code or 0)
+    if WINDOWS and not getattr(options, "server", None):  # whose sessions are no paths
+        take_long_paths(options)
     try:
         return _run(options)
     except BrokenPipeError:

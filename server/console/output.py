@@ -14,11 +14,12 @@ from glob import glob
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from calib_core.disk import WINDOWS
+from calib_core.disk import WINDOWS, extended
 from server.console.language import lines_said
 
 STANDARD_OUTPUT = STANDARD_INPUT = Path("-")
 _SPOOLED = "standard input"
+_ROOM = 80  # for names below a folder that is named; what a data folder has below is no longer
 
 
 def take_any_text() -> None:
@@ -43,6 +44,19 @@ def with_matches(words: Sequence[str]) -> list[str]:
         matches = sorted(glob(word)) if {"*", "?"} & set(word) and word[0] != "-" else []  # noqa: PTH207 (as text)
         found += matches or [word]
     return found
+
+
+def take_long_paths(options: argparse.Namespace) -> None:
+    """Have every path of the arguments that is too long for Windows named as Windows takes it."""
+    for name, value in vars(options).items():
+        if isinstance(value, Path):
+            setattr(options, name, _whole(value))
+        elif isinstance(value, list):
+            setattr(options, name, [_whole(one) if isinstance(one, Path) else one for one in value])
+
+
+def _whole(path: Path) -> Path:
+    return path if path == STANDARD_INPUT or path.name.lower() == "nul" else extended(path, _ROOM)
 
 
 def print_result(options: argparse.Namespace, text: str, data: Any) -> None:

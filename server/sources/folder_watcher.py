@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from calib_core.disk import is_held, replace_file
+from calib_core.disk import LONGEST_PLAIN, extended, is_held, replace_file
 from calib_core.errors import CalibrationError, ConflictError, InputError, NotFoundError, TooLargeError
 from calib_core.messages import message
 from calib_core.records import Capture, Session, StepName
@@ -78,7 +78,7 @@ class Watcher:
     def __init__(
         self, root: Path | None, memory: Path, load: Load, take: Take, max_bytes: int, rest_s: float = 1.0
     ) -> None:
-        self._root = root.resolve() if root is not None else None
+        self._root = extended(root.resolve(), LONGEST_PLAIN) if root is not None else None
         self._memory = memory
         self._load, self._take_in, self._max_bytes = load, take, max_bytes
         self._rest_s = rest_s

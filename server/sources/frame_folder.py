@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from calib_core.disk import is_held
+from calib_core.disk import LONGEST_PLAIN, extended, is_held
 from calib_core.errors import InputError
 from server.sources.device import Description, Frame, host_now_s
 from server.sources.source import Settings, Source
@@ -26,16 +26,17 @@ class FrameFolder:
     """Reads files in the order of their names' appearance, each once, when its size rests between two looks."""
 
     def __init__(self, settings: FrameFolderSettings) -> None:
-        if not settings.folder.is_dir():
+        self._folder = extended(settings.folder, LONGEST_PLAIN)
+        if not self._folder.is_dir():
             raise InputError("a folder", "none", "Correct it.", str(settings.folder))
-        self._settings = settings
+        self._ending = settings.ending.lower()
         self._seen = self._whole()
         self._growing: dict[str, tuple[int, int]] = {}
         self._ready: list[str] = []
 
     def describe(self) -> Description:
         """Return that it delivers files."""
-        return Description(f"folder {self._settings.folder.name}", can=("profiles", "images"))
+        return Description(f"folder {self._folder.name}", can=("profiles", "images"))
 
     def read(self) -> Frame | None:
         """Return the next file that is whole; raises OSError where the folder is gone."""
@@ -48,7 +49,7 @@ class FrameFolder:
                 return None
             time.sleep(_LOOK_EVERY_S)
         name = self._ready.pop(0)
-        path = self._settings.folder / name
+        path = self._folder / name
         try:
             changed_s, content = path.stat().st_mtime, path.read_bytes()
         except FileNotFoundError:  # its writer keeps the newest ones only
@@ -75,9 +76,9 @@ class FrameFolder:
 
     def _whole(self) -> dict[str, tuple[int, int]]:
         found: dict[str, tuple[int, int]] = {}
-        with os.scandir(self._settings.folder) as entries:
+        with os.scandir(self._folder) as entries:
             for entry in entries:
-                if entry.name.startswith(".") or not entry.name.lower().endswith(self._settings.ending.lower()):
+                if entry.name.startswith(".") or not entry.name.lower().endswith(self._ending):
                     continue
                 try:
                     status = entry.stat(follow_symlinks=False)

@@ -38,6 +38,8 @@ WAYS: list[tuple[str, str, str]] = [
     ("names in a session's folder differ in case alone", "test_names", "test_names_that_differ_in_case_alone_are_told_where_they_are_one_file"),
     ("the project's own files have names that Windows can write", "test_other_systems", "test_no_two_files_differ_in_case_alone_and_none_has_a_name_that_windows_keeps_for_itself"),
     ("paths end at 260 characters", "test_names", "test_a_long_path_is_extended_and_a_short_one_stays"),
+    ("commands are given long paths", "test_long_paths", "test_commands_read_and_write_what_has_a_long_path"),
+    ("watched folders have files with long paths", "test_long_paths", "test_folders_that_are_watched_are_long_already"),
     ("archives are unpacked to long paths", "test_names", "test_a_long_path_is_unpacked_read_and_written_here"),
     ("a data folder leaves no room for its blobs' names", "test_names", "test_a_data_folder_in_which_windows_could_not_name_blobs_is_refused"),
     ("a file marked as read-only is not removed", "test_files", "test_what_is_marked_as_read_only_is_removed"),
