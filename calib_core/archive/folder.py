@@ -181,15 +181,31 @@ def write_result(folder: Path, stage: str, result: Record, session: Session) -> 
 
 
 def past_of(folder: Path) -> dict[str, Any]:
-    """Return what a folder keeps of its past, as JSON data; raises InputError where it is no JSON object."""
+    """Return what a folder keeps of its past, as JSON data; raises InputError where it is none."""
     path = folder / HISTORY_FILE
-    if not path.is_file():
+    if not path.exists():
         return {"format": "scancell-history/1", "results": []}
-    to_do = message("Copy or export it again.")
-    data = parse_json(read_bytes(path, to_do), str(path))
-    if not isinstance(data, dict) or not isinstance(data.get("results"), list):
-        raise InputError("a JSON object", "something else", to_do, str(path))
-    return cast("dict[str, Any]", data)
+    to_do = message(
+        "Put back a copy of it. Whoever removes it removes what was decided before: then captures and limits must "
+        "be looked at anew."
+    )
+    try:
+        data = parse_json(read_bytes(path, to_do), str(path))
+    except InputError as error:
+        raise InputError(error.need, error.got, to_do, error.where) from None
+    if not isinstance(data, dict) or not _are_results(data.get("results", [])):
+        raise InputError("the results that this session had before", "something else", to_do, str(path))
+    return {"results": [], **cast("dict[str, Any]", data)}
+
+
+def _are_results(past: Any) -> bool:
+    """Return whether this is a list of results with their stage, each whole or, the latest, told elsewhere."""
+    return isinstance(past, list) and all(
+        isinstance(one, dict)
+        and isinstance(one.get("stage"), str)
+        and all(isinstance(one.get(name), dict | None) for name in ("record", "solved_from"))
+        for one in cast("list[dict[str, Any]]", past)
+    )
 
 
 def _keep_past(folder: Path, stage: str, path: Path) -> None:

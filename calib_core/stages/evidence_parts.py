@@ -324,7 +324,10 @@ def noise_table(parts: VarianceComponents, more: Iterable[tuple[str, Quantity, s
 
 
 def two_step_blocks(result: Any) -> list[AnyBlock]:
-    """Return the joint answer beside the paper's two steps, with their difference in its own sigmas."""
+    """Return the joint answer beside the paper's two steps, with their difference in its own sigmas.
+
+    Of an answer that failed no ± is believed: both are shown by themselves.
+    """
     two = result.two_step
     title = "Joint answer beside the paper's two steps"
     other = two.placed_scanner
@@ -336,8 +339,9 @@ def two_step_blocks(result: Any) -> list[AnyBlock]:
             )
         ]
     joint = result.mount_from_laser
-    ours = np.array(result.covariance, dtype=float)[:6, :6]
-    theirs = None if two.covariance is None else np.array(two.covariance, dtype=float)[:6, :6]
+    believed = result.verdict != "fail"
+    ours = np.array(result.covariance, dtype=float)[:6, :6] if believed else np.full((6, 6), np.nan)
+    theirs = np.array(two.covariance, dtype=float)[:6, :6] if believed and two.covariance is not None else None
     xi = joint.difference(other)
     rows = [
         _compared_axis(axis, joint, other, 3 + k, ours, theirs)
@@ -349,7 +353,7 @@ def two_step_blocks(result: Any) -> list[AnyBlock]:
         Row(
             cells=[
                 "Rotation",
-                plus_minus(float(np.rad2deg(np.sqrt(np.linalg.eigvalsh(ours[:3, :3])[-1]))), "°"),
+                plus_minus(pose_sigmas(ours)[1], "°") if believed else None,
                 quantity(float(np.rad2deg(angle)), "°"),
                 _in_sigmas(angle, along, ours, theirs),
             ]
@@ -364,18 +368,23 @@ def two_step_blocks(result: Any) -> list[AnyBlock]:
         )
     ]
     heads = [Column(label="Figure", align="left"), Column(label="Joint"), Column(label="Two-step")]
-    table = Table(
-        id="two-step",
-        title=title,
-        caption="Differences are in units of their own standard deviation; of the rotation, the angle between the "
-        "two answers."
-        if theirs is not None
-        else "Differences are in units of their own standard deviation as far as the joint answer's uncertainty "
-        "goes; of the rotation, the angle between the two answers.",
-        columns=[*heads, Column(label="Difference", unit="σ", decimals=1)],
-        rows=rows,
-    )
-    return [table]
+    caption = message("Of the rotation, the angle between the two answers.")
+    if believed:
+        caption = (
+            message(
+                "Differences are in units of their own standard deviation; of the rotation, the angle between the "
+                "two answers."
+            )
+            if theirs is not None
+            else message(
+                "Differences are in units of their own standard deviation as far as the joint answer's "
+                "uncertainty goes; of the rotation, the angle between the two answers."
+            )
+        )
+    columns = [*heads, Column(label="Difference", unit="σ", decimals=1)]
+    if not believed:
+        columns, rows = heads, [row.model_copy(update={"cells": row.cells[:3]}) for row in rows]
+    return [Table(id="two-step", title=title, caption=caption, columns=columns, rows=rows)]
 
 
 def _compared_axis(

@@ -38,7 +38,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     """Solve a session, store its results, print them; return 0 where all are accepted, else 1."""
     from calib_core.archive.archive import is_archive, opened
-    from calib_core.archive.folder import folder_of, load_session, result_data
+    from calib_core.archive.folder import folder_of, load_session, past_of, result_data
     from calib_core.archive.stored_results import truth_of
     from calib_core.errors import CalibrationError
     from calib_core.formats.shared.writing import write_pieces
@@ -59,6 +59,8 @@ def _run(options: argparse.Namespace) -> int:
 
     with opened(path) as folder:
         session, read = load_session(folder)
+        if target is not None:
+            past_of(target)  # a damaged one is told before hours of solving, not after
         with progress_bar(options) as progress:
             if options.apply or options.undo:
                 session = _remedied(options, folder, session, read, in_place=target == folder)

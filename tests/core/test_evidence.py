@@ -188,6 +188,11 @@ def test_what_failed_states_no_uncertainty_of_its_frames(turntable_results, stag
     assert frames
     assert all(frame.covariance is None for frame in frames)
     assert not any(number.quantity.uncertainty for frame in frames for number in frame.numbers)
+    if stage != "turntable":
+        assert not any(
+            "uncertainty" in str(block.to_json()) for block in blocks if "two steps" in (block.title or "")
+        )
+        assert not {"scanner", "drift"} & {block.id for block in blocks}
 
 
 def test_a_verification_reads_the_same_everywhere(solved_folder):

@@ -16,6 +16,7 @@ from calib_core.archive.folder import (
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.shared.writing import write_atomically
 from calib_core.records import Record, Session, parse_session
+from server.cli import main
 
 RECORD = {
     "format": "scancell-session/1",
@@ -50,6 +51,18 @@ def test_a_saved_session_comes_back_with_its_files_byte_for_byte(tmp_path, sessi
         assert loaded == session
         assert loaded.to_json() == RECORD  # what the format does not know is kept
         assert read("captures/p01.csv") == FILES["captures/p01.csv"]
+
+
+@pytest.mark.parametrize("past", ["{", "[]", '{"results": {}}', '{"results": [{"stage": "tcp", "record": []}]}'])
+def test_a_damaged_past_is_told_before_anything_is_solved_and_nothing_is_stored(tmp_path, session, past, capsys):
+    save_session(tmp_path, session, FILES)
+    (tmp_path / "history.json").write_text(past)
+    before = contents(tmp_path)
+    assert main(["run", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "history.json" in said
+    assert "Put back a copy of it." in said
+    assert contents(tmp_path) == before
 
 
 def test_saving_the_same_again_changes_nothing_and_another_is_refused(tmp_path, session):

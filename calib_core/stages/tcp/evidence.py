@@ -68,7 +68,7 @@ def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:
         *two_step_blocks(result),
         noise_table(result.variance_components),
         *scanner_table(result),
-        *arm_table(result.arm_model),
+        *arm_table(None if result.verdict == "fail" else result.arm_model),
         *repeatability_table(session, result),
         *sphere_figures(result),
         *left_out(result.residuals),
@@ -105,9 +105,9 @@ def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
 
 
 def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:
-    """Return what was found of sphere and scanner together with the tool."""
+    """Return what was found of sphere and scanner together with the tool, nothing with one that failed."""
     found = result.errors_of_scanner
-    if found is None:
+    if found is None or result.verdict == "fail":
         return []
     rows: list[Row] = []
     for name, value, sigma in zip(found.names, found.values, found.sigmas, strict=True):

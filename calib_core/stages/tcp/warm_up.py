@@ -92,9 +92,12 @@ def _minutes(seconds: float) -> str:
 
 
 def drift_blocks(result: TcpResult) -> list[AnyBlock]:
-    """Return the drift within the session as a figure and a plot over time."""
-    drift = result.warm_up
-    if drift is None:
+    """Return the drift within the session as a figure and a plot over time.
+
+    Of captures that do not fit together, a drift that explains nothing explains what chance and their errors made.
+    """
+    drift, failed = result.warm_up, result.verdict == "fail"
+    if drift is None or (failed and not drift.found):
         return []
     timed = drift.over_s is not None
     minutes = [p.at_s / _MINUTE_S for p in drift.points if p.at_s is not None]
@@ -106,7 +109,7 @@ def drift_blocks(result: TcpResult) -> list[AnyBlock]:
     return [
         Figure(
             label="Drift within the session",
-            quantity=quantity(drift.drift_mm, "mm", drift.uncertainty_mm / 2),
+            quantity=quantity(drift.drift_mm, "mm", None if failed else drift.uncertainty_mm / 2),
             remark=remark or "none beyond doubt",
             detail=not drift.found,
         ),
