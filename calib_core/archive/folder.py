@@ -204,7 +204,7 @@ def _are_results(past: Any) -> bool:
         isinstance(one, dict)
         and isinstance(one.get("stage"), str)
         and all(isinstance(one.get(name), dict | None) for name in ("record", "solved_from"))
-        for one in cast("list[dict[str, Any]]", past)
+        for one in cast("list[Any]", past)
     )
 
 

@@ -353,7 +353,7 @@ def two_step_blocks(result: Any) -> list[AnyBlock]:
         Row(
             cells=[
                 "Rotation",
-                plus_minus(pose_sigmas(ours)[1], "°") if believed else None,
+                plus_minus(pose_sigmas(result.covariance)[1], "°") if believed else None,
                 quantity(float(np.rad2deg(angle)), "°"),
                 _in_sigmas(angle, along, ours, theirs),
             ]
