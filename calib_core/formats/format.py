@@ -149,17 +149,15 @@ class Reading:
 
     def sentence(self) -> str:
         """Return in one line what was read."""
-        rows = f" ({self.grid[0]} × {self.grid[1]})" if self.grid else ""
-        named = ", ".join(f"{axis} = {name}" for axis, name in self.columns.items())
-        blank = message(", {count} without a value", count=self.missing) if self.missing else ""
+        kind = _KINDS.get(self.kind, self.kind)
+        read = [message("{kind} of {count} points", kind=kind, count=len(self.points))]
+        read += [f"{self.grid[0]} × {self.grid[1]}"] if self.grid else []
+        read += [message("{count} without a value", count=self.missing)] if self.missing else []
+        read += [f"{axis} = {name}" for axis, name in self.columns.items()]
         return message(
-            "{format}: {kind} of {count} points{rows}{blank}{columns}; {unit} ({origin})",
+            "{format}: {read:,}; {unit} ({origin})",
             format=self.format,
-            kind=_KINDS.get(self.kind, self.kind),
-            count=len(self.points),
-            rows=rows,
-            blank=blank,
-            columns=f"; {named}" if named else "",
+            read=read,
             unit=self.unit,
             origin=_UNIT_FROM.get(self.unit_from, self.unit_from),
         )

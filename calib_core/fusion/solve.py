@@ -160,7 +160,7 @@ def solve_merge(
     views: list[View] = []
 
     def begun(done: int, name: str) -> None:
-        tell(0.6 * done / len(scans), message("Cleaning and merging {name}{grid}", name=name, grid=_on_disk(grid)))
+        tell(0.6 * done / len(scans), _with_spills(grid, message("Cleaning and merging {name}", name=name)))
 
     for report in grid.look_through(scans, range(len(scans)), ScanTask(o, fuse=not moving), begun):
         if report.error is not None:
@@ -202,7 +202,7 @@ def solve_merge(
             ways, seen, left = registration.turntable_from_scan, registration.moved, registration.errors
 
         def again(done: int, name: str) -> None:
-            tell(0.62 + 0.13 * done / len(used), message("Merging {name}{grid}", name=name, grid=_on_disk(grid)))
+            tell(0.62 + 0.13 * done / len(used), _with_spills(grid, message("Merging {name}", name=name)))
 
         task = ScanTask(o, fuse=True, ways=dict(zip(used, ways, strict=True)))
         for report in grid.look_through(scans, used, task, again):
@@ -237,8 +237,10 @@ def _no_moves(count: int) -> FloatArray:
     return np.tile(np.eye(4), (count, 1, 1))
 
 
-def _on_disk(grid: Crew) -> str:
-    return f" (memory was emptied to the disk {grid.spills} times)" if grid.spills else ""
+def _with_spills(grid: Crew, doing: str) -> str:
+    if not grid.spills:
+        return doing
+    return message("{doing} (memory was emptied to the disk {times} times)", doing=doing, times=grid.spills)
 
 
 def _tolerance_mm(apart: Overlap, seen: Patches) -> float:

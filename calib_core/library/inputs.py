@@ -119,10 +119,13 @@ def _captures(cell: Cell, step: str, given: Captures) -> list[tuple[Capture, dic
     poses = [None] * count if given.poses is None else _poses(cell, given.poses)
     angles = [None] * count if given.table_deg is None else _angles(given.table_deg, step)
     mounts = [None] * count if given.mounts is None else list(given.mounts)
-    for what, found in (("pose", poses), ("angle", angles), ("mount", mounts)):
+    for found, need in (
+        (poses, message("{count} poses, one a scan", count=count)),
+        (angles, message("{count} angles, one a scan", count=count)),
+        (mounts, message("{count} mounts, one a scan", count=count)),
+    ):
         if len(found) != count:
-            to_do = message("Give one for each, in their order.")
-            raise InputError("{count} {what}s, one a scan", str(len(found)), to_do, step, count=count, what=what)
+            raise InputError(need, str(len(found)), message("Give one for each, in their order."), step)
     return [
         _capture(step, k, scan, {"pose": pose, "table_deg": angle, "mount": mount})
         for k, (scan, pose, angle, mount) in enumerate(zip(scans, poses, angles, mounts, strict=True))

@@ -115,13 +115,13 @@ def new_session(
         {
             "name": look.file.name,
             "taken_for": look.taken_for,
-            "why": str(look.reason),
+            "why": look.reason.text,
             "capture": made.capture_of.get(look.file.name),
         }
         for look in found.looks
     ]
     notes = (*made.notes, *map(str, found.doubts))
-    missing = tuple(map(str, found.missing))
+    missing = tuple(lack.text for lack in found.missing)
     return NewSession(target, tuple(files), missing, notes, len(made.session.captures))
 
 

@@ -50,9 +50,11 @@ def _look(look: Look, read: ControllerFile, title: str, packed: bool, told_arm: 
         notes = read.notes if told_arm else ()
         return replace(look, taken_for="poses", reason=reason, poses=listed, notes=notes)
     skipped = [row for row in read.skipped if packed or row.file == name]
-    because = f": {skipped[0].reason}" if skipped else "."
-    values = {"brand": title, "tools": tools, "frames": frames, "because": because}
-    return replace(look, taken_for="backup", reason=Reason("controller", values), poses=None)
+    values = {"brand": title, "tools": tools, "frames": frames}
+    reason = Reason("controller", values)
+    if skipped:
+        reason = Reason("controller-skipped", {**values, "because": skipped[0].reason})
+    return replace(look, taken_for="backup", reason=reason, poses=None)
 
 
 def _row(pose: FilePose) -> PoseRow:

@@ -124,8 +124,7 @@ def _json(file: GivenFile, head: str) -> Look | None:
         return Look("session", Reason("session"))
     poses = poses_in_json(data, file.name)
     if poses is not None:
-        where = f" under {poses[1]}" if poses[1] else ""
-        return _with_poses(poses[0], where, sphere_mm_in(data), keys_of(data))
+        return _with_poses(poses[0], poses[1], sphere_mm_in(data), keys_of(data))
     sphere_mm = sphere_mm_in(data)
     if sphere_mm is not None:
         reason = Reason("settings-sphere", {"keys": keys_of(data), "sphere_mm": sphere_mm})
@@ -133,11 +132,12 @@ def _json(file: GivenFile, head: str) -> Look | None:
     return nothing("settings", keys=keys_of(data))
 
 
-def _with_poses(poses: PoseList, where: str = "", sphere_mm: float | None = None, keys: str = "") -> Look:
-    values = {"poses": len(poses.rows), "numbers": len(poses.rows[0].numbers), "where": where}
+def _with_poses(poses: PoseList, key: str = "", sphere_mm: float | None = None, keys: str = "") -> Look:
+    values: dict[str, str | float] = {"poses": len(poses.rows), "numbers": len(poses.rows[0].numbers)}
+    values |= {"key": key} if key else {}
     if len(poses.rows) == 1 and keys:  # one alone among settings: a result of theirs, unless a scan has its name
         values["keys"] = keys
-    return Look("poses", Reason("poses", values), poses=poses, sphere_mm=sphere_mm)
+    return Look("poses", Reason("poses-under" if key else "poses", values), poses=poses, sphere_mm=sphere_mm)
 
 
 def _centers(file: GivenFile, told: Unit | None) -> Look | None:
@@ -150,9 +150,10 @@ def _centers(file: GivenFile, told: Unit | None) -> Look | None:
     count = len(centers.points)
     if centers.unit is None:
         return Look("centers", Reason("centers-unit", {"points": count}), centers=centers)
-    sigma = f", each axis ± {centers.sigma_mm:.3g} mm (1 sigma)" if centers.sigma_mm else ""
-    reason = Reason("centers", {"points": count, "unit": centers.unit, "sigma": sigma})
-    return Look("centers", reason, centers=centers)
+    values: dict[str, str | float] = {"points": count, "unit": centers.unit}
+    if centers.sigma_mm:
+        return Look("centers", Reason("centers-sure", {**values, "sigma_mm": centers.sigma_mm}), centers=centers)
+    return Look("centers", Reason("centers", values), centers=centers)
 
 
 def _listing(file: GivenFile, text: str) -> Look | None:
@@ -171,7 +172,7 @@ def _controllers(file: GivenFile, text: str) -> Look | None:
     if not know:
         return None
     brand = next((b for b in know if ending in b.endings), know[0])
-    values = {"brand": brand.title, "tools": 0, "frames": 0, "because": "."}
+    values = {"brand": brand.title, "tools": 0, "frames": 0}
     return Look("backup", Reason("controller", values), brand=brand.name)
 
 
@@ -186,11 +187,11 @@ def _table(file: GivenFile, text: str) -> Look | None:
             poses = poses_in(rows_in(decoded(file.data)), file.name)
         if poses is not None:
             return _with_poses(poses)
-    values = {"rows": len(found.rows), "columns": found.width, "cut": " in its beginning" if cut else ""}
+    values = {"rows": len(found.rows), "columns": found.width}
     if found.width < 2 or len(found.rows) < _LEAST_POINTS or found.others > len(found.rows):
         return None
     kind, preview = _points_of_table(file, found.width)
-    return Look(kind, Reason("table", values), preview=preview)
+    return Look(kind, Reason("table-begun" if cut else "table", values), preview=preview)
 
 
 def _points_of_table(file: GivenFile, width: int) -> tuple[TakenFor, tuple[tuple[float, float], ...]]:

@@ -31,7 +31,7 @@ def look_at_storage(file: GivenFile, head: str) -> Look:
         return Look(kind, Reason("points", {"title": _TITLE, "how": how}), preview=preview_of(points))
     poses = _poses(file)
     if poses is not None:
-        values = {"poses": len(poses.rows), "numbers": 16, "where": ""}
+        values = {"poses": len(poses.rows), "numbers": 16}
         return Look("poses", Reason("poses", values), poses=poses)
     return nothing("settings", keys=_TITLE)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from calib_core.frames import FloatArray
+from calib_core.messages import Message, message, templates
 
 if TYPE_CHECKING:
     from calib_core.recognition.tracker_points import Centers
@@ -27,46 +28,55 @@ HEAD_BYTES = 65_536
 
 _DRAWN = 60
 
-_REASONS = {
-    "empty": "The file is empty.",
-    "link": "A link, or nothing that can be read: it is not followed.",
-    "unreadable": "It cannot be read: check its permissions.",
-    "system": "A file of the operating system.",
-    "binary": "Binary data that no reader knows.",
-    "text": "Text in which neither points nor poses were found.",
-    "points": "{title}: {how}.",
-    "table": "{rows} rows of {columns} numbers{cut}: points.",
-    "picture": "An image.",
-    "board": "An image of a board: {how}.",
-    "centers": "{points} points of a laser tracker in {unit}{sigma}.",
-    "centers-unit": "{points} points of a laser tracker, and nothing says their unit.",
-    "centers-beside": "{points} points of a laser tracker: give them a folder of their own, without other scans.",
-    "mesh": "A mesh, not a measurement.",
-    "poses": "{poses} poses of {numbers} numbers{where}.",
-    "controller-poses": "{brand}: {poses} poses, {tools} tools, {frames} frames.",
-    "controller": "{brand}: {tools} tools, {frames} frames, no poses{because}",
-    "controller-unread": "{brand}: {because}",
-    "same-poses": "The same {poses} poses as in {other}.",
-    "other-poses": "{poses} poses for {measurements} measurements, which {other} fits better.",
-    "one-pose": "One pose, named after no measurement.",
-    "settings": "Settings or results of another program ({keys}), neither profiles nor a list of poses.",
-    "settings-sphere": "Settings or results of another program ({keys}); they tell a sphere of {sphere_mm} mm.",
-    "certificate": "A digital calibration certificate (DCC).",
-    "session": "A session's own record.",
-    "zip": "A zip file with nothing of a known controller in it: unpack it.",
-    "office": "A document of an office program: export its table as CSV.",
-    "compiled": "{what}: {to_do}",
-    "damaged": "{because}",
-    "told": "Taken so because it was told.",
-    "missing-measurements": "Measurements: none of the files holds profiles, clouds or frames.",
-    "missing-poses": "Poses: none of the files holds where the robot stood.",
-    "missing-poses-of": "The poses of {names}.",
-    "missing-convention": "The convention of the poses: {choices}.",
-    "missing-sphere": "The sphere's diameter.",
-    "paired-by-order": "{measurements} measurements, {poses} poses, in their order: which ones lack is not known.",
-    "rival-lists": "{names} hold different poses: the first is taken.",
-    "beyond": "Beyond the {most} files that are read at once.",
-}
+_REASONS = templates(
+    {
+        "empty": "The file is empty.",
+        "link": "A link, or nothing that can be read: it is not followed.",
+        "unreadable": "It cannot be read: check its permissions.",
+        "system": "A file of the operating system.",
+        "binary": "Binary data that no reader knows.",
+        "text": "Text in which neither points nor poses were found.",
+        "points": "{title}: {how}.",
+        "table": "{rows} rows of {columns} numbers: points.",
+        "table-begun": "At least {rows} rows of {columns} numbers: points.",
+        "picture": "An image.",
+        "board": "An image of a board.",
+        "centers": "{points} points of a laser tracker in {unit}.",
+        "centers-sure": "{points} points of a laser tracker in {unit}, each axis ± {sigma_mm:.3g} mm (1 sigma).",
+        "centers-unit": "{points} points of a laser tracker, and nothing says their unit.",
+        "centers-beside": "{points} points of a laser tracker: give them a folder of their own, "
+        "without other scans.",
+        "mesh": "A mesh, not a measurement.",
+        "poses": "{poses} poses of {numbers} numbers.",
+        "poses-under": "{poses} poses of {numbers} numbers under {key}.",
+        "controller-poses": "{brand}: {poses} poses, {tools} tools, {frames} frames.",
+        "controller": "{brand}: {tools} tools, {frames} frames, no poses.",
+        "controller-skipped": "{brand}: {tools} tools, {frames} frames, no poses. {because}",
+        "controller-unread": "{brand}: {because}",
+        "same-poses": "The same {poses} poses as in {other}.",
+        "other-poses": "{poses} poses for {measurements} measurements, which {other} fits better.",
+        "one-pose": "One pose, named after no measurement.",
+        "settings": "Settings or results of another program ({keys}), neither profiles nor a list of poses.",
+        "settings-sphere": "Settings or results of another program ({keys}); "
+        "they tell a sphere of {sphere_mm} mm.",
+        "certificate": "A digital calibration certificate (DCC).",
+        "session": "A session's own record.",
+        "zip": "A zip file with nothing of a known controller in it: unpack it.",
+        "office": "A document of an office program: export its table as CSV.",
+        "compiled": "{what}: {to_do}",
+        "damaged": "{because}",
+        "told": "Taken so because it was told.",
+        "missing-measurements": "No file holds profiles, clouds or frames.",
+        "missing-poses": "No file holds where the robot stood: give its poses.",
+        "missing-poses-of": "No pose for {names}.",
+        "missing-convention": "The convention of the poses is not certain: {choices}.",
+        "missing-sphere": "The sphere's diameter is missing.",
+        "paired-by-order": "{measurements} measurements, {poses} poses, in their order: "
+        "which ones lack is not known.",
+        "rival-lists": "{names} hold different poses: the first is taken.",
+        "beyond": "Beyond the {most} files that are read at once.",
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -76,12 +86,14 @@ class Reason:
     code: str
     values: Mapping[str, str | int | float] = field(default_factory=dict[str, str | int | float])
 
-    def __str__(self) -> str:
-        return _REASONS[self.code].format(**self.values)
+    @property
+    def text(self) -> Message:
+        """What it says."""
+        return message(_REASONS[self.code], **self.values)
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data."""
-        return {"reason": self.code, "values": dict(self.values), "why": str(self)}
+        return {"reason": self.code, "values": dict(self.values), "why": self.text}
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
-from calib_core.messages import message
+from calib_core.messages import message, sentences
 from calib_core.poses.convention import Convention
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import convention_named, parse_pose, to_pose
@@ -251,11 +251,11 @@ def _differences(
     degrees = known.form in ("ZYX", "XYZ", "ZYZ")
     told = [_POSITION_MM / known.mm_per_unit] * 3 + [_ROTATION_DEG if degrees else 1e-4] * (known.count - 3)
     rows = zip(known.numbers.split(), numbers, wanted, told, strict=True)
-    differing = [f"{name} {v:.6g} instead of {w:.6g}" for name, v, w, limit in rows if abs(v - w) > limit]
-    tail = f": {'; '.join(differing)}" if known.form != "matrix" and 0 < len(differing) < known.count else ""
-    return message(
-        "They are {apart:.3f} mm and {apart_other:.4f}° apart{tail}.",
-        apart=apart[0],
-        apart_other=apart[1],
-        tail=tail,
-    )
+    differing = [
+        message("{name} {read:.6g} instead of {wanted:.6g}", name=name, read=v, wanted=w)
+        for name, v, w, limit in rows
+        if abs(v - w) > limit
+    ]
+    far = message("They are {apart_mm:.3f} mm and {apart_deg:.4f}° apart.", apart_mm=apart[0], apart_deg=apart[1])
+    few = known.form != "matrix" and 0 < len(differing) < known.count
+    return sentences([far, message("What differs: {differing:,}.", differing=differing)]) if few else far

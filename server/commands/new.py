@@ -50,8 +50,7 @@ def _text(made: "NewSession") -> str:
     for file in made.files:
         capture = f" ({file['capture']})" if file["capture"] else ""
         lines.append(f"  {file['name']}: {file['taken_for']}{capture}. {file['why']}")
-    lines += [*made.notes, *(message("Missing: {what}", what=sentence) for sentence in made.missing)]
-    return "\n".join(lines)
+    return "\n".join([*lines, *made.notes, *made.missing])
 
 
 COMMAND = Command("new", "make a session folder of files as they lie", "session", _arguments, _run)

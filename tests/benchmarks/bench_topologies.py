@@ -3,12 +3,13 @@
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import hypothesis as hy
 import numpy as np
-from harness import Row
+from harness import Row, kept
 
 import calib_core as cc
 from calib_core.library.opened import in_memory
@@ -46,8 +47,10 @@ def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes as many cells as the figures ask for."""
     rows: list[Row] = []
     for name, counts in _CELLS.items():
-        rows += rows_of(name, [one_cell(name, seed) for seed in range(1, counts[0 if full else 1] + 1)])
-    return [*rows, drawn_row([put_to_use(cell, n, Path(folder)) for n, cell, folder in _drawn(50 if full else 4)])]
+        seeds = range(1, counts[0 if full else 1] + 1)
+        rows += rows_of(name, [kept(f"{name}-{seed}", partial(one_cell, name, seed)) for seed in seeds])
+    cells = enumerate(drawn(50 if full else 4), start=1)
+    return [*rows, drawn_row([kept(f"drawn-{n}", partial(_used, cell, n)) for n, cell in cells])]
 
 
 def drawn(count: int) -> list[TopologyScenario]:
@@ -66,10 +69,9 @@ def drawn(count: int) -> list[TopologyScenario]:
     return found
 
 
-def _drawn(count: int) -> Iterable[tuple[int, TopologyScenario, str]]:
-    for n, cell in enumerate(drawn(count), start=1):
-        with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
-            yield n, cell, folder
+def _used(cell: TopologyScenario, seed: int) -> str:
+    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
+        return put_to_use(cell, seed, Path(folder))
 
 
 def drawn_row(told: Sequence[str]) -> Row:

@@ -75,7 +75,10 @@ def test_what_is_missing_is_named_and_the_session_is_written_all_the_same(
     assert main(["new", str(folder), "--json"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert told["session"] == str(tmp_path / "in-session")
-    assert [sentence.partition(":")[0] for sentence in told["missing"]] == ["Poses", "The sphere's diameter."]
+    assert told["missing"] == [
+        "No file holds where the robot stood: give its poses.",
+        "The sphere's diameter is missing.",
+    ]
     assert len(cc.load(told["session"]).captures) == len(CONTENT)
     few = lay(
         tmp_path / "few", {"p1.csv": CONTENT[0], "p2.csv": CONTENT[1], "r.txt": lines(in_convention("fanuc")[:2])}

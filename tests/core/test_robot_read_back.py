@@ -64,7 +64,7 @@ def test_degrees_for_radians_inverse_transposed_and_other_conventions() -> None:
 def test_another_tool_is_told_by_its_distance() -> None:
     x, y, z, a, b, c = numbers("kuka")
     found = read_back([x + 1, y, z, a, b, c], "kuka", TOOL)
-    assert found.words.startswith("They are 1.000 mm and 0.0000° apart: X ")
+    assert found.words.startswith("They are 1.000 mm and 0.0000° apart. What differs: X ")
     with pytest.raises(InputError, match="6 numbers"):
         read_back([1, 2, 3], "kuka", TOOL)
     assert "no pose" in read_back([1, 2, 3, 9, 9, 9, 9], "abb", TOOL).words

@@ -160,5 +160,5 @@ def test_the_uncertainty_of_each_axis_counts_and_not_the_points_own_beside_it() 
 def test_a_page_is_shown_the_file_and_offered_no_file_a_point() -> None:
     files = [GivenFile("tracker.csv", leica().encode()), GivenFile("poses.csv", poses_text().encode())]
     shown = recognise(files, convention="kuka").to_json()
-    assert shown["files"][0]["reason"] == "centers"
+    assert shown["files"][0]["reason"] == "centers-sure"
     assert shown["pairs"] == [{"file": None, "pose": pose} for pose in reversed(range(16))]

@@ -150,11 +150,8 @@ function summary(files) {
   return t(files.length === 1 ? "files.came_one" : "files.came_many", { count: files.length, parts: parts.join(", ") });
 }
 
-/** Why, in the reader's language. @param {Why} given */
-function why({ reason, values, why: sentence }) {
-  const words = Object.fromEntries(Object.entries(values).map(([name, value]) => [name, typeof value === "string" ? said(value) : String(value)]));
-  return maybe(`files.why_${reason}`, sentence, words);
-}
+/** Why; here some say what to do on this page. @param {Why} given */
+const why = ({ reason, values, why: sentence }) => maybe(`files.why_${reason}`, said(sentence), values);
 
 /** @param {string | undefined} path */
 const stem = (path) => path?.split("/").at(-1)?.replace(/\.[^.]+$/, "") ?? "";

@@ -105,10 +105,7 @@ class _Saved:
                 self._found.skip(
                     line,
                     message(
-                        "{move} {move_other}{move_2}: a compound position is calculated",
-                        move=move[1],
-                        move_other=move[2],
-                        move_2=move[3][:40],
+                        "{move}: a compound position is calculated", move=f"{move[1]} {move[2]}{move[3][:40]}"
                     ),
                 )
             elif not name.startswith("#") and self._active:

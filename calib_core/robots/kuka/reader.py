@@ -187,10 +187,7 @@ class _Program:
                 self._found.skip(
                     line,
                     message(
-                        "{kind}{relative} {target}: a relative move has no pose of its own",
-                        kind=kind,
-                        relative=relative,
-                        target=target[:60],
+                        "{move}: a relative move has no pose of its own", move=f"{kind}{relative} {target[:60]}"
                     ),
                 )
                 continue

@@ -82,10 +82,12 @@ def _apart(result: MergeResult) -> list[AnyBlock]:
         moved = number_text(hypot(*shared.shift[3:6]), 3)
         directions = counted(shared.directions, "direction")
         text = message(
-            "The overlap determines {directions} of tool and table better than the captures did; it moved ",
+            "The overlap determines {directions} of tool and table better than the captures did; "
+            "it moved the tool by {moved} mm.",
             directions=directions,
+            moved=moved,
         )
-        blocks.append(Note(text=message("{text}the tool by {moved} mm.", text=text, moved=moved)))
+        blocks.append(Note(text=text))
     return blocks
 
 

@@ -354,16 +354,21 @@ def _turn(cell: Cell, motion: Motion, home: RigidTransform, sphere: tuple[FloatA
     pose = next_turn(motion, home, center_in_base_mm)
     angle_deg, axis = turn_between_deg(home, pose)
     parallel = count >= LEAST_TURNS and not motion.turns_differ
-    start = "All turns so far are about one axis: turn" if parallel else "Turn"
     return GuideNow(
         step="tcp",
         stage="tcp",
         action="capture",
         instruction=(
             message(
-                "{start} the flange by about {angle_deg:.0f}°, mostly about its {axis} axis, and "
-                "bring the sphere back into view.",
-                start=start,
+                "All turns so far are about one axis: turn the flange by about {angle_deg:.0f}°, mostly about "
+                "its {axis} axis, and bring the sphere back into view.",
+                angle_deg=angle_deg,
+                axis=axis,
+            )
+            if parallel
+            else message(
+                "Turn the flange by about {angle_deg:.0f}°, mostly about its {axis} axis, and bring the sphere "
+                "back into view.",
                 angle_deg=angle_deg,
                 axis=axis,
             )
