@@ -12,6 +12,7 @@ from calib_core.disk import is_remote
 from calib_core.errors import InputError
 from calib_core.messages import message
 from server.store.json_text import JsonText
+from server.store.sqlite_address import address_for_reading
 
 _TIMEOUTS = {
     "connect_timeout": 5,
@@ -51,7 +52,7 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
         raise InputError("an address that begins with postgresql:// or sqlite:///", kind, to_do, "database_url")
     if kind == "sqlite":
         engine = create_engine(
-            _read_only(address) if read_only else address,
+            _unchanged(address) if read_only else address,
             json_serializer=_json_text,
             pool_use_lifo=True,  # what one connection has prepared and kept serves the next request
             connect_args={"cached_statements": _STATEMENTS_KEPT},
@@ -86,13 +87,13 @@ def reading(engine: Engine) -> Engine:
     return engine.execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True)
 
 
-def _read_only(address: URL) -> URL:
+def _unchanged(address: URL) -> URL:
     path = Path(address.database or "")
     log = path.with_name(path.name + "-wal")
     # Without a log nobody writes, and the folder may be one that cannot be written to; an empty one is a server's
     # that is about to.
-    mode = "mode=ro" if log.exists() else "mode=ro&immutable=1"
-    return make_url(f"sqlite:///{path.resolve().as_uri()}?{mode}&uri=true")
+    still = "" if log.exists() else "&immutable=1"
+    return make_url(f"sqlite:///{address_for_reading(path.resolve())}{still}&uri=true")
 
 
 def _own_transactions(connection: Any, _: Any) -> None:

@@ -11,6 +11,7 @@ from typing import Final, Literal, NamedTuple
 from calib_core.disk import remove_file, replace_file
 from calib_core.errors import InputError
 from calib_core.messages import message
+from server.store.sqlite_address import address_for_reading
 
 DATABASE: Final = "scancell.db"
 _KEPT_FOLDER: Final = "before-updates"
@@ -41,7 +42,7 @@ def revision_of(database: Path) -> str | None:
     if not database.is_file():
         return None
     try:
-        with closing(sqlite3.connect(f"{database.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+        with closing(sqlite3.connect(address_for_reading(database.resolve()), uri=True)) as connection:
             row = connection.execute("SELECT version_num FROM alembic_version").fetchone()
     except sqlite3.Error:
         return None
@@ -127,7 +128,7 @@ def _kept_copy(data: Path) -> Path:
     fresh = target.with_suffix(".new")
     try:
         target.parent.mkdir(exist_ok=True)
-        source = f"{(data / DATABASE).resolve().as_uri()}?mode=ro"
+        source = address_for_reading((data / DATABASE).resolve())
         with closing(sqlite3.connect(source, uri=True)) as old, closing(sqlite3.connect(fresh)) as new:
             old.backup(new)
         replace_file(fresh, target)

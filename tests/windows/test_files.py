@@ -4,8 +4,10 @@ import codecs
 import json
 import os
 import shutil
+import sqlite3
 import stat
-from pathlib import Path
+from contextlib import closing
+from pathlib import Path, PureWindowsPath
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from server import cli
 from server.console.output import is_stream, with_matches
 from server.store.engine import engine_of
 from server.store.secrets import load_key
+from server.store.sqlite_address import address_for_reading
 
 
 @pytest.fixture
@@ -100,6 +103,23 @@ def test_a_database_on_a_network_drive_shares_no_memory(
         connection.exec_driver_sql("CREATE TABLE t (a)")
     engine.dispose()
     assert not disk.is_remote(tmp_path)
+
+
+def test_a_database_on_a_share_is_read_by_its_path(tmp_path: Path) -> None:
+    """SQLite refuses an address with a machine in it: no copy was kept there before an update, no backup made."""
+    share = PureWindowsPath("\\\\server\\cells of ü\\scancell.db")
+    assert address_for_reading(share) == "file:////server/cells%20of%20%C3%BC/scancell.db?mode=ro"
+    assert address_for_reading(PureWindowsPath("D:\\4\\scancell.db")) == "file:///D:/4/scancell.db?mode=ro"
+    file = tmp_path / "scancell.db"
+    sqlite3.connect(file).close()
+    with pytest.raises(sqlite3.OperationalError, match="invalid uri authority"):
+        sqlite3.connect(f"file://server{file}?mode=ro", uri=True)
+    with closing(sqlite3.connect(f"file:///{file}?mode=ro", uri=True)) as connection:  # two slashes, as of a share
+        assert connection.execute("PRAGMA user_version").fetchone() == (0,)
+    store = Path(cli.__file__).parent / "store"
+    assert [path.name for path in store.rglob("*.py") if ".as_uri()" in path.read_text("utf-8")] == [
+        "sqlite_address.py"
+    ]
 
 
 def test_stars_stand_for_files_where_no_shell_does_that(

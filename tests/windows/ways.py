@@ -46,6 +46,7 @@ WAYS: list[tuple[str, str, str]] = [
     ("a session lies in a folder that is read-only", "test_files", "test_a_session_in_a_read_only_folder_is_solved_and_told"),
     ("a drive has no hard links", "test_files", "test_a_key_is_made_on_a_drive_without_links"),
     ("a data folder lies on a network drive", "test_files", "test_a_database_on_a_network_drive_shares_no_memory"),
+    ("a database on a share has a machine in its address", "test_files", "test_a_database_on_a_share_is_read_by_its_path"),
     ("no shell expands stars", "test_files", "test_stars_stand_for_files_where_no_shell_does_that"),
     ("NUL is written into", "test_files", "test_nul_is_written_into_and_not_replaced"),
     ("a data folder is locked by msvcrt", "test_processes", "test_a_data_folder_is_locked_by_windows_own_locks"),
