@@ -21,6 +21,7 @@ AnyPath = TypeVar("AnyPath", Path, PureWindowsPath)
 _HELD = (5, 32, 33)
 """Windows' numbers for what passes: access denied, a sharing violation, a lock violation."""
 _SYSTEM = re.compile(r"(?:^|/)(?:\.[^/]*|Thumbs\.db|desktop\.ini|~\$[^/]*|__MACOSX/.*)\Z", re.IGNORECASE)
+_SHARE = re.compile(r"\\\\(?!\?\\)|\\\\\?\\UNC\\")
 _REMOTE_DRIVE: Final = 4
 _REMOTE_FILE_SYSTEMS: Final = {"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "afs", "ceph"}
 _MOUNTS: Final = Path("/proc/self/mounts")
@@ -53,8 +54,13 @@ def is_remote(path: Path) -> bool:
         import ctypes
 
         anchor = path.resolve().anchor
-        return anchor.startswith("\\\\") or ctypes.WinDLL("kernel32").GetDriveTypeW(anchor) == _REMOTE_DRIVE  # pyright: ignore
+        return _SHARE.match(anchor) is not None or ctypes.WinDLL("kernel32").GetDriveTypeW(anchor) == _REMOTE_DRIVE  # pyright: ignore
     return _mounted_as(str(path.resolve())) in _REMOTE_FILE_SYSTEMS
+
+
+def journal_of_sqlite(folder: Path) -> str:
+    """Return how SQLite logs changes: what is quick needs memory that is shared, which network drives have not."""
+    return "TRUNCATE" if is_remote(folder) else "WAL"
 
 
 def _mounted_as(path: str) -> str:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from weakref import finalize
 
-from calib_core.disk import remove_file
+from calib_core.disk import journal_of_sqlite, remove_file
 
 OWN_FOLDER = ".scancell"
 """In a session folder: what is no part of the session."""
@@ -98,7 +98,7 @@ class KeptObservations:
 def _open(path: Path) -> sqlite3.Connection:
     file = sqlite3.connect(path, timeout=_LONGEST_WAIT_S, isolation_level=None, check_same_thread=False)
     try:
-        file.execute("PRAGMA journal_mode = WAL")
+        file.execute(f"PRAGMA journal_mode = {journal_of_sqlite(path.parent)}")
         file.execute("PRAGMA synchronous = OFF")
         file.execute("CREATE TABLE IF NOT EXISTS kept (key TEXT PRIMARY KEY, value BLOB NOT NULL)")
     except sqlite3.Error:

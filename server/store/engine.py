@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError
 
-from calib_core.disk import is_remote
+from calib_core.disk import journal_of_sqlite
 from calib_core.errors import InputError
 from calib_core.messages import message
 from server.store.json_text import JsonText
@@ -57,9 +57,8 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
             pool_use_lifo=True,  # what one connection has prepared and kept serves the next request
             connect_args={"cached_statements": _STATEMENTS_KEPT},
         )
-        set_up = (
-            _own_transactions if read_only else partial(_set_up_sqlite, round(1000 * wait_s), _journal(address))
-        )
+        journal = journal_of_sqlite(Path(address.database or "").parent)
+        set_up = _own_transactions if read_only else partial(_set_up_sqlite, round(1000 * wait_s), journal)
         event.listen(engine, "connect", set_up)
         event.listen(engine, "begin", _begin_sqlite)
         return engine
@@ -98,11 +97,6 @@ def _unchanged(address: URL) -> URL:
 
 def _own_transactions(connection: Any, _: Any) -> None:
     connection.isolation_level = None  # this module begins transactions itself
-
-
-def _journal(address: URL) -> str:
-    """Return how SQLite logs changes: what is quick needs memory that is shared, which network drives have not."""
-    return "TRUNCATE" if is_remote(Path(address.database or "").parent) else "WAL"
 
 
 def _set_up_sqlite(wait_ms: int, journal: str, connection: Any, _: Any) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from calib_core import disk
 from calib_core.archive.folder import load_session, parse_json
+from calib_core.archive.observation_store import KeptObservations
 from calib_core.errors import InputError
 from calib_core.formats.points import parse_profile
 from server import cli
@@ -102,7 +103,12 @@ def test_a_database_on_a_network_drive_shares_no_memory(
         assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == journal
         connection.exec_driver_sql("CREATE TABLE t (a)")
     engine.dispose()
+    KeptObservations(data).put("a", b"1")
+    with closing(sqlite3.connect(data / "observations.sqlite")) as kept:  # only the quick one is noted in the file
+        assert (kept.execute("PRAGMA journal_mode").fetchone() == ("wal",)) == (journal == "wal")
     assert not disk.is_remote(tmp_path)
+    shares = ("\\\\server\\x\\", "\\\\?\\UNC\\server\\x\\", "\\\\?\\C:\\", "C:\\")
+    assert [disk._SHARE.match(anchor) is not None for anchor in shares] == [True, True, False, False]
 
 
 def test_a_database_on_a_share_is_read_by_its_path(tmp_path: Path) -> None:
