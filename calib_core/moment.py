@@ -10,7 +10,7 @@ def text_of(moment: datetime) -> str:
 
 def text_of_seconds(since_1970_s: float) -> str:
     """Return a moment of the system's clock as such text."""
-    return text_of(datetime.fromtimestamp(since_1970_s, UTC))
+    return text_of(datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=since_1970_s))  # Windows' own ends there
 
 
 def now() -> str:

@@ -184,8 +184,11 @@ class Watcher:
         try:
             capture = capture_of(folder, name, notes, session, watch.step, ids)
             content = self._read(folder / name)
-            if files_in(folder).get(name) != signatures[0]:
-                return  # it was written on while it was read
+            if files_in(folder).get(name) != signatures[0] or len(content) != signatures[0][0]:
+                watch.waiting.append(
+                    name
+                )  # it is being written; Windows' list tells a size of before until it is closed
+                return
             self._take_in(session_id, capture, {capture.files[0]: content})
         except NotFoundError:
             raise

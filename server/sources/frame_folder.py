@@ -60,6 +60,11 @@ class FrameFolder:
             self._ready.insert(0, name)
             time.sleep(_LOOK_EVERY_S)
             return None
+        if (
+            len(content) != self._seen.get(name, (len(content),))[0]
+        ):  # Windows lists a size of before until it is closed
+            del self._seen[name]
+            return None
         return Frame(host_now_s(), name, content, changed_s)
 
     def close(self) -> None:

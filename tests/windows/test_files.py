@@ -7,12 +7,14 @@ import shutil
 import sqlite3
 import stat
 from contextlib import closing
+from datetime import datetime
 from pathlib import Path, PureWindowsPath
+from typing import Never
 
 import numpy as np
 import pytest
 
-from calib_core import disk
+from calib_core import disk, moment
 from calib_core.archive.folder import load_session, parse_json
 from calib_core.archive.observation_store import KeptObservations
 from calib_core.errors import InputError
@@ -123,9 +125,20 @@ def test_a_database_on_a_share_is_read_by_its_path(tmp_path: Path) -> None:
     with closing(sqlite3.connect(f"file:///{file}?mode=ro", uri=True)) as connection:  # two slashes, as of a share
         assert connection.execute("PRAGMA user_version").fetchone() == (0,)
     store = Path(cli.__file__).parent / "store"
-    assert [path.name for path in store.rglob("*.py") if ".as_uri()" in path.read_text("utf-8")] == [
-        "sqlite_address.py"
-    ]
+    assert [path.name for path in store.rglob("*.py") if ".as_uri()" in path.read_text("utf-8")] == []
+
+
+def test_a_time_before_1970_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file without a time has one of 1601 there."""
+
+    class Clock(datetime):
+        @classmethod
+        def fromtimestamp(cls, *_: object) -> Never:  # type: ignore[override]
+            raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(moment, "datetime", Clock)
+    assert moment.text_of_seconds(-11_644_473_600.0) == "1601-01-01T00:00:00.000Z"
+    assert moment.text_of_seconds(1_700_000_000.0004) == "2023-11-14T22:13:20.000Z"
 
 
 def test_stars_stand_for_files_where_no_shell_does_that(

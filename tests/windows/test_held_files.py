@@ -9,6 +9,7 @@ import pytest
 
 from calib_core.disk import is_held, is_system_file
 from calib_core.library.machines import files_of
+from server.sources import folder_watcher
 from server.sources.folder import files_in
 from server.sources.frame_folder import FrameFolder, FrameFolderSettings
 from tests.server.test_watched_folder import (
@@ -86,6 +87,44 @@ def test_a_live_frame_that_is_held_is_read_when_it_is_let_go(
     frame = frames.read()
     assert frame is not None
     assert (frame.name, frame.content) == ("f.csv", b"0,200\n")
+
+
+def test_a_file_that_is_listed_with_an_earlier_size_is_taken_when_it_is_closed(
+    client: Any,  # noqa: F811
+    folder: Path,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Windows' list of a folder does not see a file grow until it is closed."""
+    is_open, looked = [True], [0]
+
+    def listed(place: Path) -> dict[str, tuple[int, int]]:
+        found = files_in(place)
+        looked[0] += 1
+        return found | {"a.csv": (100, 1)} if is_open and "a.csv" in found else found
+
+    monkeypatch.setattr(folder_watcher, "files_in", listed)
+    session = watched_session(client)
+    (folder / "a.txt").write_text(pose_line(0), encoding="utf-8")
+    (folder / "a.csv").write_bytes(profile(0))
+    until_s = time.monotonic() + 60
+    while looked[0] < 12:
+        assert time.monotonic() < until_s
+        time.sleep(0.05)
+    assert client.get(f"/sessions/{session}/captures").json()["items"] == []
+    is_open.clear()
+    assert len(wait_for_captures(client, session, 1, 60)) == 1
+
+
+def test_a_live_file_that_is_listed_with_an_earlier_size_is_read_when_it_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = FrameFolder(FrameFolderSettings(folder=tmp_path))
+    monkeypatch.setattr(FrameFolder, "_whole", lambda _: {"1.csv": (1, 1)})
+    (tmp_path / "1.csv").write_bytes(b"0,200\n")
+    assert frames.read() is None
+    monkeypatch.undo()
+    frame = next(frame for _ in range(10) if (frame := frames.read()) is not None)
+    assert frame.content == b"0,200\n"
 
 
 @pytest.mark.parametrize("name", ["Thumbs.db", "scans/desktop.ini", "DESKTOP.INI", "~$poses.xlsx"])
