@@ -69,11 +69,9 @@ def read_controller_files(
     for name, reason in damaged.items():
         found.append(Found(name, skipped=[Skipped(1, reason, name)]))
     read = resolved(chosen, chosen.together(found), as_written)
-    if told.arm is None:
-        return read
-    from calib_core.robots.joint_check import asked
+    from calib_core.robots.joint_check import asked, without_arm
 
-    return asked(read, told.arm)
+    return without_arm(read) if told.arm is None else asked(read, told.arm)
 
 
 def _set_aside(opened: dict[str, bytes], named: dict[str, str], where: str) -> None:

@@ -4,16 +4,28 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from calib_core.errors import InputError
-from calib_core.messages import Message, plural
+from calib_core.messages import Message, message, plural
 from calib_core.poses.identity import identity_by_joints
-from calib_core.poses.numbers import parse_pose
-from calib_core.robots.controller_file import ControllerFile
+from calib_core.poses.numbers import parse_pose, to_pose
+from calib_core.robots.controller_file import ControllerFile, Skipped
 from calib_core.robots.resolve import UNSAID
 
 if TYPE_CHECKING:
     from calib_core.records import ArmTable
 
 _ANOTHER_ARM = 0.2  # the share of poses that do not fit from which on the arm, or its frames, are others
+
+
+def without_arm(read: ControllerFile) -> ControllerFile:
+    """Return what was read, with the places of which only joints are known among what was skipped."""
+    to_do = "Name the arm (cell.robot.arm), or record the Cartesian pose."
+    alone = [
+        Skipped(one.line, message("{taught}: joints alone, no pose. {arm}", taught=one.name, arm=to_do), one.file)
+        for one in read.poses
+        if one.pose is None and one.joints_deg is not None
+    ]
+    skipped = sorted([*read.skipped, *alone], key=lambda row: (row.file, row.line))
+    return replace(read, skipped=tuple(skipped))
 
 
 def asked(read: ControllerFile, arm: str) -> ControllerFile:
@@ -36,17 +48,37 @@ def asked(read: ControllerFile, arm: str) -> ControllerFile:
     from calib_core.arms.kinematics import arm_of  # knows the records, which know the conventions
 
     table = arm_of(arm)
-    if any(pose.pose is not None and pose.joints_deg is not None for pose in read.poses):
+    read = _with_poses(read, table, arm)
+    if any(pose.as_written is not None and pose.joints_deg is not None for pose in read.poses):
         read, of_flange = _identified(read, table)
         if not of_flange:
             return read
     return _with_joints(read, table, arm)
 
 
+def _with_poses(read: ControllerFile, table: "ArmTable", arm: str) -> ControllerFile:
+    """Return poses of the flange where a file has joints alone, with a note of how many."""
+    from calib_core.arms.kinematics import flange_of_joints
+
+    poses = list(read.poses)
+    alone = [k for k, one in enumerate(poses) if one.pose is None and one.joints_deg is not None]
+    for k in alone:
+        flange = flange_of_joints(table, poses[k].joints_deg or ())
+        poses[k] = replace(poses[k], pose=tuple(v + 0.0 for v in to_pose(poses[k].convention, flange)))
+    said = plural(
+        "{count} pose follows from its joints by the nominal lengths of {arm}.",
+        "{count} poses follow from their joints by the nominal lengths of {arm}.",
+        by="count",
+        count=len(alone),
+        arm=arm,
+    )
+    return replace(read, poses=tuple(poses), notes=(*read.notes, said)) if alone else read
+
+
 def _identified(read: ControllerFile, table: "ArmTable") -> tuple[ControllerFile, bool]:
     from calib_core.arms.kinematics import flange_of_joints
 
-    both = [pose for pose in read.poses if pose.pose is not None and pose.joints_deg is not None]
+    both = [pose for pose in read.poses if pose.as_written is not None and pose.joints_deg is not None]
     poses = [parse_pose(pose.convention, pose.pose or ()) for pose in both]
     found = identity_by_joints(poses, [flange_of_joints(table, pose.joints_deg or ()) for pose in both])
     if found is None:

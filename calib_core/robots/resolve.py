@@ -37,9 +37,6 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
                 message("{got}. {to_do}", got=error.got, to_do=error.to_do) if not error.need else error,
             )
             skipped.append(Skipped(taught.line, reason, taught.file))
-        if taught.numbers is None and taught.joints_deg is not None:
-            reason = message("{taught}: joints alone, no pose. {arm}", taught=taught.name, arm=_ARM)
-            skipped.append(Skipped(taught.line, reason, taught.file))
     skipped += _nowhere(brand, found)
     skipped.sort(key=lambda row: (row.file, row.line))
     notes = dict.fromkeys(note for part in found for note in part.notes)
@@ -61,7 +58,6 @@ UNSAID = {
     ),
 }
 """What is left open about a pose whose tool or frame no file says."""
-_ARM = "Name the arm (cell.robot.arm), or record the Cartesian pose."
 
 
 def _nowhere(brand: Brand, found: Sequence[Found]) -> Iterator[Skipped]:

@@ -15,6 +15,7 @@ from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import cell_drift
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
+from tests.advised_arm import advised_arm, elsewhere_rms_mm, planned
 from tests.arm_cell import ARM_KINDS, ArmCell, held_out_rms_mm, simulate_arm
 
 
@@ -188,6 +189,18 @@ def of_bumped_joints(each: int, bump_deg: float = 0.15) -> list[Row]:
     ]
 
 
+def of_planned_poses(each: int) -> Row:
+    """Return what poses that are chosen by what they tell of the arm bring beside as many that are not."""
+    ratios = [
+        elsewhere_rms_mm(cell, solved(planned(cell, 15, by_arm=True)))
+        / elsewhere_rms_mm(cell, solved(planned(cell, 15, by_arm=False)))
+        for cell in (advised_arm(kind, seed) for seed in range(each) for kind in ARM_KINDS)
+    ]
+    mean, better = float(np.exp(np.mean(np.log(ratios)))), sum(one < 1.0 for one in ratios)
+    what = f"six classes, {len(ratios)}, 15 planned poses: error elsewhere, chosen by the arm's errors / without"
+    return Row(what, "≤ 0.9", f"{mean:.2f}; better in {better}", mean <= 0.9)
+
+
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes the 100 arms a class of the target."""
     each = 100 if full else 4
@@ -196,6 +209,7 @@ def run(full: bool) -> list[Row]:
         *of_rough_arms(each),
         of_wrong_joints(max(each // 4, 1)),
         *of_bumped_joints(each),
+        of_planned_poses(min(each, 6)),
     ]
     for captures in (15, 30):
         ratios: list[float] = []

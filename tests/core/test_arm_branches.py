@@ -16,6 +16,7 @@ from calib_core.library.new_session import new_session
 from calib_core.poses.numbers import to_pose
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.file_hints import Told
+from calib_core.robots.yaskawa.pulses import per_degree_of
 
 ZERO, KUKA, STRAIGHT = (0.0,) * 6, (0.0, -90.0, 90.0, 0.0, 0.0, 0.0), (0.0, 0.0, 90.0, 0.0, 0.0, 0.0)
 UPRIGHT = {"kr": KUKA, "tx": STRAIGHT, "vs": STRAIGHT, "rs": STRAIGHT}
@@ -155,6 +156,60 @@ def test_poses_that_another_arm_cannot_reach_give_no_joints(name: str, smaller: 
     read = read_controller_files(FILES[name](rows_of(name)), told=Told(arm=smaller))
     assert all(pose.joints_deg is None for pose in read.poses)
     assert any("Make sure that it is this arm" in note for note in read.notes)
+
+
+GP25_GEARS = (19, -3, 1, -10, 3, -80), (2240, 503, 140, 899, 260, 3773)
+"""Denominators and numerators of a public backup; below, its soft limits in pulses and the data sheet's, deg."""
+GP25_LIMITS = (241449, 295690, 254863, 204573, 147912, 244156), (180, 155, 160, 200, 150, 455)
+
+
+def parameters(group: int, lines: int) -> str:
+    """Return parameters of one robot, as a controller with so many lines of them writes them."""
+    values = [0] * (10 * lines)
+    for start, gears in zip((1090, 1100) if lines > 200 else (972, 980), GP25_GEARS, strict=True):
+        values[start : start + 6] = gears
+    rows = "\n".join(",".join(map(str, values[k : k + 10])) for k in range(0, len(values), 10))
+    return f"///RC{group}G\n{rows}\n"
+
+
+def pulses_job(joints: np.ndarray, robot: int = 1) -> bytes:
+    per_degree = 4096 * np.abs(np.divide(*reversed(GP25_GEARS))) / 360
+    text = f"/JOB\n//NAME A\n//POS\n///NPOS {len(joints)},0,0,0,0,0\n///TOOL 3\n///POSTYPE PULSE\n///PULSE\n"
+    rows = [
+        f"C{k:05d}={','.join(map(str, row))}\n" for k, row in enumerate(np.rint(joints * per_degree).astype(int))
+    ]
+    return f"{text}{''.join(rows)}//INST\n///GROUP1 RB{robot}\nNOP\nEND\n".encode()
+
+
+@pytest.mark.parametrize(("robot", "lines"), [(1, 301), (2, 301), (1, 110)])
+def test_pulses_are_joints_where_the_backup_holds_the_gears(robot: int, lines: int) -> None:
+    joints = np.array([row[1] for row in rows_of("gp25", count=6)])
+    prm = f"//RC YAS\n///CRC 1\n///RCD\n0,0\n{parameters(robot, lines)}///RC9G\n0,0\n//SV YAS\n"
+    files = {"a.jbi": pulses_job(joints, robot), "ALL.PRM": prm.encode()}
+    read = read_controller_files(files)
+    assert [one.name for one in read.poses] == [f"C{k:05d}" for k in range(6)]
+    assert np.abs(np.array([one.joints_deg for one in read.poses]) - joints).max() < 1e-3
+    assert [one.pose for one in read.poses] == [None] * 6
+    assert all("Name the arm" in one.reason for one in read.skipped)
+    read = read_controller_files(files, told=Told(arm="gp25"))
+    assert not read.skipped
+    for one, row in zip(read.poses, joints.tolist(), strict=True):
+        right = to_pose("yaskawa", flange_of_joints(NAMED_ARMS["gp25"], row))
+        assert np.abs(np.subtract(one.pose or (), right)[:3]).max() < 0.05
+    assert any("6 poses follow from their joints by the nominal lengths of gp25" in note for note in read.notes)
+
+
+def test_gears_of_a_real_arm_put_its_limits_where_its_data_sheet_has_them() -> None:
+    per_degree = per_degree_of(parameters(1, 301))[1]
+    assert np.divide(GP25_LIMITS[0], per_degree) == pytest.approx(GP25_LIMITS[1], abs=0.01)
+
+
+def test_pulses_without_parameters_ask_for_them_and_a_job_of_another_robot_takes_none() -> None:
+    job = pulses_job(np.array(drawn(1, 2)), 2)
+    for files in ({"a.jbi": job}, {"a.jbi": job, "RC.PRM": parameters(1, 301).encode()}):
+        read = read_controller_files(files, told=Told(arm="gp25"))
+        assert not read.poses
+        assert ["ALL.PRM or RC.PRM" in one.reason for one in read.skipped] == [True, True]
 
 
 def test_without_a_configuration_the_joints_are_asked_for() -> None:

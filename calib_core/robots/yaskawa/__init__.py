@@ -7,7 +7,9 @@ from calib_core.poses.convention import POSE_FORMATS, XYZ_FIXED, Convention
 from calib_core.robots.brand import Brand
 
 if TYPE_CHECKING:
-    from calib_core.robots.controller_file import Reference
+    from collections.abc import Sequence
+
+    from calib_core.robots.controller_file import Found, Reference
 
 CONVENTION = Convention(
     "yaskawa",
@@ -30,7 +32,7 @@ class Yaskawa(Brand):
     proof = "real files"
     conventions = (CONVENTION,)
     rank = 8
-    endings = (".jbi", ".jbr", ".cnd")
+    endings = (".jbi", ".jbr", ".cnd", ".prm")
     flange = frozenset({"0"})
     base = frozenset({"base", "robot"})
     definitions = "TOOL.CND, UFRAME.CND"
@@ -41,8 +43,14 @@ class Yaskawa(Brand):
         return "Tool 0 is not always the flange on a Yaskawa: give TOOL.CND as well." if what == "tool" else ""
 
     def recognises(self, text: str, name: str) -> bool:
-        """Return whether it is a job or a condition file."""
-        return re.search(r"^(?:/JOB\b|//TOOL\b|//UFRAME\b|///POSTYPE\b)", text, re.MULTILINE) is not None
+        """Return whether it is a job, a condition file or the arm's parameters."""
+        return re.search(r"^(?:/JOB\b|//(?:TOOL|UFRAME)\b|///(?:POSTYPE|RC\dG)\b)", text, re.MULTILINE) is not None
+
+    def together(self, found: "Sequence[Found]") -> "Sequence[Found]":
+        """Return what files hold, positions in pulses as joints where one of them tells what makes a degree."""
+        from calib_core.robots.yaskawa.pulses import with_joints
+
+        return with_joints(found)
 
 
 BRAND = Yaskawa()

@@ -1,6 +1,7 @@
 """Yaskawa: jobs (JBI), TOOL.CND and UFRAME.CND.
 
-A job's positions are pulses or poses, by the `///POSTYPE` before them; one job may hold both.
+A job's positions are pulses or poses, by the `///POSTYPE` before them; one job may hold both. Pulses become joints
+by the parameters of the same backup (`pulses`).
 """
 
 import re
@@ -12,15 +13,18 @@ from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.phrases import CUT, TWICE, changed, require_count
 from calib_core.robots.text import Source, numbers, source_of
+from calib_core.robots.yaskawa.pulses import Pulses, per_degree_of
 
 _ROW = re.compile(r"^(C|P|BC|EC|BP|EX)(\d{3,5})\s*=(.*)$")
 _IN_BASE = ("BASE", "ROBOT")
 
 
 def find(data: bytes, name: str) -> Found:
-    """Return what stands in a job or a condition file."""
+    """Return what stands in a job, a condition file or the parameters."""
     source = source_of(data, name)
-    found = Found(name)
+    found = Pulses(name, per_degree=per_degree_of(source.text))
+    if group := re.search(r"^///GROUP1\s+RB(\d)", source.text, re.MULTILINE):
+        found.group = int(group[1])
     if re.search(r"^//TOOL\b", source.text, re.MULTILINE):
         _tools(source, found)
     if re.search(r"^//UFRAME\b", source.text, re.MULTILINE):
@@ -144,7 +148,7 @@ def _configuration(text: str) -> Configuration | None:
     return Configuration(ranges, not rear, not lower)
 
 
-def _job(source: Source, found: Found) -> None:
+def _job(source: Source, found: Pulses) -> None:
     state = _State()
     external: dict[str, dict[str, float]] = {}
     heads: dict[str, int] = {}
@@ -189,7 +193,8 @@ def _job(source: Source, found: Found) -> None:
         doubts = ["The robot stands on a rail: make sure that its base did not move."] if rail else []
         if line_of := uses.changed.get(_key(name)):
             doubts.append(changed(line_of))
-        found.poses.append(replace(taught, external=axes, doubt=" ".join(doubts), configuration=stands))
+        taught = replace(taught, external=axes, doubt=" ".join(doubts), configuration=stands)
+        (found.pulses if kind == "PULSE" else found.poses).append(taught)
     for number in external.keys() - {row[1][1:] for row in rows}:
         found.skip(
             heads[number], message("position {number}: external axes alone, no pose of the robot", number=number)
@@ -210,17 +215,10 @@ def _external(external: dict[str, dict[str, float]], row: re.Match[str], line: i
 
 
 def _position(name: str, text: str, kind: str, tool: int | None, user: int | None, line: int, file: str) -> Taught:
-    if kind == "PULSE":
-        raise ValueError(
-            message(
-                "pulses alone, no pose: how many make a degree stands in the controller, not in the job; "
-                "record Cartesian positions (POSTYPE BASE)"
-            )
-        )
     if not kind:
         raise ValueError(message("no ///POSTYPE says what its numbers are"))
     values = numbers(text)
-    if kind == "ANGLE":
+    if kind in ("ANGLE", "PULSE"):
         return Taught(name, None, "yaskawa", line, values, None, tool, file=file)
     require_count(values, 6, 7)
     if kind == "USER":
