@@ -47,23 +47,18 @@ def per_degree_of(text: str) -> dict[int, tuple[float, ...]]:
 
 def with_joints(found: Sequence[Found]) -> Sequence[Found]:
     """Return what files hold, positions in pulses as joints where one of them tells what makes a degree."""
-    known: dict[int, tuple[float, ...]] = {}
-    for part in found:
-        known |= part.per_degree if isinstance(part, Pulses) else {}
-    for part in found:
-        for taught in part.pulses if isinstance(part, Pulses) else ():
+    parts = [part for part in found if isinstance(part, Pulses)]
+    known = {group: each for part in parts for group, each in part.per_degree.items()}
+    for part in parts:
+        for taught in part.pulses:
             pulses, each = taught.joints_deg or (), known.get(part.group)
-            if each is None:
-                part.skip(taught.line, message("{name}: {why}", name=taught.name, why=_ALONE), taught.name)
-            elif len(pulses) != _SIX:
-                part.skip(
-                    taught.line, message("{name}: pulses of six axes are supported", name=taught.name), taught.name
-                )
+            if each is None or len(pulses) != _SIX:
+                why = _ALONE if each is None else message("pulses of six axes are supported")
+                part.skip(taught.line, message("{name}: {why}", name=taught.name, why=why), taught.name)
             else:
                 joints = tuple(value / one for value, one in zip(pulses, each, strict=True))
                 part.poses.append(replace(taught, joints_deg=joints))
-        if isinstance(part, Pulses) and known:
-            part.poses.sort(key=lambda taught: taught.line)
+        part.poses.sort(key=lambda taught: taught.line)
     return found
 
 
