@@ -43,6 +43,18 @@ class ArmInput:
 
 
 @dataclass(frozen=True, eq=False)
+class ArmTold:
+    """What the captures alone tell of all terms, whatever edges and members: information (p, p) and its vector.
+
+    Of terms in units of what is believed of them; `vector` (p,) is the information times the likeliest values.
+    """
+
+    terms: tuple[ArmTerm, ...]
+    information: FloatArray
+    vector: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class ArmModel:
     """The arm's errors as the captures tell them.
 
@@ -53,6 +65,7 @@ class ArmModel:
     kept : (p,) int
         Which of the input's terms they are.
     values, covariance : (p,), (p, p)
+    told : ArmTold
     held_out_mm : (float, float)
         RMS error of the ball's place at poses left out, without and with the model.
     gain : float
@@ -65,6 +78,7 @@ class ArmModel:
     kept: np.ndarray
     values: FloatArray
     covariance: FloatArray
+    told: ArmTold
     held_out_mm: tuple[float, float]
     gain: float
     worth_it: bool
@@ -115,7 +129,8 @@ def arm_model_of(data: ChainData, state: ChainState, sigmas: Sigmas, used: np.nd
     kept = np.flatnonzero([term.member in fitted.members for term in arm.terms])
     values, covariance, scales = enough.terms_of(fitted, kept, np.array([arm.terms[n].sigma for n in kept]))
     terms = tuple(replace(arm.terms[n], sigma=float(s)) for n, s in zip(kept, scales, strict=True))
-    return ArmModel(terms, kept, values, covariance, held, gain, worth)
+    told = ArmTold(arm.terms, *enough.told(fitted))
+    return ArmModel(terms, kept, values, covariance, told, held, gain, worth)
 
 
 def arm_columns(data: ChainData, state: ChainState, arm: ArmInput, some: np.ndarray) -> FloatArray:
@@ -257,6 +272,16 @@ class _Problem:
         size = self.edges.shape[1]
         scales = self.scales(fitted)[kept] * sigmas
         return found[size:] * scales, inverse[size:, size:] * np.outer(scales, scales), scales
+
+    def told(self, fitted: _Fitted) -> tuple[FloatArray, FloatArray]:
+        """Return information (p, p) on all terms and its vector (p,), the edges being whatever they are."""
+        covariance = self.covariance([self.own, self.alike], fitted.logarithms[:2])
+        every = np.column_stack([self.edges, self.terms, self.off])
+        square, size = every.T @ np.linalg.solve(covariance, every), self.edges.shape[1]
+        scale = np.sqrt(np.maximum(np.diag(square)[:size], 1e-300))
+        back = np.linalg.pinv(square[:size, :size] / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+        left = square[size:, size:] - square[size:, :size] @ (back / np.outer(scale, scale)) @ square[:size, size:]
+        return left[:-1, :-1], left[:-1, -1]
 
     def scales(self, fitted: _Fitted) -> FloatArray:
         by_name: dict[str, float] = dict(zip(fitted.members, np.exp(fitted.logarithms[2:]), strict=True))

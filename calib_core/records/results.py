@@ -126,13 +126,25 @@ class ScannerFound(Record):
     sheet_bend_mm: float | None = None
 
 
+class ArmTerms(Record):
+    """What the captures alone tell of an arm's errors, in units of what is `believed` of each (one σ).
+
+    `vector` is the information times the likeliest values: those of sessions of one arm add up.
+    """
+
+    names: list[str]
+    believed: list[float]
+    information: Rows
+    vector: list[float]
+
+
 class ArmModelFound(Record):
     """The arm's own errors as the captures tell them, by the names of its terms, which end in their units.
 
     `held_out_rms_mm` is by how much the ball's place is predicted wrong at groups of poses that were left out,
     without and with the model; it is `worth_it` where that is better beyond chance. With `applied` poses are
     corrected by it in this stage and all later ones; `controller` then has what is best with the controller's own
-    poses: the scanner's and the table's frames.
+    poses: the scanner's and the table's frames. `told` is what a later session is held against.
     """
 
     names: list[str]
@@ -143,6 +155,7 @@ class ArmModelFound(Record):
     worth_it: bool
     applied: bool = False
     controller: list[FoundFrame] | None = None
+    told: ArmTerms | None = None
 
 
 class OpticsShift(Record):

@@ -20,6 +20,7 @@ from calib_core.frames import FloatArray
 from calib_core.messages import message, sentences
 from calib_core.records import Finite, Record
 from calib_core.records.policy import Environment
+from calib_core.review.arm_changes import ZeroChange, zero_changes
 from calib_core.review.between_sessions import (
     LEAST_LIKE,
     Measured,
@@ -146,6 +147,7 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
     answers = [(s, s.answer or {}) for s in good]
     seen = [place["point_in_laser_mm"] for _, answer in answers if (place := answer.get("workpiece"))]
     point = np.mean(seen, axis=0) if seen else np.zeros(3)
+    charts = zero_changes([answer for _, answer in answers], FALSE_ALARM)
     tables = [(s, table) for s in good if (table := table_of(s)) is not None]
     found = [
         _series("tool", "Scanner at the workpiece", "mm", [tool_point(s, a, point) for s, a in answers]),
@@ -154,7 +156,7 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
         _series("axis-direction", "Axis direction", "deg", axes(tables, axis_direction)),
         _series("verification", "Tool's error when verified", "mm", [v for s in good if (v := verified(s))]),
         *(
-            _series("arm-zero", message("Zero of joint {number}", number=number), "deg", zeros)
+            _series("arm-zero", message("Zero of joint {number}", number=number), "deg", zeros, charts.get(number))
             for number, zeros in sorted(joint_zeros(answers).items())
         ),
     ]
@@ -254,8 +256,23 @@ def _worst(covariance: FloatArray) -> float:
     return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
 
 
-def _series(figure: Any, title: str, unit: Literal["mm", "deg"], measured: Sequence[Measured]) -> DriftSeries:
-    chart = charted(measured)
+def _zeros(changes: Sequence[ZeroChange]) -> list[Charted]:
+    """Return the chart of a joint's zero: a change begins a new level."""
+    levels = np.cumsum([1, *(one.moved for one in changes[1:])]).tolist()
+    return [
+        Charted(one.change_deg, 2 * one.sigma_deg, one.limit_deg, one.moved, level)
+        for one, level in zip(changes, levels, strict=True)
+    ]
+
+
+def _series(
+    figure: Any,
+    title: str,
+    unit: Literal["mm", "deg"],
+    measured: Sequence[Measured],
+    zeros: Sequence[ZeroChange] | None = None,
+) -> DriftSeries:
+    chart = charted(measured) if zeros is None or len(zeros) != len(measured) else _zeros(zeros)
     points = [
         DriftPoint(
             session=one.session.session,

@@ -12,9 +12,9 @@ from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rota
 from calib_core.review.between_sessions import Measured, SolvedSession
 from calib_core.review.common_errors import common_of
 
-_GEARS_DEG: Final = 0.015
+GEARS_DEG: Final = 0.015
 """Gears put so much into a joint's zero, by the poses: the model of the arm has no gears."""
-_ZERO: Final = re.compile(r"joint_(\d+)_zero_deg")
+ZERO: Final = re.compile(r"joint_(\d+)_zero_deg")
 _LEAST_SIGMA: Final = 1e-9
 
 
@@ -97,8 +97,8 @@ def joint_zeros(answers: Sequence[tuple[SolvedSession, Mapping[str, Any]]]) -> d
     for session, answer in answers:
         model = answer.get("arm_model") or {"names": (), "values": (), "sigmas": ()}
         for name, value, sigma in zip(model["names"], model["values"], model["sigmas"], strict=True):
-            if named := _ZERO.fullmatch(name):
-                one = Measured(session, np.array([value]), np.array([[sigma**2 + _GEARS_DEG**2]]))
+            if named := ZERO.fullmatch(name):
+                one = Measured(session, np.array([value]), np.array([[sigma**2 + GEARS_DEG**2]]))
                 found.setdefault(int(named[1]), []).append(one)
     return found
 

@@ -13,6 +13,7 @@ from calib_core.guidance.arm_plan import arm_worth
 from calib_core.guidance.cell_plan import CellToPlan, plan_cell
 from calib_core.records import ArmJoint, ArmTable
 from calib_core.records.planning import FieldOfView
+from calib_core.review.arm_changes import zero_changes
 from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import cell_drift
 from server.cli import main
@@ -91,15 +92,27 @@ def test_a_plan_says_from_how_many_captures_on_the_arm_is_worth_it(capsys: pytes
 def test_a_joint_that_was_bumped_is_named_by_a_later_session_of_other_poses() -> None:
     first, same, bumped = (
         solved(simulate_arm("small", 1, 30, errors="apply", held=0, bumped_deg=by).session).to_json()
-        for by in (None, [0.0] * 6, [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
+        for by in (None, [0.0] * 6, [0.0, 0.0, 0.0, 0.0, 0.15, 0.0])
     )
     nights = [("1", first), ("2", same), ("3", bumped)]
     drift = cell_drift([SolvedSession(session=n, name=n, date=n, results={"tcp": one}) for n, one in nights])
     zeros = {one.title: one.points for one in drift.series if one.figure == "arm-zero"}
     assert list(zeros) == [f"Zero of joint {n}" for n in (2, 3, 4, 5)]
     assert [[point.flagged for point in points] for points in zeros.values()] == [
-        [False] * 3, [False, False, True], [False] * 3, [False] * 3,
+        [False] * 3, [False] * 3, [False] * 3, [False, False, True],
     ]  # fmt: skip
-    change = zeros["Zero of joint 3"][-1]
-    assert abs(change.change - 0.2) < change.uncertainty
-    assert any(flag.startswith("Zero of joint 3 changed by") for flag in drift.flags)
+    change = zeros["Zero of joint 5"][-1]
+    assert abs(change.change - 0.15) < change.uncertainty < 0.05
+    assert any(flag.startswith("Zero of joint 5 changed by") for flag in drift.flags)
+    before = [{**one, "arm_model": {**one["arm_model"], "told": None}} for one in (first, bumped)]
+    assert zero_changes(before, 4e-4) == {}  # results of before are held against each other by their ± alone
+
+
+def test_two_joints_that_moved_are_named_and_a_third_session_is_held_against_the_second() -> None:
+    bumps = (None, [0.0, 0.2, 0.0, -0.2, 0.0, 0.0], [0.0, 0.2, 0.0, -0.2, 0.0, 0.0])
+    cells = [simulate_arm("medium", 3, 30, errors="apply", held=0, bumped_deg=by) for by in bumps]
+    found = zero_changes([solved(one.session).to_json() for one in cells], 4e-4)
+    assert {number: [one.moved for one in rows] for number, rows in found.items()} == {
+        2: [False, True, False], 3: [False] * 3, 4: [False, True, False], 5: [False] * 3,
+    }  # fmt: skip
+    assert [found[number][1].change_deg for number in (2, 4)] == pytest.approx([0.2, 0.2], abs=0.03)

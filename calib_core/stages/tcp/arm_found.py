@@ -11,7 +11,7 @@ from calib_core.findings.codes import arm as codes
 from calib_core.messages import message, templates
 from calib_core.records import Cell
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
-from calib_core.records.results import ArmModelFound, FoundFrame
+from calib_core.records.results import ArmModelFound, ArmTerms, FoundFrame
 
 _TERMS: Final = templates(
     {
@@ -24,6 +24,7 @@ _TERMS: Final = templates(
         "deg_per_deg": "Joint {number} by turns of joint {other}",
     }
 )
+_DIGITS: Final = 5  # of information in units of what is believed: none below is any
 _UNITS: Final = {"_deg_per_deg": "°/°", "_deg": "°", "_mm": "mm"}
 
 
@@ -46,6 +47,12 @@ def arm_model_found(solution: TcpSolution) -> ArmModelFound | None:
         worth_it=model.worth_it,
         applied=model.applied,
         controller=controller,
+        told=ArmTerms(
+            names=[term.name for term in model.told.terms],
+            believed=[term.sigma for term in model.told.terms],
+            information=model.told.information.round(_DIGITS).tolist(),
+            vector=model.told.vector.round(_DIGITS).tolist(),
+        ),
     )
 
 

@@ -1,0 +1,102 @@
+"""Which joints' zeros moved from session to session: each held against all that those before tell of the arm.
+
+That one zero moved and the arm is the same otherwise is told far better than each session tells a zero by itself:
+links and other zeros, which are told together with it, are the same ones in both.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from calib_core.frames import FloatArray
+from calib_core.records.results import ArmTerms
+from calib_core.review.drift_figures import GEARS_DEG, ZERO
+
+_LOOSE: Final = 1.5  # arms' errors over what is believed of them
+_UNKNOWN: Final = 100.0  # of a change of a zero
+
+
+@dataclass(frozen=True)
+class ZeroChange:
+    """By how much a joint's zero moved, deg, ± (1 σ), and beyond what it is a change (None: the first session)."""
+
+    change_deg: float
+    sigma_deg: float
+    limit_deg: float | None
+    moved: bool
+
+
+def zero_changes(answers: Sequence[Mapping[str, Any]], false_alarm: float) -> dict[int, list[ZeroChange]]:
+    """Return each joint's changes over the sessions that tell an arm's errors, by its number.
+
+    Empty where a session does not tell what it is held against, or tells it of another arm.
+
+    Parameters
+    ----------
+    answers : sequence of mapping
+        Results in order.
+    false_alarm : float
+        The share of sessions of an arm that did not change in which a joint may be said to have moved.
+    """
+    models = [model for answer in answers if (model := answer.get("arm_model"))]
+    told = [ArmTerms.model_validate(model["told"]) for model in models if model.get("told")]
+    if not told or len(told) < len(models) or any(one.believed != told[0].believed for one in told):
+        return {}
+    from scipy.special import chdtri  # late: it brings what takes a third of a second
+
+    zeros = {int(named[1]): place for place, name in enumerate(told[0].names) if (named := ZERO.fullmatch(name))}
+    if not zeros:
+        return {}
+    places, believed = list(zeros.values()), np.array(told[0].believed)
+    beyond = float(np.sqrt(chdtri(1, false_alarm / len(places))))
+    before = _Known.of(told[0])
+    alone = np.sqrt(np.diag(np.linalg.inv(before.information + np.eye(len(believed)) / _LOOSE**2)))
+    rows = {place: [ZeroChange(0.0, float(alone[place] * believed[place]), None, False)] for place in places}
+    for now in map(_Known.of, told[1:]):
+        moved: list[int] = []
+        while True:
+            found = {place: before.change(now, place, moved) for place in places}
+            chart = {place: _charted(*found[place], believed[place], beyond) for place in places}
+            left = [place for place in places if chart[place].moved and place not in moved]
+            if not left:
+                break
+            moved.append(max(left, key=lambda place: abs(found[place][0]) / found[place][1]))
+        for place in places:
+            rows[place].append(chart[place])
+        before = now if moved else before.with_other(now)
+    return {number: rows[place] for number, place in zeros.items()}
+
+
+def _charted(change: float, sigma: float, believed: float, beyond: float) -> ZeroChange:
+    spread = float(np.hypot(sigma * believed, np.sqrt(2) * GEARS_DEG))
+    size = abs(change) * float(believed)
+    return ZeroChange(size, spread, beyond * spread, size > beyond * spread)
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What sessions tell of one arm: information (p, p) and vector (p,)."""
+
+    information: FloatArray
+    vector: FloatArray
+
+    @classmethod
+    def of(cls, told: ArmTerms) -> "_Known":
+        return cls(np.array(told.information), np.array(told.vector))
+
+    def with_other(self, other: "_Known") -> "_Known":
+        return _Known(self.information + other.information, self.vector + other.vector)
+
+    def change(self, now: "_Known", place: int, moved: Sequence[int]) -> tuple[float, float]:
+        """Return by how much a term is another one now, and its standard deviation; some others may have moved."""
+        free = [*(one for one in moved if one != place), place]
+        both, count = self.with_other(now), len(self.vector)
+        hessian = np.zeros((count + len(free), count + len(free)))
+        hessian[:count, :count] = both.information + np.eye(count) / _LOOSE**2
+        hessian[:count, count:], hessian[count:, :count] = now.information[:, free], now.information[free]
+        hessian[count:, count:] = now.information[np.ix_(free, free)] + np.eye(len(free)) / _UNKNOWN**2
+        covariance = np.linalg.inv(hessian)
+        found = covariance @ np.concatenate([both.vector, now.vector[free]])
+        return float(found[-1]), float(np.sqrt(covariance[-1, -1]))
