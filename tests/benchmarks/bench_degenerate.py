@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from harness import Row
+from harness import Row, kept
 
 from calib_core.archive.folder import load_session, result_data
 from calib_core.errors import CalibrationError, ConflictError, InputError, MeasurementError, MotionError
@@ -37,7 +37,11 @@ def run(full: bool) -> list[Row]:
 def row(name: str, seeds: range) -> Row:
     """Return how many sets of a source end otherwise than with a result or a sentence on what to capture."""
     session, read = of_name(name)
-    ends = [end for seed in seeds for end in ended(drawn(session, seed), read)]
+    ends = [
+        end
+        for seed in seeds
+        for end in kept(f"degenerate-{name}-{seed}", lambda seed=seed: list(ended(drawn(session, seed), read)))
+    ]
     bad = [end for end in ends if end.startswith("thrown away")]
     verdicts = {kind: ends.count(kind) for kind in dict.fromkeys(ends) if not kind.startswith("thrown away")}
     told = ", ".join(f"{kind} {count}" for kind, count in sorted(verdicts.items()))
