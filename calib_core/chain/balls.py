@@ -24,6 +24,11 @@ _ALIKE_MM = 1.5
 _TOGETHER_MM = 4.0
 _LEAST = 3
 """Arcs of a ball; fewer tell nothing of it."""
+_WIDTHS_MM = (0.5, 2 * _ALIKE_MM)
+"""Within which arcs are taken to be of one ball: of an arm that errs little, and of one that errs much."""
+_SHARPEST_MM = 0.05  # arcs that come together more closely are as good
+_AS_CLOSE = 6.0  # times as far apart as the first ball's arcs may be those of another
+_TURNED = 0.9998  # the cosine of a degree: what is always beside a ball stands still, too, until the flange turns
 _MOST_BALLS = 8
 _NO_MORE = 0.8  # of the arcs: where one ball has so many, the others are stray
 
@@ -50,25 +55,32 @@ class Balls:
 def labelled(
     observations: Sequence[SphereObservation], sphere: SphereSize, groups: Sequence[np.ndarray]
 ) -> list[SphereObservation] | None:
-    """Return the arcs of each scanner's group with the names of their balls; None where one ball explains all.
+    """Return the arcs of each scanner's group with the names of their balls; None where none come together.
 
     The names are `sphere-1`, `sphere-2`, …, in the order of how many arcs each has, and empty for arcs of none.
+    Of a scanner that sees one ball each capture has one arc: the ball's, else the first.
     """
     names, places = [""] * len(observations), list[tuple[str, FloatArray]]()
-    several = False
     for some in groups:
         found = balls_of(centers_of([observations[k] for k in some], sphere))
         if found is None:
             return None
         alone = len(found.centers) < 2 or np.mean(found.ball == 0) > _NO_MORE
-        several |= not alone
         carrier = observations[some[0]].carriers.ball
         own = [_place(places, carrier, center) for center in found.centers[: 1 if alone else None]]
-        for k, n in zip(some, np.zeros_like(found.ball) if alone else found.ball, strict=True):
+        chosen = _one_each([observations[k].capture for k in some], found) if alone else found.ball
+        for k, n in zip(some, chosen, strict=True):
             names[k] = f"sphere-{own[n] + 1}" if n >= 0 else ""
-    if not several:
-        return None
     return [replace(o, ball=name) for o, name in zip(observations, names, strict=True)]
+
+
+def _one_each(captures: Sequence[str], found: Balls) -> np.ndarray:
+    """Return 0 for the arc of each capture that is of the first ball, for its first arc without one, −1 else."""
+    chosen = np.full(len(captures), -1)
+    for name in dict.fromkeys(captures):
+        own = [k for k, capture in enumerate(captures) if capture == name]
+        chosen[min(own, key=lambda k: found.misfit_mm[k] if found.ball[k] == 0 else np.inf)] = 0
+    return chosen
 
 
 def _place(places: list[tuple[str, FloatArray]], carrier: str, center: FloatArray) -> int:
@@ -94,9 +106,14 @@ def balls_of(centers: Centers) -> Balls | None:
 
 
 def _better(one: Balls, other: Balls) -> bool:
-    many, before = (int((found.ball >= 0).sum()) for found in (one, other))
-    near, there = (float(np.median(found.misfit_mm[found.ball >= 0])) for found in (one, other))
-    return (many, -len(one.centers), -near) > (before, -len(other.centers), -there)
+    return _worth(one) > _worth(other)
+
+
+def _worth(found: Balls) -> tuple[float, int]:
+    """Return how much likelier arcs are so than anywhere, as many as come together, the closer the more."""
+    of_any = found.ball >= 0
+    near_mm = max(float(np.median(found.misfit_mm[of_any])), _SHARPEST_MM) if of_any.any() else _TOGETHER_MM
+    return float(of_any.sum() * np.log(_TOGETHER_MM / near_mm)), -len(found.centers)
 
 
 def _of_one_ball(centers: Centers) -> list[np.ndarray]:
@@ -114,14 +131,14 @@ def _of_one_ball(centers: Centers) -> list[np.ndarray]:
     if not len(fits):
         return []
     off = sought.distances(sought.misfit(rotations[fits], linear[fits]))
-    order = np.argsort(-(off < 2 * _ALIKE_MM).sum(axis=1), kind="stable")
     masks: dict[bytes, np.ndarray] = {}
-    for n in order:
-        mask = off[n] < 2 * _ALIKE_MM
-        if mask.sum() > _FEW:
-            masks.setdefault(mask.tobytes(), mask)
-        if len(masks) == _BEST:
-            break
+    for number, width_mm in enumerate(_WIDTHS_MM, start=1):
+        for n in np.argsort(-(off < width_mm).sum(axis=1), kind="stable"):
+            mask = off[n] < width_mm
+            if mask.sum() > _FEW:
+                masks.setdefault(mask.tobytes(), mask)
+            if len(masks) >= number * _BEST:
+                break
     return list(masks.values())
 
 
@@ -129,9 +146,9 @@ def gathered(centers: Centers, start: Start) -> Balls:
     """Return the balls that a mount puts arcs together in, one after the other, the fullest first."""
     both = candidates(centers, start.rotation, start.translation)
     ball, misfit = np.full(len(both), -1), np.full(len(both), np.inf)
-    places: list[FloatArray] = []
+    places, stray, most_mm = list[FloatArray](), np.zeros(len(both), dtype=bool), np.inf
     while len(places) < _MOST_BALLS:
-        free = np.flatnonzero(ball < 0)
+        free = np.flatnonzero((ball < 0) & ~stray)
         if len(free) < _LEAST:
             break
         flat = both[free].reshape(-1, 3)
@@ -141,9 +158,22 @@ def gathered(centers: Centers, start: Start) -> Balls:
         if len(some) < _LEAST:
             break
         place, own = middle_of(both[some])
+        if places and (np.median(own) > most_mm or _orientations(centers.rotations[some]) < _LEAST):
+            stray[some] = True
+            continue
+        most_mm = min(most_mm, _AS_CLOSE * max(float(np.median(own)), _SHARPEST_MM))
         ball[some], misfit[some] = len(places), own
         places.append(place)
     return Balls(ball, np.array(places).reshape(-1, 3), misfit)
+
+
+def _orientations(rotations: FloatArray) -> int:
+    """Return how many of orientations (K, 3, 3) differ."""
+    apart: list[FloatArray] = []
+    for one in rotations:
+        if all((np.sum(one * other) - 1) / 2 < _TURNED for other in apart):
+            apart.append(one)
+    return len(apart)
 
 
 def candidates(centers: Centers, rotation: FloatArray, translation: FloatArray) -> FloatArray:

@@ -57,6 +57,8 @@ def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) ->
     named = labelled(_standing(given.session.cell, arcs, sphere), sphere, by_scanner(arcs))
     if named is None:
         return observed
+    if len({one.ball for one in named if one.ball}) < 2:
+        return replace(observed, observations=[arc for arc, one in zip(arcs, named, strict=True) if one.ball])
     found = [replace(arc, ball=one.ball) for arc, one in zip(arcs, named, strict=True)]
     unused = [*observed.unused, *of_no_ball([o.capture for o in observed.observations], found)]
     return Observed([o for o in found if o.ball], observed.failed, unused)

@@ -154,7 +154,8 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
 
     cell = given.session.cell
     sphere = sphere_of(cell, [capture for capture in given.captures if not capture.excluded])
-    observed = with_all_balls(given, observe_stage(given), sphere)
+    clearest = observe_stage(given)
+    observed = with_all_balls(given, clearest, sphere)
     options = TcpOptions(
         position_sigma_mm=cell.robot.position_sigma_mm,
         orientation_sigma_rad=cell.robot.orientation_sigma_rad,
@@ -166,7 +167,7 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         axis_sigmas=reading_sigmas(cell),
         taken_at_s=tuple((c.id, c.device_time_s) for c in given.captures if c.device_time_s is not None),
     )
-    seen, noticed = observed.observations, list[Finding]()
+    seen, noticed = observed.observations, _second_arcs(clearest.observations, observed.observations)
     try:
         solution = solve_tcp(seen, sphere, options, _later(given.progress))
         if (others := other_arcs(given, seen, solution.used)) is not None:
@@ -186,6 +187,15 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     if solution.arm is not None and solution.arm.applied:
         seen = corrected(seen, solution.arm)
     return SolvedTcp(solution, seen, sphere, observed.unused, noticed)
+
+
+def _second_arcs(clearest: Sequence[SphereObservation], seen: Sequence[SphereObservation]) -> list[Finding]:
+    """Return which captures of one ball show something rounder where no ball is."""
+    if any(o.ball for o in seen):
+        return []
+    own = {id(o.points_in_laser_mm) for o in clearest}
+    others = [o.capture for o in seen if id(o.points_in_laser_mm) not in own]
+    return [spheres.SECOND_ARC(others)] if others else []
 
 
 def _of_balls(error: MotionError, told: int) -> MotionError:
