@@ -202,12 +202,12 @@ def placement_of(cell: Cell, captures: Sequence[Capture], solved: Sequence[Mappi
         tuple(_placed(edge, found[edge.name]) for edge in edges),
         _carrier(cell, captures),
         cell,
-        next(filter(None, map(_sheet_per_mm, used)), 0.0),
+        next(filter(None, map(sheet_per_mm_of, used)), 0.0),
     )
 
 
-def _sheet_per_mm(result: Mapping[str, Any]) -> float:
-    """Return by how much a result tells that the scanner's sheet of light is bent."""
+def sheet_per_mm_of(result: Mapping[str, Any]) -> float:
+    """Return by how much a result tells that the scanner's sheet of light is bent, as `Placement` has it."""
     told = result.get("scanner")
     found: Mapping[str, Any] = told if isinstance(told, dict) else {}
     return found["sheet_bend_mm"] / found["half_width_mm"] ** 2 if found.get("sheet_bend_mm") else 0.0

@@ -109,8 +109,26 @@ def unbent(
     if bend is None or not bend.solved:
         return list(observations), data
     balls = zip(observations, data.walk.seen(state.position), radii_of(data, state), strict=True)
-    seen = [_flattened(o, bend, center, radius_mm) for o, center, radius_mm in balls]
+    seen = [_flattened(o, bend, center, radius_mm, bend.at_mm(center[0])) for o, center, radius_mm in balls]
     return seen, replace(data, points=_off_the_plane(data.points, bend))
+
+
+def in_one_plane(
+    observations: Sequence[SphereObservation], sheet_per_mm: float, centers: FloatArray, radius_mm: float
+) -> list[SphereObservation]:
+    """Return profiles of a bent sheet of light with their points in the plane y = 0, as far from the ball.
+
+    Parameters
+    ----------
+    observations : K captures
+    sheet_per_mm : float
+        How far the light lies off its plane along y, over the square of x.
+    centers : (K, 3)
+        The ball in L, as each capture should see it.
+    radius_mm : float
+    """
+    bend = _of_one(sheet_per_mm, 1.0)
+    return [_flattened(o, bend, c, radius_mm, 0.0) for o, c in zip(observations, centers, strict=True)]
 
 
 def _bend_at(judged: Judged, size_mm: float) -> Bend | None:
@@ -119,7 +137,7 @@ def _bend_at(judged: Judged, size_mm: float) -> Bend | None:
     here = linearised_at(data, state, sigmas)
     one, other = (
         linearised_at(replace(data, points=_off_the_plane(data.points, more)), state, sigmas)
-        for more in (_of(data, _TRIED_MM), _of(data, -_TRIED_MM))
+        for more in (_of_one(_TRIED_MM, data.half_width_mm), _of_one(-_TRIED_MM, data.half_width_mm))
     )
     slope = (one.cost - other.cost) / (2 * _TRIED_MM) + size_mm / _BELIEVED_MM**2
     curvature = (one.cost + other.cost - 2 * here.cost) / _TRIED_MM**2
@@ -140,8 +158,8 @@ def _bend_at(judged: Judged, size_mm: float) -> Bend | None:
     )
 
 
-def _of(data: ChainData, size_mm: float) -> Bend:
-    return Bend(size_mm, 0.0, data.half_width_mm, 1.0, np.empty(0))
+def _of_one(size_mm: float, half_width_mm: float) -> Bend:
+    return Bend(size_mm, 0.0, half_width_mm, 1.0, np.empty(0))
 
 
 def _off_the_plane(points: FloatArray, bend: Bend) -> FloatArray:
@@ -151,16 +169,15 @@ def _off_the_plane(points: FloatArray, bend: Bend) -> FloatArray:
 
 
 def _flattened(
-    observation: SphereObservation, bend: Bend, center: FloatArray, radius_mm: float
+    observation: SphereObservation, bend: Bend, center: FloatArray, radius_mm: float, level: float
 ) -> SphereObservation:
-    """Return a profile with its points in the plane that the light is in at the ball.
+    """Return a profile with its points in the plane y = `level`.
 
     Each keeps its distance to the sphere about `center` (3,), where the answer expects it.
     """
     if observation.circle_radius_mm is None:
         return observation
     points = _off_the_plane(observation.points_in_laser_mm, bend)
-    level = float(_off_the_plane(center[None] * [1.0, 0.0, 1.0], bend)[0, 1])
     height = np.clip(level - center[1], -radius_mm, radius_mm)
     apart = points[:, [0, 2]] - center[[0, 2]]
     square = np.maximum(np.sum(apart**2, axis=1), 1e-12)

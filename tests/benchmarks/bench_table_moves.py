@@ -23,10 +23,13 @@ _CLEAN = ("clean", "repeats to 0.1 mm", "joints 0.01°, links 0.05 mm")
 
 
 def run(full: bool) -> list[Row]:
-    """Return each stage's rows; `full` takes 100 tables a move and 300 that stand still, otherwise 12 and 24."""
-    count = 100 if full else 12
+    """Return each stage's rows; `full` takes 50 tables a move and 150 that stand still, otherwise 12 and 36.
+
+    Of two stages that is 100 a move and 300 that stand still.
+    """
+    count = 50 if full else 12
     moves = [row for stage in STAGES for name, least in SOUGHT for row in found(stage, name, least, range(count))]
-    return [*moves, *(still(stage, 2 * count + count * full) for stage in STAGES)]
+    return [*moves, *(still(stage, 3 * count) for stage in STAGES)]
 
 
 def found(stage: str, name: str, least: float, seeds: Iterable[int]) -> list[Row]:

@@ -9,10 +9,14 @@ from bench_trouble import outcome
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.captures.scans import ScanGroup, read_scan
 from calib_core.frames import FloatArray
+from calib_core.records import Session
 from calib_core.sphere.cloud import fit_sphere
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.recheck.record import RecheckResult
 from calib_core.stages.turntable.record import TurntableResult
-from tests.trouble import TableTrouble, Troubled, all_troubles, troubled, troubled_table
+from calib_core.stages.verify.record import VerifyResult
+from tests.trouble import TableTrouble, Trouble, Troubled, all_troubles, troubled, troubled_table
+from tests.trouble.cell import Plan
 from tests.trouble.table_cell import TablePlan
 
 TROUBLES = all_troubles()
@@ -36,6 +40,34 @@ def test_a_merged_ball_is_where_it_stands() -> None:
     assert placement.sheet_per_mm * 40.0**2 == pytest.approx(0.4, abs=0.03)
     assert off_mm(cell, placement) < 0.03
     assert off_mm(cell, replace(placement, sheet_per_mm=0.0)) > 0.1
+
+
+def test_a_verification_counts_with_it() -> None:
+    cell = troubled(BENT, 1)
+    result = solve_stage(with_step(cell, range(44, 60), "verify"), "verify", cell.files.__getitem__)
+    assert isinstance(result, VerifyResult)
+    assert result.verdict == "pass"  # `verify-scatter-fails`, and 0.17 mm, while light in one plane was expected
+    assert np.linalg.norm(np.array(result.sphere_center_in_base_mm) - cell.sphere_in_base_mm) < 0.06
+
+
+def test_a_recheck_counts_with_it() -> None:
+    def change(plan: Plan, rng: np.random.Generator) -> None:
+        BENT.change(plan, rng)
+        plan.alike = 16  # within some millimetres: light meets the ball elsewhere
+
+    cell = troubled(Trouble("alike", change), 0)
+    result = solve_stage(with_step(cell, range(12, 16), "recheck"), "recheck", cell.files.__getitem__)
+    assert isinstance(result, RecheckResult)
+    assert min(one.chance for one in result.rounds) > 0.02  # 0.002
+
+
+def with_step(cell: Troubled, some: range, step: str) -> Session:
+    """Return a session some of whose captures are of another step."""
+    captures = [
+        capture.model_copy(update={"step": step}) if k in some else capture
+        for k, capture in enumerate(cell.session.captures)
+    ]
+    return cell.session.model_copy(update={"captures": captures})
 
 
 def off_mm(cell: Troubled, placement: Placement) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench_trouble import outcome
 
 import calib_core as cc
 from calib_core.cell.layout import KnownDistance
@@ -18,6 +19,7 @@ from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.stages.tcp.record import TcpResult
 from tests.plates import reflected
 from tests.topology_errors import distances
+from tests.trouble import all_troubles
 
 CHI2 = {3: 21.1, 6: 27.9}  # 99.99 %
 
@@ -41,6 +43,14 @@ def test_balls_of_a_plate_are_told_apart_without_being_named() -> None:
     assert {ball.name for ball in result.spheres} == {"sphere-1", "sphere-2", "sphere-3"}
     ((_, squared, _, _),) = distances(with_frame(result), truth)
     assert squared < CHI2[6]
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_round_thing_that_goes_along_with_the_ball_is_told_from_it(seed: int) -> None:
+    found = outcome(all_troubles()["sphere: a second sphere in view"], seed)
+    (warning,) = found.warnings
+    assert "another arc, more clearly than that of the sphere" in warning
+    assert found.worst < 1.5  # 36 and 20 while clearest arcs counted
 
 
 def with_frame(result: TcpResult) -> TcpResult:

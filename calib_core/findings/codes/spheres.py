@@ -73,6 +73,6 @@ SECOND_ARC = Code(
     ),
     to_do="Look for a reflection or another round thing there, and cover it.",
     meaning="A profile shows two arcs; the clearer one contradicts all other captures, and the other one fits them.",
-    decided="The clearest arc is rejected, and the capture is not once its other arc is taken.",
+    decided="The clearest arc lies elsewhere than those of most captures, and the capture's other arc does not.",
     usual_causes="A reflection of the sphere in a polished surface, another round thing beside it.",
 )

@@ -61,6 +61,9 @@ def solve(given: StageInput) -> RecheckResult:
     own = {capture.id for capture in given.captures if capture.step == "recheck"}
     used = {row.capture for row in answer.residuals if row.used}
     on = on_axes(observed.observations, given.captures, axes_of_answer(given.session.cell, answer))
+    sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
+    tool, center = replace(Tool.of(answer), covariance=np.zeros((6, 6))), np.array(answer.sphere_center_in_base_mm)
+    on = tool.straightened(on, center, sphere.radius_mm)
     stops = [_Stop(seen, o.base_from_tool0) for seen, o in zip(on, observed.observations, strict=True)]
     then = [stop for stop in stops if stop.seen.capture not in own and stop.seen.capture in used]
     pairs, alone = _paired([stop for stop in stops if stop.seen.capture in own], then)
@@ -72,12 +75,10 @@ def solve(given: StageInput) -> RecheckResult:
             "captures",
         )
     rounds = sorted({pair.round for pair in pairs})
-    sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
-    tool, parts = replace(Tool.of(answer), covariance=np.zeros((6, 6))), answer.variance_components
+    parts = answer.variance_components
     alike = Alike(
         parts.alike_position_sigma_mm, parts.alike_orientation_sigma_rad, parts.reach_mm, parts.reach_rad
     )
-    center = np.array(answer.sphere_center_in_base_mm)
     told: list[RecheckRound] = []
     rows: list[RecheckResidual] = []
     for number in rounds:

@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 3  # sides of a tool that may be off; a tool far off is judged where it is
+    method_revision = 4  # a sheet of light that is bent is counted with
     step = CaptureStep(
         "verify",
         "Verification",

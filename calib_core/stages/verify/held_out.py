@@ -103,6 +103,15 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
     )
 
 
+def in_one_plane(
+    observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool
+) -> list[SphereObservation]:
+    """Return captures of one sphere as they were in one plane, where the answer has the sheet of light bent."""
+    if not tool.sheet_per_mm:
+        return list(observations)
+    return tool.straightened(observations, held_out(observations, sphere, tool).center_mm, sphere.radius_mm)
+
+
 def together(parts: Sequence[HeldOut]) -> HeldOut:
     """Return what captures of several spheres show, each about its own; the centre is the first one's."""
     return HeldOut(

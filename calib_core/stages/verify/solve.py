@@ -37,7 +37,7 @@ from calib_core.stages.verify.decision import (
     tool_error,
 )
 from calib_core.stages.verify.flatness import Plate, plate
-from calib_core.stages.verify.held_out import HeldOut, held_out, together
+from calib_core.stages.verify.held_out import HeldOut, held_out, in_one_plane, together
 from calib_core.stages.verify.limits import LIMITS, limit_findings
 from calib_core.stages.verify.on_axes import axes_of_answer, axis_moves, on_axes
 from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
@@ -109,6 +109,7 @@ def solve(given: StageInput) -> VerifyResult:
     findings, found, doubtful = [*same], None, list[Finding]()
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     if count >= LEAST_CAPTURES:
+        groups = {key: in_one_plane(seen, sphere, tool) for key, seen in groups.items()}
         observed = replace(observed, observations=[o for seen in groups.values() for o in seen])
         parts = [held_out(seen, sphere, tool.of_scanner(scanner)) for (_, scanner), seen in groups.items()]
         found = together(parts)
@@ -215,7 +216,12 @@ def _limited(limits: Verification) -> bool:
 
 def _plate(given: StageInput, tool: Tool, axes: Placement | None) -> Plate | None:
     captures = [capture for capture in given.captures if capture.step == "plate"]
-    return plate(given.session, captures, given.read, axes or Placement(tool.mount_from_laser, None))
+    return plate(
+        given.session,
+        captures,
+        given.read,
+        axes or Placement(tool.mount_from_laser, None, sheet_per_mm=tool.sheet_per_mm),
+    )
 
 
 def _by_plate_alone(

@@ -1,11 +1,14 @@
 """The tool that is verified."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from calib_core.captures.placement import sheet_per_mm_of
 from calib_core.cell.found import as_used, mounts_of
+from calib_core.chain.bend import in_one_plane
+from calib_core.chain.observations import SphereObservation
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.record import ToolResult
 
@@ -26,6 +29,8 @@ class Tool:
         as seen from what carries the ball.
     others : mapping
         Of several scanners, the pose of each on what carries it by its name, and its covariance.
+    sheet_per_mm : float
+        How far the light lies off its plane along y, over the square of x.
     """
 
     mount_from_laser: RigidTransform
@@ -36,18 +41,31 @@ class Tool:
     others: Mapping[str, tuple[RigidTransform, FloatArray]] = field(
         default_factory=dict[str, tuple[RigidTransform, FloatArray]]
     )
+    sheet_per_mm: float = 0.0
 
     @classmethod
     def of(cls, answer: ToolResult) -> "Tool":
         """Return the tool of a stage's answer."""
-        parts = answer.variance_components
+        parts, used = answer.variance_components, as_used(answer.model_dump())
         return cls(
             answer.mount_from_laser,
-            np.array(as_used(answer.model_dump())["covariance"], dtype=float),
+            np.array(used["covariance"], dtype=float),
             parts.position_sigma_mm,
             parts.orientation_sigma_rad,
             others=mounts_of(answer.frames),
+            sheet_per_mm=sheet_per_mm_of(used),
         )
+
+    def straightened(
+        self, observations: Sequence[SphereObservation], center_mm: FloatArray, radius_mm: float
+    ) -> list[SphereObservation]:
+        """Return profiles in one plane where the sheet of light is bent, of a ball (3,) on what carries it."""
+        if not self.sheet_per_mm:
+            return list(observations)
+        seen = np.array([
+            (o.ball_from_scanner @ self.mount_from_laser).inverse().apply(center_mm) for o in observations
+        ])  # fmt: skip
+        return in_one_plane(observations, self.sheet_per_mm, seen, radius_mm)
 
     def of_scanner(self, name: str) -> "Tool":
         """Return the same for another scanner's own mount; the first one's where that is not known."""
