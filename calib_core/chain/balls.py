@@ -58,19 +58,24 @@ def labelled(
     """Return the arcs of each scanner's group with the names of their balls; None where none come together.
 
     The names are `sphere-1`, `sphere-2`, …, in the order of how many arcs each has, and empty for arcs of none.
-    Of a scanner that sees one ball each capture has one arc: the ball's, else the first.
+    Of a scanner that sees one ball each capture has one arc: the ball's, else the first.  Where all see one ball
+    only, all have the same name.
     """
     names, places = [""] * len(observations), list[tuple[str, FloatArray]]()
+    several = False
     for some in groups:
         found = balls_of(centers_of([observations[k] for k in some], sphere))
         if found is None:
             return None
         alone = len(found.centers) < 2 or np.mean(found.ball == 0) > _NO_MORE
+        several |= not alone
         carrier = observations[some[0]].carriers.ball
         own = [_place(places, carrier, center) for center in found.centers[: 1 if alone else None]]
         chosen = _one_each([observations[k].capture for k in some], found) if alone else found.ball
         for k, n in zip(some, chosen, strict=True):
             names[k] = f"sphere-{own[n] + 1}" if n >= 0 else ""
+    if not several:
+        names = [name and "sphere-1" for name in names]
     return [replace(o, ball=name) for o, name in zip(observations, names, strict=True)]
 
 

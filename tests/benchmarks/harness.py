@@ -50,3 +50,12 @@ def kept(name: str, step: Callable[[], T]) -> T:
         path.with_suffix(".part").write_text(value, encoding="utf-8")
         path.with_suffix(".part").replace(path)
     return json.loads(path.read_text(encoding="utf-8"))
+
+
+def all_kept(steps: Mapping[str, Callable[[], T]]) -> list[T]:
+    """Return what steps of a long bench give; with SCANCELL_BENCH_SUM what was kept so far, without doing more."""
+    folder = os.environ.get("SCANCELL_BENCH_KEPT", "")
+    some = [
+        name for name in steps if not os.environ.get("SCANCELL_BENCH_SUM") or Path(folder, f"{name}.json").exists()
+    ]
+    return [kept(name, steps[name]) for name in some]
