@@ -181,10 +181,10 @@ def best_possible(kinds: list[Measured], arm: str, step_mm: float = 0.3) -> list
     squared = np.einsum("wi,kij,wj->kw", ways, np.linalg.inv(own + before), ways)
     along = norm.sf(norm.isf(FALSE_ALARM) - np.sqrt(squared)).mean()
     any_way, twice = (ncx2.sf(chi2.isf(FALSE_ALARM, 3), 3, k * squared).mean() for k in (1, 2))
-    what = f"{arm}, a step of {step_mm:g} mm at once: the most that any test finds whose false alarms are as rare"
+    what = f"{arm}, a step of {step_mm:g} mm at once: any test's most"
     return [
-        Row(f"{what}, the way of the step and the scanner known", "", f"{along:.1%}", None),
-        Row(f"{what}, any way", "", f"{any_way:.1%}; of twice the captures {twice:.1%}", None),
+        Row(f"{what}, way and scanner known", "", f"{along:.1%}", None),
+        Row(f"{what}, any way", "", f"{any_way:.1%}; twice the captures {twice:.1%}", None),
     ]
 
 
