@@ -13,6 +13,7 @@ from calib_core.chain.rejection import Judged
 from calib_core.chain.two_step import TwoStepAnswer, two_step, without_capture
 from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 
 _MOST_LEFT_OUT = 60
 
@@ -29,7 +30,8 @@ def by_paper(
     Of a long session only some captures, evenly spread, are left out in turn: each time all is solved again.
     """
     if judged.data.walk.layout.axes:
-        return None, TwoStepAnswer(None, None, None, (), "the robot stands on an axis that moved"), None
+        why = message("the robot stands on an axis that moved")
+        return None, TwoStepAnswer(None, None, None, (), why), None
     sphere = SphereSize(2 * state.radius_mm, sphere.sigma_mm)
     used = np.flatnonzero(judged.used & (judged.data.walk.scanner == 0) & (judged.data.walk.place == 0)).tolist()
     rotations, translations = judged.data.rotations[used], judged.data.translations[used]

@@ -9,6 +9,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from calib_core.cell.axes import read_axes
 from calib_core.cell.found import as_used, carriers_found, placed_table, scanner_frame
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
@@ -155,13 +156,18 @@ def _on_the_table(result: Mapping[str, Any], mount: Mapping[str, Any]) -> AtWork
 def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any]) -> AtWorkpiece | None:
     """Return how well a scanned point on the table is known, over the poses that saw the sphere there (RMS).
 
-    The scanner's own errors count together with what they did to tool and table.
+    The scanner's own errors count together with what they did to tool and table.  Of several scanners it is the
+    first one's; where other axes than the table's moved, it is as if that had seen each place where it saw the
+    sphere on average, and as if those axes were known apart from tool and table.
     """
     rows = [r for r in result["residuals"] if r["used"] and r.get("mount") == mount["mount"]]
     angles_deg = {r["capture"]: r["table_deg"] for r in rows if r.get("table_deg") is not None}
-    poses = _poses(session, set(angles_deg), ("turntable",))
+    scanner = result["scanner"] if isinstance(result.get("scanner"), str) else None
+    by_it = {capture.id for capture in session.captures if scanner is None or capture.scanner == scanner}
+    poses = _poses(session, set(angles_deg) & by_it, ("turntable",))
     if not poses:
         return None
+    seen = result["workpiece"]["point_in_laser_mm"] if len(result.get("axes") or ()) > 1 else None
     carriers, tool = carriers_found(result), scanner_frame(result)
     table = placed_table(result)
     for name in ("covariance", "turntable_covariance", "cross_covariance"):
@@ -177,9 +183,32 @@ def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any])
         base_from_mount = (
             base_from_tool0 if carriers.scanner == "tool0" else RigidTransform.identity("base", "base")
         )
-        in_laser = (base_from_mount @ tool).inverse().apply((table @ turn).apply(place))
+        in_laser = (base_from_mount @ tool).inverse().apply((table @ turn).apply(place)) if seen is None else seen
         total += together(known, View(base_from_tool0.rotation, angle, in_laser), place)
-    return _summed("both", mount["mount"], place, total / len(poses))
+    by_axes = _by_other_axes(session, result, set(poses), table.apply(place))
+    return _summed("both", mount["mount"], place, total / len(poses) + by_axes * np.eye(3))
+
+
+def _by_other_axes(session: Session, result: Mapping[str, Any], captures: set[str], point_mm: FloatArray) -> float:
+    """Return the mean variance along any direction by where axes lie that moved beside the table's, mm²."""
+    axes = result.get("axes") or ()
+    if len(axes) < 2:
+        return 0.0
+    total = 0.0
+    for capture in session.captures:
+        if capture.id not in captures:
+            continue
+        read = read_axes(session.cell, capture)
+        for axis in axes[:-1]:
+            square = np.array(axis["covariance"], dtype=float)
+            turned, shifted = (float(np.linalg.eigvalsh(square[k : k + 3, k : k + 3])[-1]) for k in (0, 3))
+            by = read.get(axis["name"], 0.0)
+            if axis["kind"] == "linear":
+                total += by**2 * turned
+            else:
+                apart = float(np.linalg.norm(point_mm - np.array(axis["axis_point_mm"], dtype=float)))
+                total += (2 * np.sin(by / 2)) ** 2 * (shifted + apart**2 * turned)
+    return total / len(captures)
 
 
 def _by_tool(result: Mapping[str, Any], tool: RigidTransform, point: FloatArray) -> AtWorkpiece:

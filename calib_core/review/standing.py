@@ -50,9 +50,12 @@ def faults_of_moment(
 
 
 def serials_of(equipment: Iterable[Equipment | Mapping[str, Any]]) -> dict[str, str]:
-    """Return the serial numbers of equipment by kind and name; pieces without one say nothing."""
+    """Return the serial numbers of equipment by kind and name, or serial number of what has no name.
+
+    Pieces without a serial number say nothing.
+    """
     pieces = [Equipment.model_validate(one) if isinstance(one, Mapping) else one for one in equipment]
-    return {f"{one.kind} {one.name or ''}".strip(): one.serial for one in pieces if one.serial}
+    return {f"{one.kind} {one.name or one.serial}": one.serial for one in pieces if one.serial}
 
 
 def changed_equipment(before: Mapping[str, str], now: Mapping[str, str]) -> frozenset[str]:
@@ -69,7 +72,11 @@ def changed_equipment(before: Mapping[str, str], now: Mapping[str, str]) -> froz
         if old is not None:
             gone.remove(old)
             pairs.append((old, new))
-    return frozenset(" → ".join(sorted((f"{a} {before[a]}", f"{b} {now[b]}"))) for a, b in pairs)
+    return frozenset(" → ".join(sorted((_said(a, before[a]), _said(b, now[b])))) for a, b in pairs)
+
+
+def _said(name: str, serial: str) -> str:
+    return name if name.endswith(f" {serial}") else f"{name} {serial}"
 
 
 def _kind(name: str) -> str:

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 from calib_core.archive.stored_results import result_record
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.graph.registry import STAGES
-from calib_core.messages import ENGLISH, Catalogue
+from calib_core.messages import ENGLISH, Catalogue, message
 from calib_core.records import CaptureResidual, Result, Session
 from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.stages.evidence_parts import label_of, left_out
@@ -29,8 +29,10 @@ def made_evidence(session: Session, result: Result) -> list[AnyBlock]:
     return plain_evidence(result.model_dump(mode="json")) if blocks is None else blocks
 
 
-def title_of(stage: str) -> str:
-    """Return what a stage's result is called."""
+def title_of(stage: str, *, fixed: bool = False) -> str:
+    """Return what a stage's result is called; a scanner that stands still is on no flange."""
+    if fixed and stage == "tcp":
+        return message("Scanner in base")
     return STAGES.get(stage).title if stage in STAGES.names() else stage
 
 
@@ -39,7 +41,7 @@ def text_of(result: Result, said: Catalogue = ENGLISH) -> str:
     from calib_core.evidence.text import result_text
 
     data = _told(result)
-    return result_text(said.say(title_of(data["stage"])), data, result.evidence, said)
+    return result_text(said.say(title_of(data["stage"], fixed=data["fixed"])), data, result.evidence, said)
 
 
 def html_of(result: Result) -> str:
@@ -48,13 +50,14 @@ def html_of(result: Result) -> str:
     from calib_core.evidence.style import STYLE
 
     data = _told(result)
-    body = f"<h2>{title_of(data['stage'])}</h2>{result_html(data, result.evidence)}"
+    body = f"<h2>{title_of(data['stage'], fixed=data['fixed'])}</h2>{result_html(data, result.evidence)}"
     return f'<div class="scancell notebook"><style>{STYLE}</style>{body}</div>'
 
 
 def _told(result: Result) -> dict[str, Any]:
     shown = result.model_dump(include={"verdict", "warnings", "notes"})
-    return {"stage": getattr(result, "stage", ""), **shown}
+    placed = [getattr(result, f"{carrier}_from_laser", None) is not None for carrier in ("tool0", "base")]
+    return {"stage": getattr(result, "stage", ""), "fixed": placed == [False, True], **shown}
 
 
 def stored_evidence(session: Session, data: Mapping[str, Any]) -> list[AnyBlock]:

@@ -84,7 +84,7 @@ def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> D
             names=", ".join(ACKNOWLEDGED),
         )
     cell_history(db, cell)
-    found = open_steps(db, cell) if fault == "drift" else _changes(db, cell) - _acknowledged(db, cell, fault)
+    found = open_steps(db, cell) if fault == "drift" else _changes(db, cell) - _changes_acknowledged(db, cell)
     if not found:
         raise ConflictError(
             "a cell with the fault {fault}", "one without", "Nothing has to be done.", cell, fault=fault
@@ -126,13 +126,24 @@ def _standing(db: Transaction, cell: str, *, new: bool) -> Standing:
         policy=policy_of(db, cell),
         steps=open_steps(db, cell),
         serials=_serials_in_force(db, cell) if new else _serials_now(db, cell),
-        acknowledged=_acknowledged(db, cell, "equipment-changed"),
+        acknowledged=_changes_acknowledged(db, cell),
     )
 
 
-def _acknowledged(db: Transaction, cell: str, fault: str) -> frozenset[str]:
-    query = select(AcknowledgedRow.of).where(AcknowledgedRow.cell == cell, AcknowledgedRow.fault == fault)
+def _acknowledged(db: Transaction, cell: str, fault: str, since: str = "") -> frozenset[str]:
+    query = select(AcknowledgedRow.of).where(
+        AcknowledgedRow.cell == cell, AcknowledgedRow.fault == fault, AcknowledgedRow.created >= since
+    )
     return frozenset(one for of in db.scalars(query) for one in of)
+
+
+def _changes_acknowledged(db: Transaction, cell: str) -> frozenset[str]:
+    """Return what was acknowledged since the answer in force: what came back since was not looked at."""
+    try:
+        since = released(db, cell).created
+    except NotFoundError:
+        since = ""
+    return _acknowledged(db, cell, "equipment-changed", since)
 
 
 def _changes(db: Transaction, cell: str) -> frozenset[str]:

@@ -79,7 +79,7 @@ def _told(draw: Draw, number: int) -> dict[str, bool]:
     """Return what is told of one quiet history, of the same with a step, and of others that creep."""
     quiet = draw([number, 63], 0.0)
     told = {
-        "step": any(row.flagged for row in charted(quiet)),
+        "step": any(bool(row.flagged) for row in charted(quiet)),
         "trend": _trend_begins(quiet) is not None,
         **{f"step {mm:g}": _finds_step(quiet, mm, number) for mm in (0.3, 1.0)},
     }
@@ -217,4 +217,4 @@ def _trend_begins(history: list[Measured]) -> int | None:
 def _finds_step(history: list[Measured], step_mm: float, seed: int, at: int = _STEP_AT) -> bool:
     way = np.random.default_rng([seed, 65]).normal(size=3)
     way *= step_mm / np.linalg.norm(way)
-    return charted([*history[:at], moved(history[at], way)])[at].flagged
+    return bool(charted([*history[:at], moved(history[at], way)])[at].flagged)

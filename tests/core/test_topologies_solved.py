@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 import calib_core as cc
+from calib_core.exports.workpiece import at_workpiece
 from calib_core.library.opened import in_memory
 from calib_core.simulation import TcpScenario, TopologyScenario
 from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.stages.evidence import text_of
 from tests.topology_errors import distances
 
 CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
@@ -43,6 +45,23 @@ def test_every_edge_is_within_what_is_stated(scenario: str, names: list[str]) ->
     for name, squared, freedom, _ in found:
         assert squared < CHI2[freedom], name
     assert all(row.used for row in last.residuals if "arc" not in str(row.reason))
+    titles = [str(block.title) for block in last.evidence]
+    for frame in last.frames:
+        assert any(f"Scanner {frame.scanner} " in title for title in titles) or frame.scanner is None
+    shown = [row.cells[0] for block in last.evidence if block.id == "axes" for row in block.rows]
+    assert shown == ([axis.name for axis in last.axes] if len(last.axes) > ("chain" in results) else [])
+    title = text_of(results["tcp"]).splitlines()[0]
+    assert ("Scanner in base" in title) == scenario.startswith("fixed")
+
+
+def test_at_the_workpiece_a_rails_travel_is_no_lever() -> None:
+    simulated, _ = cc.simulate("rail-positioner", 1)
+    result = simulated.run()["chain"]
+    places = at_workpiece(simulated.record, result.model_dump(mode="json"))
+    apart = max(one.worst_sigma_mm for one in places if one.of != "both")
+    both = [one.worst_sigma_mm for one in places if one.of == "both"]
+    assert len(both) == 2
+    assert max(both) < 2 * apart
 
 
 WAIST = AxisOptions("waist", "rotary", "robot", point_in_base_mm=(150.0, -100.0, 0.0), low=-60.0, high=60.0)

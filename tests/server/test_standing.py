@@ -4,6 +4,7 @@ from pathlib import Path
 
 import httpx
 
+from calib_core.review.standing import changed_equipment, serials_of
 from tests.server.access import bearer, guarded
 from tests.server.live_server import assert_problem, simulated_session
 
@@ -68,6 +69,23 @@ def test_policy_and_equipment(client: httpx.Client) -> None:
     acknowledged = client.post(f"/cells/{cell}/acknowledge", json={"fault": "equipment-changed", "why": "spare"})
     assert acknowledged.json()["of"] == ["scanner S-1 → scanner S-2"]
     assert client.post(f"/sessions/{second}/release", json={}).status_code == 201
+    # The first one comes back from its repair: that was not acknowledged.
+    third = solved_in(client, cell, equipment=[scanner])
+    assert client.get(f"/cells/{cell}/answer").json()["faults"] == ["equipment-changed"]
+    assert_problem(client.post(f"/sessions/{third}/release", json={}), 409, "equipment-changed")
+
+
+def test_pieces_without_a_name_are_told_apart_by_their_serial_numbers() -> None:
+    before, swapped, other = (
+        serials_of([{"kind": "scanner", "serial": one} for one in both])
+        for both in (("S-1", "S-2"), ("S-2", "S-1"), ("S-3", "S-2"))
+    )
+    assert changed_equipment(before, swapped) == frozenset()
+    assert changed_equipment(before, other) == {"scanner S-1 → scanner S-3"}
+    named = [{"kind": "scanner", "name": "left", "serial": "S-1"}]
+    assert changed_equipment(serials_of(named), serials_of([{**named[0], "serial": "S-9"}])) == {
+        "scanner left S-1 → scanner left S-9"
+    }
 
 
 def test_four_eyes_and_the_role_release(tmp_path: Path) -> None:

@@ -16,9 +16,10 @@ from calib_core.stages.evidence_parts import (
 )
 from calib_core.stages.tcp.arm_found import arm_table
 from calib_core.stages.tcp.evidence import COLUMNS as TCP_COLUMNS
-from calib_core.stages.tcp.evidence import scanner_table, sphere_figures, tool_frame, tool_sigmas
+from calib_core.stages.tcp.evidence import scanner_table, sphere_figures, tool_frames, tool_sigmas
 from calib_core.stages.tcp.pose_repeatability import repeatability_table
 from calib_core.stages.tcp.record import TcpResidual
+from calib_core.stages.topology_found import axes_table
 from calib_core.stages.turntable.evidence import COLUMNS as TABLE_COLUMNS
 from calib_core.stages.turntable.evidence import (
     axis_figures,
@@ -41,9 +42,10 @@ def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:
         *tool_sigmas(result),
         *axis_sigmas(result),
         captures_used(result),
-        tool_frame(session, result),
+        *tool_frames(session, result),
         table_frame(session, result, result.turntable_covariance),
         *axis_figures(result),
+        *axes_table(result, shown_already=1),
         *mountings(result),
         *workpiece_table(places),
         *residual_plot(result.residuals),

@@ -32,6 +32,7 @@ from calib_core.stages.tcp.arm_found import arm_table
 from calib_core.stages.tcp.pose_repeatability import repeatability_table
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.warm_up import drift_blocks
+from calib_core.stages.topology_found import axes_table, scanner_frames
 
 _SCANNER_LABELS: Final = {
     "radius_mm": ("Sphere's radius", "mm"),
@@ -60,7 +61,8 @@ def evidence(session: Session, result: TcpResult) -> list[AnyBlock]:
         *workpiece_headline(places),
         *tool_sigmas(result),
         captures_used(result),
-        tool_frame(session, result),
+        *tool_frames(session, result),
+        *axes_table(result),
         *workpiece_table(places),
         *residual_plot(result.residuals),
         *by_turn(session, result),
@@ -95,8 +97,12 @@ def tool_sigmas(result: TcpResult | ChainResult) -> list[AnyBlock]:
     ]
 
 
-def tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
-    """Return the scanner's frame on the flange, or in base, to be typed into the controller."""
+def tool_frames(session: Session, result: TcpResult | ChainResult) -> list[AnyBlock]:
+    """Return the frame of the scanner, or of each of several, to be typed into the controller."""
+    return scanner_frames(session, result) or [_tool_frame(session, result)]
+
+
+def _tool_frame(session: Session, result: TcpResult | ChainResult) -> AnyBlock:
     if result.up_to_shift is not None:
         return open_frame(session, result.mount_from_laser, "Scanner on the flange", result.up_to_shift)
     title = "Scanner on the flange" if on_flange(result.mount_from_laser) else "Scanner in base"

@@ -96,7 +96,7 @@ def identification(session: Session, stage: str | None, told: Circumstances) -> 
     documentation = session.documentation or {}
     equipment = session.cell.equipment or []
     rows = [
-        ("subject", told.language.say(title_of(stage)) if stage else ""),
+        ("subject", told.language.say(title_of(stage, fixed=stands_still(session))) if stage else ""),
         ("scanner", _pieces(equipment, "scanner") or _scanners(session, told.language.say)),
         ("robot", _pieces(equipment, "robot") or session.cell.robot.brand or ""),
         ("cell", cell_id(session)),
@@ -106,6 +106,11 @@ def identification(session: Session, stage: str | None, told: Circumstances) -> 
         ("captures", _captures(session, told.language.say)),
     ]
     return [(told.say(name), text) for name, text in rows if text]
+
+
+def stands_still(session: Session) -> bool:
+    """Return whether the scanner stands still and the robot carries the sphere."""
+    return session.cell.arrangement == "sphere-on-robot"
 
 
 def _scanners(session: Session, say: Callable[[str], str]) -> str:

@@ -35,6 +35,7 @@ from server.render.report.first_page import (
     outcome,
     plain_text,
     report_number,
+    stands_still,
 )
 from server.render.report.frame_picture import address_of
 from server.render.report.scene_picture import scene_picture
@@ -114,7 +115,7 @@ def report_html(
         stages=[
             {
                 **read[name],
-                "title": said.say(title_of(name)),
+                "title": said.say(title_of(name, fixed=stands_still(session))),
                 "word": verdict_words(read[name]["verdict"], said)[0],
                 "body": Markup(result_html(read[name], blocks[name], said, address_of(about.read))),
             }

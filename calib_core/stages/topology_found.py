@@ -1,0 +1,79 @@
+"""Where several scanners are, and the axes that were found: what a cell of more than one of each is told by."""
+
+from typing import Any
+
+import numpy as np
+
+from calib_core.evidence.numbers import number_text, plus_minus
+from calib_core.frames import RigidTransform
+from calib_core.messages import Message, message
+from calib_core.records import Session
+from calib_core.records.evidence import AnyBlock, Column, Row, Table
+from calib_core.records.results import FoundFrame
+from calib_core.stages.evidence_parts import direction_text, frame_block, open_frame
+
+_KINDS = {"rotary": message("rotary"), "linear": message("linear")}
+
+
+def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
+    """Return each scanner's frame where there are several, to be typed into the controller, and how they stand."""
+    found: list[AnyBlock] = []
+    for frame in result.frames:
+        matrix, title = np.array(frame.matrix, dtype=float), _title(frame)
+        if not np.isfinite(matrix).all():
+            continue
+        placed = RigidTransform(matrix, frame.into if frame.scanner else "laser", "laser")
+        if result.up_to_shift is not None and frame.scanner is not None:
+            found.append(open_frame(session, placed, title, result.up_to_shift))
+            continue
+        believed = None if result.verdict == "fail" else frame.covariance
+        told = {"title": title, "detail": frame.scanner is None, "id": None if found else "tool"}
+        block = frame_block(session.cell.pose_convention, placed, believed, **told)
+        ends = {"into": frame.into, "outof": frame.outof, "name": f"{frame.into}_from_{frame.outof}"}
+        found.append(block.model_copy(update=ends))
+    return found
+
+
+def _title(frame: FoundFrame) -> Message:
+    if frame.scanner is None:
+        one, other = (name.partition(":")[2] for name in (frame.outof, frame.into))
+        return message("Scanner {scanner} seen from {other}", scanner=one, other=other)
+    if frame.into == "tool0":
+        return message("Scanner {scanner} on the flange", scanner=frame.scanner)
+    if frame.into == "base":
+        return message("Scanner {scanner} in base", scanner=frame.scanner)
+    return message("Scanner {scanner} on {carrier}", scanner=frame.scanner, carrier=frame.into)
+
+
+def axes_table(result: Any, shown_already: int = 0) -> list[AnyBlock]:
+    """Return all axes where there are more than have blocks of their own: how they lie, and how they count."""
+    if len(result.axes) <= shown_already:
+        return []
+    rows: list[Row] = []
+    for axis in result.axes:
+        covariance = np.array(axis.covariance, dtype=float)
+        believed = result.verdict != "fail" and bool(np.isfinite(covariance[:2, :2]).all())
+        sigma_rad = float(np.sqrt(max(np.linalg.eigvalsh(covariance[:2, :2])[-1], 0.0))) if believed else 0.0
+        point = axis.axis_point_mm
+        rows.append(
+            Row(
+                cells=[
+                    axis.name,
+                    _KINDS[axis.kind],
+                    direction_text(axis.axis_direction, sigma_rad),
+                    plus_minus(float(np.rad2deg(sigma_rad)), "°") if believed else None,
+                    None if point is None else f"({', '.join(number_text(value, 2) for value in point)})",
+                    number_text(axis.direction * axis.scale, 6),
+                ]
+            )
+        )
+    columns = [
+        Column(label="Axis", align="left"),
+        Column(label="Kind", align="left"),
+        Column(label="Direction in base"),
+        Column(label="Direction, ±"),
+        Column(label="A point on it, in base", unit="mm"),
+        Column(label="Moves by its reading times"),
+    ]
+    caption = message("Each as it stands in base where all axes read zero.")
+    return [Table(id="axes", title="Axes", caption=caption, columns=columns, rows=rows)]
