@@ -1,18 +1,20 @@
 """Where several scanners are, and the axes that were found: what a cell of more than one of each is told by."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from calib_core.evidence.numbers import number_text, plus_minus
 from calib_core.frames import RigidTransform
-from calib_core.messages import Message, message
+from calib_core.messages import Message, message, templates
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
 from calib_core.records.results import FoundFrame
 from calib_core.stages.evidence_parts import direction_text, frame_block, open_frame
 
-_KINDS = {"rotary": message("rotary"), "linear": message("linear")}
+_KINDS: Final = templates({"rotary": "rotary", "linear": "linear"})
+_PLACES: Final = templates({"tool0": "Scanner {scanner} on the flange", "base": "Scanner {scanner} in base"})
+_ELSEWHERE: Final = message("Scanner {scanner} on {carrier}")
 
 
 def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
@@ -38,11 +40,7 @@ def _title(frame: FoundFrame) -> Message:
     if frame.scanner is None:
         one, other = (name.partition(":")[2] for name in (frame.outof, frame.into))
         return message("Scanner {scanner} seen from {other}", scanner=one, other=other)
-    if frame.into == "tool0":
-        return message("Scanner {scanner} on the flange", scanner=frame.scanner)
-    if frame.into == "base":
-        return message("Scanner {scanner} in base", scanner=frame.scanner)
-    return message("Scanner {scanner} on {carrier}", scanner=frame.scanner, carrier=frame.into)
+    return message(_PLACES.get(frame.into, _ELSEWHERE), scanner=frame.scanner, carrier=frame.into)
 
 
 def axes_table(result: Any, shown_already: int = 0) -> list[AnyBlock]:
