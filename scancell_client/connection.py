@@ -122,6 +122,17 @@ class Connection:
                 self._seen.popitem(last=False)
         return answer.json() if is_json else answer.content
 
+    def whole(self, method: str, path: str, params: Mapping[str, Any]) -> Any:
+        """Return a list, or the page of it that `limit` or `cursor` asks for; raises ProblemError."""
+        page = self.request(method, path, params=params)
+        if {"limit", "cursor"} & set(params):
+            return page
+        items = list(page["items"])
+        while page["next"] is not None:
+            page = self.request(method, path, params={**params, "cursor": page["next"]})
+            items += page["items"]
+        return {**page, "items": items}
+
     def read(self, path: str) -> tuple[Any, str | None]:
         """Return what stands at an address, and its ETag where it has one; raises ProblemError."""
         data = self.request("GET", path)

@@ -79,8 +79,9 @@ class Operations(Connection):
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", files=[*_text("record", record), *_files("files", files)])
 
     def captures_list_all(self, session_id: str, *, limit: int | None = None, cursor: str | None = None) -> Any:
-        """List captures in the order of their arrival, with what was measured."""
-        return self.request("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", params=_given({"limit": limit, "cursor": cursor}))
+        """List captures in the order of their arrival, with what was measured. Without `limit` and `cursor`
+        it is all of them, else a page."""
+        return self.whole("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", params=_given({"limit": limit, "cursor": cursor}))
 
     def captures_take_simulated(self, session_id: str, *, step: str | None = None, again: str | None = None) -> Any:
         """Let the simulated cell take its next capture, one of `step` where that is named; or one of its
@@ -429,8 +430,8 @@ class Operations(Connection):
         return self.request("POST", "/api/v1/sessions", json=body)
 
     def sessions_list_all(self, *, limit: int | None = None, cursor: str | None = None, search: str | None = None) -> Any:
-        """List sessions, the newest first."""
-        return self.request("GET", "/api/v1/sessions", params=_given({"limit": limit, "cursor": cursor, "search": search}))
+        """List sessions, the newest first. Without `limit` and `cursor` it is all of them, else a page."""
+        return self.whole("GET", "/api/v1/sessions", params=_given({"limit": limit, "cursor": cursor, "search": search}))
 
     def sessions_get(self, session_id: str) -> Any:
         """Return a session with its captures' records."""
@@ -465,8 +466,8 @@ class Operations(Connection):
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/solve/{quote(stage, safe='')}", params=_given({"wait": wait}))
 
     def solves_list_all(self, *, limit: int | None = None, cursor: str | None = None, session: str | None = None, status: str | None = None) -> Any:
-        """List jobs, the newest first."""
-        return self.request("GET", "/api/v1/jobs", params=_given({"limit": limit, "cursor": cursor, "session": session, "status": status}))
+        """List jobs, the newest first. Without `limit` and `cursor` it is all of them, else a page."""
+        return self.whole("GET", "/api/v1/jobs", params=_given({"limit": limit, "cursor": cursor, "session": session, "status": status}))
 
     def solves_get_job(self, job_id: str, *, wait: float | None = None) -> Any:
         """Return how far a job is; with `wait` once it has ended, or after so many seconds."""

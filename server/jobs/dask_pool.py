@@ -80,7 +80,7 @@ class DaskPool(Pool):
 
     def trouble(self) -> str | None:
         """Return in words why no job can be done now, None where they can."""
-        known = None if self.is_gone else self._known
+        known = None if self.is_gone() else self._known
         if known is None:
             return f"the Dask scheduler at {self._settings.dask} does not answer"
         return None if known["workers"] else "the Dask cluster has no worker"
@@ -90,14 +90,12 @@ class DaskPool(Pool):
         """Always: somebody else starts and ends the workers."""
         return True
 
-    @property
     def takes_jobs(self) -> bool:
-        """Whether the scheduler is there."""
-        return not self.is_gone and self._known is not None
+        """Ask the scheduler whether it is there."""
+        return not self.is_gone() and self._known is not None
 
-    @property
     def is_gone(self) -> bool:
-        """Whether the client has given up, or found another scheduler, which knows nothing of what it was told.
+        """Ask whether the client has given up, or found another scheduler, which was told nothing.
 
         A client that met a scheduler amid its start may try for a minute: a new one is sooner.
         """

@@ -104,7 +104,7 @@ class Jobs:
         pool = self._pool
         if pool is None:
             return None
-        if pool.is_gone:
+        if pool.is_gone():
             self._replace(pool)
             return None
         return pool.trouble()
@@ -152,7 +152,7 @@ class Jobs:
         pool = self._pool
         if pool is None or self._files_are_away():
             return False
-        here = not pool.takes_jobs
+        here = not pool.takes_jobs()
         if here and waited_s < self._settings.cluster_patience_s:
             return False
         self._submit_again(job_id, here)
@@ -221,11 +221,13 @@ class Jobs:
         else:
             solved_from = {"session": session, "files": digests}
             work = partial(worker.solve, job_id, session, stage, digests, dict(stored.results))
+        asked = self._pool
+        takes = here or (asked is not None and asked.takes_jobs())  # before the lock: it may take seconds
         with self._lock:
             if self._pool is None:  # the server stops, and says so of its jobs
                 return
             pool = self._pool_here() if here else self._pool
-            future = pool.submit(work) if pool.takes_jobs else None
+            future = pool.submit(work) if takes else None
             if future is not None:
                 self._running[job_id] = _Running(pool, future, solved_from, session, stored.results)
         if future is None:
@@ -236,7 +238,7 @@ class Jobs:
     def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
         """Have a capture measured on the cluster; None where there is none that takes work."""
         pool = self._pool
-        return pool.submit_measuring(work) if pool is not None and pool.takes_jobs else None
+        return None if pool is None else pool.submit_measuring(work)
 
     def submit_all(self, job_id: str, stages: Sequence[str]) -> None:
         """Solve stages one after the other for a stored job, which ends with the last or with one that fails."""
@@ -358,7 +360,7 @@ class Jobs:
         elif not (isinstance(error, CancelledError) or pool.is_broken_by(error)):
             self._fail(job_id, explained(error))
         elif pool.is_elsewhere:
-            self._try_again(job_id, worker_ended() if pool.takes_jobs else cluster_gone())
+            self._try_again(job_id, worker_ended() if pool.takes_jobs() else cluster_gone())
         else:
             self._fail(job_id, worker_ended())
 

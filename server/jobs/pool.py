@@ -41,14 +41,12 @@ class Pool(ABC):
         """Whether its workers are not this server's: they come and go, and jobs begin anew on others."""
         return False
 
-    @property
     def takes_jobs(self) -> bool:
-        """Whether jobs can be submitted."""
+        """Return whether jobs can be submitted; a pool elsewhere is asked, which takes a while."""
         return True
 
-    @property
     def is_gone(self) -> bool:
-        """Whether it must be made anew, whatever becomes of its jobs."""
+        """Return whether it must be made anew, whatever becomes of its jobs; asks as `takes_jobs` does."""
         return False
 
     @abstractmethod

@@ -11,13 +11,14 @@ from calib_core.messages import message
 from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
 from server.live.exposures import Exposure
-from server.live.standstill import Rest, Rules
+from server.live.standstill import Rest, Rules, is_new_place
 from server.sources.device import Sample
 
 _STRIPE_MOVED_MM, _STRIPE_STOOD_MM = 0.5, 0.02
 _ROBOT_MOVED_MM, _JOINT_TURNED_DEG = 3.0, 0.5
 _BALL_MOVED_MM = 8.0  # more than a tool is off by that was solved, less than a ball moves by with its table
 _MOST_ARCS = 2000
+_LATEST_S = 1.5  # a stripe without a clock that arrives later than so is not waited for
 _ARRIVES_S = 0.2  # poses may arrive so much later than what the scanner saw, beside the time between two of them
 
 
@@ -40,6 +41,7 @@ class Agreement:
         self._table_deg: float | None = None
         self.stands_since_s = self._told_s = -np.inf
         self.doubted_since_s: float | None = None  # a stand whose pose was not where the robot stood
+        self.moved_after_s = np.inf  # the stripe did in that stand
         self._arcs: deque[tuple[float, ArcFit]] = deque(maxlen=_MOST_ARCS)
         self._before: Rest | None = None
         if is_remounted:
@@ -85,11 +87,12 @@ class Agreement:
             moved_mm=moved_mm,
         )
 
-    def contradiction(self, now: Rest) -> str:
+    def contradiction(self, now: Rest, is_timed: bool = True) -> str:
         """Return what speaks against a standstill's pose or exposures, "" where nothing does.
 
         A stripe that moved or a joint that turned while robot and table stood shows a pose that is not fresh; a
-        pure translation that left the stripe where it was, exposures that are not.
+        pure translation that left the stripe where it was, exposures that are not.  One that is where it was may
+        have been on its way since before the move, where exposures tell no time (`is_timed`).
         """
         arc = now.chosen.arc
         assert arc is not None
@@ -97,14 +100,14 @@ class Agreement:
             return ""
         turned_deg = _turned_deg(self._stands, now.robot)
         if turned_deg > _JOINT_TURNED_DEG:
-            self.doubted_since_s = self.stands_since_s
+            self._doubt()
             return message(
                 "a joint turned by {turned_deg:.1f}° while the robot's pose stood. Is the pose still being sent?",
                 turned_deg=turned_deg,
             )
         moved_mm = max((_apart_mm(arc, other) for _, other in self._arcs), default=0.0)
         if moved_mm > _STRIPE_MOVED_MM:
-            self.doubted_since_s = self.stands_since_s
+            self._doubt()
             return message(
                 "the stripe moved by {moved_mm:.1f} mm while the robot's pose stood. Is the pose "
                 "still being sent? If scanner or sphere were moved by hand, drive the robot "
@@ -112,11 +115,17 @@ class Agreement:
                 moved_mm=moved_mm,
             )
         before, self._before = self._before, now
-        if before is None or before.robot is None or not self._is_straight(before, now):
+        if before is None or before.robot is None:
             return ""
         assert before.chosen.arc is not None
         if _apart_mm(before.chosen.arc, arc) > _STRIPE_STOOD_MM:
             return ""
+        if not self._is_straight(before, now):
+            stood_s = now.exposures[-1].frame.host_time_s - self.stands_since_s
+            if is_timed or stood_s > _LATEST_S or not is_new_place(now, before.robot, before.table_deg):
+                return ""
+            self._before = before
+            return message("the stripe, which is where it was before the move: perhaps it arrives late")
         self._before = before
         return message(
             "the robot moved by {before:.1f} mm since the last standstill, and the stripe did not. "
@@ -124,12 +133,22 @@ class Agreement:
             before=_way_mm(before, now),
         )
 
+    def _doubt(self) -> None:
+        """Remember a stand in which pose and stripe told of two places, and when the stripe left the first."""
+        self.doubted_since_s = self.stands_since_s
+        left_s = (seen_s for seen_s, arc in self._arcs if _apart_mm(self._arcs[0][1], arc) > _STRIPE_MOVED_MM)
+        self.moved_after_s = next(left_s, np.inf) - self.stands_since_s
+
+    def is_late(self) -> bool:
+        """Return whether the stripe moved so soon in the doubted stand that it may have been of before it."""
+        return self.moved_after_s < _LATEST_S
+
     def _moved(self, sample: Sample) -> None:
         """Begin a new stand; one in which the stripe went elsewhere long before was none."""
         before_s = self._told_s - _ARRIVES_S
         seen = [arc for seen_s, arc in self._arcs if seen_s < before_s]
         if seen and max(_apart_mm(seen[0], other) for other in seen) > _STRIPE_MOVED_MM:
-            self.doubted_since_s = self.stands_since_s
+            self._doubt()
         self.stands_since_s = sample.host_time_s
         self._arcs.clear()
 

@@ -46,6 +46,11 @@ class Freshness:
         self._least_apart_s = np.inf
         self._least_at_s = 0.0
 
+    @property
+    def is_timed(self) -> bool:
+        """Whether readings tell when they were made, each of them."""
+        return self._clock == "every-reading" and self._last is not None and self._last.device_time_s is not None
+
     def judge(self, sample: Reading) -> Judged:
         """Take the next reading, and say whether it is new."""
         jumped = _jump(self._before_last, self._last, sample)
@@ -102,12 +107,15 @@ def _differ(one: Reading, other: Reading) -> bool:
 
 
 def _jump(before: Reading | None, last: Reading | None, sample: Reading) -> str:
-    """Return what is said of a flange that is at two places at once: two programs tell a pose each."""
-    if last is None or (way_mm := _way_mm(last, sample)) < _LEAST_JUMP_MM:
+    """Return what is said of a flange that is at two places at once: two programs tell a pose each.
+
+    Readings that were held up arrive together, and look like a fast flange; but one that goes on, not back.
+    """
+    if before is None or last is None or (way_mm := _way_mm(last, sample)) < _LEAST_JUMP_MM:
         return ""
     time_s = max(sample.host_time_s - last.host_time_s, 1e-3)
-    is_back = before is not None and _way_mm(before, sample) < _SAME_MM
-    if not is_back and way_mm / time_s < _FASTEST_MM_S:
+    left_mm = _way_mm(before, sample)
+    if left_mm >= (_SAME_MM if way_mm / time_s < _FASTEST_MM_S else way_mm / 2):
         return ""
     return message(
         "Not fresh: its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it.", way_mm=way_mm

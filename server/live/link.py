@@ -86,6 +86,11 @@ class Link:
         self._rate_hz = 0.0
         self._thread = threading.Thread(target=self._run, name=f"device {name}", daemon=True)
 
+    @property
+    def is_timed(self) -> bool:
+        """Whether every reading tells when it was made."""
+        return self._freshness.is_timed
+
     def start(self) -> None:
         """Connect, and read from now on."""
         self._thread.start()

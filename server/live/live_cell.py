@@ -22,7 +22,7 @@ from server.live.exposures import Exposure, Optics, exposure_of
 from server.live.link import Link
 from server.live.live_captures import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
-from server.live.shots import no_scanner, require_agreement, require_good, told_standing
+from server.live.shots import no_scanner, no_standstill, require_agreement, require_good, told_standing
 from server.live.standstill import Rest, Rules, is_new_place, stood_still
 from server.sources.device import Frame, Reading, Sample, host_now_s
 from server.store.audit import acting
@@ -300,7 +300,7 @@ class LiveCell:
         if self._shots:
             self._serve(self._shots[0], cell, taken, robot, table, exposures)
             return
-        rest = self._agreed(stood_still(robot, exposures, self.rules, table), cell)
+        rest = self._agreed(stood_still(robot, exposures, self.rules, table, self._is_timed("scanner")), cell)
         weak = None if isinstance(rest, str) else rest.chosen.weak
         self.waits_for = rest if isinstance(rest, str) else "" if weak is None else sentence_of(weak)
         self.is_taken = False
@@ -322,7 +322,9 @@ class LiveCell:
         exposures: list[Exposure],
     ) -> None:
         after = [e for e in exposures if e.frame.host_time_s >= shot.asked_s + self.rules.latency_s]
-        rest = stood_still(robot or told_standing(shot), after, self.rules, table)
+        rest = stood_still(
+            robot or told_standing(shot), after, self.rules, table, not robot or self._is_timed("scanner")
+        )
         rest = self._agreed(rest, cell) if robot else rest
         if isinstance(rest, str):
             shot.why_not = rest
@@ -340,14 +342,12 @@ class LiveCell:
 
         Where the sphere stands on a table that tells no angle, it may have been turned by hand.
         """
-        if isinstance(rest, str):
-            return rest
         on_table = self.settings.step in steps_that_show("sphere-on-table")
-        if rest.table_deg is None and on_table:
+        if isinstance(rest, str) or (rest.table_deg is None and on_table):
             return rest
         with self._arrived:
             told = self._agreement.table_contradiction(rest, cell) if on_table else ""
-            return told or self._agreement.contradiction(rest) or rest
+            return told or self._agreement.contradiction(rest, self._is_timed("scanner")) or rest
 
     def _look_back(self) -> None:
         """Leave out the last capture where a pose without a time stood before the robot did."""
@@ -356,28 +356,28 @@ class LiveCell:
         if doubted_s is None or self._taken_here is None or self._taken_here[1] != doubted_s:
             return
         name, self._taken_here = self._taken_here[0], None
-        posing = [link for link in self.links.values() if {"robot", "table"} & set(link.source.delivers)]
-        if all(link.source.clock == "every-reading" for link in posing):
+        by_hand = self.settings.step in steps_that_show("sphere-on-table") and not self._table
+        timed = ("robot", "table", "scanner") if self._agreement.is_late() else ("robot", "table")
+        if by_hand or self._is_timed(*timed):
             return
         self._leave_out(
             name,
             message(
-                "The stripe moved on while the pose stood, which perhaps was not sent any more by then. "
-                "If scanner or sphere were moved by hand, take it in again."
+                "The stripe moved on while the pose stood: one of them perhaps was not sent any more by then, or "
+                "late. If scanner or sphere were moved by hand, take it in again."
             ),
         )
         self.version += 1
 
+    def _is_timed(self, *delivered: str) -> bool:
+        """Return whether every reading of such devices tells its time."""
+        links = list(self.links.values())
+        return all(link.is_timed for link in links if set(delivered) & set(link.source.delivers))
+
     def _expire(self) -> None:
         while self._shots and host_now_s() - self._shots[0].asked_s > SHOT_WAITS_S:
             shot = self._shots.popleft()
-            shot.answer.set_exception(
-                ConflictError(
-                    "a standstill that robot, table and stripe prove",
-                    shot.why_not or "no exposure since",
-                    "Let the arm settle, then ask again.",
-                )
-            )
+            shot.answer.set_exception(no_standstill(shot))
 
     def _store(self, cell: Cell, rest: Rest, taken: set[str], shot: Shot | None) -> Taken:
         devices = ", ".join(f"{link.name} ({link.source.name})" for link in self.links.values())

@@ -46,3 +46,9 @@ def require_good(rest: Rest) -> None:
 def no_scanner() -> ConflictError:
     """Return what is said where no scanner is connected."""
     return ConflictError("a scanner that is connected", "none", "Connect one in the session's devices.", "devices")
+
+
+def no_standstill(shot: Shot) -> ConflictError:
+    """Return what is said where none came in time."""
+    need, why_not = "a standstill that robot, table and stripe prove", shot.why_not or "no exposure since"
+    return ConflictError(need, why_not, "Let the arm settle, then ask again.")

@@ -26,6 +26,8 @@ class Rules:
         That must show the sphere at one place.
     latency_s : float
         An exposure may have been made so long before it arrived: robot and table must have stood since then.
+    untimed_latency_s : float
+        The same for one that does not tell when it was made.
     gap_s : float
         Poses further apart than this in time leave open what was between them.
     position_mm, orientation_rad, table_deg : float
@@ -34,6 +36,7 @@ class Rules:
 
     exposures: int = 3
     latency_s: float = 0.3
+    untimed_latency_s: float = 0.7
     gap_s: float = 0.35
     position_mm: float = 0.03
     orientation_rad: float = 2e-4
@@ -56,7 +59,11 @@ class Rest:
 
 
 def stood_still(
-    robot: Sequence[Sample], exposures: Sequence[Exposure], rules: Rules, table: Sequence[Sample] = ()
+    robot: Sequence[Sample],
+    exposures: Sequence[Exposure],
+    rules: Rules,
+    table: Sequence[Sample] = (),
+    is_timed: bool = True,
 ) -> Rest | str:
     """Return the standstill that the newest exposures show, or why there is none, as a clause.
 
@@ -67,6 +74,8 @@ def stood_still(
     exposures : sequence of Exposure
         In the order of their arrival.
     rules : Rules
+    is_timed : bool
+        Whether exposures tell when they were made.
     """
     if len(exposures) < rules.exposures:
         return "the scanner has not told enough yet"
@@ -82,7 +91,8 @@ def stood_still(
     arcs = [exposure.arc for exposure in newest if exposure.arc is not None]
     if len(arcs) < len(newest):
         return next(exposure.problem for exposure in newest if exposure.arc is None)
-    since_s, until_s = newest[0].frame.host_time_s - rules.latency_s, newest[-1].frame.host_time_s
+    latency_s = rules.latency_s if is_timed else rules.untimed_latency_s
+    since_s, until_s = newest[0].frame.host_time_s - latency_s, newest[-1].frame.host_time_s
     stood = _stood(robot, since_s, until_s, rules)
     if isinstance(stood, str):
         return f"the robot {stood}"

@@ -93,4 +93,5 @@ SOURCE = Source(
     ImageStreamSettings,
     connect=ImageStream,
     delivers=("scanner",),
+    clock="every-reading",
 )

@@ -4,7 +4,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 from calib_core.frames import RigidTransform
@@ -19,10 +19,14 @@ _EVERY_S, _LATE_S = 0.02, 1.0
 
 @dataclass
 class Wire:
-    """What lies between: a fault that can be switched on while the device goes on, and whether it has begun."""
+    """What lies between: a fault that can be switched on while the device goes on, and whether it has begun.
+
+    `exposed_s` is when files were exposed whose stamps say another time.
+    """
 
     fault: Fault | None = None
     begun: bool = False
+    exposed_s: dict[bytes, float] = field(default_factory=dict[bytes, float])
 
 
 class FaultyStream:

@@ -1,12 +1,13 @@
 """Sources of the workbench before devices that tell, in their own protocols, what a faulty wire lets through."""
 
 import json
+import socket
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from io import StringIO
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -19,11 +20,12 @@ from server.simulated_cell.kukavarproxy_server import KukaVarProxyServer
 from server.simulated_cell.modbus_server import ANGLE, MOVING, ModbusServer
 from server.simulated_cell.opcua_server import OpcUaServer
 from server.simulated_cell.rtde_server import RtdeServer
+from server.simulated_cell.stream_server import StreamServer
 from server.sources.device import Sample, host_now_s
 from tests.server.gige_network import only_camera
 from tests.server.gocator_server import GocatorServer
 from tests.server.live_rig import LineServer, Rig
-from tests.server.test_live_robot_sources import CURPOS, page, web_server
+from tests.server.test_live_robot_sources import CURPOS, free_port, page, web_server
 
 Settings = dict[str, Any]
 Told = Callable[[], Sample]
@@ -48,6 +50,56 @@ def _stopped(server: Any, **settings: Any) -> Iterator[Settings]:
 def _lines(told: Told):
     server = LineServer(lambda: (" ".join(map(str, numbers(told(), "abb"))) + "\r\n").encode())
     return _stopped(server, host="127.0.0.1", port=server.port, convention="abb")
+
+
+def _telegram(sample: Sample) -> bytes:
+    place = "".join(f' {k}="{v:.6f}"' for k, v in zip("XYZABC", numbers(sample, "kuka"), strict=True))
+    stamp = round((sample.device_time_s or 0.0) * 1000)
+    return f'<Rob Type="KUKA"><RIst{place}/><IPOC>{stamp}</IPOC></Rob>'.encode()
+
+
+def _eki(told: Told):
+    server = LineServer(lambda: _telegram(told()))
+    return _stopped(server, host="127.0.0.1", port=server.port)
+
+
+def _egm_message(sample: Sample) -> bytes:
+    from ABBRobotEGM._egm_protobuf import egm_pb2
+
+    sent = egm_pb2.EgmRobot()
+    stamp = round((sample.device_time_s or 0.0) * 1000) % 2**32
+    sent.header.seqno, sent.header.tm = stamp, stamp
+    sent.feedBack.joints.joints.extend(_HOME_DEG)
+    x, y, z, *turn = numbers(sample, "abb")
+    place, orient = sent.feedBack.cartesian.pos, sent.feedBack.cartesian.orient
+    place.x, place.y, place.z = x, y, z
+    orient.u0, orient.u1, orient.u2, orient.u3 = turn
+    return sent.SerializeToString()
+
+
+@contextmanager
+def _sent(message: Callable[[], bytes], **settings: Any) -> Iterator[Settings]:
+    """Send datagrams to a source that listens."""
+    stopped, port = threading.Event(), free_port(socket.SOCK_DGRAM)
+
+    def send() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+            while not stopped.wait(_EVERY_S):
+                robot.sendto(message(), ("127.0.0.1", port))
+
+    thread = threading.Thread(target=send, daemon=True)
+    thread.start()
+    yield {"port": port, **settings}
+    stopped.set()
+    thread.join(5)
+
+
+def _rsi(told: Told):
+    return _sent(lambda: _telegram(told()), host="127.0.0.1")
+
+
+def _egm(told: Told):
+    return _sent(lambda: _egm_message(told()))
 
 
 def _rtde(told: Told):
@@ -163,6 +215,9 @@ def _ros(told: Told) -> Iterator[Settings]:
 
 ROBOTS = {
     "pose-lines": _lines,
+    "kuka-eki": _eki,
+    "kuka-rsi": _rsi,
+    "abb-egm": _egm,
     "ur-rtde": _rtde,
     "rosbridge": _ros,
     "opcua": _opcua,
@@ -175,29 +230,74 @@ ROBOTS = {
 
 @dataclass(frozen=True)
 class _Seen:
-    """What a scanner saw: points, or an image."""
+    """What a scanner saw: a profile's text, or an image."""
 
     host_time_s: float
     device_time_s: float
-    points: np.ndarray
+    content: Any
 
 
-def _gocator(rig: Rig, wire: Wire):
+def _profiles(rig: Rig, wire: Wire) -> Callable[[], tuple[bytes, float]]:
+    """Return what gives a scanner's profiles, as text with their times."""
     rng = np.random.default_rng(5)
 
     def seen() -> _Seen:
         now_s = host_now_s()
-        text = rig.cell.profile(now_s, rng).decode()
-        return _Seen(now_s, now_s, np.genfromtxt(StringIO(text), delimiter=",", skip_header=1)[:, :2])
+        content = rig.cell.profile(now_s, rng)
+        wire.exposed_s[content] = now_s
+        return _Seen(now_s, now_s, content)
 
     stream = FaultyStream(seen, wire)
 
+    def told() -> tuple[bytes, float]:
+        one = stream()
+        return one.content, one.device_time_s
+
+    return told
+
+
+def _gocator(rig: Rig, wire: Wire):
+    told = _profiles(rig, wire)
+
     def expose() -> tuple[np.ndarray, float]:
-        told = stream()
-        return told.points, told.device_time_s
+        text, moment_s = told()
+        return np.genfromtxt(BytesIO(text), delimiter=",", skip_header=1)[:, :2], moment_s
 
     server = GocatorServer(expose)
     return _stopped(server, host="127.0.0.1", port=server.port)
+
+
+def _stream(rig: Rig, wire: Wire):
+    told = _profiles(rig, wire)
+
+    def expose() -> tuple[bytes, str, float]:
+        text, moment_s = told()
+        return text, "text/csv", moment_s
+
+    server = StreamServer(expose)
+    return _stopped(server, url=server.url)
+
+
+@contextmanager
+def _folder(rig: Rig, wire: Wire) -> Iterator[Settings]:
+    """Write what a scanner's program has, which stamps each file with the time of writing."""
+    told, stopped, folder = _profiles(rig, wire), threading.Event(), rig.folder.with_name("faulty")
+    folder.mkdir()
+
+    def write() -> None:
+        number = 0
+        while not stopped.wait(0.05):
+            number += 1
+            temporary = folder / ".writing"
+            temporary.write_bytes(told()[0])
+            temporary.replace(folder / f"{number:06d}.csv")
+            (folder / f"{number - 40:06d}.csv").unlink(missing_ok=True)
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    yield {"folder": str(folder)}
+    stopped.set()
+    thread.join(5)
 
 
 @contextmanager
@@ -213,7 +313,7 @@ def _genicam(rig: Rig, wire: Wire) -> Iterator[Settings]:
 
     def expose(_: float) -> tuple[np.ndarray, float]:
         told = stream()
-        return told.points, told.device_time_s
+        return told.content, told.device_time_s
 
     with only_camera():
         server = GigeServer(expose, (WIDTH_PX, HEIGHT_PX), 20.0)
@@ -221,7 +321,7 @@ def _genicam(rig: Rig, wire: Wire) -> Iterator[Settings]:
             yield at
 
 
-SCANNERS = {"gocator": _gocator, "genicam": _genicam}
+SCANNERS = {"gocator": _gocator, "genicam": _genicam, "image-stream": _stream, "frame-folder": _folder}
 
 
 def _modbus(told: Told):

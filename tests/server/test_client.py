@@ -14,6 +14,7 @@ from scancell_client import ProblemError, Scancell
 from scancell_client.models import TcpResult
 from server.commands.schema.records import schema_text
 from tests.server.live_server import make_session, simulated_session, upload
+from tests.server.test_batches import one
 from tests.server.test_captures import arc_csv, record
 
 CLIENT = Path(__file__).resolve().parents[2] / "scancell_client"
@@ -55,6 +56,16 @@ def test_the_client_calibrates(api: Scancell) -> None:
         api.sessions_get("none")
     assert refused.value.status == 404
     assert api.sessions_delete(session) is None
+
+
+def test_lists_are_whole_however_many_pages_they_take(api: Scancell, client: httpx.Client) -> None:
+    session = make_session(client)
+    names = [f"p{number:03d}" for number in range(230)]
+    api.captures_add_batch(session, b"".join(one(name, b"0,0\n1,1\n2,%d\n" % k) for k, name in enumerate(names)))
+    assert [item["id"] for item in api.captures_list_all(session)["items"]] == names
+    page = api.captures_list_all(session, limit=100)
+    assert len(page["items"]) == 100
+    assert len(api.captures_list_all(session, cursor=page["next"])["items"]) == 130
 
 
 def test_a_job_that_fails_says_why(api: Scancell, client: httpx.Client) -> None:

@@ -73,6 +73,17 @@ def test_a_lag_and_a_slow_clock_are_told_within_two_seconds() -> None:
         assert any("late" in why for why, at_s in zip(found, host_s, strict=True) if at_s < 105.0)
 
 
+def test_readings_that_arrive_together_are_of_one_program() -> None:
+    sent_s = at_50_hz(1.0)
+    arrived_s = np.ceil(sent_s / 0.2) * 0.2 + 1e-5 * np.arange(len(sent_s))
+    x_mm = 1000.0 * (sent_s - 100.0)
+    for clock, stamps in (("none", [None] * len(sent_s)), ("every-reading", list(sent_s))):
+        assert set(reasons(clock, zip(arrived_s, stamps, x_mm, strict=True))) == {""}
+    other_mm = np.where(np.arange(len(sent_s)) % 2, 500.0 - 0.7 * x_mm, x_mm)  # of another arm, that moves too
+    told = reasons("none", zip(arrived_s, [None] * len(sent_s), other_mm, strict=True))
+    assert any("two programs" in why for why in told)
+
+
 def test_two_publishers_and_a_change_without_a_stamp_are_told() -> None:
     host_s = at_50_hz(1.0)
     both = np.where(np.arange(len(host_s)) % 2, 40.0, 0.0)
@@ -89,6 +100,9 @@ EACH: dict[str, Fault] = {
     "on-change": "freeze",
     "none": "two publishers",
     "pose-lines": "reordered",
+    "kuka-eki": "stale",
+    "kuka-rsi": "freeze",
+    "abb-egm": "late",
     "ur-rtde": "slow clock",
     "rosbridge": "two publishers",
     "opcua": "stale",
@@ -97,6 +111,8 @@ EACH: dict[str, Fault] = {
     "fanuc-curpos": "duplicated",
     "gocator": "late",
     "genicam": "stale",
+    "image-stream": "late",
+    "frame-folder": "late",
     "modbus": "freeze",
 }
 """One fault a source and one source a fault; `scancell bench freshness` tries all of them."""

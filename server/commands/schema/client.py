@@ -32,6 +32,7 @@ def _text(name: str, value: Any) -> list[tuple[str, Any]]:
 def _files(name: str, files: Mapping[str, bytes]) -> list[tuple[str, Any]]:
     return [(name, (file, content)) for file, content in files.items()]
 """
+_WHOLE = "Without `limit` and `cursor` it is all of them, else a page."
 _TYPES = {"string": "str", "integer": "int", "number": "float", "boolean": "bool"}
 
 
@@ -78,7 +79,9 @@ def _method(verb: str, path: str, operation: Mapping[str, Any], schemas: Mapping
     target = f'f"{path}"'.replace("quote(place", "quote(str(place)").replace("quote(number", "quote(str(number)")
     call = ", ".join([f'"{verb}"', target if "{" in path else f'"{path}"', *given])
     head = f"    def {operation['operationId']}({', '.join(arguments)}) -> Any:"
-    return f"\n{head}\n{_doc(operation)}        return self.request({call})\n"
+    is_whole = operation["operationId"].endswith("list_all") and any(p["name"] == "cursor" for p in in_query)
+    more = f" {_WHOLE}" if is_whole else ""
+    return f"\n{head}\n{_doc(operation, more)}        return self.{'whole' if is_whole else 'request'}({call})\n"
 
 
 def _answers(operation: Mapping[str, Any]) -> list[str]:
@@ -125,7 +128,7 @@ def _type(parameter: Mapping[str, Any]) -> str:
     return next((_TYPES[kind] for kind in kinds if kind in _TYPES), "str")
 
 
-def _doc(operation: Mapping[str, Any]) -> str:
+def _doc(operation: Mapping[str, Any], more: str) -> str:
     said = operation.get("description") or operation.get("summary", "")
-    lines = textwrap.wrap(f'"""{" ".join(said.split())}"""', 100, break_long_words=False)
+    lines = textwrap.wrap(f'"""{" ".join(said.split())}{more}"""', 100, break_long_words=False)
     return "".join(f"        {line}\n" for line in lines)
