@@ -187,11 +187,15 @@ def trial(way: str, fault: Fault | None, moves: int, seed: int = 0) -> Trial:
                 for number in range(1, moves + 1):
                     rig.go(places[number % len(places)])
                     _stay(live, found, began_s, random if fault else None)
+                counted = set(found.names)
+                rig.go(places[(moves + 1) % len(places)])  # what was wrong comes out when the robot goes on
+                time.sleep(_TRAVEL_S + _STAY_S)
                 live.stop()
         finally:
             live.stop()
             rig.stop()
-    found.taken -= 1
+    found.off &= counted
+    found.taken = len(counted) - 1
     return found
 
 
