@@ -44,6 +44,9 @@ class Agreement:
         self.moved_after_s = np.inf  # the stripe did in that stand
         self._arcs: deque[tuple[float, ArcFit]] = deque(maxlen=_MOST_ARCS)
         self._before: Rest | None = None
+        self._former: tuple[float, Sample, ArcFit] | None = (
+            None  # the last stand: since when, where, what was seen
+        )
         if is_remounted:
             self._on_table: Rest | None = None
 
@@ -65,8 +68,16 @@ class Agreement:
         """Take what the scanner saw; what may have been exposed before the robot stood says nothing."""
         seen_s = exposure.frame.host_time_s
         late = seen_s <= self.stands_since_s + self._rules.latency_s
-        if exposure.arc is not None and exposure.frame.fresh and not late:
-            self._arcs.append((seen_s, exposure.arc))
+        if exposure.arc is None or not exposure.frame.fresh or late:
+            return
+        self._arcs.append((seen_s, exposure.arc))
+        former, self._former = self._former, None
+        if former is None or self._stands is None or _apart_mm(former[2], exposure.arc) > _STRIPE_STOOD_MM:
+            return
+        poses = [one.base_from_tool0 for one in (former[1], self._stands) if one.base_from_tool0 is not None]
+        # The pose moved alone: the robot had been here long before.
+        if not is_resting(poses, _ROBOT_MOVED_MM, np.inf):
+            self.doubted_since_s, self.moved_after_s = former[0], np.inf
 
     def table_contradiction(self, now: Rest, cell: Cell) -> str:
         """Return what speaks against a standstill's angle of the table, "" where nothing does.
@@ -98,6 +109,8 @@ class Agreement:
         assert arc is not None
         if self._stands is None or now.robot is None:
             return ""
+        if now.exposures[-1].frame.host_time_s < self.stands_since_s:
+            return "the robot moves"  # since these exposures, so that nothing is known any more of their stand
         turned_deg = _turned_deg(self._stands, now.robot)
         if turned_deg > _JOINT_TURNED_DEG:
             self._doubt()
@@ -149,6 +162,8 @@ class Agreement:
         seen = [arc for seen_s, arc in self._arcs if seen_s < before_s]
         if seen and max(_apart_mm(seen[0], other) for other in seen) > _STRIPE_MOVED_MM:
             self._doubt()
+        if self._arcs and self._stands is not None:
+            self._former = self.stands_since_s, self._stands, self._arcs[-1][1]
         self.stands_since_s = sample.host_time_s
         self._arcs.clear()
 

@@ -40,7 +40,7 @@ PARTS = (3, 25, 25, 25, 25)
 """How many places the parts of a full bench go to."""
 _WRONG_MM, _WRONG_DEG = 0.5, 0.05
 _STAY_S, _TRAVEL_S = 2.0, 0.4
-_FAULTY_STAY_S = 0.8, 2.0  # as soon as a healthy one is captured, and longer
+_FAULTY_STAY_S = 1.2, 2.4  # as soon as a healthy one is captured, and longer
 _WANTED_S = 0.5
 _PATIENCE_S = 60.0
 _NAMES = re.compile("moved|fresh|repeats|turned")

@@ -164,6 +164,18 @@ def test_joints_that_turn_while_the_pose_stands_contradict_it() -> None:
     assert "a joint turned by 20.0°" in agreement.contradiction(rest(20.0))
 
 
+def test_a_pose_that_moves_while_the_stripe_stands_was_not_where_it_stood_before() -> None:
+    """Of a source without a clock that is a second late: the stripe is at the next place already."""
+    x = np.linspace(-12.0, 12.0, 60)
+    points = np.column_stack([x, 200.0 - np.sqrt(20.0**2 - x**2)])
+    agreement, arc = Agreement(Rules()), fit_arc(points, 80.0, "away")
+    for number, moment_s in enumerate(np.arange(100.0, 103.0, 0.05)):
+        agreement.tell(Sample(moment_s, None, pose(0.0 if moment_s < 101.5 else 50.0)))
+        agreement.see(Exposure(Frame(moment_s + 0.01, f"{number}.csv", b""), points, arc))
+        assert agreement.doubted_since_s == (None if moment_s < 101.8 else 100.0)
+    assert not agreement.is_late()
+
+
 def test_joints_of_ros_that_stand_make_the_sample_as_old_as_they_are() -> None:
     joints = {"header": stamp(8), "name": ["a1"], "position": [0.5]}
     still = {"header": stamp(9), "pose": SENT["/pose"]["pose"]}
