@@ -72,8 +72,8 @@ catalogues: setup
 test-windows: setup
 	WINDOWS_PYTHON="$(WINDOWS_PYTHON)" $(BIN)/python -m pytest tests/windows/on_windows*.py $(WINDOWS_TESTS)
 
-# One thing in four files, without names of hosts: what is developed with; what the demo runs; what the image has; the installer.
-COMPILE = $(BIN)/python -m uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --quiet
+# One thing in five files, without names of hosts: what is developed with; what the demo runs; what the image has, and what builds its wheel; the installer.
+COMPILE = $(BIN)/python -m uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --quiet
 # All wheels for a machine without a network: PLATFORM is windows, linux, linux-arm or macos-arm.
 PLATFORM ?= windows
 PYTHON_VERSION ?= 3.12
@@ -89,7 +89,8 @@ release: setup
 	$(BIN)/python .ci/release.py $(OUT) $(if $(PYTHON_ZIP),--python-zip "$(PYTHON_ZIP)") $(if $(KERNELS),--kernels "$(KERNELS)") $(if $(WINDOWS_PYTHON),--windows-python "$(WINDOWS_PYTHON)/python") $(if $(SIGNING_KEY),--signing-key "$(SIGNING_KEY)") $(if $(IMAGE_TOOL),--image-tool $(IMAGE_TOOL))
 
 lock: runtime
-	$(COMPILE) --all-extras --group dev --group build --group installer --output-file requirements.lock
-	$(COMPILE) --group build --constraint requirements.lock --output-file requirements-runtime.lock
-	$(COMPILE) --all-extras --constraint requirements.lock --output-file requirements-image.lock
-	$(BIN)/python -m uv pip compile --group installer --universal --python-version 3.11 --constraint requirements.lock --generate-hashes --no-header --no-annotate --quiet --output-file requirements-uv.lock
+	$(COMPILE) pyproject.toml --all-extras --group dev --group build --group installer --output-file requirements.lock
+	$(COMPILE) pyproject.toml --group build --constraint requirements.lock --output-file requirements-runtime.lock
+	$(COMPILE) pyproject.toml --all-extras --constraint requirements.lock --output-file requirements-image.lock
+	$(COMPILE) --group build --constraint requirements.lock --output-file requirements-build.lock
+	$(COMPILE) --group installer --constraint requirements.lock --output-file requirements-uv.lock

@@ -93,7 +93,14 @@ def test_it_installs_what_the_project_needs_and_no_tools() -> None:
 
 
 def test_what_is_installed_has_the_versions_that_the_tests_ran_with() -> None:
-    assert locked("-runtime") | locked("-image") | locked("-uv") <= locked("")
+    assert locked("-runtime") | locked("-image") | locked("-build") | locked("-uv") <= locked("")
+
+
+def test_all_that_the_image_takes_from_a_registry_is_held_against_a_hash() -> None:
+    installs = re.findall(r"pip install (.*?)(?:&&|$)", " && ".join(r for n, r in instructions() if n == "RUN"))
+    assert len(installs) == 3
+    for words in installs:
+        assert ("--require-hashes --requirement requirements-" in words) != ("--no-deps /wheel/*.whl" in words)
 
 
 def test_the_system_packages_are_those_that_make_installs() -> None:
