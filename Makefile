@@ -83,10 +83,10 @@ wheelhouse: setup
 
 # A folder in a zip that runs on Windows without an installation: PYTHON_ZIP is the embeddable Python of python.org.
 portable: setup
-	$(BIN)/python .ci/portable.py "$(PYTHON_ZIP)" $(OUT) $(if $(KERNELS),--kernels "$(KERNELS)") $(if $(WINDOWS_PYTHON),--windows-python "$(WINDOWS_PYTHON)/python")
+	$(BIN)/python .ci/portable.py "$(PYTHON_ZIP)" $(OUT) $(if $(KERNELS),--kernels "$(KERNELS)") $(if $(WINDOWS_PYTHON),--windows-python "$(WINDOWS_PYTHON)/python") $(if $(RUNTIME),--runtime "$(RUNTIME)")
 
 release: setup
-	$(BIN)/python .ci/release.py $(OUT) $(if $(PYTHON_ZIP),--python-zip "$(PYTHON_ZIP)") $(if $(KERNELS),--kernels "$(KERNELS)") $(if $(WINDOWS_PYTHON),--windows-python "$(WINDOWS_PYTHON)/python") $(if $(SIGNING_KEY),--signing-key "$(SIGNING_KEY)") $(if $(IMAGE_TOOL),--image-tool $(IMAGE_TOOL))
+	$(BIN)/python .ci/release.py $(OUT) $(if $(PYTHON_ZIP),--python-zip "$(PYTHON_ZIP)") $(if $(KERNELS),--kernels "$(KERNELS)") $(if $(WINDOWS_PYTHON),--windows-python "$(WINDOWS_PYTHON)/python") $(if $(RUNTIME),--runtime "$(RUNTIME)") $(if $(SIGNING_KEY),--signing-key "$(SIGNING_KEY)") $(if $(IMAGE_TOOL),--image-tool $(IMAGE_TOOL))
 
 lock: runtime
 	$(COMPILE) pyproject.toml --all-extras --group dev --group build --group installer --output-file requirements.lock

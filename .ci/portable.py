@@ -41,6 +41,10 @@ kernels are compiled for this processor, some minutes, while the workbench is us
 beside this one and move `data` into it.
 """
 _WARM = ["-B", "-m", "server.cli", "warm", "--any-processor"]
+_RUNTIME = re.compile(rb"(?i)\b((?:msvcp|vcomp|vcruntime|concrt)140\w*\.dll)\0")
+_LACKS = """
+This computer needs Microsoft's Visual C++ runtime (vc_redist.x64.exe), for {names}.
+"""
 _DROPPED = ("PYTHONPATH", "PYTHONHOME", "NUMBA_CACHE_DIR")
 _IN_TURN = "import subprocess, sys; sys.exit(subprocess.call(sys.argv[1:]))"
 _NEEDLESS = re.compile(r"(^|/)(__pycache__|tests?)/|\.(pyi|lib|pdb|h)$")
@@ -80,6 +84,19 @@ def install(wheels: list[Path], into: Path) -> None:
                 (into / place).write_bytes(archive.read(name))
 
 
+def bring_runtime(top: Path, runtime: Path | None) -> list[str]:
+    """Copy what the folder's programs need of Microsoft's runtime for C++; return what is neither there nor given.
+
+    The embeddable Python has a part of it, and a Windows need not have the rest.
+    """
+    programs = [file for file in top.rglob("*") if file.suffix.lower() in (".dll", ".pyd")]
+    needed = {name.decode().lower() for file in programs for name in _RUNTIME.findall(file.read_bytes())}
+    for name in sorted(needed - {file.name.lower() for file in (top / "python").iterdir()}):
+        if runtime is not None and (runtime / name).is_file():
+            shutil.copy(runtime / name, top / "python")
+    return sorted(needed - {file.name.lower() for file in (top / "python").iterdir()})
+
+
 def compile_kernels(top: Path, starter: Path | None) -> None:
     """Have the folder's Python compile the kernels that it lacks, on Windows or by what runs a Windows Python."""
     python = str(top / "python" / "python.exe")
@@ -89,12 +106,17 @@ def compile_kernels(top: Path, starter: Path | None) -> None:
 
 
 def make(
-    python_zip: Path, out: Path, house: Path | None, compiled: Path | None = None, starter: Path | None = None
+    python_zip: Path,
+    out: Path,
+    house: Path | None,
+    compiled: Path | None = None,
+    starter: Path | None = None,
+    runtime: Path | None = None,
 ) -> Path:
     """Write the portable zip.
 
     `house` is a wheelhouse for Windows, else one is made; `compiled` holds kernels; `starter` is a program that
-    runs a Windows Python.
+    runs a Windows Python; `runtime` is a folder with Microsoft's runtime for C++.
     """
     with tempfile.TemporaryDirectory() as temporary:
         top = Path(temporary) / "scancell"
@@ -103,13 +125,20 @@ def make(
             sorted(house.glob("*.whl")) if house else wheelhouse.make("windows", version, Path(temporary) / "w")
         )
         install(wheels, top / _PACKAGES)
+        lacking = bring_runtime(top, runtime)
+        if lacking:
+            print(
+                f"Lacks {', '.join(lacking)}: --runtime names a folder of Microsoft's redistributable.",
+                file=sys.stderr,
+            )
         for file in kernels.files_of(compiled) if compiled else []:
             (top / _PACKAGES / kernels.FOLDER).mkdir(exist_ok=True)
             shutil.copy(file, top / _PACKAGES / kernels.FOLDER)
         if starter is not None or os.name == "nt":
             compile_kernels(top, starter)
         own = next(wheel.name.split("-")[1] for wheel in wheels if wheel.name.startswith("scancell-"))
-        for name, text in {"Start.cmd": _START, "scancell.cmd": _COMMAND, "README.txt": _README}.items():
+        readme = _README + (_LACKS.replace("{names}", ", ".join(lacking)) if lacking else "")
+        for name, text in {"Start.cmd": _START, "scancell.cmd": _COMMAND, "README.txt": readme}.items():
             (top / name).write_bytes(text.replace("{version}", own).replace("\n", "\r\n").encode())
         out.mkdir(parents=True, exist_ok=True)
         made = shutil.make_archive(str(out / f"scancell-{own}-windows-x64"), "zip", temporary, "scancell")
@@ -129,8 +158,11 @@ def main() -> None:
     parser.add_argument(
         "--windows-python", type=Path, help="a program that runs a Windows Python: compiles kernels"
     )
+    system = Path(os.environ["SYSTEMROOT"]) / "System32" if os.name == "nt" else None
+    told = "a folder with Microsoft's runtime for C++, x64: VC/Redist/MSVC/…/x64 (on Windows, its own)"
+    parser.add_argument("--runtime", type=Path, default=system, help=told)
     options = parser.parse_args()
-    given = (options.wheelhouse, options.kernels, options.windows_python)
+    given = (options.wheelhouse, options.kernels, options.windows_python, options.runtime)
     made = make(options.python_zip, options.out, *given)
     print(f"{made}: {made.stat().st_size / 1e6:.0f} MB")
 

@@ -212,6 +212,7 @@ def make(
     image_tool: str | None = None,
     compiled: Path | None = None,
     starter: Path | None = None,
+    runtime: Path | None = None,
     *,
     compiles: bool = True,
 ) -> dict[Path, str]:
@@ -227,7 +228,7 @@ def make(
     if compiles and (sys.platform, platform.machine()) == ("linux", "x86_64"):
         made = {wheel_with_kernels(wheel, *python): python[1] for python in pythons().items()}
     if python_zip is not None:
-        zipped = portable.make(python_zip, out, house, compiled, starter)
+        zipped = portable.make(python_zip, out, house, compiled, starter, runtime)
         parts["components"].append(windows := part_of_python(python_zip))
         with tempfile.TemporaryDirectory() as folder:
             if kernels.taken_from(zipped, Path(folder)):
@@ -255,11 +256,12 @@ def main() -> None:
     parser.add_argument("--wheelhouse", type=Path, help="one for Windows that is there already")
     parser.add_argument("--kernels", type=Path, help="compiled for the portable zip: see portable.py")
     parser.add_argument("--windows-python", type=Path, help="a program that runs one: see portable.py")
+    parser.add_argument("--runtime", type=Path, help="Microsoft's, for C++: see portable.py")
     parser.add_argument("--signing-key", type=Path, help="an ssh key")
     parser.add_argument("--image-tool", help="podman or docker: the image too")
     options = parser.parse_args()
     given = (options.python_zip, options.signing_key, options.wheelhouse, options.image_tool, options.kernels)
-    for wheel, python in make(options.out, *given, options.windows_python).items():
+    for wheel, python in make(options.out, *given, options.windows_python, options.runtime).items():
         try_out(wheel, python, list_of_parts(wheel))
     for path in sorted(options.out.iterdir()):
         print(f"{path.stat().st_size / 1e6:8.1f} MB  {path.name}")

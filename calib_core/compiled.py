@@ -35,6 +35,9 @@ on_compiling: list[Callable[[], object]] = []
 
 def set_up() -> None:
     """Make numba keep kernels under the hash of all that they are made of, and tell of compiling; idempotent."""
+    from calib_core.windows_runtime import require_runtime
+
+    require_runtime()
     from numba.core import config, event
     from numba.core.caching import CacheImpl
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from calib_core.errors import InputError
 from calib_core.messages import message
+from calib_core.windows_runtime import require_runtime
 
 _DRAWING = "open3d.visualization.draw_plotly"
 
@@ -20,6 +21,7 @@ def open3d() -> Any:
     InputError
         If one of the system's libraries that it needs is missing, which pip cannot bring.
     """
+    require_runtime()
     if "open3d" not in sys.modules:
         stand_in = ModuleType(_DRAWING)
         for name in ("get_plotly_fig", "draw_plotly", "draw_plotly_server"):

@@ -29,7 +29,9 @@ _OWN_ADDRESS = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 def serve(options: argparse.Namespace) -> int:
     """Serve until stopped, after printing the address."""
     from calib_core.errors import InputError
+    from calib_core.windows_runtime import require_runtime
 
+    require_runtime()
     host, port = options.host, options.port
     if not 0 <= port <= 65535:
         raise InputError("a port from 0 to 65535", str(port), "Name another.", "--port")

@@ -155,6 +155,24 @@ def test_the_folders_own_python_compiles_what_kernels_it_lacks(
     assert [file.name for file in kernels.files_of(taken)] == ["b.nbc"]
 
 
+def test_what_programs_need_of_microsofts_runtime_is_brought_or_told(
+    python_zip: Path, wheel: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    house, runtime = tmp_path / "house", tmp_path / "runtime"
+    house.mkdir()
+    runtime.mkdir()
+    shutil.copy(wheel, house)
+    with zipfile.ZipFile(house / "numba-1-cp312-cp312-win_amd64.whl", "w") as archive:
+        names = b"MZ\0KERNEL32.dll\0MSVCP140.dll\0VCRUNTIME140_1.dll\0msvcp140-0a4c.dll\0Python3.dll\0"
+        archive.writestr("numba/typeconv.pyd", names)
+    (runtime / "msvcp140.dll").write_bytes(b"MZ")
+    made = portable.make(python_zip, tmp_path / "out", house, None, None, runtime)
+    assert "Lacks vcruntime140_1.dll: " in capsys.readouterr().err
+    with zipfile.ZipFile(made) as archive:
+        assert "scancell/python/msvcp140.dll" in archive.namelist()
+        assert "for vcruntime140_1.dll.\r\n" in archive.read("scancell/README.txt").decode()
+
+
 def test_another_zip_is_no_python_of_windows(tmp_path: Path) -> None:
     file = tmp_path / "other.zip"
     zipfile.ZipFile(file, "w").close()

@@ -172,6 +172,27 @@ def test_a_worker_that_has_ended_already_is_no_error(tmp_path: Path, monkeypatch
         pool.close()
 
 
+def test_a_windows_without_microsofts_runtime_is_told_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Else numba and Open3D fail in a worker, by a library's name that nobody knows."""
+    from calib_core import windows_runtime
+    from server.cli import main
+
+    def load(name: str) -> None:
+        if name != "vcruntime140_1.dll":  # which Windows' own Python brings
+            raise OSError(126, "The specified module could not be found", name)
+
+    monkeypatch.setattr(windows_runtime, "WINDOWS", True)
+    monkeypatch.setattr(ctypes, "WinDLL", load, raising=False)
+    windows_runtime.require_runtime.cache_clear()
+    assert main(["serve", "--port", "0", "--data", str(tmp_path / "data")]) == 2
+    assert "a Windows without msvcp140.dll, vcomp140.dll" in capsys.readouterr().err
+    monkeypatch.setattr(ctypes, "WinDLL", str)
+    windows_runtime.require_runtime()
+    windows_runtime.require_runtime.cache_clear()
+
+
 @pytest.mark.parametrize(
     ("variable", "below"),
     [

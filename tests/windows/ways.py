@@ -59,6 +59,8 @@ WAYS: list[tuple[str, str, str]] = [
     ("Ctrl-C reaches processes that start", "test_processes", "test_processes_are_started_where_the_console_tells_them_nothing"),
     ("closing the window and Ctrl-Break end the server in order", "test_processes", "test_the_server_ends_in_order_by_what_windows_sends"),
     ("ending a process that has ended is an invalid argument", "test_processes", "test_a_worker_that_has_ended_already_is_no_error"),
+    ("Windows lacks Microsoft's runtime for C++", "test_processes", "test_a_windows_without_microsofts_runtime_is_told_at_once"),
+    ("the embeddable Python lacks it", "test_release", "test_what_programs_need_of_microsofts_runtime_is_brought_or_told"),
     ("Edge and Chrome lie in six places", "test_processes", "test_a_browser_is_found_wherever_windows_has_it"),
     ("there is no fork", "test_other_systems", "test_processes_are_spawned_not_forked"),
     ("workers are spawned", "test_processes", "test_a_spawned_worker_does_what_a_forked_one_does"),
