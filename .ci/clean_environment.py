@@ -8,7 +8,10 @@ from pathlib import Path
 
 LOCK = Path(__file__).resolve().parents[1] / "requirements-image.lock"
 _LOCKED = re.compile(r"^[\w.-]+==[^\\\n]+", re.MULTILINE)
-_INSTALLED = "import importlib.metadata as m; print(*(f'{d.name}=={d.version}' for d in m.distributions()))"
+_INSTALLED = """import importlib.metadata, re
+for d in importlib.metadata.distributions():
+    print(re.sub("[-_.]+", "-", d.name).lower() + "==" + d.version)
+"""
 
 
 def make(place: Path, wheel: Path, of: str = sys.executable) -> Path:
@@ -38,8 +41,8 @@ def make(place: Path, wheel: Path, of: str = sys.executable) -> Path:
 
 
 def installed(programs: Path) -> set[str]:
-    """Return what is installed there, as `name==version`, in small letters and with hyphens."""
+    """Return what is installed there, as `name==version`, the names as registries and locks write them."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     command = [str(programs / "python"), "-c", _INSTALLED]
     done = subprocess.run(command, cwd=programs, env=environment, capture_output=True, text=True, check=True)
-    return {name.lower().replace("_", "-") for name in done.stdout.split()}
+    return set(done.stdout.split())
