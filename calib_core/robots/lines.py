@@ -10,9 +10,9 @@ from calib_core.poses.numbers import convention_named, parse_pose
 
 _POINT = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _COMMA = r"[-+]?\d+(?:,\d+)?(?:[eE][-+]?\d+)?"
-# Digits inside names and indices (p10, q1, P[3]) are no numbers of a pose.
-_NUMBER = re.compile(rf"(?<![\w.])(?:{_POINT}|[-+]?nan)(?![\w])", re.IGNORECASE)
-_DECIMAL_COMMA = re.compile(rf"(?<![\w.,]){_COMMA}(?![\w])")
+# Digits inside names, days and indices (p10, scan-4, 2024-05-01_p, P[3]) are no numbers of a pose.
+_NUMBER = re.compile(rf"(?<![\w.])(?<!\w[-+])(?:{_POINT}|[-+]?nan)(?![\w])", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(rf"(?<![\w.,])(?<!\w[-+]){_COMMA}(?![\w])")
 _INDEX = re.compile(r"\w+\s*\[\s*\d+\s*(?:,\s*\d+\s*)?\]")
 _ROW_NUMBER = re.compile(r"^[ \t]*\d+\s*[:)]\s*")
 _GROUP = re.compile(r"[\[({]([^\[\](){}]*)[\])}]")

@@ -139,17 +139,28 @@
    */
   function paint(nodes, mutable) {
     const isDark = document.documentElement.classList.contains("dark");
+    if (!state.labelGroup?.parent) {
+      mutable.scene?.traverse((one) => { if (one.material?.fragmentShader?.includes(LABEL_BACK)) state.labelGroup = one.parent; });
+      const group = state.labelGroup, add = group?.add;
+      // Letters come with the first frame that has them: painted after it they would flash.
+      if (group && !Object.hasOwn(group, "add")) group.add = (...parts) => { add.apply(group, parts); paintLabels(); return group; };
+    }
+    let changed = paintLabels();
+    for (const [name, node] of Object.entries(nodes)) {
+      if (!/^(Frame|BatchedAxes)Message$/.test(node.message?.type)) continue;
+      mutable.nodeRefFromName[name]?.traverse(({ geometry, instanceColor }) => { changed = paintAxes(instanceColor ?? geometry?.attributes.color, isDark) || changed; });
+    }
+    return changed;
+  }
+
+  function paintLabels() {
+    const isDark = document.documentElement.classList.contains("dark");
     let changed = false;
-    if (!state.labelGroup?.parent) mutable.scene?.traverse((one) => { if (one.material?.fragmentShader?.includes(LABEL_BACK)) state.labelGroup = one.parent; });
     for (const { material } of state.labelGroup?.children ?? []) {
       if (Boolean(material.userData.isDark) === isDark) continue;
       for (const [light, dark] of IN_THE_DARK) material.fragmentShader = material.fragmentShader.replace(isDark ? light : dark, isDark ? dark : light);
       material.userData.isDark = isDark;
       changed = material.needsUpdate = true;
-    }
-    for (const [name, node] of Object.entries(nodes)) {
-      if (!/^(Frame|BatchedAxes)Message$/.test(node.message?.type)) continue;
-      mutable.nodeRefFromName[name]?.traverse(({ geometry, instanceColor }) => { changed = paintAxes(instanceColor ?? geometry?.attributes.color, isDark) || changed; });
     }
     return changed;
   }

@@ -84,7 +84,8 @@ def _from_mesh(points_mm: NDArray[np.floating], reference: ReferenceMesh) -> Clo
     def of(points: NDArray[np.floating]) -> FloatArray:
         return mesh_deviations(points, reference.corners_mm, reference.triangles).values_mm
 
-    return _of(mesh_deviations(points_mm, reference.corners_mm, reference.triangles), "the reference mesh", of)
+    found = mesh_deviations(points_mm, reference.corners_mm, reference.triangles)
+    return _of(found, message("the reference mesh"), of)
 
 
 def _from_sphere(points_mm: NDArray[np.floating], diameter_mm: float | None) -> CloudDeviation:

@@ -25,7 +25,7 @@ def ghost(facts: SceneFacts, look: Look) -> Iterator[Node]:
         return
     yield nodes.axes("/ghost/flange", pose, AXES_MM, GHOST)
     yield nodes.polyline("/ghost/ring", pose.apply(ring_mm(_RING_MM, 0.0)), GHOST, 3.0)
-    yield nodes.label("/ghost/name", pose.translation_mm + np.array([0.0, 0.0, 26.0]), "next pose", 1.2)
+    yield nodes.label("/ghost/name", pose.translation_mm, "next pose", 1.2)
     if facts.captures:
         here = facts.captures[-1].base_from_tool0.translation_mm
         way = _dashes_mm(here, pose.translation_mm)

@@ -169,8 +169,7 @@ def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:
         if capture.state == "rejected":
             text = f"✕ {capture.id}" + (f" · {capture.reason}" if capture.id == look.picked else "")
         size = 1.3 if capture.id == look.picked else crowded if look.picked is None else 0.75
-        above = capture.base_from_tool0.translation_mm + np.array([0.0, 0.0, 14.0])
-        yield nodes.label(f"/labels/{capture.id}", above, text, size)
+        yield nodes.label(f"/labels/{capture.id}", capture.base_from_tool0.translation_mm, text, size)
 
 
 Layer = Callable[[SceneFacts, Look], Iterator[Node]]

@@ -18,8 +18,8 @@ def trial(_facts: SceneFacts, look: Look) -> Iterator[Node]:
     """Draw the flange of each pose, with its number, and the way from one to the next."""
     for number, pose in enumerate(look.trial, start=1):
         yield nodes.axes(f"/trial/{number}", pose, _AXES_MM, GHOST)
-        above = pose.translation_mm + np.array([0.0, 0.0, 14.0])
-        yield nodes.label(f"/trial/{number}/name", above, message("line {number}", number=number), 0.9)
+        words = message("line {number}", number=number)
+        yield nodes.label(f"/trial/{number}/name", pose.translation_mm, words, 0.9)
     if len(look.trial) > 1:
         places = np.array([pose.translation_mm for pose in look.trial])
         yield nodes.polyline("/trial/way", places, GHOST, 1.5)

@@ -187,7 +187,7 @@ export class MergedElement extends StateElement {
     const told = view.against === "mesh" ? this.#merge?.deviation : null;
     const tolerance = told?.tolerance_mm;
     return [
-      h("p", {}, t("merged.off", { distance: said(`Distance to ${found.reference}`), points: integer(found.counted) })),
+      h("p", {}, t("merged.off", { reference: said(found.reference), points: integer(found.counted) })),
       histogramPlot(found.histogram, found.limit_mm, tolerance),
       h("dl", { class: "pairs number" }, ...pairs.map(([name, value]) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, small(value)))),
         told?.uncertainty_mm ? h("div", {}, h("dt", {}, t("merged.uncertainty")), h("dd", {}, small(told.uncertainty_mm))) : null,
