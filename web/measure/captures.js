@@ -133,9 +133,9 @@ export class CapturesElement extends StateElement {
       for (const box of this.#body.querySelectorAll("input.choose")) /** @type {HTMLInputElement} */ (box).checked = all.checked;
       this.#offerSeveral();
     } });
-    const hidden = (/** @type {"column.picture"} */ key) => h("th", { scope: "col" }, h("span", { class: "visually-hidden" }, t(key)));
+    const hidden = (/** @type {"column.picture"} */ key, name = "deeds") => h("th", { scope: "col", class: name }, h("span", { class: "visually-hidden" }, t(key)));
     this.#head.replaceChildren(
-      h("th", { scope: "col", class: "select" }, all), hidden("column.picture"),
+      h("th", { scope: "col", class: "select" }, all), hidden("column.picture", "thumb"),
       ...this.#columns.map(({ name, title, right, hint }) => h("th", { scope: "col", class: `${name} ${right ? "right" : ""}`, "aria-sort": this.#order.name === name ? (this.#order.down ? "descending" : "ascending") : "none" },
         h("button", { type: "button", class: "plain sort", title: hint ?? false, onclick: () => this.#sortBy(name) }, title, this.#order.name === name && (this.#order.down ? " ↓" : " ↑")))),
       h("th", { scope: "col", class: "use" }, t("column.counts")), hidden(/** @type {"column.picture"} */ ("column.delete")));
