@@ -93,10 +93,10 @@ export class ActionsElement extends StateElement {
     const isAside = status === "not-needed" || status === "known"; // nothing is captured for such a step, nor solved
     this.#capture.hidden = !simulated || status === "" || isAside;
     this.#watch.hidden = simulated;
-    this.#folder.hidden = simulated; // a folder brings a cell of its own; it may be dropped here all the same
+    this.#folder.hidden = simulated || captures.length > 0; // a folder brings a cell of its own; it may be dropped here all the same
     this.#look.hidden = !solved || view === "result";
     this.#look.classList.toggle("primary", !onward && !mends);
-    this.#solve.hidden = solved || (isAside && !result && !ready);
+    this.#solve.hidden = solved || (isAside && !result && !ready) || (!simulated && captures.length === 0);
     const idle = solved || (!now && status === "done"); // nothing more is asked for in this step
     this.#capture.classList.toggle("primary", !ready && (!idle || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);

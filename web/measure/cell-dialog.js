@@ -167,7 +167,7 @@ function open(conventions, session, brought) {
     field("new-convention", t("new.brand"), brandField(conventions), t("new.brand_hint")),
     field("new-diameter", t("new.diameter"), number("diameter"), t("new.diameter_hint")),
     boardFields(),
-    h("details", {}, h("summary", {}, t("chain.title")), chain),
+    h("details", { open: !!(session?.cell.scanners || session?.cell.axes || session?.cell.spheres) }, h("summary", {}, t("chain.title")), chain),
     h("details", {}, h("summary", {}, t("menu.open")), h("div", { class: "more-fields" },
       h("div", { class: "row whole" }, h("input", { type: "checkbox", name: "turntable", id: "new-turntable", value: "yes", onchange: (/** @type {Event} */ { target }) => { chain.turntable = /** @type {HTMLInputElement} */ (target).checked; } }), h("label", { for: "new-turntable" }, t("new.turntable"))),
       field("new-name", t("name"), h("input", { name: "name", maxlength: 200, autocomplete: "off" })),
