@@ -151,7 +151,7 @@ function summary(files) {
 }
 
 /** Why; here some say what to do on this page. @param {Why} given */
-const why = ({ reason, values, why: sentence }) => maybe(`files.why_${reason}`, said(sentence), values);
+const why = ({ reason, values, why: sentence }) => maybe(`files.why_${reason}`, said(sentence), /** @type {Record<string, string | number>} */ (values));
 
 /** @param {string | undefined} path */
 const stem = (path) => path?.split("/").at(-1)?.replace(/\.[^.]+$/, "") ?? "";
