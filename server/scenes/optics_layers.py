@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
+from calib_core.messages import message
 from server.scenes import nodes
 from server.scenes.colors import BOARD, LIGHT, REJECTED, WAITING
 from server.scenes.display_options import Look
@@ -23,7 +24,7 @@ def camera(facts: SceneFacts, _look: Look) -> Iterator[Node]:
         return
     size = 0.12 * optics.depth_mm
     yield nodes.axes("/camera/frame", BASE_FROM_CAMERA, size, WAITING)
-    yield nodes.label("/camera/name", BASE_FROM_CAMERA.apply([0.0, -0.4 * size, 0.0]), "camera")
+    yield nodes.label("/camera/name", BASE_FROM_CAMERA.apply([0.0, -0.4 * size, 0.0]), message("camera"))
     if optics.camera_matrix is not None:
         corners = _seen_corners(optics, 0.25 * optics.depth_mm)
         edges = [(np.zeros(3), corner) for corner in corners]
@@ -64,7 +65,7 @@ def plane_in_camera(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     yield nodes.surface("/plane/patch", base_from_laser, patch, _RECTANGLE, LIGHT, 0.18)
     size = 0.1 * optics.depth_mm
     yield nodes.axes("/plane/frame", base_from_laser, size, LIGHT)
-    yield nodes.label("/plane/name", base_from_laser.apply([0.0, 0.0, -0.3 * size]), "laser")
+    yield nodes.label("/plane/name", base_from_laser.apply([0.0, 0.0, -0.3 * size]), message("laser"))
     stripes = _stripes(optics, optics.camera_from_laser.inverse())
     if len(stripes):
         yield nodes.lines("/plane/stripes", base_from_laser.apply(stripes), LIGHT, 4.0)
