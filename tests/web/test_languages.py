@@ -109,7 +109,7 @@ def test_no_text_is_cut_off(page: Page, session: str, watch: Watch) -> None:
     page.locator("table.captures .pick").nth(2).click()
     look("measure")
     page.set_viewport_size({"width": 1280, "height": 720})
-    row = page.locator("sc-actions .row").bounding_box()
+    row = page.locator("sc-actions > .row").bounding_box()
     assert row is not None
     assert row["height"] < 60  # in one row
     scrolled = "(table) => table.parentElement.scrollWidth - table.parentElement.clientWidth"
