@@ -20,8 +20,6 @@ import { attempt, notify, say } from "../components/toasts.js";
 
 /** A job ended because its server, its cluster or its worker did. */
 const INTERRUPTED = 503;
-/** Two rows of actions are higher. */
-const ONE_ROW_PX = 60;
 
 export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
@@ -41,8 +39,7 @@ export class ActionsElement extends StateElement {
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
   #folder = wayIn(t("actions.folder"), () => this.intake?.chooseFolder());
   #watch = wayIn(t("actions.watch"), () => void this.watch?.open());
-  #waysIn = h("details", { class: "ways-in", open: true }, h("summary", { class: "button plain wide" }, t("actions.ways")), h("span", { onclick: () => this.#fold(true) },
-    this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch, wayIn(t("actions.devices"), () => this.devices())));
+  #waysIn = h("span", { class: "ways-in" }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch, wayIn(t("actions.devices"), () => this.devices()));
   /** @type {string | null} */ #next = null;
   #capturing = false;
   /** A capture that was taken, until the page shows it. */ #awaited = "";
@@ -58,10 +55,7 @@ export class ActionsElement extends StateElement {
   build() {
     this.intake?.addEventListener("solve", () => void this.solve());
     // What sticks above these actions must know how high they are; told to it alone: all below take long to style anew.
-    new ResizeObserver(() => {
-      this.#fold();
-      this.intake?.style.setProperty("--actions-height", `${this.offsetHeight}px`);
-    }).observe(this);
+    new ResizeObserver(() => this.intake?.style.setProperty("--actions-height", `${this.offsetHeight}px`)).observe(this);
     this.append(
       h("div", { class: "row" }, this.#remedies, this.#mend, this.#on, this.#look, this.#capture, this.#solve,
         this.#waysIn),
@@ -93,10 +87,10 @@ export class ActionsElement extends StateElement {
     const isAside = status === "not-needed" || status === "known"; // nothing is captured for such a step, nor solved
     this.#capture.hidden = !simulated || status === "" || isAside;
     this.#watch.hidden = simulated;
-    this.#folder.hidden = simulated || captures.length > 0; // a folder brings a cell of its own; it may be dropped here all the same
+    this.#folder.hidden = simulated; // a folder brings a cell of its own; it may be dropped here all the same
     this.#look.hidden = !solved || view === "result";
     this.#look.classList.toggle("primary", !onward && !mends);
-    this.#solve.hidden = solved || (isAside && !result && !ready) || (!simulated && captures.length === 0);
+    this.#solve.hidden = solved || (isAside && !result && !ready);
     const idle = solved || (!now && status === "done"); // nothing more is asked for in this step
     this.#capture.classList.toggle("primary", !ready && (!idle || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);
@@ -107,19 +101,7 @@ export class ActionsElement extends StateElement {
     this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.adding || this.#isSolving || !may("capture")));
     this.#showJob();
     this.#offerRemedies();
-    this.#fold();
     if (job && job.id === this.#followed) this.#ended();
-  }
-
-  /** One bar of actions: where they take two rows, the other ways in are behind a word. @param {boolean} [done] whether one of them was taken */
-  #fold(done = false) {
-    const ways = this.#waysIn;
-    if (ways.classList.contains("folded") && ways.open && !done) return; // somebody chooses
-    ways.classList.remove("folded");
-    ways.open = true;
-    const folded = (ways.parentElement?.offsetHeight ?? 0) > ONE_ROW_PX && !this.#files.classList.contains("primary");
-    ways.classList.toggle("folded", folded);
-    ways.open = !folded;
   }
 
   /** What mends a failed result stands first, and nothing else is the main thing then. */
