@@ -127,10 +127,11 @@ def arm_model_of(data: ChainData, state: ChainState, sigmas: Sigmas, used: np.nd
         data, state, sigmas, arm, _spread(np.flatnonzero(used), _MOST_SOLVED)
     )  # fmt: skip
     kept = np.flatnonzero([term.member in fitted.members for term in arm.terms])
-    values, covariance, scales = enough.terms_of(fitted, kept, np.array([arm.terms[n].sigma for n in kept]))
+    told = enough.told(fitted)
+    believed = np.array([arm.terms[n].sigma for n in kept])
+    values, covariance, scales = enough.terms_of(fitted, kept, believed, told)
     terms = tuple(replace(arm.terms[n], sigma=float(s)) for n, s in zip(kept, scales, strict=True))
-    told = ArmTold(arm.terms, *enough.told(fitted))
-    return ArmModel(terms, kept, values, covariance, told, held, gain, worth)
+    return ArmModel(terms, kept, values, covariance, ArmTold(arm.terms, *told), held, gain, worth)
 
 
 def arm_columns(data: ChainData, state: ChainState, arm: ArmInput, some: np.ndarray) -> FloatArray:
@@ -263,15 +264,13 @@ class _Problem:
         return inverse @ (weighed.T @ self.off[rows]), np.asarray(inverse, dtype=float)
 
     def terms_of(
-        self, fitted: _Fitted, kept: np.ndarray, sigmas: FloatArray
+        self, fitted: _Fitted, kept: np.ndarray, sigmas: FloatArray, told: tuple[FloatArray, FloatArray]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return values, covariance and believed sizes of terms, in their own units."""
-        own = self.scaled(fitted)[:, kept]
-        covariance = self.covariance([self.own, self.alike], fitted.logarithms[:2])
-        found, inverse = self.solved(covariance, own, np.arange(len(self.off)))
-        size = self.edges.shape[1]
-        scales = self.scales(fitted)[kept] * sigmas
-        return found[size:] * scales, inverse[size:, size:] * np.outer(scales, scales), scales
+        """Return values, covariance and believed sizes of terms, in their own units, by what is told of them."""
+        own = self.scales(fitted)[kept]
+        information = told[0][np.ix_(kept, kept)] * np.outer(own, own) + np.eye(len(kept))
+        inverse, scales = np.linalg.inv(information), own * sigmas
+        return inverse @ (own * told[1][kept]) * scales, inverse * np.outer(scales, scales), scales
 
     def told(self, fitted: _Fitted) -> tuple[FloatArray, FloatArray]:
         """Return information (p, p) on all terms and its vector (p,), the edges being whatever they are."""
