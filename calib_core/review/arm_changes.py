@@ -4,7 +4,8 @@ That one zero moved and the arm is the same otherwise is told far better than ea
 links and other zeros, which are told together with it, are the same ones in both.
 """
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,8 +13,11 @@ import numpy as np
 
 from calib_core.frames import FloatArray
 from calib_core.records.results import ArmTerms
-from calib_core.review.drift_figures import GEARS_DEG, ZERO
+from calib_core.review.between_sessions import Measured, SolvedSession
 
+_GEARS_DEG: Final = 0.015
+"""Gears put so much into a joint's zero, by the poses: the model of the arm has no gears."""
+_ZERO: Final = re.compile(r"joint_(\d+)_zero_deg")
 _LOOSE: Final = 1.5  # arms' errors over what is believed of them
 _UNKNOWN: Final = 100.0  # of a change of a zero
 
@@ -26,6 +30,29 @@ class ZeroChange:
     sigma_deg: float
     limit_deg: float | None
     moved: bool
+
+
+def joint_zeros(answers: Sequence[tuple[SolvedSession, Mapping[str, Any]]]) -> dict[int, list[Measured]]:
+    """Return the zeros, deg, of joints as the sessions tell the arm's errors, by the joint's number."""
+    found: dict[int, list[Measured]] = {}
+    for session, answer in answers:
+        for name, value, sigma in _terms(answer.get("arm_model")):
+            if named := _ZERO.fullmatch(name):
+                one = Measured(session, np.array([value]), np.array([[sigma**2 + _GEARS_DEG**2]]))
+                found.setdefault(int(named[1]), []).append(one)
+    return found
+
+
+def _terms(model: Mapping[str, Any] | None) -> Iterable[tuple[str, float, float]]:
+    """Return names, values and standard deviations, also of members that the likelihood left out."""
+    if not model:
+        return ()
+    if not model.get("told"):
+        return zip(model["names"], model["values"], model["sigmas"], strict=True)
+    told = ArmTerms.model_validate(model["told"])
+    covariance, believed = _Known.of(told).covariance(), np.array(told.believed)
+    values, sigmas = covariance @ told.vector * believed, np.sqrt(np.diag(covariance)) * believed
+    return zip(told.names, values.tolist(), sigmas.tolist(), strict=True)
 
 
 def zero_changes(answers: Sequence[Mapping[str, Any]], false_alarm: float) -> dict[int, list[ZeroChange]]:
@@ -46,13 +73,13 @@ def zero_changes(answers: Sequence[Mapping[str, Any]], false_alarm: float) -> di
         return {}
     from scipy.special import chdtri  # late: it brings what takes a third of a second
 
-    zeros = {int(named[1]): place for place, name in enumerate(told[0].names) if (named := ZERO.fullmatch(name))}
+    zeros = {int(named[1]): place for place, name in enumerate(told[0].names) if (named := _ZERO.fullmatch(name))}
     if not zeros:
         return {}
     places, believed = list(zeros.values()), np.array(told[0].believed)
     beyond = float(np.sqrt(chdtri(1, false_alarm / len(places))))
     before = _Known.of(told[0])
-    alone = np.sqrt(np.diag(np.linalg.inv(before.information + np.eye(len(believed)) / _LOOSE**2)))
+    alone = np.sqrt(np.diag(before.covariance()))
     rows = {place: [ZeroChange(0.0, float(alone[place] * believed[place]), None, False)] for place in places}
     for now in map(_Known.of, told[1:]):
         moved: list[int] = []
@@ -70,7 +97,7 @@ def zero_changes(answers: Sequence[Mapping[str, Any]], false_alarm: float) -> di
 
 
 def _charted(change: float, sigma: float, believed: float, beyond: float) -> ZeroChange:
-    spread = float(np.hypot(sigma * believed, np.sqrt(2) * GEARS_DEG))
+    spread = float(np.hypot(sigma * believed, np.sqrt(2) * _GEARS_DEG))
     size = abs(change) * float(believed)
     return ZeroChange(size, spread, beyond * spread, size > beyond * spread)
 
@@ -85,6 +112,10 @@ class _Known:
     @classmethod
     def of(cls, told: ArmTerms) -> "_Known":
         return cls(np.array(told.information), np.array(told.vector))
+
+    def covariance(self) -> FloatArray:
+        """Return the covariance (p, p) of the terms with what is believed of them."""
+        return np.asarray(np.linalg.inv(self.information + np.eye(len(self.vector)) / _LOOSE**2), dtype=float)
 
     def with_other(self, other: "_Known") -> "_Known":
         return _Known(self.information + other.information, self.vector + other.vector)

@@ -20,7 +20,7 @@ from calib_core.frames import FloatArray
 from calib_core.messages import message, sentences
 from calib_core.records import Finite, Record
 from calib_core.records.policy import Environment
-from calib_core.review.arm_changes import ZeroChange, zero_changes
+from calib_core.review.arm_changes import ZeroChange, joint_zeros, zero_changes
 from calib_core.review.between_sessions import (
     LEAST_LIKE,
     Measured,
@@ -34,7 +34,6 @@ from calib_core.review.drift_figures import (
     axes,
     axis_direction,
     axis_point,
-    joint_zeros,
     table_of,
     tool_point,
     turns,

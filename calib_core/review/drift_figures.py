@@ -1,6 +1,5 @@
 """The figures of a session that drift is told of: where scanner and axis are, and what verifying found."""
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -12,9 +11,6 @@ from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rota
 from calib_core.review.between_sessions import Measured, SolvedSession
 from calib_core.review.common_errors import common_of
 
-GEARS_DEG: Final = 0.015
-"""Gears put so much into a joint's zero, by the poses: the model of the arm has no gears."""
-ZERO: Final = re.compile(r"joint_(\d+)_zero_deg")
 _LEAST_SIGMA: Final = 1e-9
 
 
@@ -89,18 +85,6 @@ def axis_direction(
     degrees = float(np.rad2deg(1))
     spread = follows @ covariance[:3, :3] @ follows.T * degrees**2
     return np.rad2deg(across @ frame.rotation[:, 2]), _regular(spread)
-
-
-def joint_zeros(answers: Sequence[tuple[SolvedSession, Mapping[str, Any]]]) -> dict[int, list[Measured]]:
-    """Return the zeros, deg, of joints that the sessions found with the arm's errors, by the joint's number."""
-    found: dict[int, list[Measured]] = {}
-    for session, answer in answers:
-        model = answer.get("arm_model") or {"names": (), "values": (), "sigmas": ()}
-        for name, value, sigma in zip(model["names"], model["values"], model["sigmas"], strict=True):
-            if named := ZERO.fullmatch(name):
-                one = Measured(session, np.array([value]), np.array([[sigma**2 + GEARS_DEG**2]]))
-                found.setdefault(int(named[1]), []).append(one)
-    return found
 
 
 def verified(session: SolvedSession) -> Measured | None:
