@@ -128,7 +128,7 @@ class Settings(BaseSettings):
                     "tls_certificate and tls_key together", "one of them", "Set {name} too.", name, name=name
                 )
             if path is not None and not path.is_file():
-                raise InputError("a PEM file", "none", "Correct it.", f"{name}: {path}")
+                raise InputError("a PEM file", "none", "Check the path.", f"{name}: {path}")
         return self
 
     def __init__(self, **values: Any) -> None:

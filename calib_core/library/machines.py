@@ -64,4 +64,4 @@ def files_of(path: Path) -> dict[str, bytes]:
         return {path.name: path.read_bytes()}
     except OSError as error:
         got = (error.strerror or type(error).__name__).lower()
-        raise InputError("a file that can be read", got, "Correct it.", str(path)) from None
+        raise InputError("a file that can be read", got, "Check the path.", str(path)) from None

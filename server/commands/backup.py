@@ -21,7 +21,7 @@ def _run(options: argparse.Namespace) -> int:
 
     with progress_bar(options) as progress:
         made = back_up(Settings(data=options.data), options.out, progress)
-    print_result(options, f"{options.out}: {made}", {"folder": str(options.out), **asdict(made)})
+    print_result(options, made.said_of(options.out), {"folder": str(options.out), **asdict(made)})
     return OK
 
 

@@ -20,10 +20,16 @@ def _run(options: argparse.Namespace) -> int:
     found = read_certificate(
         read_bytes(options.file, message("Name the certificate's XML file.")), str(options.file)
     )
-    lines = [f"certificate {found.identifier or 'without a number'}"]
+    unnumbered = message("certificate without a number")
+    lines: list[str] = [
+        message("certificate {number}", number=found.identifier) if found.identifier else unnumbered
+    ]
     for one in found.diameters:
-        sigma = "no uncertainty" if one.sigma_mm is None else f'"sphere_diameter_sigma_mm": {one.sigma_mm:g}'
-        lines.append(f'  {one.name}: "sphere_diameter_mm": {one.diameter_mm:.10g}, {sigma}')
+        told = f'{one.name}: "sphere_diameter_mm": {one.diameter_mm:.10g}'
+        if one.sigma_mm is None:
+            lines.append("  " + message("{told}, no uncertainty", told=told))
+        else:
+            lines.append(f'  {told}, "sphere_diameter_sigma_mm": {one.sigma_mm:g}')
     print_result(options, "\n".join(lines), found.to_json())
     return OK
 

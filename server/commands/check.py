@@ -12,6 +12,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.archive.archive import opened
     from calib_core.archive.folder import load_session
     from calib_core.findings.reading import findings_as_read
+    from calib_core.messages import message, plural
     from calib_core.review.check import check_lines, check_session
     from server.console.language import spoken
 
@@ -23,17 +24,18 @@ def _run(options: argparse.Namespace) -> int:
     errors = sum(finding.severity == "error" for finding in findings)
     items = check_lines(read, said)
     lines = [f"{item.level:8} {item.where}: {item.sentence}" for item in items]
-    lines += [] if errors else ["Nothing blocks solving."]
+    lines += [] if errors else [message("Nothing blocks solving.")]
     data = [{**f.to_json(), **item.to_json()} for f, item in zip(read, items, strict=True)]
     print_result(options, "\n".join(lines), {"session": session.name, "findings": data})
     if not errors:
         return OK
-    what = (
-        "1 finding blocks solving; fix it first."
-        if errors == 1
-        else f"{errors} findings block solving; fix them first."
+    what = plural(
+        "{errors} finding blocks solving; fix it first.",
+        "{errors} findings block solving; fix them first.",
+        by="errors",
+        errors=errors,
     )
-    print(f"scancell: error: {options.session}: {what}", file=sys.stderr)
+    print(f"scancell: error: {options.session}: {said.say(what)}", file=sys.stderr)
     return BAD_INPUT
 
 

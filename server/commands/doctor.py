@@ -24,6 +24,7 @@ def _run(options: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from calib_core.errors import InputError
+    from calib_core.messages import message
     from server.settings import Settings
     from server.store.repair import repair
 
@@ -35,7 +36,8 @@ def _run(options: argparse.Namespace) -> int:
     if options.repair:
         done = repair(settings, found, options.backup)
         found = _examined(options, settings)
-    lines = [*(f"repaired: {line}" for line in done), *map(_line, found.findings), _sum(found)]
+    mended = (message("repaired: {what}", what=line) for line in done)
+    lines = [*mended, *map(_line, found.findings), _sum(found)]
     print_result(options, "\n".join(lines), {**asdict(found), "repaired": done, "damaged": found.damaged})
     return NOT_ACCEPTED if found.damaged else OK
 
@@ -48,10 +50,14 @@ def _examined(options: argparse.Namespace, settings: "Settings") -> "Examination
 
 
 def _line(finding: "Finding") -> str:
-    place = f"session {finding.session}" if finding.session else "store"
+    from calib_core.messages import message
+
+    place = message("store")
+    if finding.session:
+        place = message("session {session}", session=finding.session)
     if finding.capture:
-        place += f", capture {finding.capture}"
-    return f"{finding.kind}: {place}: {finding.what}"
+        place = message("session {session}, capture {capture}", session=finding.session, capture=finding.capture)
+    return message("{kind}: {place}: {what}", kind=finding.kind, place=place, what=finding.what)
 
 
 def _sum(found: "Examination") -> str:

@@ -89,11 +89,14 @@ def _program(options: argparse.Namespace, session: "Session", plan: "PoseList") 
 
 
 def _text(now: "GuideNow") -> str:
+    from calib_core.messages import message
+
     lines = [now.instruction, f"  {now.why}"]
     if now.progress:
         lines.append(f"  {now.progress}")
     if now.suggested_pose_numbers:
-        lines.append("  pose: " + " ".join(f"{value:.4f}" for value in now.suggested_pose_numbers))
+        numbers = " ".join(f"{value:.4f}" for value in now.suggested_pose_numbers)
+        lines.append("  " + message("pose: {numbers}", numbers=numbers))
     if now.suggested_note:
         lines.append(f"  {now.suggested_note}")
     return "\n".join(lines)

@@ -19,7 +19,7 @@ def _run(options: argparse.Namespace) -> int:
     from server.store.backup import restore
 
     made = restore(options.backup, Settings(data=options.data))
-    print_result(options, f"{options.data}: {made}", {"folder": str(options.data), **asdict(made)})
+    print_result(options, made.said_of(options.data), {"folder": str(options.data), **asdict(made)})
     return OK
 
 

@@ -47,7 +47,7 @@ def _run(options: argparse.Namespace) -> int:
     reading = read_file(data, str(file), format_name=options.format, settings=_settings(options))
     points = known_points(reading, str(file))
     for doubt in reading.doubts:
-        remark(options, f"warning: {file}: {doubt}")
+        remark(options, message("Warning: {file}: {doubt}", file=str(file), doubt=doubt))
     try:
         found = _profile(points, diameter_mm) if reading.kind == "profile" else _cloud(points, diameter_mm)
     except MeasurementError as error:
@@ -105,17 +105,32 @@ def _text(found: dict[str, Any]) -> str:
     center = " ".join(f"{value:.4f}" for value in found["center_mm"])
     axes = "x z" if found["kind"] == "profile" else "x y z"
     sigmas = [math.sqrt(row[i]) for i, row in enumerate(found["covariance"])]
+    centre = message(
+        "centre {axes}  {center} mm  (standard deviations {sigmas})",
+        axes=axes,
+        center=center,
+        sigmas=" ".join(f"{s:.4f}" for s in sigmas),
+    )
     lines = [
-        f"read  {found['read']['sentence']}",
+        message("read  {sentence}", sentence=found["read"]["sentence"]),
         *(f"      {note}" for note in found["read"]["notes"]),
-        f"centre {axes}  {center} mm  (standard deviations {' '.join(f'{s:.4f}' for s in sigmas)})",
-        f"radius  {found['radius_mm']:.4f} mm",
-        f"rms  {found['rms_mm']:.4f} mm over {found['inliers']} of {found['points']} points",
+        centre,
+        message("radius  {radius_mm:.4f} mm", radius_mm=found["radius_mm"]),
+        message(
+            "rms  {rms_mm:.4f} mm over {inliers} of {points} points",
+            rms_mm=found["rms_mm"],
+            inliers=found["inliers"],
+            points=found["points"],
+        ),
     ]
-    for x, y, z in found.get("sphere_center_mm", []):
-        lines.append(
-            f"sphere's centre  {x:.4f} {y:.4f} {z:.4f} mm, if it lies on the {'+' if y >= 0 else '−'}y side"
+    lines += [
+        message(
+            "sphere's centre  {center} mm, if it lies on the {sign}y side",
+            center=" ".join(f"{value:.4f}" for value in center_mm),
+            sign="+" if center_mm[1] >= 0 else "−",
         )
+        for center_mm in found.get("sphere_center_mm", [])
+    ]
     return "\n".join(lines)
 
 

@@ -28,7 +28,7 @@ class FrameFolder:
     def __init__(self, settings: FrameFolderSettings) -> None:
         self._folder = extended(settings.folder, LONGEST_PLAIN)
         if not self._folder.is_dir():
-            raise InputError("a folder", "none", "Correct it.", str(settings.folder))
+            raise InputError("a folder", "none", "Check the path.", str(settings.folder))
         self._ending = settings.ending.lower()
         self._seen = self._whole()
         self._growing: dict[str, tuple[int, int]] = {}

@@ -18,7 +18,7 @@ from calib_core.archive.folder import parse_json, to_json_bytes
 from calib_core.disk import remove_file, remove_folder
 from calib_core.errors import ConflictError, DamagedError, InputError, NotFoundError
 from calib_core.formats.shared.writing import write_atomically
-from calib_core.messages import message
+from calib_core.messages import Message, message
 from calib_core.moment import now
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
@@ -45,10 +45,15 @@ class Backup:
     rows: Mapping[str, int]
     blobs: int
 
-    def __str__(self) -> str:
-        rows = self.rows
-        return (
-            f"{rows['sessions']} sessions, {rows['captures']} captures, {self.blobs} files, as of {self.created}"
+    def said_of(self, place: Path) -> Message:
+        """Return what it holds, of the place where it lies now."""
+        return message(
+            "{place}: {sessions} sessions, {captures} captures, {files} files, as of {created}",
+            place=str(place),
+            sessions=self.rows["sessions"],
+            captures=self.rows["captures"],
+            files=self.blobs,
+            created=self.created,
         )
 
 

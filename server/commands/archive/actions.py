@@ -79,11 +79,9 @@ def verify(options: argparse.Namespace) -> int:
     else:
         with connected(options) as api:
             facts = ArchiveFacts.model_validate(api.archives_verify_archive(_content(options.file)))
-    signer = f"signed by {facts.signed_by}" if facts.sealed else "not signed by a key that is trusted here"
-    state = "NOT what was signed" if facts.sealed is False else signer
     told = (in_language(finding, spoken(options).language) for finding in facts.findings)
     said = "".join(f"\n  {finding.text} {finding.to_do}".rstrip() for finding in told)
-    _print_facts(options, input_name(options.file), facts, f"agrees with its own checksums; {state}. ", said)
+    _print_facts(options, input_name(options.file), facts, said, with_seal=True)
     return NOT_ACCEPTED if any(finding.severity == "error" for finding in facts.findings) else OK
 
 
@@ -118,7 +116,7 @@ def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError:
-        raise InputError("an archive, a .zip file", "no such file", "Correct it.", str(path)) from None
+        raise InputError("an archive, a .zip file", "no such file", "Check the path.", str(path)) from None
 
 
 def _report(
@@ -166,27 +164,59 @@ def _scene(
 
 
 def _print_facts(
-    options: argparse.Namespace, where: str, facts: ArchiveFacts, state: str = "", said: str = ""
+    options: argparse.Namespace, where: str, facts: ArchiveFacts, said: str = "", with_seal: bool = False
 ) -> None:
-    print_result(
-        options, f"{where}: {state}{_facts(facts)}{said}", {"path": where, **facts.model_dump(mode="json")}
-    )
+    lines = [message("{where}: {facts}", where=where, facts=_facts(facts))]
+    if with_seal:
+        lines = [message("{where}: {seal} {facts}", where=where, seal=_seal(facts), facts=_facts(facts))]
+    lines += [f"  {stage} ← {hashed}" for stage, hashed in facts.inputs_sha256.items()]
+    print_result(options, "\n".join(lines) + said, {"path": where, **facts.model_dump(mode="json")})
+
+
+def _seal(facts: ArchiveFacts) -> str:
+    if facts.sealed is False:
+        return message("agrees with its own checksums; NOT what was signed.")
+    if facts.sealed:
+        return message("agrees with its own checksums; signed by {who}.", who=facts.signed_by)
+    return message("agrees with its own checksums; not signed by a key that is trusted here.")
 
 
 def _facts(facts: ArchiveFacts) -> str:
-    verdicts = ", ".join(f"{stage} {verdict}" for stage, verdict in facts.results.items()) or "no results"
-    size = f"{facts.files} files, {facts.payload_bytes / 1e6:.1f} MB"
-    hashes = "".join(f"\n  {stage} from {hashed}" for stage, hashed in facts.inputs_sha256.items())
-    return f"{facts.session or 'session'}, {facts.captures} captures, {verdicts}; {size}{hashes}"
+    verdicts = [f"{stage} {verdict}" for stage, verdict in facts.results.items()] or [message("no results")]
+    return message(
+        "{session}, {captures} captures, {verdicts:,}; {files} files, {size_mb:.1f} MB",
+        session=facts.session or message("session"),
+        captures=facts.captures,
+        verdicts=verdicts,
+        files=facts.files,
+        size_mb=facts.payload_bytes / 1e6,
+    )
 
 
 def _stage_lines(stage: StageReplay, found: Replay) -> list[str]:
+    values = {"stage": stage.stage, "numbers": stage.numbers, "tolerance": found.tolerance}
+    if stage.equal and not stage.largest_relative:
+        return [message("{stage}: equal ({numbers} numbers, bit for bit; tolerance {tolerance:g})", **values)]
     if stage.equal:
-        largest = f"largest difference {stage.largest_relative:.1e}" if stage.largest_relative else "bit for bit"
-        return [f"{stage.stage}: equal ({stage.numbers} numbers, {largest}; tolerance {found.tolerance:g})"]
-    head = f"{stage.stage}: DIFFERS"
+        return [
+            message(
+                "{stage}: equal ({numbers} numbers, largest difference {largest:.1e}; tolerance {tolerance:g})",
+                **values,
+                largest=stage.largest_relative,
+            )
+        ]
+    head = message("{stage}: DIFFERS", stage=stage.stage)
     if stage.difference_count:
-        head += f" in {stage.difference_count} values (tolerance {found.tolerance:g}, relative)"
-    rows = [f"  {d.path}: {d.stored} stored, {d.fresh} now" for d in stage.differences[:_LISTED]]
+        head = message(
+            "{stage}: DIFFERS in {count} values (tolerance {tolerance:g}, relative)",
+            **values,
+            count=stage.difference_count,
+        )
+    rows = [
+        "  "
+        + message("{path}: {stored} stored, {fresh} now", path=d.path, stored=str(d.stored), fresh=str(d.fresh))
+        for d in stage.differences[:_LISTED]
+    ]
     more = stage.difference_count - len(rows)
-    return [head, *rows, *([f"  and {more} more (--json lists them)"] if more > 0 else []), *stage.why]
+    beyond = ["  " + message("and {more} more (--json lists them)", more=more)] if more > 0 else []
+    return [head, *rows, *beyond, *stage.why]

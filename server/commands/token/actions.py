@@ -8,6 +8,7 @@ from calib_core.messages import message, templates
 from server.auth.logins import Logins
 from server.console.audited_store import audited_store
 from server.console.command import OK
+from server.console.language import spoken
 from server.console.output import print_result, remark
 from server.console.remote import connected
 from server.store.models import Data
@@ -61,11 +62,12 @@ def show(options: argparse.Namespace) -> int:
     else:
         with connected(options) as api:
             rows = api.access_list_all()["items"]
-    lines = [f"{row['id']}  {row['role']:8} {_state(row):34} {row['name']}" for row in rows]
+    said = spoken(options)
+    lines = [f"{row['id']}  {row['role']:8} {said.say(_state(row)):34} {row['name']}" for row in rows]
     if rows or options.json:
         print_result(options, "\n".join(lines), {"tokens": rows})
     else:
-        remark(options, "no tokens")
+        remark(options, message("There are no tokens."))
     return OK
 
 
@@ -84,5 +86,5 @@ def revoke(options: argparse.Namespace) -> int:
 
 def _state(row: Data) -> str:
     if row["revoked"]:
-        return f"revoked {row['revoked']}"
-    return f"until {row['expires']}" if row["expires"] else "good"
+        return message("revoked {date}", date=row["revoked"])
+    return message("until {date}", date=row["expires"]) if row["expires"] else message("good")
