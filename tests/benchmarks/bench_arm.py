@@ -282,9 +282,7 @@ def of_six_classes(each: int) -> list[Row]:
         ratios, count = [one[0] for one in found], len(found)
         right, median = sum(worth == (ratio < 1.0) for ratio, worth in found), float(np.median(ratios))
         what = f"arms of six classes, {each} each, {captures} captures, `apply`: held-out error / without"
-        measured = (
-            f"median {median:.2f}, worst {max(ratios):.2f}; ≤ 0.7: {sum(one <= 0.7 for one in ratios)} of {count}"
-        )
+        measured = f"median {median:.2f}, worst {max(ratios):.2f}; {sum(one <= 0.7 for one in ratios)} of {count}"
         rows += [
             Row(what, "≤ 0.7; never > 1.05", measured, median <= 0.7 and max(ratios) <= 1.05),
             Row(
