@@ -4,8 +4,8 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { may } from "../state/me.js";
-import { maybe, t } from "../texts.js";
-import { releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
+import { t } from "../texts.js";
+import { faultMarks, faultWords, releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
 import { attempt, say } from "../components/toasts.js";
 import { whyDialog } from "../measure/why-dialog.js";
 
@@ -82,22 +82,19 @@ function acknowledging(cell, fault) {
   return h("button", { type: "button", "aria-label": `${t("release.acknowledge")}: ${faultWords(fault)}`, onclick: ask }, t("release.acknowledge"));
 }
 
-/** @param {string} name of a fault */
-const faultWords = (name) => maybe(`release.fault.${name}`, name);
-
-/** The button, or why there is none. @param {string} sessionId @param {SessionAnswer} answer @param {readonly Release[]} releases */
+/** The button, or why there is none; what is in force has its faults too. @param {string} sessionId @param {SessionAnswer} answer @param {readonly Release[]} releases */
 function offer(sessionId, answer, releases) {
   const own = ownRelease(sessionId, answer, releases);
-  if (own && own === releases[0]) return [];
-  const before = (answer.decided_before ?? []).map(({ text }) => h("p", { class: "soft" }, text ?? ""));
-  const faults = [...before, ...answer.faults.map((name) => h("p", { class: "soft" }, mark("fail", faultWords(name))))];
-  if (!may("release")) return [...faults, h("p", { class: "soft" }, t("may.release"))];
+  const inForce = own !== undefined && own === releases[0];
+  const before = inForce ? [] : (answer.decided_before ?? []).map(({ text }) => h("p", { class: "soft" }, text ?? ""));
+  const faults = [...before, ...faultMarks(answer.faults)];
+  if (!may("release")) return inForce ? faults : [...faults, h("p", { class: "soft" }, t("may.release"))];
   const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
   const title = t(faults.length ? "release.approve_despite" : "release.approve");
-  const known = answer.faults.map(faultWords);
-  const ask = () => whyDialog({ title, words: [...known, words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
+  const ask = () => whyDialog({ title, words: [...answer.faults.map(faultWords), words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
     act: (why) => api.release(sessionId, why, answer.faults), after: approved });
-  const deeds = [h("button", { type: "button", onclick: ask }, title), ...answer.faults.filter((name) => ACKNOWLEDGED.includes(name)).map((name) => acknowledging(answer.cell, name))];
+  const deeds = answer.faults.filter((name) => ACKNOWLEDGED.includes(name)).map((name) => acknowledging(answer.cell, name));
+  if (!inForce) deeds.unshift(h("button", { type: "button", onclick: ask }, title));
   return [...faults, h("div", { class: "row" }, ...deeds)];
 }
 

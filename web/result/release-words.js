@@ -22,6 +22,12 @@ export function worth({ verdict, workpiece_sigma_mm: sigma }) {
     sigma ? h("span", { class: "number" }, t("release.at_workpiece", { uncertainty: plusMinus(K * sigma, "mm") })) : null];
 }
 
+/** @param {string} name of a fault */
+export const faultWords = (name) => maybe(`release.fault.${name}`, name);
+
+/** @param {readonly string[]} names of faults */
+export const faultMarks = (names) => names.map((name) => h("p", { class: "soft" }, mark("fail", faultWords(name))));
+
 /** Whether two releases, or a release and an answer, are of the same numbers. @param {Pick<Release, "session" | "solved" | "inputs_sha256">} one @param {Pick<Release, "session" | "solved" | "inputs_sha256">} other */
 export function sameAnswer(one, other) {
   const inputs = (/** @type {Record<string, string> | null} */ hashes) => JSON.stringify(Object.entries(hashes ?? {}).sort());

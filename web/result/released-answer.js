@@ -5,7 +5,7 @@ import { h } from "../dom.js";
 import { when } from "../format.js";
 import { may } from "../state/me.js";
 import { t } from "../texts.js";
-import { releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
+import { faultMarks, releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
 import { attempt, notify } from "../components/toasts.js";
 import { whyDialog } from "../measure/why-dialog.js";
 
@@ -19,8 +19,11 @@ export function inForce(current, nameOf, after) {
   earlier.addEventListener("toggle", () => {
     if (earlier.open) void attempt(async () => list.replaceChildren(...rows(await api.releases(current.cell), nameOf, after)));
   });
+  // What speaks against it by now is worked out cell by cell: the list does not wait for it.
+  const faults = h("div", { class: "small" });
+  void api.inForce(current.cell).then((answer) => faults.replaceChildren(...faultMarks(answer.faults)), () => {});
   return h("section", { class: "in-force", "data-cell": current.cell, "aria-label": t("release.in_force_of", { cell: current.cell }) },
-    h("p", { class: "small" }, h("strong", {}, t("release.in_force"))), ...told(current, nameOf), earlier);
+    h("p", { class: "small" }, h("strong", {}, t("release.in_force"))), ...told(current, nameOf), faults, earlier);
 }
 
 /** @param {Release} release @param {NameOf} nameOf */

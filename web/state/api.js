@@ -220,6 +220,9 @@ export const api = {
   /** All cells, with what is in force for each. @returns {Promise<CellSummary[]>} */
   cells: async () => (await get("/cells")).items,
 
+  /** What is in force for a cell, with what speaks against it now. @param {string} cell @returns {Promise<SessionAnswer>} */
+  inForce: (cell) => get(`/cells/${encodeURIComponent(cell)}/answer`),
+
   /** Its releases, the newest first: that one is in force. @param {string} cell @returns {Promise<Release[]>} */
   releases: async (cell) => (await get(`/cells/${encodeURIComponent(cell)}/history`)).releases,
 
