@@ -52,6 +52,7 @@ _IN_FRAME: Final = re.compile(r"^frames\[[^\]]*\]\.matrix\[\d\]\[(\d)\]$")
 _OPTICS: Final = re.compile(r"^optics\[\d+\]\.(?:(?:tool|turntable)\[(\d)\]|by_place)")
 _UNIT: Final = re.compile(r"_(mm|rad|deg)(?:\[[^.\]]*\])*$")
 _MOST_SIGMAS: Final = 1e9
+_METHOD_MOVES_SIGMAS: Final = 10.0  # what another method cannot explain, whichever revision it claims to be of
 _MISSING: Final = object()
 
 
@@ -165,7 +166,7 @@ def _judged(
         return {"provenance": "replayed"}
     sigmas = min(_sigmas(stage, stored, fresh), _MOST_SIGMAS)
     before, now = stored.get("method_revision", 1), fresh.get("method_revision", 1)
-    if before != now:
+    if before != now and sigmas <= _METHOD_MOVES_SIGMAS:
         return {
             "provenance": "replayed",
             "finding": REPLAYED_OTHER_REVISION(before=before, now=now, sigmas=sigmas),

@@ -85,7 +85,8 @@ def test_replayed_folders_that_were_edited_are_refused(solved_folder, signed, tm
     file = folder / "results" / "tcp.json"
     edited = copy.deepcopy(signed)
     edited["tool0_from_laser"][0][3] += 50.0
-    for forged in (edited, {name: value for name, value in edited.items() if name != "seal"}):
+    bare = {name: value for name, value in edited.items() if name != "seal"}
+    for forged in (edited, bare, {**bare, "method_revision": 99}, {**bare, "method_revision": 1}):
         file.write_bytes(to_json_bytes(forged))
         assert main(["export", str(folder), "--format", "json"]) == 1
         assert "differs from what its captures give" in capsys.readouterr().err
