@@ -68,6 +68,15 @@ class ArmModelFound(Record):
     worth_it: bool
     applied: bool | None = None
     controller: list[FoundFrame] | None = None
+    told: ArmTerms | None = None
+
+
+class ArmTerms(Record):
+    """What the captures alone tell of an arm's errors, in units of what is `believed` of each (one σ)."""
+    names: list[str]
+    believed: list[float]
+    information: list[list[float]]
+    vector: list[float]
 
 
 class AtPoint(Record):

@@ -71,7 +71,7 @@ def labelled(
         several |= not alone
         carrier = observations[some[0]].carriers.ball
         own = [_place(places, carrier, center) for center in found.centers[: 1 if alone else None]]
-        chosen = _one_each([observations[k].capture for k in some], found) if alone else found.ball
+        chosen = _one_each([observations[k] for k in some], found) if alone else found.ball
         for k, n in zip(some, chosen, strict=True):
             names[k] = f"sphere-{own[n] + 1}" if n >= 0 else ""
     if not several:
@@ -79,11 +79,12 @@ def labelled(
     return [replace(o, ball=name) for o, name in zip(observations, names, strict=True)]
 
 
-def _one_each(captures: Sequence[str], found: Balls) -> np.ndarray:
-    """Return 0 for the arc of each capture that is of the first ball, for its first arc without one, −1 else."""
-    chosen = np.full(len(captures), -1)
-    for name in dict.fromkeys(captures):
-        own = [k for k, capture in enumerate(captures) if capture == name]
+def _one_each(observations: Sequence[SphereObservation], found: Balls) -> np.ndarray:
+    """Return 0 for the arc of each profile that is of the first ball, for its first arc without one, −1 else."""
+    chosen, profiles = np.full(len(observations), -1), dict[tuple[str, bytes], list[int]]()
+    for k, o in enumerate(observations):  # of a sweep each has a pose of its own
+        profiles.setdefault((o.capture, o.base_from_tool0.matrix.tobytes()), []).append(k)
+    for own in profiles.values():
         chosen[min(own, key=lambda k: found.misfit_mm[k] if found.ball[k] == 0 else np.inf)] = 0
     return chosen
 

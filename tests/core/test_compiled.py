@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 # A package of two kernels, one of which calls the other; the script prints how many are compiled.
+_NEEDED = ("__init__.py", "compiled.py", "disk.py", "errors.py", "messages.py", "windows_runtime.py")
 _CALLER = "from calib_core.kernels.callee import callee\n"
 _KERNEL = "from numba import njit\n{}@njit(cache=True)\ndef {}(x):\n    return {}\n"
 _SCRIPT = (
@@ -25,7 +26,7 @@ _SCRIPT = (
 def package(tmp_path: Path) -> Path:
     kernels = tmp_path / "calib_core" / "kernels"
     kernels.mkdir(parents=True)
-    for name in ("__init__.py", "compiled.py", "disk.py", "kernels/__init__.py"):
+    for name in (*_NEEDED, "kernels/__init__.py"):
         shutil.copy(ROOT / "calib_core" / name, kernels.parent / name)
     (kernels / "callee.py").write_text(_KERNEL.format("", "callee", "x + 1"))
     (kernels / "caller.py").write_text(_KERNEL.format(_CALLER, "caller", "10 * callee(x)"))

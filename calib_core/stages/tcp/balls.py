@@ -38,13 +38,13 @@ def all_arcs(
     """
     by_id = {capture.id: capture for capture in given.captures}
     single = Counter(o.capture for o in observations)
-    arcs: list[SphereObservation] = []
+    arcs, with_more = list[SphereObservation](), 0
     for o in observations:
         arcs.append(o)
-        if single[o.capture] == 1:
+        if single[o.capture] == 1:  # of a sweep each profile has an arc
             more = further_arcs(given.session, by_id[o.capture], given.read)
             arcs += [replace(one, arm_moves=o.arm_moves) for one in more]
-    with_more = sum(count > 1 for count in Counter(o.capture for o in arcs).values())
+            with_more += bool(more)
     told = max((len(told_balls(given.session.cell, carrier)) for carrier in carriers), default=0)
     return arcs if with_more >= _LEAST_WITH_MORE or told > 1 else None
 
