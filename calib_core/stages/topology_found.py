@@ -19,6 +19,8 @@ _ELSEWHERE: Final = message("Scanner {scanner} on {carrier}")
 
 def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
     """Return each scanner's frame where there are several, to be typed into the controller, and how they stand."""
+    if len({frame.scanner for frame in result.frames if frame.scanner is not None}) < 2:
+        return []
     found: list[AnyBlock] = []
     for frame in result.frames:
         matrix, title = np.array(frame.matrix, dtype=float), _title(frame)
