@@ -5,16 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.arms.errors import arm_moves
-from calib_core.arms.kinematics import arm_of
-from calib_core.captures.arm_joints import corrected_by
 from calib_core.captures.measure import measure_capture
 from calib_core.frames import RigidTransform
-from calib_core.guidance.planner import Situation, planned_set
+from calib_core.guidance.planner import Situation
 from calib_core.guidance.prior import situation_of
 from calib_core.records import Capture, Session
 from calib_core.simulation.motion import FloatArray
-from calib_core.stages.tcp.record import TcpResult
 from tests.arm_cell import ARM_KINDS, SimulatedArm, nominal_flange
 
 SIGMA_MM = 0.02
@@ -101,32 +97,3 @@ def situation(session: Session) -> Situation:
     found = situation_of(session, measured, {})
     assert found is not None
     return found
-
-
-def planned(cell: AdvisedArm, captures: int, *, by_arm: bool) -> Session:
-    """Return a session of a planned set, its poses chosen by what they tell of the arm or as if it were right."""
-    now = situation(cell.session)
-    now = now if by_arm else now.for_tool()
-    session, near = cell.session, np.array(cell.session.captures[0].joints_deg)
-    for pose in planned_set(now, captures - len(session.captures), grid=200, sweeps=1).poses.poses:
-        session = with_capture(cell, session, joints_nearest(cell, pose.matrix, near))
-    return session
-
-
-def elsewhere_rms_mm(cell: AdvisedArm, result: TcpResult, count: int = 150) -> float:
-    """Return by how much points measured from other poses, joints as arms usually move, are off each other."""
-    rng, arm = np.random.default_rng([cell.seed, 373]), cell.session.cell.robot.arm
-    near = np.array(cell.session.captures[0].joints_deg)
-    joints = near + rng.uniform(-1, 1, (count, 6)) * [50, 30, 30, 45, 40, 60]
-    sides = np.sign(rng.normal(size=joints.shape))
-    true = np.array([cell.arm.flange(np.deg2rad(q), 0.0, side) for q, side in zip(joints, sides, strict=True)])
-    used = np.array([nominal_flange(cell.arm.kind, np.deg2rad(q)) for q in joints])
-    if result.arm_model is not None and result.arm_model.applied and arm is not None:
-        told = [RigidTransform.of(pose[:3, :3], pose[:3, 3], "base", "tool0") for pose in used]
-        both = zip(told, arm_moves(arm_of(arm), joints.tolist()), strict=True)
-        used = np.array([corrected_by(cell.session.cell, result.arm_model, *one).matrix for one in both])
-    point = np.array([0.0, 0.0, 200.0, 1.0])
-    found, right = (used @ np.array(result.tool0_from_laser) @ point)[:, :3], (true @ cell.tool @ point)[:, :3]
-    found, right = found - found.mean(axis=0), right - right.mean(axis=0)
-    u, _, vt = np.linalg.svd(found.T @ right)  # a turn of all is the base's
-    return float(np.sqrt(np.mean(np.sum((found @ u @ vt - right) ** 2, axis=1))))

@@ -60,14 +60,10 @@ class ArmAdvice:
         The one of `arms.errors.arm_terms` of which it tells most.
     worth_from : int or None
         How many captures it takes until they are worth solving on such an arm; None where there are as many.
-    elsewhere_mm : tuple of float or None
-        By how much points measured from other poses are off, RMS, without and with the next pose; None where the
-        arm's errors are not to be applied: then no pose is chosen by them.
     """
 
     term: str
     worth_from: int | None
-    elsewhere_mm: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,19 +216,15 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
     # A stated figure is the better one: what a capture gains is a share of it.
     scale = 1.0 if stated_mm is None or not count else stated_mm / (COVERAGE * after_each[-1])
     update: dict[str, Any] = {"after_next_mm": expanded(chosen.after_mm * scale)}
-    enough, arm = False, _of_arm(situation, chosen)
+    enough = False
     if wanted_mm is not None:
         more = still_needed(situation, wanted_mm / COVERAGE / scale)
         update["still_needed"] = None if more is None else max(more, 1)
     else:
-        before, after, plenty = chosen.before_mm, chosen.after_mm, _PLENTY
-        if arm is not None and arm.elsewhere_mm is not None:
-            (before, after), plenty = arm.elsewhere_mm, max(_PLENTY, arm.worth_from or 0)
-            enough = agreed and count >= plenty and after > _LITTLE * before
-        else:
-            enough = agreed and (count >= plenty or after > _LITTLE * before)
-        update["still_needed"] = 0 if enough else max(plenty - count, 1)
-    meter = meter.model_copy(update={**update, "enough": enough})
+        little = chosen.after_mm > _LITTLE * chosen.before_mm
+        enough = agreed and (count >= _PLENTY or little)
+        update["still_needed"] = 0 if enough else max(_PLENTY - count, 1)
+    meter, arm = meter.model_copy(update={**update, "enough": enough}), _of_arm(situation, chosen)
     return Advice(meter, still_open, chosen, apart, arm=arm)
 
 
@@ -246,11 +238,7 @@ def _of_arm(situation: Situation, chosen: NextPose) -> ArmAdvice | None:
     told = given.arm.table.model_dump_json(), given.sigmas.position_mm, float(np.rad2deg(situation.room.tilt_rad))
     first = _worth_from(*told)
     later = first if first is not None and first > count else None
-    elsewhere: tuple[float, float] | None = None
-    if given is situation.chosen_by and count:
-        before, after = (float(worst_sigma_mm(design.workpiece(range(n)))) for n in (count, count + 1))
-        elsewhere = before, after
-    return ArmAdvice(given.arm.terms[int(np.argmin(better))].name, later, elsewhere)
+    return ArmAdvice(given.arm.terms[int(np.argmin(better))].name, later)
 
 
 @lru_cache(maxsize=8)

@@ -76,14 +76,6 @@ def arm_worth(
     return found
 
 
-def apart_from_base(rows: FloatArray, places_mm: FloatArray) -> FloatArray:
-    """Return rows (K, 3, n) of points (K, 3) as (3K, n), without what moves or turns all points together."""
-    away = skew((places_mm - places_mm.mean(axis=0)) / 1000.0)
-    together, _ = np.linalg.qr(np.hstack([np.tile(np.eye(3), (len(rows), 1)), away.reshape(-1, 3)]))
-    flat = rows.reshape(len(together), -1)
-    return np.asarray(flat - together @ (together.T @ flat))
-
-
 def _home(arm: ArmTable, rng: np.random.Generator) -> list[float]:
     """Return joints that hold the flange downwards in front of the arm, far from where it cannot move freely."""
     reach, best, found = reach_of(arm), -1.0, [0.0] * 6
@@ -142,7 +134,14 @@ class _Rows:
         tool = np.hstack([-skew(_SEEN - _MOUNT), np.eye(3)])
         edges, terms = np.array([flange.rotation @ tool for flange, _, _ in seen]), _moved(arm, seen, arms)
         places = np.array([flange.apply(_SEEN) for flange, _, _ in seen])
-        return cls(*(apart_from_base(rows, places).reshape(rows.shape) for rows in (edges, terms)))
+        away = (places - places.mean(axis=0)) / 1000.0
+        together, _ = np.linalg.qr(np.hstack([np.tile(np.eye(3), (len(seen), 1)), skew(away).reshape(-1, 3)]))
+
+        def apart(rows: FloatArray) -> FloatArray:
+            flat = rows.reshape(len(together), -1)
+            return (flat - together @ (together.T @ flat)).reshape(rows.shape)
+
+        return cls(apart(edges), apart(terms))
 
     def first(self, count: int) -> "_Rows":
         return _Rows(self.edges[:count], self.terms[:count])

@@ -6,20 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.arms.errors import ArmTerm, arm_moves, arm_terms, reach_of
+from calib_core.arms.errors import ArmTerm, arm_moves, arm_terms
 from calib_core.arms.inverse import joints_of_poses
 from calib_core.arms.kinematics import arm_of
 from calib_core.captures.content import pose_of
 from calib_core.chain.arm_model import ArmInput, arm_columns
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
-from calib_core.frames import FloatArray, RigidTransform, skew
-from calib_core.guidance.arm_plan import apart_from_base
-from calib_core.guidance.candidates import Candidates, Room, candidates
+from calib_core.frames import FloatArray
+from calib_core.guidance.candidates import Candidates
 from calib_core.records import ArmTable, Capture, Cell
 
 _SIX = 6
-_ELSEWHERE, _LEAST, _ASIDE, _SEED = 60, 10, 0.25, 3738
 _ALIKE_DEG = 2.0  # joints as read, and those of the pose: an arm whose errors are in its controller
 
 
@@ -34,15 +32,11 @@ class ArmUnknowns:
     terms : tuple of ArmTerm
     near_deg : (6,)
         Joints in the configuration of the captures.
-    elsewhere : Candidates or None
-        Poses that stand for all in which parts will be measured: what counts is how well points are known from
-        these. None where the arm's errors are only to be told, not applied.
     """
 
     table: ArmTable
     terms: tuple[ArmTerm, ...]
     near_deg: FloatArray
-    elsewhere: Candidates | None = None
 
     @property
     def sigmas(self) -> FloatArray:
@@ -66,35 +60,6 @@ class ArmUnknowns:
             data, state, ArmInput(self.terms, moves.reshape(-1, *none.shape)), np.arange(data.count)
         )
         return found * self.sigmas
-
-    def measuring(self, room: Room, tool: RigidTransform, center_in_base_mm: FloatArray) -> "ArmUnknowns":
-        """Return the arm with poses elsewhere: about places all around the ball, as far as the arm reaches."""
-        rng, aside = np.random.default_rng(_SEED), _ASIDE * reach_of(self.table)
-        poses: list[RigidTransform] = []
-        for place in center_in_base_mm + rng.uniform(-aside, aside, (_ELSEWHERE, 3)):
-            poses += candidates(room, tool, place, 0.0, 1, rng, at_edge=0.0).poses
-        found = self.reached(Candidates(tuple(poses), np.zeros((len(poses), 3))))
-        return replace(self, elsewhere=found if len(found) > _LEAST else None)
-
-    def held(self, tool_rows: FloatArray, arm_in_tool0_mm: FloatArray) -> FloatArray | None:
-        """Return how a point measured elsewhere follows tool and scanner, and then the arm's terms, (m, n + p).
-
-        Their squares add up to the mean over the poses; what moves all points alike is the base's, and left out.
-
-        Parameters
-        ----------
-        tool_rows : (3, n)
-            How the point moves with tool and scanner, along tool0's axes.
-        arm_in_tool0_mm : (3,)
-            From the flange to the point.
-        """
-        if self.elsewhere is None or self.elsewhere.arm_moves is None:
-            return None
-        (rotations, translations), moves = self.elsewhere.arrays, self.elsewhere.arm_moves * self.sigmas
-        levers = rotations @ arm_in_tool0_mm
-        moved = moves[:, :3] - np.array([skew(one) for one in levers]) @ moves[:, 3:]
-        rows = apart_from_base(np.concatenate([rotations @ tool_rows, moved], axis=2), translations + levers)
-        return np.asarray(np.linalg.qr(rows, mode="r") / np.sqrt(len(levers)))
 
 
 def arm_unknowns(cell: Cell, captures: Sequence[Capture], result: Mapping[str, Any] | None) -> ArmUnknowns | None:

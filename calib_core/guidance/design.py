@@ -95,9 +95,6 @@ class Design:
         self._data = data
         rows = point_rows(tool.rotation, assumed.point_in_laser_mm, data.half_width_mm, assumed.facing)
         self._rows = rows[:, :6], rows[:, 6 + data.active]
-        self._elsewhere = (
-            None if arm is None else arm.held(np.hstack(self._rows), tool.apply(assumed.point_in_laser_mm))
-        )
         self._by_lengths = data.arm_scale_sigma * tool.apply(assumed.point_in_laser_mm)
 
     def __len__(self) -> int:
@@ -108,10 +105,7 @@ class Design:
         return covariance_of(self.hessian(chosen))
 
     def workpiece(self, chosen: Sequence[int]) -> FloatArray:
-        """Return the covariance (3, 3), mm², of a point measured at the workpiece, along the flange's axes.
-
-        With an arm and poses elsewhere it is (m, m), of what such points have in common: its trace is their mean.
-        """
+        """Return the covariance (3, 3), mm², of a point measured at the workpiece, along the flange's axes."""
         return self.at_workpiece(self.hessian(chosen))
 
     def at_workpiece(self, hessian: FloatArray) -> FloatArray:
@@ -163,14 +157,7 @@ class Design:
         return Added(rows @ covariance @ rows.T - (less + np.swapaxes(less, 1, 2)) / 2, doubt)
 
     def _moves(self, size: int) -> FloatArray:
-        """Return how the measured point moves with every unknown, (3, P), or points elsewhere, (m, P)."""
-        if self._elsewhere is not None and self.assumed.arm is not None:
-            terms, scanner = len(self.assumed.arm.terms), self._data.width - self._data.unknowns
-            moves = np.zeros((len(self._elsewhere), size))
-            moves[:, :6] = self._elsewhere[:, :6]
-            moves[:, self._data.unknowns : self._data.width] = self._elsewhere[:, 6 : 6 + scanner]
-            moves[:, -terms:] = self._elsewhere[:, -terms:]
-            return moves
+        """Return how the measured point moves with every unknown, (3, P)."""
         moves = np.zeros((3, size))
         moves[:, :6] = self._rows[0]
         moves[:, self._data.unknowns : self._data.width] = self._rows[1]
@@ -216,7 +203,5 @@ def with_tool(hessian: FloatArray, turn_rad: float = TURN_RAD, shift_mm: float =
 
 
 def worst_sigma_mm(workpiece: FloatArray) -> FloatArray:
-    """Return the standard deviation, mm, in the worst direction of covariances (…, 3, 3); of (…, m, m) in all."""
-    if workpiece.shape[-1] > 3:
-        return np.sqrt(np.maximum(np.trace(workpiece, axis1=-2, axis2=-1), 0.0))
+    """Return the standard deviation in the worst direction of covariances (…, 3, 3), mm."""
     return np.sqrt(np.maximum(np.linalg.eigvalsh(workpiece)[..., -1], 0.0))

@@ -14,7 +14,6 @@ _CANDIDATES, _NEAR = 300, 80
 _NEAR_MM, _NEAR_RAD = 8.0, 0.08
 _STEPS = (1.5, 1.0, 0.5, 0.25)
 _UNTIL = 12  # captures: what the set that is thought of makes together
-_TOOL_FIRST, _FOR_ARM = 8, 12  # captures: fewer serve the tool, which the arm's errors are told apart from
 _SEED = 20_270
 _SWEEPS = 4
 _WORTH = 0.999  # of the criterion: an exchange that gains less is none
@@ -50,18 +49,6 @@ class Situation:
     agreed: bool = True
     apart: tuple[str, ...] = ()
     with_arm: Assumed | None = None
-
-    @property
-    def chosen_by(self) -> Assumed:
-        """What poses are chosen by: with the arm's own errors, where these will be applied."""
-        arm = None if self.with_arm is None else self.with_arm.arm
-        return self.assumed if arm is None or arm.elsewhere is None else self.with_arm or self.assumed
-
-    def for_tool(self) -> "Situation":
-        """Return the same where poses are chosen as if the arm were right."""
-        if self.with_arm is None or self.with_arm.arm is None:
-            return self
-        return replace(self, with_arm=replace(self.with_arm, arm=replace(self.with_arm.arm, elsewhere=None)))
 
     def proposed(self, count: int, seed: int = _SEED) -> Candidates:
         """Return poses that a capture could be taken from."""
@@ -116,29 +103,17 @@ def next_pose(situation: Situation, count: int = _CANDIDATES, until: int = _UNTI
     It is one of a set that together takes most off the uncertainty at the workpiece, up to `until` captures:
     the one that helps most by itself now, refined by others near it while the rest of the set stays where it is.
     """
-    if len(situation.taken) < _TOOL_FIRST:
-        situation = situation.for_tool()
     poses = situation.proposed(count)
     if not len(poses):
         return None
     compared = _Compared(situation, poses)
     if not compared.sure.any() and len(situation.taken):
         timid = _timid(situation)
-        return _at_workpiece(situation, (_Compared(situation, timid) if len(timid) else compared).best())
+        return (_Compared(situation, timid) if len(timid) else compared).best()
     best, rest = compared.best_until(until)
     for step in _STEPS:
         best = _refined(situation, best, rest, step)
-    return _at_workpiece(situation, best)
-
-
-def _at_workpiece(situation: Situation, best: NextPose) -> NextPose:
-    """Return a pose with what it does at the workpiece, where it was chosen by what it does elsewhere, too."""
-    if situation.chosen_by is situation.assumed:
-        return best
-    seen = situation.seen_from(Candidates((best.base_from_tool0,), best.center_in_laser_mm[None]))
-    design, count = Design([*situation.taken, *seen], situation.assumed), len(situation.taken)
-    before, after = (float(worst_sigma_mm(design.workpiece(range(n)))) for n in (count, count + 1))
-    return replace(best, before_mm=before, after_mm=after)
+    return best
 
 
 class _Compared:
@@ -147,7 +122,7 @@ class _Compared:
     def __init__(self, situation: Situation, poses: Candidates, beside: Candidates | None = None) -> None:
         taken, others = list(situation.taken), [] if beside is None else situation.seen_from(beside)
         self.poses, self.before = poses, len(taken)
-        self.design = Design([*taken, *others, *situation.seen_from(poses)], situation.chosen_by)
+        self.design = Design([*taken, *others, *situation.seen_from(poses)], situation.assumed)
         self.fixed = len(taken) + len(others)
         self.hessian = self.design.hessian(range(self.before))
         places = range(self.fixed, self.fixed + len(poses))
@@ -272,8 +247,6 @@ def planned_set(situation: Situation, count: int, grid: int = 500, sweeps: int =
     ValueError
         If fewer poses are allowed than are asked for.
     """
-    if len(situation.taken) + count < _FOR_ARM:
-        situation = situation.for_tool()
     poses = situation.proposed(2 * grid)
     radius = situation.assumed.sphere.radius_mm
     safe = situation.room.sight.sees(poses.centers_in_laser, radius, _BESIDE_PLAN_MM)
@@ -281,13 +254,11 @@ def planned_set(situation: Situation, count: int, grid: int = 500, sweeps: int =
     if len(poses) < count:
         raise ValueError(f"{len(poses)} allowed poses, {count} wanted")
     taken = len(situation.taken)
-    seen = [*situation.taken, *situation.seen_from(poses)]
-    design = Design(seen, situation.chosen_by)
+    design = Design([*situation.taken, *situation.seen_from(poses)], situation.assumed)
     first = list(range(taken))
     chosen = exchanged(design, first, greedy(design, first, count), sweeps)
     ordered = _in_order(design, first, chosen)
     index = np.array(ordered) - taken
-    design = Design(seen, situation.assumed)
     after = [float(worst_sigma_mm(design.workpiece([*first, *ordered[: n + 1]]))) for n in range(len(ordered))]
     return PlannedSet(poses.chosen(index), np.array(after))
 
@@ -307,13 +278,11 @@ def _helping_most(design: Design, beside: Sequence[int], others: Sequence[int]) 
 
 
 def _score(workpiece: FloatArray, taken: int) -> FloatArray:
-    """Return what the best capture makes least, of covariances (N, 3, 3) at the workpiece, or (N, m, m) elsewhere.
+    """Return what the best capture makes least, of covariances (N, 3, 3) at the workpiece.
 
     First the sum of the variances; the more captures there are, the more the worst direction counts, in which the
     uncertainty is stated: from the start, that leads to sets that are worse in the end.
     """
-    if workpiece.shape[-1] > 3:
-        return worst_sigma_mm(workpiece)
     values = np.maximum(np.linalg.eigvalsh(workpiece), 1e-18)
     power = min(1 + taken / 4, 6.0)
     return np.sum((values / values.max()) ** power, axis=1)

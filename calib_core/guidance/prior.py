@@ -127,8 +127,6 @@ def known_of(
     # Until poses are corrected, what was found of their scatter has the arm's errors in it.
     corrected = bool(((result or {}).get("arm_model") or {}).get("applied"))
     own = sigmas_of(cell, result if corrected else None)
-    if arm is not None and cell.robot.errors == "apply":
-        arm = arm.measuring(room, place.mount_from_laser, place.center_in_base_mm)
     with_arm = None if arm is None else replace(assumed, arm=arm, sigmas=own)
     agreeing = [one for one in taken if one.capture not in apart]
     agreed = place.by_captures and not apart

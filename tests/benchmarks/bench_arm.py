@@ -19,7 +19,6 @@ from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import DriftPoint, cell_drift
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.tcp.record import TcpResult
-from tests.advised_arm import advised_arm, elsewhere_rms_mm, planned
 from tests.arm_cell import ARM_KINDS, ArmCell, ArmKind, held_out_rms_mm, simulate_arm
 
 
@@ -241,24 +240,6 @@ def of_later_sessions(each: int, bump_deg: float = 0.15) -> list[Row]:
     ]
 
 
-def _planned(kind: str, seed: int) -> float:
-    cell = advised_arm(kind, seed)
-    both = [elsewhere_rms_mm(cell, solved(planned(cell, 15, by_arm=by_arm))) for by_arm in (True, False)]
-    return both[0] / both[1]
-
-
-def of_planned_poses(each: int) -> Row:
-    """Return what poses that are chosen by what they tell of the arm bring beside as many that are not."""
-    ratios = [
-        kept(f"arm planned {kind} {seed}", lambda k=kind, n=seed: _planned(k, n))
-        for seed in range(each)
-        for kind in ARM_KINDS
-    ]
-    mean, better = float(np.exp(np.mean(np.log(ratios)))), sum(one < 1.0 for one in ratios)
-    what = f"six classes, {len(ratios)}, 15 planned poses: error elsewhere, chosen by the arm's errors / without"
-    return Row(what, "≤ 0.9", f"{mean:.2f}; better in {better}", mean <= 0.9)
-
-
 def _classes(kind: str, seed: int, captures: int) -> tuple[float, bool]:
     """Return the error at other poses over that without the arm's errors, and whether it was told worth it."""
     cell = simulate_arm(kind, seed, captures, errors="apply")
@@ -324,7 +305,6 @@ def run(full: bool) -> list[Row]:
         *of_rough_arms(min(each, 30)),
         of_wrong_joints(some),
         *of_later_sessions(min(each, 4)),
-        of_planned_poses(min(each, 4)),
         *of_six_classes(each),
         of_right_arms(some),
     ]

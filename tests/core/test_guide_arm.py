@@ -9,20 +9,11 @@ from calib_core.arms.errors import arm_moves
 from calib_core.arms.kinematics import arm_of
 from calib_core.captures.measure import measure_capture
 from calib_core.guidance.advice import tcp_advice
-from calib_core.guidance.candidates import Candidates
-from calib_core.guidance.design import Design, worst_sigma_mm
+from calib_core.guidance.design import Design
 from calib_core.guidance.pose_list import planned_poses
 from calib_core.records import Measured, Session
 from calib_core.stages.guide import guide
-from tests.advised_arm import (
-    AdvisedArm,
-    advised_arm,
-    elsewhere_rms_mm,
-    joints_nearest,
-    planned,
-    situation,
-    with_capture,
-)
+from tests.advised_arm import AdvisedArm, advised_arm, joints_nearest, situation, with_capture
 from tests.arm_cell import nominal_flange
 from tests.benchmarks.bench_arm import solved
 
@@ -47,12 +38,6 @@ def with_robot(session: Session, **robot: Any) -> Session:
     record = session.model_dump(exclude_none=True, by_alias=True)
     record["cell"]["robot"] |= robot
     return Session.model_validate(record)
-
-
-def without_errors(session: Session) -> Session:
-    """Return the session of which nothing is told of what to do with the arm's errors."""
-    robot = session.cell.robot.model_copy(update={"errors": None})
-    return session.model_copy(update={"cell": session.cell.model_copy(update={"robot": robot})})
 
 
 def test_a_planned_set_is_within_reach_where_the_arm_is_known() -> None:
@@ -92,43 +77,6 @@ def test_candidates_move_with_the_arms_errors_by_the_joints_that_reach_them() ->
     assert taken.arm_moves is not None
     np.testing.assert_allclose(taken.arm_moves, moves)
     assert all(seen.arm_moves is not None for seen in now.seen_from(poses))
-
-
-def test_poses_that_tell_of_the_arm_make_points_elsewhere_better_than_others_as_many() -> None:
-    """Against truth: the arm's own forward model and errors, poses from all over where it works."""
-    both = [
-        [elsewhere_rms_mm(cell, solved(planned(cell, 15, by_arm=by_arm))) for by_arm in (True, False)]
-        for cell in (advised_arm("cobot", 0), advised_arm("cobot", 1), advised_arm("small", 1))
-    ]
-    assert all(chosen < other for chosen, other in both)
-    assert np.prod([chosen / other for chosen, other in both]) < 0.75 ** len(both)
-
-
-def test_a_set_of_few_is_for_the_tool_alone() -> None:
-    cell = advised_arm("small", 0)
-    few, told = (planned(cell, 8, by_arm=by_arm) for by_arm in (True, False))
-    assert [one.pose for one in few.captures] == [one.pose for one in told.captures]
-
-
-def test_the_next_pose_is_chosen_by_what_it_tells_of_the_arm_where_that_is_applied() -> None:
-    _, session = started("cobot", 0, 10)
-    chosen, told = (tcp_advice(one, seen(one), {}) for one in (session, without_errors(session)))
-    assert chosen is not None
-    assert told is not None
-    assert chosen.arm is not None
-    assert told.arm is not None
-    assert chosen.next is not None
-    assert told.next is not None
-    assert told.arm.elsewhere_mm is None
-    assert chosen.arm.elsewhere_mm is not None
-    before, after = chosen.arm.elsewhere_mm
-    now = situation(session)
-    assert now.with_arm is not None
-    other = Candidates((told.next.base_from_tool0,), told.next.center_in_laser_mm[None])
-    design = Design([*now.taken, *now.seen_from(now.reached(other))], now.with_arm)
-    assert after < float(worst_sigma_mm(design.workpiece(range(len(design))))) <= before
-    why = guide(session, seen(session), {}, frozenset()).current.why
-    assert f"Points measured from other poses are then right to {after:.2f} mm instead of {before:.2f} mm" in why
 
 
 def test_an_advice_and_a_plan_say_what_they_are_for_the_arm() -> None:

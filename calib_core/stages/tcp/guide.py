@@ -45,7 +45,6 @@ _SHIFTS = {
 _OF_BALL = {"tcp-first": "ball-first", "tcp-shift": "ball-shift", "tcp-turn": "ball-turn"}
 """Drawings of a ball that the flange carries."""
 _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
-_KNOWN_MM = 20.0  # beyond it nothing is known yet
 _MANY = 12  # so many captures of different orientations do without pure translations
 
 
@@ -180,15 +179,6 @@ def _why_for_arm(advice: Advice) -> list[Message]:
     told = [
         message("The arm reaches it; of the arm's own errors it tells most about this one: {term}.", term=term)
     ]
-    if (elsewhere := advice.arm.elsewhere_mm) is not None and elsewhere[0] < _KNOWN_MM:
-        told.append(
-            message(
-                "Points measured from other poses are then right to {after_mm:.2f} mm instead of "
-                "{before_mm:.2f} mm (RMS).",
-                after_mm=elsewhere[1],
-                before_mm=elsewhere[0],
-            )
-        )
     if count is not None:
         told.append(message("These are worth solving from about {count} captures on.", count=count))
     return told
