@@ -108,6 +108,12 @@ def test_no_text_is_cut_off(page: Page, session: str, watch: Watch) -> None:
     expect(page.locator("table.captures tbody tr")).to_have_count(14)
     page.locator("table.captures .pick").nth(2).click()
     look("measure")
+    page.set_viewport_size({"width": 1280, "height": 720})
+    row = page.locator("sc-actions > .row").bounding_box()
+    assert row is not None
+    assert row["height"] < 60  # in one row
+    scrolled = "(table) => table.parentElement.scrollWidth - table.parentElement.clientWidth"
+    assert page.locator("table.captures").evaluate(scrolled) <= 0  # no column is cut
     watch.announce("status of 422.*/readings")
     broken = {
         "name": "p99.csv",

@@ -20,6 +20,8 @@ import { attempt, notify, say } from "../components/toasts.js";
 
 /** A job ended because its server, its cluster or its worker did. */
 const INTERRUPTED = 503;
+/** Two rows of actions are higher. */
+const ONE_ROW_PX = 60;
 
 export class ActionsElement extends StateElement {
   /** @type {IntakeElement | null} */ intake = null;
@@ -39,7 +41,9 @@ export class ActionsElement extends StateElement {
   #files = wayIn(t("actions.files"), () => this.intake?.chooseFiles());
   #folder = wayIn(t("actions.folder"), () => this.intake?.chooseFolder());
   #watch = wayIn(t("actions.watch"), () => void this.watch?.open());
-  #waysIn = h("span", { class: "ways-in" }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch, wayIn(t("actions.devices"), () => this.devices()));
+  #others = h("span", { onclick: () => this.#fold(true) }, this.#files, this.#folder, wayIn(t("actions.poses"), () => this.intake?.open()), this.#watch, wayIn(t("actions.devices"), () => this.devices()));
+  #waysIn = h("details", { class: "ways-in", open: true }, h("summary", { class: "button plain wide" }, t("actions.ways")), this.#others);
+  #row = h("div", { class: "row" }, this.#remedies, this.#mend, this.#on, this.#look, this.#capture, this.#solve, this.#waysIn);
   /** @type {string | null} */ #next = null;
   #capturing = false;
   /** A capture that was taken, until the page shows it. */ #awaited = "";
@@ -55,12 +59,11 @@ export class ActionsElement extends StateElement {
   build() {
     this.intake?.addEventListener("solve", () => void this.solve());
     // What sticks above these actions must know how high they are; told to it alone: all below take long to style anew.
-    new ResizeObserver(() => this.intake?.style.setProperty("--actions-height", `${this.offsetHeight}px`)).observe(this);
-    this.append(
-      h("div", { class: "row" }, this.#remedies, this.#mend, this.#on, this.#look, this.#capture, this.#solve,
-        this.#waysIn),
-      this.#progress,
-    );
+    new ResizeObserver(() => {
+      requestAnimationFrame(() => this.#fold()); // it changes what is observed
+      this.intake?.style.setProperty("--actions-height", `${this.offsetHeight}px`);
+    }).observe(this);
+    this.append(this.#row, this.#progress);
   }
 
   update() {
@@ -87,21 +90,47 @@ export class ActionsElement extends StateElement {
     const isAside = status === "not-needed" || status === "known"; // nothing is captured for such a step, nor solved
     this.#capture.hidden = !simulated || status === "" || isAside;
     this.#watch.hidden = simulated;
-    this.#folder.hidden = simulated; // a folder brings a cell of its own; it may be dropped here all the same
+    this.#folder.hidden = simulated || captures.length > 0; // a folder brings a cell of its own; it may be dropped here all the same
     this.#look.hidden = !solved || view === "result";
     this.#look.classList.toggle("primary", !onward && !mends);
-    this.#solve.hidden = solved || (isAside && !result && !ready);
+    this.#solve.hidden = solved || (isAside && !result && !ready) || (!simulated && captures.length === 0);
     const idle = solved || (!now && status === "done"); // nothing more is asked for in this step
     this.#capture.classList.toggle("primary", !ready && (!idle || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);
     this.#mend.classList.add("primary");
     this.#mend.hidden = !mends || simulated || view !== "result";
-    this.#waysIn.hidden = view === "result"; // new captures belong to measuring; files may be dropped all the same
     this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
     this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.adding || this.#isSolving || !may("capture")));
     this.#showJob();
     this.#offerRemedies();
+    this.#fold();
     if (job && job.id === this.#followed) this.#ended();
+  }
+
+  /** One bar of actions: where they take two rows, the other ways in, then what is not the main thing, are behind a word. @param {boolean} [done] whether one of them was taken */
+  #fold(done = false) {
+    const ways = this.#waysIn, isResult = this.state.view === "result"; // new captures belong to measuring; files may be dropped all the same
+    if (ways.matches(".folded[open]") && !done) return; // somebody chooses
+    const isLong = () => this.#row.offsetHeight > ONE_ROW_PX;
+    const isMain = (/** @type {HTMLElement} */ one) => one.classList.contains("primary");
+    ways.hidden = isResult;
+    ways.classList.toggle("no-ways", isResult);
+    ways.classList.remove("folded");
+    ways.open = true;
+    /** @type {HTMLElement} */ let next = ways;
+    if (isMain(this.#files) && ways.checkVisibility()) next = this.#into(this.#row, this.#files, ways);
+    else this.#into(this.#others, this.#files, this.#others.firstChild);
+    for (const one of [this.#solve, this.#capture, this.#look, this.#on]) next = this.#into(this.#row, one, next);
+    if (!isLong()) return;
+    ways.hidden = ways.open = false;
+    ways.classList.add("folded");
+    for (const one of [this.#on, this.#look, this.#solve, this.#capture]) if (isLong() && !one.hidden && !isMain(one)) this.#others.prepend(one);
+  }
+
+  /** What is there already keeps the focus. @param {HTMLElement} place @param {HTMLElement} one @param {Node | null} next */
+  #into(place, one, next) {
+    if (one.parentElement !== place) place.insertBefore(one, next);
+    return one;
   }
 
   /** What mends a failed result stands first, and nothing else is the main thing then. */
@@ -245,7 +274,7 @@ const idsOf = (captures) => captures.map(({ id }) => id).join();
 
 /** @param {string} text @param {() => void} action */
 function wayIn(text, action) {
-  return h("button", { type: "button", class: "plain wide", needs: "capture", onclick: action }, text);
+  return h("button", { type: "button", class: "plain wide", "data-way": "", needs: "capture", onclick: action }, text);
 }
 
 customElements.define("sc-actions", ActionsElement);
