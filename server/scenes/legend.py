@@ -183,9 +183,8 @@ def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
     limit = length_text(deviation.limit_mm)
     ends = f"<span>≤ −{limit}</span><span>0</span><span>≥ +{limit}</span>"
     return [
-        _line(message("Distance to {what}", what=deviation.words)),
-        _bar(DIVERGING),
-        f'<div class="ticks">{ends}</div>{_sides()}',
+        f"<div>{_line(message('Distance to {what}', what=deviation.words))}{_bar(DIVERGING)}"
+        f'<div class="ticks">{ends}</div>{_sides()}</div>',
         _line(
             message(
                 "RMS {rms_mm:.3f} mm over {points} points",

@@ -24,7 +24,8 @@ def camera(facts: SceneFacts, _look: Look) -> Iterator[Node]:
         return
     size = 0.12 * optics.depth_mm
     yield nodes.axes("/camera/frame", BASE_FROM_CAMERA, size, WAITING)
-    yield nodes.label("/camera/name", BASE_FROM_CAMERA.apply([0.0, -0.4 * size, 0.0]), message("camera"))
+    above = BASE_FROM_CAMERA.apply([0.0, -0.4 * size, 0.0])
+    yield nodes.label("/camera/name", above, message("camera"), anchor="bottom-right")  # at the right edge
     if optics.camera_matrix is not None:
         corners = _seen_corners(optics, 0.25 * optics.depth_mm)
         edges = [(np.zeros(3), corner) for corner in corners]
