@@ -51,7 +51,7 @@ _POINTS = """() => {
   for (let node = walker.nextNode(); node; node = walker.nextNode()) {
     if (node.parentElement.closest(apart) || !node.parentElement.checkVisibility()) continue;
     if (/(?<![\\w.])\\d+\\.\\d+(?![\\w.])/.test(node.data)) found.push(`a decimal point: ${node.data}`);
-    if (/\\d ±|± \\d|[^\\d\\u00a0]\\s?±\\s\\d/.test(node.data)) found.push(`± may break: ${node.data}`);
+    if (/\\d ±|± \\d|[^\\d\\u00a0] ?±\\s\\d/.test(node.data)) found.push(`± may break: ${node.data}`);
   }
   return found;
 }"""
