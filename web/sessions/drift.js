@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { h, s } from "../dom.js";
-import { small } from "../format.js";
+import { measured, small } from "../format.js";
 import { said, t } from "../texts.js";
 
 /** @import {DriftSeries, SessionSummary} from "../state/model.js" */
@@ -24,7 +24,7 @@ export function drift(sessions) {
     const within = found?.within?.find(({ session }) => session === newest.id);
     const flag = found?.flags?.at(-1) ?? found?.trends?.at(-1);
     const changed = flag ? said(flag) : (within?.found && within.sentence ? said(within.sentence) : undefined);
-    holder.replaceChildren(line(tool, changed ?? words), h("span", { class: changed ? "small number changed" : "soft small number" }, `${small(last?.change ?? 0)}\u00a0±\u00a0${small(last?.uncertainty ?? 0)}`));
+    holder.replaceChildren(line(tool, changed ?? words), h("span", { class: changed ? "small number changed" : "soft small number" }, measured(last?.change ?? 0, last?.uncertainty, "mm")));
   });
   return holder;
 }
