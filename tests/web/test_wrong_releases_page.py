@@ -1,17 +1,22 @@
-"""What speaks against an answer is told by page, REST and command line alike, each before anything is released."""
+"""Ways to a wrong release by the page, in one walk: each is refused, or the page says what is wrong beforehand.
+
+Each was made by REST (`tests.server.wrong_releases`), which told it too.
+"""
 
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Locator, Page, expect
 
+from tests.server import wrong_releases as by
 from tests.server.access import site_of
 from tests.server.wrong_releases import World, command, world
-from tests.verified import shifted, verified_session
-from tests.web.browsing import SharedProfile
+from tests.verified import verified_session
+from tests.web.browsing import SharedProfile, Watch
 from tests.web.test_release import log_in
 
 pytestmark = pytest.mark.browser
@@ -25,83 +30,180 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
         yield made
 
 
-def stale(here: World) -> str:
-    path = here.session("stale-page", verified_session(8), stage="tcp")
-    here.client.patch(f"{path}/captures/p03", json={"excluded": True}).raise_for_status()
-    return path
+@dataclass(frozen=True)
+class Person:
+    """Who tries, at one page, logged in."""
+
+    page: Page
+    here: World
+
+    def result(self, cell: str, stage: str = "tcp") -> Locator:
+        """Open a result; its approval."""
+        self.page.goto("about:blank")  # an address that differs behind the # alone loads nothing
+        self.page.goto(f"{site_of(self.here.client)}{self.here.paths[cell]}#{stage}.result")
+        return self.page.get_by_role("region", name="Approval")
+
+    def at_start(self) -> None:
+        self.page.goto(f"{site_of(self.here.client)}/")
+
+    def in_force(self, cell: str) -> Locator:
+        self.at_start()
+        return self.page.get_by_role("region", name=f"Current answer of cell {cell}")
+
+    def why(self, go: str) -> Locator:
+        """Do what asks why, and say it; the dialog, which stays where the server refuses."""
+        self.page.get_by_role("button", name=go).first.press("Enter")
+        self.page.keyboard.type("it will do")
+        self.page.keyboard.press("Enter")
+        return self.page.get_by_role("dialog")
 
 
-def failed(here: World) -> str:
-    made = verified_session(9)
-    captures = [
-        shifted(made.session, c, [60.0 * (k % 3), 0, 0], "tcp") for k, c in enumerate(made.session.captures)
-    ]
-    wrong = replace(made, session=made.session.model_copy(update={"captures": captures}))
-    return here.session("wrong-page", wrong, stage="tcp")
+Way = Callable[[Person], None]
 
 
-def undecided(here: World) -> str:
-    here.client.put("/cells/few-page/policy", json={"needs": ["verify"]}).raise_for_status()
-    return here.session("few-page", verified_session(11, of_sphere=2, limits={"tool_mm": 2.0}))
+def told(cell: str, fault: str) -> Way:
+    """Return the way whose approval says the fault, and says it again before it is gone on with."""
+
+    def go(one: Person) -> None:
+        approval, said = one.result(cell), TEXTS[f"release.fault.{fault}"]
+        expect(approval).to_contain_text(said)
+        one.page.get_by_role("button", name="Approve all the same").press("Enter")
+        expect(one.page.get_by_role("dialog")).to_contain_text(said)
+        one.page.get_by_role("button", name="Cancel").click()
+
+    return go
 
 
-def overdue(here: World) -> str:
-    here.client.put("/cells/late-page/policy", json={"interval_days": 1e-7}).raise_for_status()
-    return here.session("late-page", verified_session(16), stage="tcp")
+def decided_before(cell: str, words: str) -> Way:
+    """Return the way whose approval says the decision before, and what was changed since."""
+
+    def go(one: Person) -> None:
+        approval = one.result(cell)
+        expect(approval).to_contain_text("was: failed")
+        expect(approval).to_contain_text(words)
+        expect(one.page.get_by_role("button", name="Approve all the same")).to_be_visible()
+
+    return go
 
 
-def other_scanner(here: World) -> str:
-    for serial in ("S-1", "S-2"):
-        equipment = {"equipment": [{"kind": "scanner", "serial": serial}]}
-        path = here.session("other-page", verified_session(15), equipment, "tcp")
-        if serial == "S-1":
-            here.release(path).raise_for_status()
-    return path
+def exported(one: Person) -> None:
+    one.result("failed")
+    one.page.get_by_label("Export …").select_option("kuka")
+    asked = one.page.get_by_role("dialog")
+    asked.get_by_role("button", name="Save file").press("Enter")
+    expect(asked.get_by_role("alert")).to_contain_text("verification")
 
 
-def bumped(here: World) -> str:
-    made = verified_session(14)
-    here.release(here.session("bumped-page", made, stage="tcp")).raise_for_status()
-    captures = [shifted(made.session, c, [1.0, 0, 0], "tcp") for c in made.session.captures]
-    moved = replace(made, session=made.session.model_copy(update={"captures": captures}))
-    return here.session("bumped-page", moved, stage="tcp")
+def taken_by_a_program(one: Person) -> None:
+    expect(one.in_force("rolled")).to_contain_text(TEXTS["release.fault.verify-fail"])
+    expect(one.result("rolled")).to_contain_text(TEXTS["release.fault.verify-fail"])
 
 
-WAYS: dict[str, Callable[[World], str]] = {
-    "verify-fail": lambda here: here.failed,
-    "stale": stale,
-    "fail": failed,
-    "verify-undecided": undecided,
-    "overdue": overdue,
-    "equipment-changed": other_scanner,
-    "drift": bumped,
+def rolled_back(one: Person) -> None:
+    better = one.here.session("rolled", verified_session(21))
+    one.here.release(better, allow="drift").raise_for_status()
+    at_cell = one.in_force("rolled")
+    at_cell.get_by_text("Earlier approvals").press("Enter")
+    expect(one.why("Roll back to the answer of").get_by_role("alert")).to_contain_text("verify-fail")
+    assert one.here.client.get("/cells/rolled/history").json()["releases"][0]["session"] in better
+
+
+def one_wrong_pose(one: Person) -> None:
+    one.result("one", "verify")
+    (said, *_) = one.here.client.get(f"{one.here.paths['one']}/results/verify").json()["findings"]
+    expect(one.page.get_by_text(said["text"].partition(":")[0]).filter(visible=True).first).to_be_visible()
+
+
+def by_who_captured(one: Person) -> None:
+    one.result("eyes")
+    expect(one.why("Approve this answer").get_by_role("alert")).to_contain_text("four eyes")
+
+
+def deleted(one: Person) -> None:
+    one.at_start()
+    card = one.page.locator(".session-card", has=one.page.locator(f"a[href='{one.here.paths['kept']}']")).first
+    card.locator("button.trash").first.press("Enter")
+    one.page.get_by_role("dialog").get_by_role("button", name="Delete").press("Enter")
+    expect(one.page.locator(".toast.bad")).to_contain_text("in force")
+    one.here.client.get(one.here.paths["kept"]).raise_for_status()
+
+
+def edited(one: Person) -> None:
+    one.at_start()
+    one.page.locator("input[accept='.zip']").set_input_files(one.here.folder / "edited.zip")
+    expect(one.page.locator(".toast.bad")).to_be_visible()
+
+
+def of_a_folder_edited(one: Person) -> None:
+    newest = one.here.client.get("/sessions").json()["items"][0]["id"]
+    one.here.paths["imported"] = f"/sessions/{newest}"
+    for _ in range(600):  # until its replay is done
+        if one.here.answer(one.here.paths["imported"])["faults"] == ["differs"]:
+            break
+        time.sleep(0.2)
+    told("imported", "differs")(one)
+
+
+def nothing_offered(one: Person) -> None:
+    for cell in ("bumped", "failed"):
+        approval = one.result(cell)
+        expect(approval).to_contain_text("need the role release")
+        expect(approval.get_by_role("button")).to_have_count(0)
+
+
+BY_PAGE: Mapping[Callable[[World], str], Way] = {
+    by.an_archive_whose_result_was_edited: edited,
+    by.a_folder_whose_result_was_edited: of_a_folder_edited,
+    by.release_of_a_failed_verification: told("failed", "verify-fail"),
+    by.export_of_a_failed_verification: exported,
+    by.rollback_to_it: taken_by_a_program,
+    by.its_answer_taken_by_a_program: rolled_back,
+    by.a_capture_left_out_after_the_decision: decided_before("picked", "was left out"),
+    by.a_limit_widened_after_the_decision: decided_before("widened", "limits were changed"),
+    by.a_limit_taken_away_after_the_decision: decided_before("unlimited", "limits were changed"),
+    by.the_verification_deleted: told("deleted", "verify-fail"),
+    by.a_stale_answer: told("stale", "stale"),
+    by.an_answer_that_failed: told("wrong", "fail"),
+    by.captures_that_calibrated_verify: told("copied", "verify-undecided"),
+    by.two_captures_verify: told("few", "verify-undecided"),
+    by.no_verification_where_the_policy_needs_one: told("unverified", "verify-undecided"),
+    by.one_wrong_pose_among_those_that_verify: one_wrong_pose,
+    by.a_tool_that_was_bumped: told("bumped", "drift"),
+    by.another_scanner: told("replaced", "equipment-changed"),
+    by.an_answer_that_is_overdue: told("late", "overdue"),
+    by.released_by_who_captured: by_who_captured,
+    by.evidence_in_force_deleted: deleted,
+    by.drift_acknowledged_by_the_nights_program: nothing_offered,
+    by.a_release_with_the_token_of_capturing: nothing_offered,
 }
-OF_THE_SESSION = ("verify-fail", "stale", "fail")
+"""The others are no page's: it sets no policy, and allows nothing that it does not name."""
+OF_THE_SESSION = {"failed": "verify-fail", "stale": "stale", "wrong": "fail"}
 """What an archive by itself knows; the rest is its cell's, of which the command line releases nothing."""
 
 
-@pytest.mark.parametrize("fault", WAYS)
-def test_page_rest_and_command_line_tell_it(
-    fault: str, here: World, profile: SharedProfile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = WAYS[fault](here)
-    refused = here.release(path)
-    assert refused.status_code == 409
-    assert fault in refused.json()["detail"]
-    if fault in OF_THE_SESSION:
-        packed = tmp_path / "packed.zip"
-        packed.write_bytes(here.client.get(f"{path}/archive", params={"scene": False}).raise_for_status().content)
-        for words in (["answer", str(packed), "--json"], ["export", str(packed), "--format", "kuka"]):
-            status, said = command(*words)
-            assert status == 1, said
-        status, said = command("answer", str(packed), "--json")
-        assert fault in json.loads(said)["faults"]
+def test_each_way_by_the_page_is_refused_or_told(here: World, profile: SharedProfile, watch: Watch) -> None:
+    watch.announce("status of (409|422)")
     page = profile.open(reduced_motion="reduce")
-    log_in(page, here.client, here.tokens["release"], f"{path}%23tcp.result")
-    assert site_of(here.client) in page.url
-    approval = page.get_by_role("region", name="Approval")
-    told = TEXTS[f"release.fault.{fault}"]
-    expect(approval).to_contain_text(told)
-    page.get_by_role("button", name="Approve all the same").press("Enter")
-    expect(page.get_by_role("dialog")).to_contain_text(told)
-    page.get_by_role("button", name="Cancel").click()
+    log_in(page, here.client, here.tokens["admin"], "/")
+    one = Person(page, here)
+    for by_rest, by_page in BY_PAGE.items():
+        if by_page is nothing_offered:
+            continue
+        by_rest(here)
+        by_page(one)
+    page.goto("about:blank")
+    page.context.clear_cookies()
+    log_in(page, here.client, here.tokens["capture"], "/")
+    expect(page.get_by_role("heading", name="Sessions")).to_be_visible()
+    nothing_offered(one)
+
+
+def test_an_archive_tells_what_it_knows_by_itself(here: World, tmp_path: Path) -> None:
+    for cell, fault in OF_THE_SESSION.items():
+        packed, path = tmp_path / f"{cell}.zip", here.failed if cell == "failed" else here.paths[cell]
+        packed.write_bytes(here.client.get(f"{path}/archive", params={"scene": False}).raise_for_status().content)
+        status, said = command("export", str(packed), "--format", "kuka")
+        assert status == 1, said
+        status, said = command("answer", str(packed), "--json")
+        assert status == 1
+        assert fault in json.loads(said)["faults"]
