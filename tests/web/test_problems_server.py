@@ -140,6 +140,19 @@ def test_the_session_was_removed_meanwhile(profile: SharedProfile, api: httpx.Cl
         expect(visitor.page.get_by_role("heading", name="Calibrate a scanning cell")).to_be_visible()
 
 
+def test_the_session_was_removed_before_its_events_were_followed(
+    profile: SharedProfile, api: httpx.Client, watch: Watch
+) -> None:
+    watch.announce("status of 404|ERR_FAILED")
+    session = simulated_session(api, captures=1)
+    page = profile.open(reduced_motion="reduce")
+    page.route("**/events?*", lambda route: route.abort())
+    page.goto(f"{site_of(api)}/sessions/{session}")
+    expect(page.locator("table.captures tbody tr")).to_have_count(1)
+    api.delete(f"/sessions/{session}")
+    expect(page.locator("section.lost")).to_be_visible()
+
+
 @provokes("http-404", "lost.title", "lost.words")
 def test_an_address_of_nothing(profile: SharedProfile, api: httpx.Client, watch: Watch) -> None:
     watch.announce("status of 404")

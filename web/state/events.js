@@ -17,9 +17,10 @@ const LOOK_MS = 250;
  * @param {readonly string[]} names the events to hear
  * @param {(name: string, data: unknown) => void} heard
  * @param {(liveness: Liveness, again: boolean) => void} changed `again` where the connection had been lost before
+ * @param {() => void} [failed] each time that no connection could be made, or one broke
  * @returns {() => void} stop
  */
-export function follow(address, names, heard, changed) {
+export function follow(address, names, heard, changed, failed) {
   /** @type {EventSource | null} */
   let source = null;
   let timer = 0;
@@ -51,6 +52,7 @@ export function follow(address, names, heard, changed) {
       source?.close();
       tell(opened ? "reconnecting" : "connecting");
       void requireLogin();
+      failed?.();
       window.clearTimeout(timer);
       timer = window.setTimeout(open, PAUSES_MS[Math.min(tries++, PAUSES_MS.length - 1)]);
     };

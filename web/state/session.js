@@ -34,6 +34,7 @@ export class SessionState extends EventTarget {
   /** @type {Problem | null} */ problem = null;
   /** @type {Set<Part>} */ #stale = new Set();
   /** @type {Set<string>} */ #staleCaptures = new Set();
+  #asking = false;
   /** Removed while an answer that still has them may be under way. @type {Set<string>} */ #gone = new Set();
   #timer = 0;
   #restsUntilMs = 0;
@@ -61,7 +62,19 @@ export class SessionState extends EventTarget {
         void this.#askForJob();
         if (again || !this.session) void this.reload();
       },
+      () => void this.#askWhetherThere(),
     );
+  }
+
+  /** Nobody tells of the removal of a session whose events could not be followed when it was removed. */
+  async #askWhetherThere() {
+    if (this.#asking) return;
+    this.#asking = true;
+    const found = await api.session(this.id).catch((/** @type {unknown} */ error) => error);
+    this.#asking = false;
+    if (!(found instanceof Problem) || found.status !== 404) return;
+    this.stop();
+    await this.reload();
   }
 
   stop() {
