@@ -9,7 +9,7 @@ from typing import Any
 
 import hypothesis as hy
 import numpy as np
-from harness import Row, kept
+from harness import Row, all_kept
 
 import calib_core as cc
 from calib_core.library.opened import in_memory
@@ -48,9 +48,11 @@ def run(full: bool) -> list[Row]:
     rows: list[Row] = []
     for name, counts in _CELLS.items():
         seeds = range(1, counts[0 if full else 1] + 1)
-        rows += rows_of(name, [kept(f"{name}-{seed}", partial(one_cell, name, seed)) for seed in seeds])
-    cells = enumerate(drawn(50 if full else 4), start=1)
-    return [*rows, drawn_row([kept(f"drawn-{n}", partial(_used, cell, n)) for n, cell in cells])]
+        if cells := all_kept({f"{name}-{seed}": partial(one_cell, name, seed) for seed in seeds}):
+            rows += rows_of(name, cells)
+    scenarios = enumerate(drawn(50 if full else 4), start=1)
+    used = all_kept({f"drawn-{n}": partial(_used, scenario, n) for n, scenario in scenarios})
+    return [*rows, *([drawn_row(used)] if used else [])]
 
 
 def drawn(count: int) -> list[TopologyScenario]:
