@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from server.console.command import NOT_ACCEPTED, OK, Command
+from server.console.language import spoken
 from server.console.output import print_result
 
 if TYPE_CHECKING:
     from calib_core.library.new_session import NewSession
+    from calib_core.messages import Catalogue
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,11 +34,11 @@ def _run(options: argparse.Namespace) -> int:
     made = new_session(
         options.folder, options.out, options.convention, options.sphere_mm, None, options.unit, options.arm
     )
-    print_result(options, _text(made), made.to_json())
+    print_result(options, _text(made, spoken(options)), made.to_json())
     return NOT_ACCEPTED if made.missing else OK
 
 
-def _text(made: "NewSession") -> str:
+def _text(made: "NewSession", said: "Catalogue") -> str:
     from calib_core.messages import message
 
     lines: list[str] = [
@@ -49,7 +51,7 @@ def _text(made: "NewSession") -> str:
     ]
     for file in made.files:
         capture = f" ({file['capture']})" if file["capture"] else ""
-        lines.append(f"  {file['name']}: {file['taken_for']}{capture}. {file['why']}")
+        lines.append(f"  {file['name']}: {file['taken_for']}{capture}. {said.say(file['why'])}")
     return "\n".join([*lines, *made.notes, *made.missing])
 
 
