@@ -42,7 +42,7 @@ def all_arcs(
     for o in observations:
         arcs.append(o)
         if single[o.capture] == 1:  # of a sweep each profile has an arc
-            more = further_arcs(given.session, by_id[o.capture], given.read)
+            more = [*further_arcs(given.session, by_id[o.capture], given.read)]
             arcs += [replace(one, arm_moves=o.arm_moves) for one in more]
             with_more += bool(more)
     told = max((len(told_balls(given.session.cell, carrier)) for carrier in carriers), default=0)
