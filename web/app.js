@@ -1,6 +1,7 @@
 // The page: a frame that stays, and in it what its address names.
 
 import "./theme.js";
+import "./components/drops.js";
 import "./shop.js";
 import { h } from "./dom.js";
 import { icon } from "./icons.js";

@@ -1,23 +1,30 @@
-// Files dropped on a page.
+// Files dropped on a page: wherever they fall, the browser never leaves the page to show them.
 
 import { allowed } from "../state/me.js";
 
+/** What takes them. @type {{ element: HTMLElement, take: (data: DataTransfer) => void } | null} */
+let taker = null;
+
 /**
- * Have what is dropped anywhere on an element taken by who may take captures; the element says meanwhile that it may be.
+ * Have files that are dropped anywhere taken by who may take captures, as long as an element is shown; it says meanwhile that they may be.
  * @param {HTMLElement} element
  * @param {(data: DataTransfer) => void} take
  */
 export function takeDrops(element, take) {
-  element.addEventListener("dragover", (event) => {
-    event.preventDefault();
-    element.classList.add("dropping");
-  });
-  element.addEventListener("dragleave", (event) => {
-    if (!(event.relatedTarget instanceof Node && element.contains(event.relatedTarget))) element.classList.remove("dropping");
-  });
-  element.addEventListener("drop", (event) => {
-    event.preventDefault();
-    element.classList.remove("dropping");
-    if (event.dataTransfer && allowed("capture")) take(event.dataTransfer);
-  });
+  taker = { element, take };
 }
+
+document.addEventListener("dragover", (event) => {
+  if (!event.dataTransfer?.types.includes("Files")) return;
+  event.preventDefault();
+  taker?.element.classList.add("dropping");
+});
+document.addEventListener("dragleave", (event) => {
+  if (!event.relatedTarget) taker?.element.classList.remove("dropping");
+});
+document.addEventListener("drop", (event) => {
+  if (!event.dataTransfer?.types.includes("Files")) return;
+  event.preventDefault();
+  taker?.element.classList.remove("dropping");
+  if (taker?.element.isConnected && allowed("capture")) taker.take(event.dataTransfer);
+});

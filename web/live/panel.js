@@ -43,6 +43,7 @@ class LivePanelElement extends StateElement {
   #mountField = field("live-mount", t("capture.mount"), this.#mount);
   #angleField = field("live-angle", t("place.angle"), this.#angle);
   /** @type {number[]} */ #drawnMs = [];
+  /** @type {Promise<unknown>} */ #sent = Promise.resolve();
   #told = "";
   /** @type {Preview | null} */ #last = null;
   #lastMs = performance.now();
@@ -111,7 +112,9 @@ class LivePanelElement extends StateElement {
     this.#fields();
     const step = /** @type {"tcp"} */ (this.#step.value);
     const mount = this.#mountField.hidden ? null : this.#mount.value.trim() || null;
-    await attempt(() => live.set(this.state.id, { automatic: this.#automatic.checked, step, mount }));
+    const settings = { automatic: this.#automatic.checked, step, mount };
+    this.#sent = this.#sent.then(() => attempt(() => live.set(this.state.id, settings)));  // two at once may arrive in either order
+    await this.#sent;
   }
 
   async #capture() {
