@@ -93,7 +93,7 @@ def pack(folder: Path, out: Path, extra: Mapping[str, Content] | None = None) ->
     """
     folder = folder_of(folder)
     session, _ = load_session(folder)
-    payload = {**_folder_files(folder, out), **(extra or {})}
+    payload = {**folder_files(folder, out), **(extra or {})}
     with replacing(out) as file:
         facts = pack_files(session, payload, file, str(folder))
     sync_folder(out.parent)
@@ -326,10 +326,10 @@ def _json_object(bag: Bag, name: str) -> dict[str, Any]:
     return cast("dict[str, Any]", data)
 
 
-def _folder_files(folder: Path, out: Path) -> dict[str, Content]:
-    """Return a session folder's files by name, without hidden ones and the archive to be written."""
+def folder_files(folder: Path, out: Path) -> dict[str, Path]:
+    """Return a session folder's files by name, without hidden ones and what is to be written."""
     root = real_path(folder)
-    files: dict[str, Content] = {}
+    files: dict[str, Path] = {}
     for place, folders, names in os.walk(folder, onerror=_raise):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in (name for name in folders if (Path(place) / name).is_symlink()):

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from calib_core.archive import archive
-from calib_core.archive.folder import load_session, save_session, write_result
+from calib_core.archive.dates import ANSWER_FILE
+from calib_core.archive.folder import HISTORY_FILE, SESSION_FILE, load_session, save_session, write_result
 from calib_core.errors import InputError
 from calib_core.library.results import Results, as_records
 from calib_core.records import Capture, Cell, Finding, Session
@@ -30,6 +31,8 @@ class OpenSession:
         Returns the bytes of a capture's file by its name.
     results : mapping, optional
         By stage.
+    folder : Path, optional
+        What it was loaded from: what else lies there, as its past, is saved with it.
 
     Attributes
     ----------
@@ -37,9 +40,16 @@ class OpenSession:
         What was stored or solved last, by stage.
     """
 
-    def __init__(self, record: Session, read: ReadFile, results: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        record: Session,
+        read: ReadFile,
+        results: Mapping[str, Any] | None = None,
+        folder: Path | None = None,
+    ) -> None:
         self.record, self.read = record, read
         self.results = Results(results or {})
+        self._folder, self._loaded = folder, dict(self.results)
         self.files: dict[str, bytes] = {}
 
     @property
@@ -176,13 +186,30 @@ class OpenSession:
         return answer_of(self.record, results, Graph.stale_of(self.record, self.read, self.results))
 
     def save(self, folder: str | Path) -> Path:
-        """Write a new session folder with all files and results; raises ConflictError where another stands."""
+        """Write a new folder with all files, results and the past; raises ConflictError where another stands."""
         folder = Path(folder)
         files = {name: self.read(name) for name in self._names()}
-        save_session(folder, self.record, {**files, **self.files})
-        for stage, result in self.results.items():
-            write_result(folder, stage, result, self.record)
+        save_session(folder, self.record, {**self._beside(folder), **files, **self.files})
+        # What was decided before comes first: writing what followed keeps it in the folder's past.
+        for results in (self._loaded, self.results):
+            for stage, result in results.items():
+                if result is not self._loaded.get(stage) or not (folder / "results" / f"{stage}.json").exists():
+                    write_result(folder, stage, result, self.record)
         return folder
+
+    def _beside(self, folder: Path) -> dict[str, bytes]:
+        """Return what lies in the loaded folder beside session and results, without the pages made of them."""
+        if self._folder is None:
+            return {}
+        made = {SESSION_FILE, ANSWER_FILE, archive.SCENE_FILE, archive.REPORT_FILE}
+        if (folder / HISTORY_FILE).exists():  # saved there before, and grown since
+            made.add(HISTORY_FILE)
+        files = archive.folder_files(self._folder, folder)
+        return {
+            name: file.read_bytes()
+            for name, file in files.items()
+            if name not in made and not name.startswith("results/")
+        }
 
     def pack(self, file: str | Path) -> Path:
         """Write the session's archive; an older file of the name is replaced once the new one is whole."""
@@ -251,4 +278,5 @@ def _loaded(place: Path) -> OpenSession:
     from calib_core.archive.stored_results import stored_results
 
     record, read = load_session(place)
-    return OpenSession(record, read, as_records(record, stored_results(folder_of(place))))
+    folder = folder_of(place)
+    return OpenSession(record, read, as_records(record, stored_results(folder)), folder)
