@@ -9,7 +9,7 @@ import pytest
 import calib_core as cc
 from calib_core.exports.workpiece import at_workpiece
 from calib_core.library.opened import in_memory
-from calib_core.simulation import TcpScenario, TopologyScenario
+from calib_core.simulation import TOPOLOGY_SCENARIOS, TcpScenario, TopologyScenario
 from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.evidence import text_of
@@ -102,6 +102,21 @@ def chain_of(scenario: str) -> dict[str, Any]:
 
 def test_a_plate_that_an_axis_leans_is_not_said_to_be_at_one_height() -> None:
     assert "one-height" not in {finding["code"] for finding in chain_of("plate-on-positioner")["findings"]}
+
+
+@pytest.mark.parametrize("apart_mm", [16.0, 24.0])
+def test_heights_before_a_scanner_that_stands_still_are_those_that_its_light_meets(apart_mm: float) -> None:
+    fixed = TOPOLOGY_SCENARIOS["fixed-scanner-turntable"]
+    held, *mounted = fixed.balls
+    places = zip(mounted, (448.0 - apart_mm / 2, 448.0 + apart_mm / 2), strict=True)
+    balls = (held, *(replace(ball, at_mm=(*ball.at_mm[:2], z)) for ball, z in places))
+    session, files, _ = simulate_topology(replace(fixed, balls=balls), "", 1)
+    result = in_memory(session, files).run()["chain"]
+    told = [one.to_do for one in result.findings if one.code == "one-height"]
+    if apart_mm < 20:
+        assert "as the scanner's light still meets it" in "".join(told)
+    else:
+        assert (told, result.verdict) == ([], "pass")
 
 
 def test_a_linear_axis_errs_in_mm_and_has_no_angles() -> None:

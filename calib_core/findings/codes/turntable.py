@@ -184,7 +184,12 @@ ONE_HEIGHT = Code(
     "warning",
     text="One height only: the axis's direction rests on the plane of one circle, weakest towards {weakest} "
     "(±{tilt_deg:.3f}°).",
-    to_do="Mount the sphere 100 mm or more higher and capture it all around again.",
+    to_do={
+        "tool0": "Mount the sphere 100 mm or more higher and capture it all around again.",
+        "base": "Mount the sphere as high, then as low, as the scanner's light still meets it all around, and capture it "
+        "at both; a larger sphere reaches farther.",
+    },
+    by_to_do="scanners",
     meaning="A circle tells its axis's direction by its plane alone; two heights tell it by their distance.",
     decided="All mountings lie within 20 mm along the axis, and no axis under the table leaned it.",
     usual_causes="One mounting.",

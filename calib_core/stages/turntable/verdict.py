@@ -162,10 +162,18 @@ def _doubts_about_axis(table: TurntableSolution) -> list[Finding]:
     if not table.turns:
         return found
     if np.ptp(table.frame.mounts_mm[:, 2]) < _ONE_HEIGHT_MM and not table.tilted:
-        found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg))
+        found.append(codes.ONE_HEIGHT(weakest=weakest, tilt_deg=tilt_deg, scanners=_scanners(table)))
     elif values[-1] > _WEAK_RAD**2:
         found.append(codes.AXIS_WEAK(weakest=weakest, tilt_deg=tilt_deg))
     return found
+
+
+def _scanners(table: TurntableSolution) -> str:
+    """Return whether the flange carries a scanner that sees the table's sphere, or all of them stand still."""
+    walk = table.state.walk
+    on_it = np.isin(walk.place, walk.layout.on_axis(walk.layout.table))
+    carriers = {walk.layout.mounts[n][1] for n in walk.scanner[on_it].tolist()}
+    return "base" if carriers == {"base"} else "tool0"
 
 
 def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
