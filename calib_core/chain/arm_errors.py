@@ -88,7 +88,7 @@ class ArmShares:
             factor = alike_factor(*data.walk.poses, sigmas.reach)
         alike = lengths + drift + 6 * factor.shape[1]
         terms = 0 if data.arm_means is None else len(data.arm_means)
-        found = np.zeros((1 + 6 * many, alike + 6 * (data.stop.max(initial=-1) + 1) + terms))
+        found = np.zeros((1 + 6 * many, alike + 6 * data.stops + terms))
         if lengths:
             found[0, 0] = data.arm_scale_sigma
         sizes = np.diag([sigmas.alike_position_mm] * 3 + [sigmas.alike_orientation_rad] * 3)

@@ -351,7 +351,7 @@ class NoiseShapes:
             turning=_turning(arms[:, :, None] * arms[:, None, :] + untold),
             axes=by_axis[:, :, :, None] * by_axis[:, :, None, :],
             scale=data.pose_scale[:, None, None],
-            stops=(data.stop[:, None] == np.arange(data.stop.max(initial=-1) + 1)).astype(float),
+            stops=(data.stop[:, None] == np.arange(data.stops)).astype(float),
             moves=walk.moves(laser_from_base, arms),
             drawn=np.concatenate(drawn, axis=2),
             arm=np.empty((data.count, 3, 0)) if data.arm_columns is None else data.arm_columns,

@@ -169,6 +169,11 @@ class ChainData:
         return len(self.weights)
 
     @property
+    def stops(self) -> int:
+        """The number of the robot's stops that several captures share."""
+        return int(self.stop.max(initial=-1)) + 1
+
+    @property
     def active(self) -> np.ndarray:
         """Which of the nuisances are unknowns (with a prior) as well."""
         return np.flatnonzero(self.nuisance_sigmas > 0)

@@ -7,13 +7,14 @@ first: else it would have explained part of what is sought.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
 
 from calib_core.chain.incidents import by_mount, by_place
-from calib_core.chain.likelihood import without_pose_errors
+from calib_core.chain.likelihood import ChainLinearisation, without_pose_errors
+from calib_core.chain.model import ChainData
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged
 from calib_core.estimation import covariance_of
@@ -81,13 +82,20 @@ class WarmUp:
 
 
 @dataclass(frozen=True, eq=False)
-class _Scores:
+class _Said:
     """What each used capture says of a shift of its own: score (K, 3), information (K, 3, 3), and by all else."""
 
-    moved: Moved
     score: FloatArray
     square: FloatArray
     cross: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Scores(_Said):
+    """The same of all together; `alone`: the error of a stop's pose counts as each of its captures' own."""
+
+    moved: Moved
+    alone: _Said
     covariance: FloatArray  # of all other unknowns (P, P)
     pull: FloatArray  # of the drift taken back on them (P,)
     misfit: float  # χ² of all captures without any drift
@@ -182,20 +190,17 @@ def _times(names: Sequence[str], taken_at_s: Mapping[str, float]) -> tuple[Float
 def _scores(judged: Judged, used: np.ndarray) -> list[_Scores]:
     """Return what each capture says of a shift of scanner or sphere, the answer's own drift taken back."""
     at, data, state = judged.fit.minimum.at, judged.data, judged.fit.state
-    reduced, rest = without_pose_errors(at.information, at.vector, at.gain, at.share)
-    rest = rest[:, :3] - np.einsum("kij,kj->ki", reduced[:, :3, :3], at.offset)
-    by_all = reduced[:, :3, :3] @ at.jacobian
-    by_all[:, :, at.nuisances] += reduced[:, :3, 3:]
     count = at.jacobian.shape[2]
     others = np.ones(count, dtype=bool)
-    pull = np.zeros(count)
+    pull, taken_back, columns = np.zeros(count), np.zeros(0), slice(0, 0)
     if data.drift_sigma_mm > 0 and state.shared is not None:
         first = data.width + (data.arm_scale_sigma > 0)
         columns = slice(first, first + 3)
         others[columns] = False
         taken_back = state.shared[columns.start - data.width : columns.stop - data.width]
-        rest = rest + by_all[:, :, columns] @ taken_back
         pull = at.hessian[:, columns] @ taken_back
+    reduced, rest, by_all = _of_shifts(at, columns, taken_back)
+    alone = _of_shifts(_each_alone(data, at, state.shared), columns, taken_back)
     covariance = covariance_of(at.hessian[np.ix_(others, others)])
     inverse = np.linalg.pinv(reduced[used, :3, :3], hermitian=True)
     misfit = float(np.einsum("ki,kij,kj->", rest[used], inverse, rest[used]))
@@ -211,18 +216,47 @@ def _scores(judged: Judged, used: np.ndarray) -> list[_Scores]:
     ]
     for moved, own in moves:
         turned = np.swapaxes(own, 1, 2)[used]
-        found.append(
-            _Scores(
-                moved,
-                np.einsum("kpi,ki->kp", turned, rest[used]),
-                turned @ reduced[used, :3, :3] @ own[used],
-                (turned @ by_all[used])[:, :, others],
-                covariance,
-                pull[others],
-                misfit,
+        said, by_itself = (
+            (
+                np.einsum("kpi,ki->kp", turned, left[used]),
+                turned @ sharp[used, :3, :3] @ own[used],
+                (turned @ by_others[used])[:, :, others],
             )
+            for sharp, left, by_others in ((reduced, rest, by_all), alone)
         )
+        found.append(_Scores(*said, moved, _Said(*by_itself), covariance, pull[others], misfit))
     return found
+
+
+def _of_shifts(
+    at: ChainLinearisation, drift: slice, taken_back: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what captures say of their balls' places, without a drift: information, vector, and by all else."""
+    reduced, rest = without_pose_errors(at.information, at.vector, at.gain, at.share)
+    by_all = reduced[:, :3, :3] @ at.jacobian
+    by_all[:, :, at.nuisances] += reduced[:, :3, 3:]
+    rest = rest[:, :3] - np.einsum("kij,kj->ki", reduced[:, :3, :3], at.offset)
+    return reduced, rest + by_all[:, :, drift] @ taken_back, by_all
+
+
+def _each_alone(data: ChainData, at: ChainLinearisation, shared: FloatArray | None) -> ChainLinearisation:
+    """Return the likelihood in which the error of a stop's pose is the own one of each capture there.
+
+    Several captures of a stop tell its error to a hundredth of a millimetre: beside it no capture is off.
+    """
+    if data.stops == 0 or shared is None:
+        return at
+    from calib_core.kernels.chain import pose_error_gain
+
+    last = len(shared) - (0 if data.arm_columns is None else data.arm_columns.shape[2])
+    found = shared[last - 6 * data.stops : last]
+    stops = slice(data.width + last - len(found), data.width + last)
+    by_stop = at.jacobian[:, :, stops]
+    spread = np.linalg.inv(at.precision) + by_stop @ np.swapaxes(by_stop, 1, 2)
+    gain, share, jacobian = np.empty_like(at.gain), np.empty_like(at.share), at.jacobian.copy()
+    pose_error_gain(at.information, spread, gain, share)
+    jacobian[:, :, stops] = 0.0
+    return replace(at, gain=gain, share=share, jacobian=jacobian, offset=at.offset - by_stop @ found)
 
 
 def _best(scores: _Scores, at: FloatArray) -> _Drift:
@@ -280,9 +314,9 @@ def _along(drift: _Drift, way: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     What is left of a capture beside the drift, and the drift added again.
     """
-    scores, start = drift.scores, drift.start_mm
+    scores, start, alone = drift.scores, drift.start_mm, drift.scores.alone
     cross = np.einsum("k,kpq->pq", drift.weights, scores.cross)
     others = scores.covariance @ (scores.pull - cross.T @ start)
-    left = scores.score - scores.cross @ others - drift.weights[:, None] * (scores.square @ start)
-    sigma = 1 / np.sqrt(np.maximum(np.einsum("i,kij,j->k", way, scores.square, way), 1e-6))
+    left = alone.score - alone.cross @ others - drift.weights[:, None] * (alone.square @ start)
+    sigma = 1 / np.sqrt(np.maximum(np.einsum("i,kij,j->k", way, alone.square, way), 1e-6))
     return (left @ way) * sigma**2 + drift.weights * float(way @ start), sigma

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import calib_core as cc
 from calib_core.records import Session
 from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import cell_drift
@@ -92,6 +93,15 @@ def test_its_plot_is_over_time_where_captures_have_one() -> None:
     assert plots["drift"].series[0].x[-1] == pytest.approx(14.0)
     plots = {block.id: block for block in solved(0.3, None, 2).evidence if block.kind == "plot"}
     assert plots["drift"].x.label == "Capture"
+
+
+def test_captures_of_two_scanners_at_one_stop_lie_off_a_drift_by_what_the_pose_errs() -> None:
+    result = cc.simulate("two-scanners", 3)[0].run("tcp")["tcp"]
+    points = result.warm_up.points
+    off = np.array([(one.offset_mm - one.course_mm) / one.sigma_mm for one in points])
+    assert 0.3 < np.mean(off**2) < 2.0  # it was 0.0: each lay on the line
+    assert 0.03 < np.median([one.sigma_mm for one in points]) < 0.1
+    assert np.corrcoef(off[::2], off[1::2])[0, 1] > 0.5  # both saw the same pose's error
 
 
 @pytest.mark.parametrize(
