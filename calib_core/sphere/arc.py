@@ -24,7 +24,6 @@ from calib_core.sphere.diagnosis import (
     require_diameter,
 )
 from calib_core.sphere.found_arc import (
-    LEAST_EXTENT_RAD,
     LEAST_POINTS,
     LEAST_TOLD,
     LONG_RAD,
@@ -241,11 +240,10 @@ def _the_one(arcs: list[FoundArc], diameter_mm: float | None, z_axis: str | None
     best = max(clear, key=lambda arc: (arc.is_long, arc.sharpness))
     if not best.tells_enough:
         raise MeasurementError(
-            "an arc of {long_deg:.0f}°, or one of {least_deg:.0f}° that tells its radius to {least_percent:g} %",
+            "an arc of {long_deg:.0f}°, or one that tells its radius to {least_percent:g} %",
             "one of {extent_deg:.1f}° that tells it to {percent:.1f} %",
             "Move so that the stripe crosses more of the sphere and all of the visible side lies in range.",
             long_deg=np.rad2deg(LONG_RAD),
-            least_deg=np.rad2deg(LEAST_EXTENT_RAD),
             least_percent=100 * LEAST_TOLD,
             extent_deg=np.rad2deg(best.extent_rad),
             percent=100 * best.told,

@@ -9,7 +9,6 @@ from calib_core.frames import FloatArray
 from calib_core.sphere.circle import BoolArray, distances_to_circle, fit_circle, median_of, sigma_of_kept
 
 LONG_RAD = float(np.deg2rad(30.0))
-LEAST_EXTENT_RAD = float(np.deg2rad(15.0))
 _LARGEST_RMS = 0.03  # of the radius: rougher than this it is not an arc
 _MOST_BACKGROUND = 0.1  # share of the inliers that chance would put there
 _EDGE_RAD = np.deg2rad(1.5)  # the border of an arc holds mixed points: half on the sphere, half behind it
@@ -82,7 +81,7 @@ class FoundArc:
     @property
     def tells_enough(self) -> bool:
         """Whether its circle is known: by a wide angle, or by many good points of a narrower one."""
-        return self.is_long or (self.extent_rad >= LEAST_EXTENT_RAD and self.told <= LEAST_TOLD)
+        return self.is_long or self.told <= LEAST_TOLD
 
     @property
     def is_beyond_doubt(self) -> bool:

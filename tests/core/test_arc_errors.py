@@ -69,6 +69,14 @@ def test_a_short_arc_that_tells_its_circle_is_used() -> None:
     assert np.sqrt(np.mean(np.square(off))) < 1.6
 
 
+def test_what_an_arc_tells_counts_not_its_angle() -> None:
+    fit = fit_arc(arc(half_extent_deg=7.5, sigma_mm=0.002), 38.1)
+    assert np.rad2deg(fit.extent_rad) < 15
+    assert abs(fit.radius_mm - 18.0) < 4 * np.sqrt(fit.covariance[2, 2])
+    with pytest.raises(MeasurementError, match=r"got one of 1\d\.\d° that tells it to"):
+        fit_arc(arc(half_extent_deg=7.5, sigma_mm=0.01), 38.1)
+
+
 def test_a_sphere_larger_than_the_cell_says() -> None:
     with pytest.raises(MeasurementError, match=r"radius ≤ 12.7 mm \(sphere diameter 25.4 mm\)") as error:
         fit_arc(arc(radius=30), 25.4)
