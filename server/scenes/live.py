@@ -264,6 +264,8 @@ class LiveScene:
     def _welcome(self, client: "ClientHandle") -> None:
         """Set a newcomer further away whose window is narrow; viser's first camera is the same for all."""
         self._details.follow(client)
+        # Before it has its own view, which may be undone at once.
+        self.viewers.keep_at_first(client, lambda: self._first_view_of(client))
         name = self.viewers.name_of(client)
         while True:
             told = self._stories.get(name)
@@ -271,7 +273,6 @@ class LiveScene:
                 take(client.camera, self._first_view_of(client))
             if self._stories.get(name) == told:  # else a story was told meanwhile, whose view this one undid
                 break
-        self.viewers.keep_at_first(client, lambda: self._first_view_of(client))
 
     def _show(self, view: View) -> None:
         """Let newcomers start at a view and take those who are there along."""
