@@ -50,7 +50,7 @@ class Message(str):
         values = {name: _plain(value) for name, value in values.items()}
         self = super().__new__(cls, ENGLISH.fill(template, values, many, by))
         self.template, self.values, self.many, self.by = template, values, many, by
-        if values:
+        if values and str(self):  # an empty text is anybody's
             _remember(self)
         return self
 
