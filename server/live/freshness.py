@@ -19,6 +19,9 @@ _DRIFT = 2e-4  # of two clocks, seconds a second, some times over
 _FASTEST_MM_S = 20_000.0
 _LEAST_JUMP_MM = 1.0
 _SAME_MM = 0.01
+_FASTEST_DEG_S = 3600.0
+_LEAST_JUMP_DEG = 1.0
+_SAME_DEG = 0.01
 
 
 @dataclass(frozen=True)
@@ -107,19 +110,30 @@ def _differ(one: Reading, other: Reading) -> bool:
 
 
 def _jump(before: Reading | None, last: Reading | None, sample: Reading) -> str:
-    """Return what is said of a flange that is at two places at once: two programs tell a pose each.
+    """Return what is said of a flange or table that is at two places at once: two programs tell one each.
 
     Readings that were held up arrive together, and look like a fast flange; but one that goes on, not back.
     """
-    if before is None or last is None or (way_mm := _way_mm(last, sample)) < _LEAST_JUMP_MM:
+    if before is None or last is None:
         return ""
     time_s = max(sample.host_time_s - last.host_time_s, 1e-3)
-    left_mm = _way_mm(before, sample)
-    if left_mm >= (_SAME_MM if way_mm / time_s < _FASTEST_MM_S else way_mm / 2):
-        return ""
-    return message(
-        "Not fresh: its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it.", way_mm=way_mm
-    )
+    way_mm, left_mm = _way_mm(last, sample), _way_mm(before, sample)
+    if _is_back(way_mm, left_mm, time_s, _LEAST_JUMP_MM, _SAME_MM, _FASTEST_MM_S):
+        return message(
+            "Not fresh: its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it.", way_mm=way_mm
+        )
+    turn_deg, left_deg = _turn_deg(last, sample), _turn_deg(before, sample)
+    if _is_back(turn_deg, left_deg, time_s, _LEAST_JUMP_DEG, _SAME_DEG, _FASTEST_DEG_S):
+        return message(
+            "Not fresh: its angle jumps by {turn_deg:.1f}° and back: two programs may be telling it.",
+            turn_deg=turn_deg,
+        )
+    return ""
+
+
+def _is_back(way: float, left: float, time_s: float, least: float, same: float, fastest_per_s: float) -> bool:
+    """Return whether a way leads back to where it came from, or there faster than anything moves."""
+    return way >= least and left < (same if way / time_s < fastest_per_s else way / 2)
 
 
 def _way_mm(one: Reading, other: Reading) -> float:
@@ -128,3 +142,12 @@ def _way_mm(one: Reading, other: Reading) -> float:
     if one.base_from_tool0 is None or other.base_from_tool0 is None:
         return 0.0
     return float(np.linalg.norm(other.base_from_tool0.translation_mm - one.base_from_tool0.translation_mm))
+
+
+def _turn_deg(one: Reading, other: Reading) -> float:
+    """Return how far a table turned, the shorter way round."""
+    if not isinstance(one, Sample) or not isinstance(other, Sample):
+        return 0.0
+    if one.table_deg is None or other.table_deg is None:
+        return 0.0
+    return abs((other.table_deg - one.table_deg + 180.0) % 360.0 - 180.0)

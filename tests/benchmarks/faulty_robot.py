@@ -1,5 +1,6 @@
 """A device's stream with a fault between it and the workbench: what is told goes on, what it says is wrong."""
 
+import random
 import threading
 import time
 from collections import deque
@@ -44,6 +45,7 @@ class FaultyStream:
         self._told: deque[Any] = deque(maxlen=500)
         self._began_s: float | None = None
         self._through = self._readings()
+        self._either = random.Random(1)
         self._lock = threading.Lock()
 
     def __call__(self) -> Any:
@@ -80,8 +82,8 @@ class FaultyStream:
                     yield fresh
                     yield fresh
                 case "two publishers":
-                    yield fresh
-                    yield replace(kept, device_time_s=fresh.device_time_s)
+                    other = replace(kept, device_time_s=fresh.device_time_s)
+                    yield self._either.choice((fresh, other))  # in turns, what is asked twice hears one alone
                 case "slow clock":
                     slow_s = 0.5 * (fresh.host_time_s - self._began_s)
                     moved = fresh.device_time_s

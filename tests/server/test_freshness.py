@@ -32,6 +32,13 @@ def reasons(clock: Clock, told: Iterable[tuple[float, float | None, float]]) -> 
     return [one.why for one in judged]
 
 
+def reasons_of_angles(host_s: np.ndarray, table_deg: np.ndarray) -> list[str]:
+    """What is said of a table's angles, which come without stamps."""
+    watch = Freshness("none")
+    told = zip(host_s, table_deg, strict=True)
+    return [watch.judge(Sample(at_s, table_deg=float(deg) % 360.0)).why for at_s, deg in told]
+
+
 def at_50_hz(seconds: float) -> np.ndarray:
     return 100.0 + np.arange(0.0, seconds, 0.02)
 
@@ -90,6 +97,10 @@ def test_two_publishers_and_a_change_without_a_stamp_are_told() -> None:
     assert any(
         "two programs" in why for why in reasons("none", zip(host_s, [None] * len(host_s), both, strict=True))
     )
+    assert any("angle jumps by 40.0°" in why for why in reasons_of_angles(host_s, both))
+    assert any("angle jumps by 1.5°" in why for why in reasons_of_angles(host_s, np.where(both, 0.7, 359.2)))
+    assert set(reasons_of_angles(host_s, np.where(both, 0.004, 359.998))) == {""}  # one that stands at zero
+    assert set(reasons_of_angles(host_s, 30.0 * np.sin(host_s))) == {""}  # one that goes to and fro
     stands = np.full(len(host_s), 100.0)
     found = reasons("on-change", zip(host_s, stands, host_s, strict=True))
     assert "time stamp does not" in found[-1]
