@@ -189,6 +189,7 @@ class DecidedBefore(Record):
     added: list[str] | None = None
     limits: list[str] | None = None
     taken_back: list[LeftOut] | None = None
+    removed: bool | None = None
     text: str | None = None
 
 

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 from calib_core.archive.bag_names import require_distinct_names
 from calib_core.archive.observation_store import OWN_FOLDER, KeptObservations
-from calib_core.archive.seals import seal_state, signed_result, with_provenance
+from calib_core.archive.seals import decisions_sealed, seal_state, signed_result, with_provenance
 from calib_core.archive.session_versions import to_present_format
 from calib_core.captures.observation_cache import KeepingReader
 from calib_core.disk import extended
@@ -174,8 +174,9 @@ def write_result(folder: Path, stage: str, result: Record, session: Session) -> 
         stored = _same_before(path, data)
         if stored is not None:
             return stored
-        data = signed_result({**data, "solved": data.get("solved") or now()}, session)
         _keep_past(folder, stage, path)
+        before = decisions_of(past_of(folder)) if stage == "verify" else []
+        data = signed_result({**data, "solved": data.get("solved") or now()}, session, before=before)
     write_atomically(path, to_json_bytes(data))
     return data
 
@@ -229,6 +230,17 @@ def _keep_past(folder: Path, stage: str, path: Path) -> None:
     else:
         return
     write_atomically(folder / HISTORY_FILE, to_json_bytes(past))
+
+
+def decisions_of(past: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return when verifications that a past has decided, and what: those that their seals know of among them."""
+    found: dict[str, dict[str, Any]] = {}
+    for one in past["results"]:
+        record = one.get("record") or {}
+        if one["stage"] == "verify" and record.get("decision") is not None:
+            itself = {"decision": record["decision"], "solved": record.get("solved") or one.get("created") or ""}
+            found |= {known["solved"]: known for known in (*decisions_sealed(record), itself)}
+    return [found[solved] for solved in sorted(found)]
 
 
 def _same_before(path: Path, data: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, Literal, cast
 
 from calib_core.archive.keys import Keys, keys
@@ -31,6 +31,7 @@ def signed_result(
     provenance: str = SOLVED,
     finding: Finding | None = None,
     moment: str | None = None,
+    before: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Return a result with the seal of this installation; as it is where there is no key to sign with.
 
@@ -46,10 +47,14 @@ def signed_result(
         What a replay noticed.
     moment : str, optional
         When; left out, now.
+    before : sequence of mapping, optional
+        What a verification was preceded by: `decision` and `solved` of each.
     """
     seal: dict[str, Any] = {"session": session_sha256(session), "provenance": provenance}
     if finding is not None:
         seal["finding"] = finding.to_json()
+    if before:
+        seal["before"] = [dict(one) for one in before]
     return sealed({**result, "provenance": provenance}, seal, moment)
 
 
@@ -76,6 +81,18 @@ def seal_state(data: Mapping[str, Any], here: Keys | None = None) -> bool | None
     if not _holds(data, told):
         return False
     return True if (here or keys()).trusts(told.get("key"), str(told.get("at") or "")) else None
+
+
+def decisions_sealed(result: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return what a verification's seal says was decided before: `decision` and `solved`, the oldest first."""
+    seal = result.get("seal")
+    told = cast("Mapping[str, Any]", seal).get("before") if isinstance(seal, Mapping) else None
+    known = cast("list[Any]", told) if isinstance(told, list) else []
+    return [
+        {name: str(cast("Mapping[str, Any]", one).get(name) or "") for name in ("decision", "solved")}
+        for one in known
+        if isinstance(one, Mapping)
+    ]
 
 
 def with_provenance(result: Mapping[str, Any]) -> dict[str, Any]:

@@ -225,8 +225,8 @@ def answer_of(
     turntable = None
     if table is not None:
         turntable = placed_table(table)
-    decided = decision if "verify" not in stale or decision in NOT_CONFIRMED else None
-    of_others = [*parts, *(["verify"] if decided is not None else [])]
+    decided = decision if "verify" not in stale or decision in NOT_CONFIRMED else decision and "undecided"
+    of_others = [*parts, *(["verify"] if decided == decision is not None else [])]
     return Answer(
         session=_as_solved(session, result),
         results={name: record for name, record in data.items() if name in parts or name not in stale},

@@ -179,7 +179,7 @@ class OpenSession:
         from calib_core.review.provenance import replayed
 
         results = {
-            stage: result.to_json() if result.provenance == "imported" else result_data(result)
+            stage: {**result.to_json(), "seal": None} if result.provenance == "imported" else result_data(result)
             for stage, result in self.results.items()
         }
         results = replayed(self.record, self.read, results)

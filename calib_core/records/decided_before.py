@@ -28,7 +28,8 @@ class LeftOut(Record):
 class DecidedBefore(Record):
     """A decision that was made before captures were left out or added, or a limit was changed (by figure).
 
-    `taken_back` are those of `added` that had been left out before; `text` says it all.
+    `taken_back` are those of `added` that had been left out before; `removed` is whether all that is left of it is
+    what a later one's seal says; `text` says it all.
     """
 
     decision: str
@@ -37,6 +38,7 @@ class DecidedBefore(Record):
     added: list[str] = Field(default_factory=list[str])
     limits: list[str] = Field(default_factory=list[str])
     taken_back: list[LeftOut] = Field(default_factory=list[LeftOut])
+    removed: bool = False
     text: str = ""
 
     def said(self) -> Message:
@@ -54,6 +56,8 @@ class DecidedBefore(Record):
             parts.append(message("Then {captures} came.", captures=Names(new)))
         if self.limits:
             parts.append(message("Then limits were changed: {limits}.", limits=list(self.limits)))
+        if self.removed:
+            parts.append(message("It was removed from history.json."))
         return sentences(parts)
 
     def __str__(self) -> str:

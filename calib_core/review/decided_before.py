@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from calib_core.archive.seals import decisions_sealed
 from calib_core.records import Session, parse_session
 from calib_core.records.decided_before import DecidedBefore, LeftOut
 
@@ -46,7 +47,7 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
 def decided_before_in(
     past: Mapping[str, Any], session: Session, results: Mapping[str, Mapping[str, Any]]
 ) -> tuple[DecidedBefore, ...]:
-    """Return the same of a session by the past that its folder keeps."""
+    """Return the same of a session by the past that its folder keeps, and by its seal what was removed there."""
     if "verify" not in results:
         return ()
     told = [one for one in past["results"] if one["stage"] == "verify" and one.get("record")]
@@ -55,7 +56,14 @@ def decided_before_in(
         (one["record"], parse_session(origin, "history.json") if origin else None)
         for one, origin in zip(told, origins, strict=True)
     ]
-    return tuple(decided_before([*before, (results["verify"], session)], session))
+    there = {str(one["record"].get("solved") or one.get("created") or "") for one in told}
+    removed = [
+        known.model_copy(update={"text": known.said()})
+        for one in decisions_sealed(results["verify"])
+        if one["solved"] not in there
+        for known in [DecidedBefore(decision=one["decision"], solved=one["solved"], removed=True)]
+    ]
+    return (*removed, *decided_before([*before, (results["verify"], session)], session))
 
 
 def _used(result: Mapping[str, Any]) -> list[str]:

@@ -6,7 +6,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.archive.keys import keys
-from calib_core.archive.seals import SOLVED, seal_state, signed_result
+from calib_core.archive.seals import SOLVED, decisions_sealed, seal_state, signed_result
 from calib_core.review.provenance import after_replay
 from calib_core.review.replay import Replay
 from server.store.database import record_event
@@ -48,7 +48,9 @@ def note_replay(
         if row.proved() != results[found.stage]:
             continue
         now = after_replay(row.record, found, fresh.get(found.stage, {}))
-        row.record = signed_result(now, session, found.provenance, found.finding)
+        row.record = signed_result(
+            now, session, found.provenance, found.finding, before=decisions_sealed(row.record)
+        )
         record_event(db, row_of_session, "result", {"stage": found.stage})
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import httpx
 
 import calib_core as cc
+from calib_core.archive.seals import signed_result
 from server.cli import main
 from server.settings import Settings
 from server.store.backup import back_up
@@ -46,7 +47,8 @@ def dated(folder: Path) -> Path:
     written(made, folder)
     for path in (folder / "results").glob("*.json"):
         record = json.loads(path.read_text())
-        path.write_text(json.dumps({**record, "solved": SOLVED}))
+        del record["provenance"], record["seal"]
+        path.write_text(json.dumps(signed_result({**record, "solved": SOLVED}, made.session)))
     return folder
 
 
