@@ -518,7 +518,10 @@ class RecheckRound(Record):
     uncertainty_mm: float
     change_in_laser_mm: list[float]
     chance: float
-    changed: Literal['nothing', 'tool', 'sphere', 'tool-or-sphere', 'unclear']
+    changed: Literal['nothing', 'tool', 'sphere', 'tool-or-sphere', 'joint', 'unclear']
+    joint: int | None = None
+    joint_deg: float | None = None
+    joint_uncertainty_deg: float | None = None
     sentence: str
 
 
@@ -899,7 +902,7 @@ class RecheckResult(Record):
     stage: Literal['recheck'] | None = None
     rechecked: str
     holds: bool
-    changed: Literal['nothing', 'tool', 'sphere', 'tool-or-sphere', 'unclear']
+    changed: Literal['nothing', 'tool', 'sphere', 'tool-or-sphere', 'joint', 'unclear']
     change_mm: float
     uncertainty_mm: float
     rounds: list[RecheckRound] | None = None

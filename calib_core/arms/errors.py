@@ -6,9 +6,10 @@ a turn about the third direction stands for the shift along them (Hayati, 1983).
 first joint's zero and place, the last one's) is none of the arm's.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -21,6 +22,7 @@ Member = Literal["offsets", "links", "coupling", "sag"]
 MEMBERS: tuple[Member, ...] = ("offsets", "links", "coupling", "sag")
 """What a model may have, in the order in which real arms have it."""
 
+_ZERO: Final = re.compile(r"joint_(\d+)_zero_deg")
 _PARALLEL = 0.05  # rad between two axes
 _DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -51,6 +53,11 @@ class ArmTerm:
 def arm_terms(arm: ArmTable) -> tuple[ArmTerm, ...]:
     """Return the terms of an arm's error, in order."""
     return tuple(term for term, _ in _terms(arm, [0.0] * len(arm.joints), [0.0] * len(arm.joints)))
+
+
+def places_of_zeros(names: Sequence[str]) -> dict[int, int]:
+    """Return which of some terms is the zero of each joint, by the joint's number."""
+    return {int(named[1]): place for place, name in enumerate(names) if (named := _ZERO.fullmatch(name))}
 
 
 def arm_moves(arm: ArmTable, joints: Sequence[Sequence[float | None]]) -> FloatArray:

@@ -4,20 +4,19 @@ That one zero moved and the arm is the same otherwise is told far better than ea
 links and other zeros, which are told together with it, are the same ones in both.
 """
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
+from calib_core.arms.errors import places_of_zeros
 from calib_core.frames import FloatArray
 from calib_core.records.results import ArmTerms
 from calib_core.review.between_sessions import Measured, SolvedSession
 
 _GEARS_DEG: Final = 0.015
 """Gears put so much into a joint's zero, by the poses: the model of the arm has no gears."""
-_ZERO: Final = re.compile(r"joint_(\d+)_zero_deg")
 _LOOSE: Final = 1.5  # arms' errors over what is believed of them
 _UNKNOWN: Final = 100.0  # of a change of a zero
 
@@ -36,10 +35,11 @@ def joint_zeros(answers: Sequence[tuple[SolvedSession, Mapping[str, Any]]]) -> d
     """Return the zeros, deg, of joints as the sessions tell the arm's errors, by the joint's number."""
     found: dict[int, list[Measured]] = {}
     for session, answer in answers:
-        for name, value, sigma in _terms(answer.get("arm_model")):
-            if named := _ZERO.fullmatch(name):
-                one = Measured(session, np.array([value]), np.array([[sigma**2 + _GEARS_DEG**2]]))
-                found.setdefault(int(named[1]), []).append(one)
+        terms = list(_terms(answer.get("arm_model")))
+        for joint, place in places_of_zeros([name for name, _, _ in terms]).items():
+            _, value, sigma = terms[place]
+            one = Measured(session, np.array([value]), np.array([[sigma**2 + _GEARS_DEG**2]]))
+            found.setdefault(joint, []).append(one)
     return found
 
 
@@ -73,7 +73,7 @@ def zero_changes(answers: Sequence[Mapping[str, Any]], false_alarm: float) -> di
         return {}
     from scipy.special import chdtri  # late: it brings what takes a third of a second
 
-    zeros = {int(named[1]): place for place, name in enumerate(told[0].names) if (named := _ZERO.fullmatch(name))}
+    zeros = places_of_zeros(told[0].names)
     if not zeros:
         return {}
     places, believed = list(zeros.values()), np.array(told[0].believed)

@@ -20,19 +20,22 @@ CALIBRATION_CHANGED = Code(
         "sphere": "The sphere or the robot's base moved by {change_mm:.2f} ± {uncertainty_mm:.2f} mm; the tool may still hold.",
         "tool-or-sphere": "Scanner or sphere moved: a point is seen {change_mm:.2f} ± {uncertainty_mm:.2f} mm from where it was "
         "seen.",
+        "joint": "The zero of joint {joint} moved by {deg:.3f} ± {uncertainty_deg:.3f}°: the captures lie {change_mm:.2f} ± "
+        "{uncertainty_mm:.2f} mm off.",
         "unclear": "The captures differ by {change_mm:.2f} ± {uncertainty_mm:.2f} mm from those of the calibration in a way that "
-        "neither a moved sphere nor a moved scanner explains.",
+        "no moved sphere, scanner or joint explains.",
     },
     to_do={
         "tool": "Calibrate again.",
         "sphere": "Put the sphere back, or calibrate again.",
         "tool-or-sphere": "Poses turned further apart tell which.",
+        "joint": "Have the robot's zeros checked, then calibrate again.",
         "unclear": "See each capture, then calibrate again.",
     },
     by="changed",
     meaning="Poses of the calibration were repeated, and the sphere appears elsewhere.",
     decided="The difference is beyond what noise and the robot's repeatability explain.",
-    usual_causes="A collision, a loose scanner, a sphere or base that was moved.",
+    usual_causes="A collision, a loose scanner, a sphere or base that was moved, a joint that lost its zero.",
 )
 
 FEW_REPEATED = Code(

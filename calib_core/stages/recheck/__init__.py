@@ -14,7 +14,7 @@ class Recheck(Stage):
     """Whether a calibration still holds: some of its poses captured again, the sphere still in its place."""
 
     name, title, place = "recheck", "Recheck", 65
-    method_revision = 2  # a sheet of light that is bent is counted with
+    method_revision = 3  # a joint's zero that moved is named
     step = CaptureStep(
         "recheck",
         "Recheck",

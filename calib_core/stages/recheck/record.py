@@ -7,8 +7,8 @@ from pydantic import Field
 from calib_core.records.base import Finite, Record, Vector3
 from calib_core.records.results import CaptureResidual, Result
 
-Changed = Literal["nothing", "tool", "sphere", "tool-or-sphere", "unclear"]
-"""What a recheck finds: `unclear` is a difference that neither a changed tool nor a moved sphere explains."""
+Changed = Literal["nothing", "tool", "sphere", "tool-or-sphere", "joint", "unclear"]
+"""What a recheck finds: `unclear` is a difference that no changed tool, moved sphere or bumped joint explains."""
 
 
 class RecheckResidual(CaptureResidual):
@@ -32,7 +32,8 @@ class RecheckRound(Record):
 
     `change_mm` ± `uncertainty_mm` (k = 2, worst direction) is how far the scanner now sees a point of the
     workpiece from where it saw it at the calibration, `change_in_laser_mm` the same by axis.  `chance` is how
-    often an unchanged cell shows as much.
+    often an unchanged cell shows as much.  `joint` is the one whose zero moved, counted from 1, by `joint_deg` ±
+    `joint_uncertainty_deg` (k = 2), where that explains the change.
     """
 
     captures: list[str]
@@ -41,6 +42,9 @@ class RecheckRound(Record):
     change_in_laser_mm: Vector3
     chance: Finite
     changed: Changed
+    joint: int | None = None
+    joint_deg: float | None = None
+    joint_uncertainty_deg: float | None = None
     sentence: str
 
 

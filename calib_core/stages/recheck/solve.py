@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from calib_core.arms.errors import places_of_zeros
+from calib_core.captures.arm_joints import terms_of
 from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED
 from calib_core.chain.observations import SphereObservation
@@ -16,7 +19,7 @@ from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.recheck.compare import Alike, Change, compared
-from calib_core.stages.recheck.record import Changed, RecheckResidual, RecheckResult, RecheckRound
+from calib_core.stages.recheck.record import RecheckResidual, RecheckResult, RecheckRound
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.solve import observe_stage
 from calib_core.stages.verify.on_axes import axes_of_answer, on_axes
@@ -79,12 +82,13 @@ def solve(given: StageInput) -> RecheckResult:
     alike = Alike(
         parts.alike_position_sigma_mm, parts.alike_orientation_sigma_rad, parts.reach_mm, parts.reach_rad
     )
+    zeros = places_of_zeros([term.name for term in terms_of(given.session.cell)])
     told: list[RecheckRound] = []
     rows: list[RecheckResidual] = []
     for number in rounds:
         of_round = [pair for pair in pairs if pair.round == number]
         change = compared(
-            [p.then for p in of_round], [p.now for p in of_round], sphere.radius_mm, center, tool, alike
+            [p.then for p in of_round], [p.now for p in of_round], sphere.radius_mm, center, tool, alike, zeros
         )
         told.append(_told(of_round, change))
         rows += _rows(of_round, change)
@@ -147,15 +151,20 @@ def _apart(one: RigidTransform, other: RigidTransform) -> float:
 
 
 def _told(pairs: Sequence[_Pair], change: Change) -> RecheckRound:
-    return RecheckRound(
+    bump = change.bump
+    told = RecheckRound(
         captures=list(dict.fromkeys(pair.now.capture for pair in pairs)),
         change_mm=change.change_mm,
         uncertainty_mm=change.uncertainty_mm,
         change_in_laser_mm=change.shift_in_laser_mm.tolist(),
         chance=change.chance,
         changed=change.changed,
-        sentence=sentence_of(_finding(change.changed, change.change_mm, change.uncertainty_mm)),
+        joint=bump and bump.joint,
+        joint_deg=bump and bump.change_deg,
+        joint_uncertainty_deg=bump and 2 * bump.sigma_deg,
+        sentence="",
     )
+    return told.model_copy(update={"sentence": sentence_of(_finding(told))})
 
 
 def _rows(pairs: Sequence[_Pair], change: Change) -> list[RecheckResidual]:
@@ -181,15 +190,18 @@ def _rows(pairs: Sequence[_Pair], change: Change) -> list[RecheckResidual]:
     return rows
 
 
-def _finding(changed: Changed, change_mm: float, uncertainty_mm: float) -> Finding:
-    if changed == "nothing":
-        return codes.STILL_HOLDS(change_mm=change_mm, uncertainty_mm=uncertainty_mm)
-    return codes.CALIBRATION_CHANGED(changed=changed, change_mm=change_mm, uncertainty_mm=uncertainty_mm)
+def _finding(told: RecheckRound) -> Finding:
+    change: dict[str, Any] = {"change_mm": told.change_mm, "uncertainty_mm": told.uncertainty_mm}
+    if told.changed == "nothing":
+        return codes.STILL_HOLDS(**change)
+    if told.joint is not None and told.joint_deg is not None and told.joint_uncertainty_deg is not None:
+        change |= {"joint": told.joint, "deg": told.joint_deg, "uncertainty_deg": told.joint_uncertainty_deg}
+    return codes.CALIBRATION_CHANGED(changed=told.changed, **change)
 
 
 def _noticed(last: RecheckRound, captures: int) -> list[Finding]:
     """Return whether the calibration holds, and whether so few captures can tell."""
-    found = [_finding(last.changed, last.change_mm, last.uncertainty_mm)]
+    found = [_finding(last)]
     if last.changed == "nothing" and captures < ENOUGH:
         found.append(codes.FEW_REPEATED(count=captures, enough=ENOUGH))
     return found
