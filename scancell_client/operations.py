@@ -282,6 +282,11 @@ class Operations(Connection):
         nothing."""
         return self.request("POST", "/api/v1/plan", json=body)
 
+    def guidance_get_board(self, *, kind: str, columns: int, rows: int, pitch_mm: float, pitch_y_mm: float | None = None, pitch_sigma_mm: float | None = None, margin_mm: float | None = None, marker_mm: float | None = None, dictionary: str | None = None, flat: bool | None = None, fixed: bool | None = None, paper: str | None = None, form: str | None = None) -> Any:
+        """Return a calibration board to print in true scale; measure the print, and tell the pitches as
+        measured."""
+        return self.request("GET", "/api/v1/board", params=_given({"kind": kind, "columns": columns, "rows": rows, "pitch_mm": pitch_mm, "pitch_y_mm": pitch_y_mm, "pitch_sigma_mm": pitch_sigma_mm, "margin_mm": margin_mm, "marker_mm": marker_mm, "dictionary": dictionary, "flat": flat, "fixed": fixed, "paper": paper, "form": form}))
+
     def server_health(self) -> Any:
         """Return `ready` once the workers are warm, `starting` before, `stopping` at the end. `degraded`
         where something is away that the server rests on; `reasons` says what and how."""

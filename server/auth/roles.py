@@ -81,6 +81,7 @@ RULES: dict[Role, tuple[str, ...]] = {
         f"GET {_API}/equipment/{{piece}}",
         f"GET {_API}/equipment/{{piece}}/certificate",
         f"GET {_API}/robot-programs",
+        f"GET {_API}/board",
         f"GET {_API}/movers",
         f"GET {_SESSION}/table-mover",
         f"GET {_API}/sessions",

@@ -1,6 +1,6 @@
-"""What to do next and what it is worth: budget at the part, planned poses, a cell before it stands."""
+"""What to do next and what it is worth: budget at the part, planned poses, a cell before it stands, its board."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import Query, Response
 from pydantic import Field
@@ -9,6 +9,7 @@ from calib_core.errors import InputError
 from calib_core.guidance.cell_plan import CellPlan, CellToPlan
 from calib_core.guidance.part_budget import BudgetAtPart
 from calib_core.guidance.pose_list import PoseList
+from calib_core.records import Board
 from calib_core.records.base import PlannedStep
 from calib_core.stages.recheck.guide import RecheckPlan
 from server.http.api_router import api_router
@@ -39,6 +40,13 @@ class PlannedCell(CellToPlan):
         }
     }
     most_captures: Annotated[int, Field(ge=5, le=40)] = 20
+
+
+class BoardToPrint(Board):
+    """A board as `GET /board` takes it: as `cell.board`, and what it is printed on."""
+
+    paper: Annotated[Literal["A4", "A3", "A2", "A1", "A0"] | None, Field(description="Else the smallest.")] = None
+    form: Literal["pdf", "svg"] = "pdf"
 
 
 @router.get("/sessions/{session_id}/budget", response_model=BudgetAtPart)
@@ -118,3 +126,17 @@ def get_recheck(stored: LoadedSession) -> RecheckPlan:
 def post_plan(cell: PlannedCell, pages: PageProcessDep) -> CellPlan:
     """Return what a cell will reach before anything is bought: sphere, captures, place. Stores nothing."""
     return pages.ask(cell_plan, CellToPlan.model_validate(cell.model_dump(exclude_unset=True)))
+
+
+@router.get("/board", response_class=Response, responses=_FILE)
+def get_board(told: Annotated[BoardToPrint, Query()]) -> Response:
+    """Return a calibration board to print in true scale; measure the print, and tell the pitches as measured."""
+    from calib_core.optics.board_print import board_sheet, sheet_pdf, sheet_svg
+
+    board = Board.model_validate(told.model_dump(include=set(Board.model_fields)))
+    sheet = board_sheet(board, told.paper)
+    content, media_type = (
+        (sheet_pdf(sheet), "application/pdf") if told.form == "pdf" else (sheet_svg(sheet), "image/svg+xml")
+    )
+    headers = {"Content-Disposition": f'attachment; filename="board.{told.form}"'}
+    return Response(content, media_type=media_type, headers=headers)

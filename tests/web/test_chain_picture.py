@@ -8,6 +8,8 @@ from typing import Any
 import httpx
 from playwright.sync_api import Page, expect
 
+from calib_core.optics.board_print import board_sheet, sheet_pdf
+from calib_core.records import Board
 from calib_core.simulation import require_scenario
 
 Open = Callable[..., tuple[Page, object]]
@@ -33,6 +35,26 @@ def stored_cell(page: Page, address: str) -> dict[str, Any]:
 def test_a_plain_cell_needs_no_chain(open_page: Open, address: str) -> None:
     page = new_cell(open_page)
     assert not {"scanners", "spheres", "axes", "arrangement"} & set(stored_cell(page, address))
+
+
+def test_a_board_is_printed_and_told_as_it_is_measured(open_page: Open, address: str, tmp_path: Path) -> None:
+    page = new_cell(open_page)
+    page.locator("summary", has_text="Calibration board").click()
+    page.get_by_role("button", name="Print this board").click()
+    expect(page.get_by_label("Columns")).to_have_attribute("aria-invalid", "true")
+    for name, value in (("Columns", "9"), ("Rows", "6"), ("Pitch in mm", "20")):
+        page.get_by_label(name, exact=True).fill(value)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Print this board").click()
+    download.value.save_as(tmp_path / "board.pdf")
+    assert download.value.suggested_filename == "board.pdf"
+    board = Board(kind="chessboard", columns=9, rows=6, pitch_mm=20.0)
+    assert (tmp_path / "board.pdf").read_bytes() == sheet_pdf(board_sheet(board))
+    measured = (("Pitch in mm", "20.02"), ("Pitch along a column in mm", "19.97"))
+    for name, value in (*measured, ("Standard uncertainty of the pitch in mm", "0.005")):
+        page.get_by_label(name, exact=True).fill(value)
+    told = {"pitch_mm": 20.02, "pitch_y_mm": 19.97, "pitch_sigma_mm": 0.005}
+    assert stored_cell(page, address)["board"].items() >= told.items()
 
 
 def test_parts_are_added_dragged_and_moved_by_keyboard(open_page: Open, address: str, axe: str) -> None:

@@ -47,8 +47,22 @@ function boardFields() {
     field("new-board-columns", t("new.board_columns"), number("board_columns"), t("new.board_hint")),
     field("new-board-rows", t("new.board_rows"), number("board_rows")),
     field("new-board-pitch", t("new.board_pitch"), number("board_pitch")),
+    field("new-board-pitch-y", t("new.board_pitch_y"), number("board_pitch_y"), t("new.board_pitch_hint")),
+    field("new-board-pitch-sigma", t("new.board_pitch_sigma"), number("board_pitch_sigma")),
     field("new-board-marker", t("new.board_marker"), number("board_marker")),
-    field("new-board-dictionary", t("new.board_dictionary"), h("input", { name: "board_dictionary", type: "text", autocomplete: "off" }), t("new.board_dictionary_hint"))));
+    field("new-board-dictionary", t("new.board_dictionary"), h("input", { name: "board_dictionary", type: "text", autocomplete: "off" }), t("new.board_dictionary_hint")),
+    h("button", { type: "button", class: "plain wide", id: "new-board-print", onclick: printBoard }, t("new.board_print"))));
+}
+
+/** Save the board that the form describes as a page to print; what it lacks is marked. @param {Event} event */
+function printBoard({ currentTarget }) {
+  const form = /** @type {HTMLButtonElement} */ (currentTarget).form;
+  if (!form) return;
+  const data = new FormData(form);
+  mark(form, Object.fromEntries(Object.entries(faults(data)).filter(([name]) => name.startsWith("board_"))));
+  const board = boardOf(data);
+  if (board) h("a", { href: api.boardAddress(board), download: "" }).click();
+  else mark(form, { board_columns: t("new.need_board") });
 }
 
 /** @param {FormData} form */
@@ -62,7 +76,8 @@ function boardOf(form) {
   const [columns, rows, pitch_mm] = ["board_columns", "board_rows", "board_pitch"].map((name) => typed(form, name));
   const kind = BOARDS.find((one) => one === form.get("board_kind"));
   if (!kind || !columns || !rows || !pitch_mm) return undefined;
-  return kind === "charuco" ? { kind, columns, rows, pitch_mm, ...markersOf(form) } : { kind, columns, rows, pitch_mm };
+  const measured = { pitch_mm, pitch_y_mm: typed(form, "board_pitch_y"), pitch_sigma_mm: typed(form, "board_pitch_sigma") };
+  return { kind, columns, rows, ...measured, ...(kind === "charuco" ? markersOf(form) : {}) };
 }
 
 /**
@@ -100,7 +115,7 @@ function faults(form) {
   if (!form.get("convention")) found["convention"] = t("new.need_convention");
   const diameter = typed(form, "diameter");
   if (diameter === undefined && form.get("kind") === "profile") found["diameter"] = t("new.need_diameter");
-  for (const name of ["diameter", "diameter_sigma", "point_sigma", "position_sigma", "orientation_sigma", "board_columns", "board_rows", "board_pitch", "board_marker"]) {
+  for (const name of ["diameter", "diameter_sigma", "point_sigma", "position_sigma", "orientation_sigma", "board_columns", "board_rows", "board_pitch", "board_pitch_y", "board_pitch_sigma", "board_marker"]) {
     const value = typed(form, name);
     if (value !== undefined && !(value > 0 || (value === 0 && name.endsWith("_sigma") && name !== "point_sigma"))) found[name] = t("new.need_number");
   }
@@ -130,6 +145,7 @@ function fill(form, { name, cell }) {
     name, kind: cell.scanner?.kind ?? "profile", convention: cell.pose_convention, diameter: cell.sphere_diameter_mm,
     diameter_sigma: cell.sphere_diameter_sigma_mm, point_sigma: cell.scanner?.point_sigma_mm, z_axis: cell.scanner?.z_axis,
     board_kind: cell.board?.kind ?? "chessboard", board_columns: cell.board?.columns, board_rows: cell.board?.rows, board_pitch: cell.board?.pitch_mm,
+    board_pitch_y: cell.board?.pitch_y_mm, board_pitch_sigma: cell.board?.pitch_sigma_mm,
     board_marker: cell.board?.marker_mm, board_dictionary: cell.board?.dictionary,
     position_sigma: cell.robot?.position_sigma_mm, orientation_sigma: cell.robot?.orientation_sigma_deg,
     arm: cell.robot?.arm ? JSON.stringify(cell.robot.arm) : "",

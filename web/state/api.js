@@ -304,6 +304,9 @@ export const api = {
   /** @param {string} id */
   archiveAddress: (id) => `${ROOT}${session(id)}/archive`,
 
+  /** A board to print. @param {Record<string, string | number | undefined>} board as `cell.board` */
+  boardAddress: (board) => `${ROOT}/board?${new URLSearchParams(Object.entries(board).filter(([, value]) => value !== undefined).map(([name, value]) => [name, String(value)]))}`,
+
   /** @param {string} id @param {string} captureId @param {string} name */
   fileAddress: (id, captureId, name) => `${ROOT}${capture(id, captureId)}/files/${encodeURIComponent(name.split("/").at(-1) ?? name)}`,
 
