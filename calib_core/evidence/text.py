@@ -123,7 +123,7 @@ def plain(text: str) -> str:
 
 def _wrapped(label: str, text: str) -> list[str]:
     """Return a sentence after its label, broken into lines that begin below each other."""
-    return _broken(_padded(label, 10) + text, subsequent_indent=" " * 10, break_on_hyphens=False)
+    return _broken(padded(label, 10) + text, subsequent_indent=" " * 10, break_on_hyphens=False)
 
 
 def _broken(text: str, **how: Any) -> list[str]:
@@ -135,7 +135,8 @@ def _columns(text: str) -> int:
     return sum(2 if east_asian_width(one) in "WF" else 1 for one in text)
 
 
-def _padded(text: str, width: int, right: bool = False) -> str:
+def padded(text: str, width: int, right: bool = False) -> str:
+    """Return text in so many columns of a terminal; a Chinese character takes two."""
     spaces = " " * (width - _columns(text))
     return spaces + text if right else text + spaces
 
@@ -158,7 +159,7 @@ def _lines(block: AnyBlock, said: Catalogue) -> list[str]:
 
 def _figures(figures: Sequence[Figure]) -> list[str]:
     width = max(_columns(figure.label) for figure in figures)
-    return [f"  {_padded(figure.label, width)}  {figure_text(figure)}" for figure in figures]
+    return [f"  {padded(figure.label, width)}  {figure_text(figure)}" for figure in figures]
 
 
 def figure_text(figure: Figure) -> str:
@@ -180,7 +181,7 @@ def _frame(frame: Frame, said: Catalogue) -> list[str]:
     labels = max(_columns(number.label) for number in frame.numbers)
     widths = [len(text.split(" ±")[0]) for text in texts]
     rows = [
-        f"  {_padded(number.label, labels)}  {' ' * (max(widths) - width)}{text}"
+        f"  {padded(number.label, labels)}  {' ' * (max(widths) - width)}{text}"
         for number, text, width in zip(frame.numbers, texts, widths, strict=True)
     ]
     return [f"  {head}", *(matrix if frame.convention == "matrix" else []), *rows]
@@ -214,7 +215,7 @@ def _table(table: Table) -> list[str]:
 
     def line(cells: Sequence[str], mark: str = " ") -> str:
         padded = [
-            _padded(cell, width, right=column.align != "left" and k > 0)
+            padded(cell, width, right=column.align != "left" and k > 0)
             for k, (cell, width, column) in enumerate(zip(cells, widths, table.columns, strict=True))
         ]
         return f"{mark} {'  '.join(padded)}".rstrip()

@@ -1,11 +1,12 @@
 """What a file is taken for, and why: names, reasons and the poses of one file."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
+from calib_core import counted
 from calib_core.frames import FloatArray
 from calib_core.messages import Message, message, templates
 
@@ -47,14 +48,14 @@ _REASONS = templates(
         "centers-beside": "{points} points of a laser tracker: give them a folder of their own, "
         "without other scans.",
         "mesh": "A mesh, not a measurement.",
-        "poses": "{poses} poses of {numbers} numbers.",
-        "poses-under": "{poses} poses of {numbers} numbers under {key}.",
-        "controller-poses": "{brand}: {poses} poses, {tools} tools, {frames} frames.",
-        "controller": "{brand}: {tools} tools, {frames} frames, no poses.",
-        "controller-skipped": "{brand}: {tools} tools, {frames} frames, no poses. {because}",
+        "poses": "{poses} of {numbers} numbers.",
+        "poses-under": "{poses} of {numbers} numbers under {key}.",
+        "controller-poses": "{brand}: {poses}, {tools}, {frames}.",
+        "controller": "{brand}: {tools}, {frames}, no poses.",
+        "controller-skipped": "{brand}: {tools}, {frames}, no poses. {because}",
         "controller-unread": "{brand}: {because}",
-        "same-poses": "The same {poses} poses as in {other}.",
-        "other-poses": "{poses} poses for {measurements} measurements, which {other} fits better.",
+        "same-poses": "The same poses as in {other}.",
+        "other-poses": "{poses} for {measurements} measurements, which {other} fits better.",
         "one-pose": "One pose, named after no measurement.",
         "settings": "Settings or results of another program ({keys}), neither profiles nor a list of poses.",
         "settings-sphere": "Settings or results of another program ({keys}); "
@@ -71,12 +72,18 @@ _REASONS = templates(
         "missing-poses-of": "No pose for {names}.",
         "missing-convention": "The convention of the poses is not certain: {choices}.",
         "missing-sphere": "The sphere's diameter is missing.",
-        "paired-by-order": "{measurements} measurements, {poses} poses, in their order: "
-        "which ones lack is not known.",
+        "paired-by-order": "{measurements} measurements, {poses}, in their order: which ones lack is not known.",
         "rival-lists": "{names} hold different poses: the first is taken.",
         "beyond": "Beyond the {most} files that are read at once.",
     }
 )
+
+
+_COUNTED: Mapping[str, Callable[[int], Message]] = {
+    "poses": counted.poses,
+    "tools": counted.tools,
+    "frames": counted.frames,
+}
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,8 @@ class Reason:
     @property
     def text(self) -> Message:
         """What it says."""
-        return message(_REASONS[self.code], **self.values)
+        said = {name: many(int(self.values[name])) for name, many in _COUNTED.items() if name in self.values}
+        return message(_REASONS[self.code], **{**self.values, **said})
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data."""

@@ -3,10 +3,12 @@
 import argparse
 from typing import Any, Final
 
+from calib_core.messages import templates
 from server.console.command import OK, Command, data_argument, server_argument
 from server.console.output import print_result
 
 _PAGE: Final = 1000  # rows that a server gives at once
+_OUTCOMES: Final = templates({"done": "done", "refused": "refused"})
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,12 +20,16 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     """Print who did what, the newest first."""
     from calib_core.errors import InputError
+    from calib_core.evidence.text import padded
+    from server.console.language import spoken
 
     if options.limit < 1:
         raise InputError("a number of rows from 1", str(options.limit), "Name another.", "--limit")
     rows = _of_store(options) if options.server is None else _of_server(options)
+    said = spoken(options)
     lines = [
-        f"{row['at']}  {row['outcome']:7}  {row['who'] + ' (' + row['role'] + ')':32} {row['address']:15}  "
+        f"{row['at']}  {padded(said.say(_OUTCOMES[row['outcome']]), 9)}  "
+        f"{padded(said.say(row['who']) + ' (' + row['role'] + ')', 32)} {row['address']:15}  "
         f"{row['method']} {row['path']}"
         for row in rows
     ]

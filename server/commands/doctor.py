@@ -61,15 +61,18 @@ def _line(finding: "Finding") -> str:
 
 
 def _sum(found: "Examination") -> str:
+    from calib_core.counted import captures, files, sessions
     from calib_core.messages import message
 
-    looked = {"sessions": found.sessions, "captures": found.captures, "files": found.files}
+    looked = {
+        "sessions": sessions(found.sessions),
+        "captures": captures(found.captures),
+        "files": files(found.files),
+    }
     damage = sum(finding.kind == "damage" for finding in found.findings)
     if damage:
-        return message(
-            "{sessions} sessions, {captures} captures, {files} files: {damage} damaged", **looked, damage=damage
-        )
-    return message("{sessions} sessions, {captures} captures, {files} files: nothing is damaged", **looked)
+        return message("{sessions}, {captures}, {files}: {damage} damaged", **looked, damage=damage)
+    return message("{sessions}, {captures}, {files}: nothing is damaged", **looked)
 
 
 COMMAND = Command("doctor", "say what is wrong with what a server has stored", "workbench", _arguments, _run)

@@ -9,7 +9,7 @@ from server.console.output import print_result
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calib_core.review.cell_frames import SessionFrames
+    from calib_core.review.cell_frames import ListedFrame, SessionFrames
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,23 +43,42 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _text(frames: "SessionFrames") -> str:
-    lines: list[str] = []
-    for edge in frames.edges:
-        of_scanner = f" of {edge.scanner}" if edge.scanner else ""
-        stale = ", stale: its inputs have changed since" if edge.stale else ""
-        lines.append(f"{edge.name}{of_scanner}: {edge.state}, {edge.source}{stale}")
+    from calib_core.messages import message
+
     if frames.asked is None:
-        return "\n".join(lines)
-    lines = [f"{frames.asked.name}, through {' · '.join(frames.asked.through) or 'nothing'}"]
-    lines += ["  " + " ".join(f"{number:12.6f}" for number in row) for row in frames.asked.matrix]
-    lines += _uncertainty(frames.asked.covariance)
-    if frames.asked.without_covariance:
-        lines.append(
-            f"  without the uncertainty of {', '.join(frames.asked.without_covariance)}, which nobody stated"
+        return "\n".join(_edge(edge) for edge in frames.edges)
+    asked = frames.asked
+    name, through = asked.name, " · ".join(asked.through)
+    lines: list[str] = [message("{name}, through {through}", name=name, through=through) if through else name]
+    lines += ["  " + " ".join(f"{number:12.6f}" for number in row) for row in asked.matrix]
+    lines += _uncertainty(asked.covariance)
+    if asked.without_covariance:
+        untold = message(
+            "Without the uncertainty of {names:,}, which nobody stated.", names=asked.without_covariance
         )
-    if frames.asked.stale:
-        lines.append("  stale: inputs have changed since it was solved")
+        lines.append("  " + untold)
+    if asked.stale:
+        lines.append("  " + message("Out of date: inputs have changed since it was solved."))
     return "\n".join(lines)
+
+
+def _edge(edge: "ListedFrame") -> str:
+    """Return where a transform of the cell comes from."""
+    from calib_core.messages import message
+
+    name = message("{name} of {scanner}", name=edge.name, scanner=edge.scanner) if edge.scanner else edge.name
+    match edge.state:
+        case "measured":
+            told = message("{name}: measured with each capture", name=name)
+            if edge.source != "captures":
+                told = message("{name}: measured, capture {capture}", name=name, capture=edge.source)
+        case "known":
+            told = message("{name}: known, {source}", name=name, source=edge.source)
+        case "solved":
+            told = message("{name}: solved by {stage}", name=name, stage=edge.source)
+        case "sought":
+            told = message("{name}: not solved yet, {stage} will", name=name, stage=edge.source)
+    return message("{said}; out of date: its inputs have changed since", said=told) if edge.stale else told
 
 
 def _uncertainty(covariance: "Sequence[Sequence[float]]") -> list[str]:

@@ -39,14 +39,15 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _text(made: "NewSession", said: "Catalogue") -> str:
+    from calib_core.counted import captures, files
     from calib_core.messages import message
 
     lines: list[str] = [
         message(
-            "{folder}: {captures} captures of {count} files",
+            "{folder}: {captures} of {files}",
             folder=str(made.folder),
-            captures=made.captures,
-            count=len(made.files),
+            captures=captures(made.captures),
+            files=files(len(made.files)),
         )
     ]
     for file in made.files:

@@ -74,11 +74,16 @@ def pairs_of(words: list[str]) -> dict[str, str]:
 
 
 def _text(read: "ControllerFile") -> str:
+    from calib_core import counted
     from calib_core.messages import message
     from calib_core.robots import CONVENTIONS
 
-    count = {"poses": len(read.poses), "tools": len(read.tools), "frames": len(read.frames)}
-    lines = [message("{brand}: {poses} poses, {tools} tools, {frames} frames", brand=read.brand, **count)]
+    count = {
+        "poses": counted.poses(len(read.poses)),
+        "tools": counted.tools(len(read.tools)),
+        "frames": counted.frames(len(read.frames)),
+    }
+    lines = [message("{brand}: {poses}, {tools}, {frames}.", brand=read.brand, **count)]
     if read.poses:
         names = CONVENTIONS[read.poses[0].convention].numbers
         units = CONVENTIONS[read.poses[0].convention].units

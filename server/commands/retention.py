@@ -27,6 +27,7 @@ def _run(options: argparse.Namespace) -> int:
     """List what may go, and remove it where that is asked for."""
     from dataclasses import asdict
 
+    from calib_core.counted import sessions
     from calib_core.messages import message
     from server.store.retention import require_limits
 
@@ -37,11 +38,11 @@ def _run(options: argparse.Namespace) -> int:
         for one in found
     ]
     size = sum(one.size for one in found) / _MEGABYTE
-    values = {"count": len(found), "size_mb": size}
+    values = {"sessions": sessions(len(found)), "size_mb": size}
     if options.remove:
-        done = message("{count} sessions, {size_mb:.1f} MB: {removed} removed.", **values, removed=removed)
+        done = message("{sessions}, {size_mb:.1f} MB: {removed} removed.", **values, removed=removed)
     else:
-        done = message("{count} sessions, {size_mb:.1f} MB. Nothing is removed: add --remove.", **values)
+        done = message("{sessions}, {size_mb:.1f} MB. Nothing is removed: add --remove.", **values)
     text = "\n".join([*lines, done])
     print_result(options, text, {"sessions": [asdict(one) for one in found], "removed": removed})
     return OK

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import sqlalchemy as sa
 
-from calib_core import __version__
+from calib_core import __version__, counted
 from calib_core.archive.folder import parse_json, to_json_bytes
 from calib_core.disk import remove_file, remove_folder
 from calib_core.errors import ConflictError, DamagedError, InputError, NotFoundError
@@ -48,11 +48,11 @@ class Backup:
     def said_of(self, place: Path) -> Message:
         """Return what it holds, of the place where it lies now."""
         return message(
-            "{place}: {sessions} sessions, {captures} captures, {files} files, as of {created}",
+            "{place}: {sessions}, {captures}, {files}, as of {created}",
             place=str(place),
-            sessions=self.rows["sessions"],
-            captures=self.rows["captures"],
-            files=self.blobs,
+            sessions=counted.sessions(self.rows["sessions"]),
+            captures=counted.captures(self.rows["captures"]),
+            files=counted.files(self.blobs),
             created=self.created,
         )
 

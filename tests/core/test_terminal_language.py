@@ -1,10 +1,15 @@
 """What commands print in the language that is asked for, beside results, which have tests of their own."""
 
 from pathlib import Path
+from unicodedata import east_asian_width
 
 import pytest
 
+from calib_core.counted import captures
+from calib_core.findings.catalogues import catalogue
+from calib_core.messages import message
 from server.cli import main
+from server.commands.demo.sheet import Sheet
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -29,3 +34,33 @@ def test_lines_within_a_list_are_said_too(tmp_path: Path, capsys: pytest.Capture
     text = said(capsys, "plan", *field, "--lang", "de")
     assert "\n  Der Scanner soll die Kugel in " in text
     assert "the stripe" not in text
+
+
+def test_the_frames_of_a_cell_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(tmp_path / "cell")
+    said(capsys, "simulate", "tcp", "--out", folder)
+    assert said(capsys, "frames", folder, "--lang", "de").splitlines() == [
+        "base_from_tool0: mit jeder Aufnahme gemessen",
+        "tool0_from_laser: noch nicht berechnet, das tut tcp",
+    ]
+
+
+@pytest.mark.parametrize(("count", "words"), [(1, "1 Aufnahme"), (2, "2 Aufnahmen")])
+def test_one_is_said_otherwise_than_several(count: int, words: str) -> None:
+    assert catalogue("de").say(captures(count)) == words
+
+
+def test_what_the_demo_found_stands_in_columns_in_every_language() -> None:
+    widths: set[int] = set()
+    for language in ("en", "de", "zh"):
+        sheet = Sheet(catalogue(language))
+        sheet.heads(message("found ± 95 %"))
+        sheet.numbers(message("ball, diameter, mm"), "30.012 ± 0.020", 30.012, 30.0)
+        sheet.line(
+            message("tool, error"),
+            message("{turned_deg:.3f}° and {moved_mm:.3f} mm", turned_deg=0.1, moved_mm=0.2),
+        )
+        widths |= {len(line) + sum(east_asian_width(one) in "WF" for one in line) for line in sheet.lines}
+        assert sheet.lines[1].split()[-2:] == ["30.000", "0.012"]
+        assert ("error" in sheet.lines[0]) == (language == "en")
+    assert len(widths) == 1

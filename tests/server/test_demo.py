@@ -20,7 +20,7 @@ def test_the_demo_prints_the_chain_beside_its_truth_and_leaves_it_in_the_workben
     assert demo(parser(["demo"]).parse_args(["demo", "--data", str(tmp_path / "data")])) == 0
     printed = capsys.readouterr().out
     stages = ["tcp", "turntable", "chain", "merge"]
-    assert re.findall(r"^(\S+): .* — verdict (\S+)$", printed, re.MULTILINE) == [(s, "pass") for s in stages]
+    assert re.findall(r"^(\S+): (\S+)  \(.*\)$", printed, re.MULTILINE) == [(s, "PASS") for s in stages]
     error = re.search(r"ball, diameter, mm .* (\S+)$", printed, re.MULTILINE)
     assert error is not None
     # Scans of the ball disagree by 0.1 mm RMS; 12 of them, and the post hides some of it.

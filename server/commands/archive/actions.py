@@ -13,6 +13,7 @@ from calib_core.archive.dates import ANSWER_FILE, solved_when
 from calib_core.archive.folder import folder_of, load_session, past_of, to_json_bytes
 from calib_core.archive.seals import signed_result
 from calib_core.archive.stored_results import stored_results, truth_of
+from calib_core.counted import captures, files
 from calib_core.errors import CalibrationError, InputError
 from calib_core.findings import in_language
 from calib_core.messages import message
@@ -184,11 +185,11 @@ def _seal(facts: ArchiveFacts) -> str:
 def _facts(facts: ArchiveFacts) -> str:
     verdicts = [f"{stage} {verdict}" for stage, verdict in facts.results.items()] or [message("no results")]
     return message(
-        "{session}, {captures} captures, {verdicts:,}; {files} files, {size_mb:.1f} MB",
+        "{session}, {captures}, {verdicts:,}; {files}, {size_mb:.1f} MB",
         session=facts.session or message("session"),
-        captures=facts.captures,
+        captures=captures(facts.captures),
         verdicts=verdicts,
-        files=facts.files,
+        files=files(facts.files),
         size_mb=facts.payload_bytes / 1e6,
     )
 
