@@ -214,11 +214,11 @@ def _table(table: Table) -> list[str]:
     marks = [" " if row.used else "×" for row in table.rows]
 
     def line(cells: Sequence[str], mark: str = " ") -> str:
-        padded = [
+        placed = [
             padded(cell, width, right=column.align != "left" and k > 0)
             for k, (cell, width, column) in enumerate(zip(cells, widths, table.columns, strict=True))
         ]
-        return f"{mark} {'  '.join(padded)}".rstrip()
+        return f"{mark} {'  '.join(placed)}".rstrip()
 
     lines = [line(heads), *map(line, rows, marks)]
     lines += _reasons(table.rows)

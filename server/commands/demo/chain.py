@@ -83,13 +83,15 @@ def _add(
             assert isinstance(chain, ChainResult)
             add_merge(sheet, result, chain, truth, made)
         case _:
-            sheet.title(result, result.method)
+            sheet.title(result.method, result.verdict, "")
 
 
 def _table(sheet: Sheet, result: TurntableResult | ChainResult, truth: dict[str, Any]) -> None:
     only_table = result.stage == "turntable"
     sheet.title(
-        result, message("where the table's axis is" if only_table else "tool and table from all captures together")
+        result.stage,
+        result.verdict,
+        message("where the table's axis is" if only_table else "tool and table from all captures together"),
     )
     sheet.heads(message("found ± 95 %"))
     sigmas = np.sqrt(np.diag(np.array(result.axis_point_covariance)))
@@ -129,7 +131,7 @@ def _angle_deg(one: list[float], other: list[float]) -> float:
 def _tcp(sheet: Sheet, result: TcpResult, truth: dict[str, Any]) -> None:
     found, true = result.mount_from_laser, scanner_frame(truth)
     sigmas = np.sqrt(np.diag(np.array(result.covariance)))
-    sheet.title(result, message("where the scanner is on the flange"))
+    sheet.title(result.stage, result.verdict, message("where the scanner is on the flange"))
     sheet.heads(message("found ± 95 %"))
     for axis in range(3):
         value = found.translation_mm[axis]

@@ -37,7 +37,11 @@ def add_merge(
     part = build_part()
     into_truth = RigidTransform.from_rounded(truth["base_from_turntable"], "base", "turntable").inverse()
     frame = placed_table(chain.model_dump())
-    sheet.title(result, message("{points:,} points as one cloud and a mesh", points=result.scanned_points))
+    sheet.title(
+        result.stage,
+        result.verdict,
+        message("{points:,} points as one cloud and a mesh", points=result.scanned_points),
+    )
     sheet.heads(message("found"))
     files = {CLOUD_FILE: message("cloud, off the part"), MESH_FILE: message("mesh, off the part")}
     for file, label in files.items():

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 from calib_core.evidence.text import padded, verdict_words
 from calib_core.messages import Catalogue, message
-from calib_core.records import Result
 
 _LABEL, _FOUND, _TRUTH, _ERROR = 30, 24, 12, 10  # columns of the terminal
 
@@ -23,10 +22,11 @@ class Sheet:
     said: Catalogue
     lines: list[str] = field(default_factory=list[str])
 
-    def title(self, result: Result, what: str) -> None:
-        """Begin a result's part with its verdict."""
-        word, _ = verdict_words(result.verdict, self.said)
-        self.lines += ["", f"{result.stage}: {word}  ({self.said.say(what)})"]
+    def title(self, stage: str, verdict: str, what: str) -> None:
+        """Begin a stage's part with its verdict."""
+        word, _ = verdict_words(verdict, self.said)
+        about = f"  ({self.said.say(what)})" if what else ""
+        self.lines.extend(["", f"{stage}: {word}{about}"])
 
     def heads(self, found: str) -> None:
         """Add the head of three columns."""
