@@ -38,7 +38,7 @@ def test_lines_within_a_list_are_said_too(tmp_path: Path, capsys: pytest.Capture
 
 def test_the_frames_of_a_cell_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = str(tmp_path / "cell")
-    said(capsys, "simulate", "tcp", "--out", folder)
+    said(capsys, "simulate", "tcp", "--seed", "1", "--out", folder)
     assert said(capsys, "frames", folder, "--lang", "de").splitlines() == [
         "base_from_tool0: mit jeder Aufnahme gemessen",
         "tool0_from_laser: noch nicht berechnet, das tut tcp",
