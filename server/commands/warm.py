@@ -11,21 +11,28 @@ from server.console.progress import progress_bar
 
 def _run(options: argparse.Namespace) -> int:
     """Solve simulated sessions; say how many kernels were compiled for it, and how long all took."""
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from concurrent.futures import ThreadPoolExecutor, as_completed
 
     from calib_core.compiled import BASELINE, note_that_all_are_compiled
-    from server.jobs.kernels import PARTS, compiled_for
+    from server.jobs.child_processes import WorkerContext
+    from server.jobs.kernels import PARTS, begin_compiling, compiled_for
+    from server.jobs.processes import Processes
 
     started, compiled = time.monotonic(), 0
     processor = "baseline" if options.any_processor else "own"
-    processes = ProcessPoolExecutor(min(2, os.cpu_count() or 1), multiprocessing.get_context("spawn"))
-    with progress_bar(options, says_why=False) as progress, processes:
-        progress(0.0, "compiling the kernels")
-        parts = as_completed([processes.submit(compiled_for, part, processor) for part in PARTS])
-        for done, part in enumerate(parts, 1):
-            compiled += part.result()
-            progress(done / len(PARTS), f"compiling the kernels, {compiled} done")
+    count = min(2, os.cpu_count() or 1)
+    processes = Processes(count, WorkerContext(None), begin_compiling, processor)
+    threads = ThreadPoolExecutor(count)
+    try:
+        with progress_bar(options, says_why=False) as progress:
+            progress(0.0, "compiling the kernels")
+            parts = as_completed([threads.submit(processes.ask, compiled_for, part) for part in PARTS])
+            for done, part in enumerate(parts, 1):
+                compiled += part.result()
+                progress(done / len(PARTS), f"compiling the kernels, {compiled} done")
+    finally:
+        threads.shutdown(wait=False, cancel_futures=True)
+        processes.stop()
     note_that_all_are_compiled(BASELINE if options.any_processor else None)
     seconds = time.monotonic() - started
     text = f"{compiled} kernels compiled in {seconds:.0f} s" if compiled else "all kernels were compiled already"

@@ -87,11 +87,12 @@ class WorkerContext(_Context):
 
     Parameters
     ----------
-    warm : bool
-        Whether what they are forked from loads all that a solve needs, and not only what measuring needs.
+    warm : bool or None
+        Whether what they are forked from loads all that a solve needs, and not only what measuring needs; None
+        where it loads nothing.
     """
 
-    def __init__(self, warm: bool) -> None:
+    def __init__(self, warm: bool | None) -> None:
         super().__init__()
         self.started: list[_Process] = []
         if sys.platform != "win32":
@@ -114,7 +115,9 @@ class WorkerContext(_Context):
             process.join()
 
 
-def _preloaded(warm: bool) -> list[str]:
+def _preloaded(warm: bool | None) -> list[str]:
+    if warm is None:
+        return []
     return ["server.jobs.measuring_processes", *(["server.jobs.preloaded"] if warm else [])]
 
 

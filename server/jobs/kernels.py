@@ -27,13 +27,13 @@ OF_SCANS: Final = "part"
 """The part that has what merging scans needs, and little else."""
 
 
-def compiled_for(part: str, processor: Literal["own", "baseline"] | None = None) -> int:
-    """Run one part in this process; return how many kernels were compiled for it.
+def begin_compiling(_: object, processor: Literal["own", "baseline"]) -> None:
+    """Prepare a fresh process that has loaded none of the kernels."""
+    compile_for(processor)
 
-    For a `processor` it must be the first in its process.
-    """
-    if processor is not None:
-        compile_for(processor)
+
+def compiled_for(part: str) -> int:
+    """Run one part in this process; return how many kernels were compiled for it."""
     compiled: list[str] = []
 
     def count() -> None:
@@ -113,8 +113,9 @@ def _compile_all() -> None:
         os.nice(19)
     if own_are_compiled():
         return
+    compile_for("own")
     for part in PARTS:
-        compiled_for(part, "own")
+        compiled_for(part)
     note_that_all_are_compiled()
 
 

@@ -100,8 +100,10 @@ class Processes:
             try:
                 return process.ask((question, given), timeout_s, hear)
             except ProcessEndedError:
+                if self._closed:
+                    raise
                 log.warning("the process %d ended", process.pid)
-                if self._closed or not left:
+                if not left:
                     raise
             finally:
                 self._give_back(process)
@@ -195,7 +197,7 @@ class _Process:
         except (EOFError, OSError, pickle.UnpicklingError) as error:
             if isinstance(error, TimeoutError):
                 raise
-            raise ProcessEndedError from None
+            raise ProcessEndedError(f"the process {self.pid} ended") from None
         self.usable = True
         if kind == _RAISED:
             raise value

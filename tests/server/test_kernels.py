@@ -1,8 +1,11 @@
 """Kernels are compiled behind the served page; once all are there, no start does it again."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -69,6 +72,19 @@ def test_what_is_compiled_is_counted() -> None:
     part = "16 bits, E57, depths"
     compiled_for(part)
     assert compiled_for(part) == 0
+
+
+def test_ctrl_c_ends_all_that_compile_without_a_word_of_theirs(tmp_path: Path) -> None:
+    command, place = [sys.executable, "-m", "server.cli", "warm"], os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    with subprocess.Popen(
+        command, env=place, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as compiling:
+        while compiling.poll() is None and not any(tmp_path.iterdir()):
+            time.sleep(0.1)
+        os.killpg(compiling.pid, signal.SIGINT)  # as a terminal sends it, to every one of them
+        _, told = compiling.communicate(timeout=120)  # until none is left that could say something
+    assert compiling.returncode == 130
+    assert told == "scancell: stopped\n"
 
 
 def test_health_tells_of_kernels(client: httpx.Client) -> None:
