@@ -48,6 +48,8 @@ class TopologyScenario:
         Captures of each mounting of balls on an axis.
     scanner_scale : float
         By which a scanner's files are too large.
+    scanners_err : float
+        How much of what scanners err by each one does, as a share of 0.5 % of scale in x and z, 1 % of shear.
     side_told : bool
         The session tells of one capture of each step on which side of the plane of light its ball is.
     """
@@ -63,6 +65,7 @@ class TopologyScenario:
     machine: Literal["arm", "gantry", "scara", "linear"] = "arm"
     on_axes: int = 16
     scanner_scale: float = 1.0
+    scanners_err: float = 0.0
     side_told: bool = False
 
 
@@ -86,6 +89,7 @@ def simulate_topology(
     world = build_topology(
         options.scanners, options.balls, options.axes, options.cell.sphere_diameter_sigma_mm, rng
     )
+    in_files = {scanner: _in_files(options, seed, n) for n, scanner in enumerate(world.scanners)}
     captures: list[dict[str, Any]] = []
     files: dict[str, bytes] = {}
     seen: dict[str, list[str]] = {}
@@ -97,7 +101,7 @@ def simulate_topology(
             points, balls = _points(world, options, stop, scanner, rng)
             if not balls:
                 continue
-            record, content = _written(options, stop, scanner, capture, points)
+            record, content = _written(options, stop, scanner, capture, points, in_files[scanner])
             if options.side_told and not any("side" in one and one["step"] == record["step"] for one in captures):
                 record |= _side(world, stop, scanner, balls)
             captures.append(record)
@@ -117,6 +121,7 @@ def simulate_topology(
             "orientation_sigma_deg": float(np.rad2deg(cell.orientation_sigma_rad)),
         },
         "scanner_scale": options.scanner_scale,
+        "in_files": {scanner: matrix.tolist() for scanner, matrix in in_files.items()},
         "spoiled": [],
         "seed": seed,
         "scenario": name,
@@ -280,7 +285,15 @@ def _points(
         errors = rng.standard_normal(len(points)) * options.cell.point_sigma_mm
         found.append(noisy(points, _center(world, stop, scanner, name), world.radii_mm[name], errors))
         seen.append(name)
-    return np.concatenate([*found, np.zeros((0, 3))]) * options.scanner_scale, seen
+    return np.concatenate([*found, np.zeros((0, 3))]), seen
+
+
+def _in_files(options: TopologyScenario, seed: int, number: int) -> FloatArray:
+    """Return where a scanner's files say that points are, (3, 3): its errors of scale and shear."""
+    drawn = np.random.default_rng([seed, 20_269, number]).standard_normal(3) * options.scanners_err
+    matrix = np.diag([1 + 0.005 * drawn[0], 1.0, 1 + 0.005 * drawn[1]])
+    matrix[0, 2] = 0.01 * drawn[2]
+    return matrix * options.scanner_scale
 
 
 def _side(world: TopologyWorld, stop: _Stop, scanner: str, balls: Sequence[str]) -> dict[str, int]:
@@ -301,15 +314,17 @@ def _nearest(points: FloatArray, options: TcpScenario) -> FloatArray:
 
 
 def _written(
-    options: TopologyScenario, stop: _Stop, scanner: str, capture: str, points: FloatArray
+    options: TopologyScenario, stop: _Stop, scanner: str, capture: str, points: FloatArray, in_files: FloatArray
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return a capture's record and its file."""
+    """Return a capture's record and its file, which says of points (N, 3) that they are at `in_files @ point`."""
     kind = options.cell.kinds[0]
     on_axis = any(ball.on not in ("base", "tool0") for ball in options.balls if ball.mount == stop.mount)
     record: dict[str, Any] = {"id": capture, "step": "turntable" if on_axis else "tcp", "kind": kind}
     file = f"captures/{capture}.{'csv' if kind == 'profile' else 'xyz'}"
     record["files"] = [file]
-    content = profile_csv(_nearest(points, options.cell), 1.0) if kind == "profile" else cloud_xyz(points, 1.0)
+    seen = _nearest(points, options.cell) if kind == "profile" else points
+    told = np.where(np.isnan(seen), np.nan, np.nan_to_num(seen) @ in_files.T)
+    content = profile_csv(told, 1.0) if kind == "profile" else cloud_xyz(told, 1.0)
     record["pose"] = pose_numbers(stop.commanded)
     if scanner:
         record["scanner"] = scanner

@@ -46,6 +46,9 @@ TOPOLOGY_SCENARIOS: Mapping[str, TopologyScenario] = MappingProxyType({
         (ScannerOptions(on="base"),), (_ON_FLANGE, *_NEAR_AXIS), (_TABLE,), _WIDE, side_told=True,
     ),
     "two-scanners": TopologyScenario("two scanners on the flange see one ball at once", _PAIR, at_once=True),
+    "two-scanners-that-err": TopologyScenario(
+        "the same; each errs in scale and shear, as scanners do", _PAIR, at_once=True, scanners_err=1.0
+    ),
     "two-scanners-in-turn": TopologyScenario("two scanners on the flange, one after the other", _PAIR),
     "scanners-on-flange-and-base": TopologyScenario(
         "one scanner on the flange, one that stands still", (ScannerOptions("arm"), _GATE), (_FLOOR, _ON_FLANGE)

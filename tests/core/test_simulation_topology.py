@@ -54,7 +54,8 @@ def worst_mm(simulated: SimulatedSession) -> float:
     for capture in session.captures:
         lines = simulated.files[capture.files[0]].decode().splitlines()[1:]
         told = np.array([[float(n) for n in line.split(",")] for line in lines if not line.endswith(",")])
-        points = np.column_stack([told[:, 0], np.zeros(len(told)), told[:, 1]]) / truth["scanner_scale"]
+        in_files = np.array(truth["in_files"][capture.scanner or ""])
+        points = np.linalg.solve(in_files, np.stack([told[:, 0], np.zeros(len(told)), told[:, 1]])).T
         off = [
             np.abs(np.linalg.norm(points - center_by_edges(simulated, edges, capture, ball), axis=1) - radii[ball])
             for ball in truth["balls_seen"][capture.id]
