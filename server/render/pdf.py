@@ -4,6 +4,7 @@ A library of our own for PDF would lay the page out once more, and otherwise tha
 """
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -38,6 +39,7 @@ _POLICY = (
 """The page runs and loads nothing, whatever a session's texts hold."""
 
 _LARGEST_BYTES = 200_000_000
+_CHINESE = re.compile("[\u4e00-\u9fff]")
 
 
 def browser() -> str | None:
@@ -46,6 +48,16 @@ def browser() -> str | None:
     folders = [folder for name in _FOLDERS_OF_WINDOWS if (folder := os.environ.get(name))]
     places = [*_PLACES, *(f"{folder}/{below}" for below in _BELOW_THEM for folder in folders)]
     return found or next((place for place in places if Path(place).is_file()), None)
+
+
+def _lacks_characters(page: str) -> bool:
+    """Return whether a page has Chinese characters and this machine, by fontconfig, no font for them."""
+    lister = shutil.which("fc-list")  # Windows and macOS have none, and such fonts always
+    if lister is None or not _CHINESE.search(page):
+        return False
+    with suppress(OSError, subprocess.SubprocessError):
+        return not subprocess.run([lister, ":lang=zh"], capture_output=True, timeout=30, check=True).stdout.strip()
+    return False
 
 
 def pdf_of(
@@ -67,12 +79,17 @@ def pdf_of(
     Raises
     ------
     InputError
-        If the machine has no browser that prints, or it does not.
+        If the machine has no browser that prints, or it does not, or no font for the page's characters.
     """
     program = browser()
     if program is None:
         to_do = message("Install one of them where this runs. {instead}", instead=instead)
         raise InputError("Chromium, Chrome or Edge, which prints the PDF", "none", to_do, where)
+    if _lacks_characters(page):
+        to_do = message(
+            "Install one where this runs: on Debian or Ubuntu, fonts-noto-cjk. {instead}", instead=instead
+        )
+        raise InputError("a font with Chinese characters, else each is an empty box", "none", to_do, where)
     with tempfile.TemporaryDirectory(prefix="scancell-", ignore_cleanup_errors=True) as folder:
         source, target = Path(folder) / "report.html", Path(folder) / "report.pdf"
         source.write_text(page.replace("<head>", f"<head>{_POLICY}", 1), encoding="utf-8")

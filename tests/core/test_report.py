@@ -315,6 +315,15 @@ def test_the_report_is_printed_as_pdf_by_a_browser_that_is_there(
     assert not (tmp_path / "none.pdf").exists()
 
 
+def test_a_pdf_whose_characters_no_font_has_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = "<html><head></head><body>{}</body></html>"
+    (tmp_path / "fonts.conf").write_text("<fontconfig></fontconfig>")
+    monkeypatch.setenv("FONTCONFIG_FILE", str(tmp_path / "fonts.conf"))
+    with pytest.raises(InputError, match=r"a font with Chinese characters.*fonts-noto-cjk. Print the page"):
+        pdf_of(page.format("转台"), "r.pdf", instead="Print the page.")
+    assert pdf_of(page.format("table"), "r.pdf").startswith(b"%PDF-")
+
+
 def test_a_browser_that_does_not_end_is_ended_with_all_that_it_started(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
