@@ -22,6 +22,7 @@ _SAME_MM = 0.01
 _FASTEST_DEG_S = 3600.0
 _LEAST_JUMP_DEG = 1.0
 _SAME_DEG = 0.01
+_THERE_AND_BACK_S = 2.0  # a table that tells itself where it arrives alone takes longer for both ways
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,8 @@ def _jump(before: Reading | None, last: Reading | None, sample: Reading) -> str:
             "Not fresh: its pose jumps by {way_mm:.0f} mm and back: two programs may be telling it.", way_mm=way_mm
         )
     turn_deg, left_deg = _turn_deg(last, sample), _turn_deg(before, sample)
-    if _is_back(turn_deg, left_deg, time_s, _LEAST_JUMP_DEG, _SAME_DEG, _FASTEST_DEG_S):
+    quick = sample.host_time_s - before.host_time_s < _THERE_AND_BACK_S
+    if quick and _is_back(turn_deg, left_deg, time_s, _LEAST_JUMP_DEG, _SAME_DEG, _FASTEST_DEG_S):
         return message(
             "Not fresh: its angle jumps by {turn_deg:.1f}° and back: two programs may be telling it.",
             turn_deg=turn_deg,

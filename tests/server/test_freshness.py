@@ -99,6 +99,8 @@ def test_two_publishers_and_a_change_without_a_stamp_are_told() -> None:
     )
     assert any("angle jumps by 40.0°" in why for why in reasons_of_angles(host_s, both))
     assert any("angle jumps by 1.5°" in why for why in reasons_of_angles(host_s, np.where(both, 0.7, 359.2)))
+    there_and_back = np.array([0.0, 40.0, 0.0, 40.0])  # told once at each place, as it arrives
+    assert not any(reasons_of_angles(np.arange(4) * 2.5, there_and_back))
     assert set(reasons_of_angles(host_s, np.where(both, 0.004, 359.998))) == {""}  # one that stands at zero
     assert set(reasons_of_angles(host_s, 30.0 * np.sin(host_s))) == {""}  # one that goes to and fro
     stands = np.full(len(host_s), 100.0)
