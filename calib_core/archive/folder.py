@@ -141,8 +141,10 @@ def parse_json(data: bytes, where: str) -> Any:
         raise InputError("JSON of ordinary depth and numbers", "something else", to_do, where) from None
 
 
-def save_session(folder: Path, session: Session, files: Mapping[str, bytes]) -> None:
+def save_session(folder: Path, session: Session, files: Mapping[str, bytes | Path]) -> None:
     """Write a new session folder; session.json comes last, so that it never names a file that is not there.
+
+    Files come as what they hold, or as where they lie: those are read one by one.
 
     Raises
     ------
@@ -154,12 +156,16 @@ def save_session(folder: Path, session: Session, files: Mapping[str, bytes]) -> 
     contents = {**files, SESSION_FILE: to_json_bytes(session.to_json())}
     for name, content in contents.items():
         path = folder / name
-        if path.exists() and not (path.is_file() and path.read_bytes() == content):
+        if path.exists() and not (path.is_file() and path.read_bytes() == _held(content)):
             raise ConflictError(
                 "a folder without a session", "{name} there", "Choose another folder.", str(folder), name=name
             )
     for name, content in contents.items():
-        write_atomically(folder / name, content)
+        write_atomically(folder / name, _held(content))
+
+
+def _held(content: bytes | Path) -> bytes:
+    return content.read_bytes() if isinstance(content, Path) else content
 
 
 def write_result(folder: Path, stage: str, result: Record, session: Session) -> dict[str, Any]:

@@ -197,7 +197,7 @@ class OpenSession:
                     write_result(folder, stage, result, self.record)
         return folder
 
-    def _beside(self, folder: Path) -> dict[str, bytes]:
+    def _beside(self, folder: Path) -> dict[str, Path]:
         """Return what lies in the loaded folder beside session and results, without the pages made of them."""
         if self._folder is None:
             return {}
@@ -205,11 +205,7 @@ class OpenSession:
         if (folder / HISTORY_FILE).exists():  # saved there before, and grown since
             made.add(HISTORY_FILE)
         files = archive.folder_files(self._folder, folder)
-        return {
-            name: file.read_bytes()
-            for name, file in files.items()
-            if name not in made and not name.startswith("results/")
-        }
+        return {name: file for name, file in files.items() if name not in made and not name.startswith("results/")}
 
     def pack(self, file: str | Path) -> Path:
         """Write the session's archive; an older file of the name is replaced once the new one is whole."""
