@@ -171,7 +171,7 @@ def test_a_cell_that_lacks_something(profile: SharedProfile, api: httpx.Client) 
         go_and_expect("Camera frames need the board. Enter columns, rows and pitch.", "board")
         page.get_by_label("Pattern").select_option("charuco")
         for label, value in (("Columns", "9"), ("Rows", "6"), ("Pitch in mm", "20")):
-            page.get_by_label(label).fill(value)
+            page.get_by_label(label, exact=True).fill(value)
         go_and_expect("A ChArUco board needs its marker size, smaller than the pitch, and", "markers")
         # All that was typed is still there, and with what was missing it is a session.
         page.get_by_label("Marker size in mm").fill("15")
