@@ -10,8 +10,8 @@ import pytest
 from tests.core.test_import_rules import ROOT, imports, in_circles, is_module
 
 CORE = (
-    "messages", "errors", "disk", "windows_runtime", "moment", "compiled", "lean_open3d", "registry", "steps",
-    "proof",
+    "messages", "counted", "errors", "disk", "windows_runtime", "moment", "compiled", "lean_open3d", "registry",
+    "steps", "proof",
     "frames", "frame_graph", "pose_track", "clock_offset", "kernels", "estimation",
     "poses", "records", "findings", "simulation", "evidence",
     "formats", "sphere", "optics", "fusion", "arms", "cell", "chain",

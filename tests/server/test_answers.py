@@ -184,7 +184,7 @@ def test_any_transform_between_two_frames_is_answered_and_printed(
     printed = capsys.readouterr().out
     assert "base_from_laser, through base_from_tool0 · tool0_from_laser" in printed
     assert re.search(r"rx ± [\d.]+°, .* tz ± [\d.]+ mm$", printed, re.MULTILINE)
-    assert "stale" in printed
+    assert "Out of date: inputs have changed" in printed
     assert main(["frames", str(tmp_path / "cell.zip")]) == 0
-    assert "tool0_from_laser: solved, tcp, stale" in capsys.readouterr().out
+    assert "tool0_from_laser: solved by tcp; out of date" in capsys.readouterr().out
     assert main(["frames", str(tmp_path / "cell.zip"), "base"]) == 2
