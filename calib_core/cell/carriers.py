@@ -1,5 +1,7 @@
 """What carries scanner and ball in a cell, as its record says."""
 
+from collections.abc import Iterable
+
 from calib_core.cell.layout import Carrier, KnownDistance
 from calib_core.cell.walk import Carriers
 from calib_core.records import Capture, Cell, Scanner, Sphere
@@ -67,6 +69,11 @@ def scanner_name(cell: Cell, capture: Capture) -> str:
 def rides_on_axis(carrier: str) -> bool:
     """Return whether what carries a ball is an axis, neither base nor the flange."""
     return carrier not in ("base", "tool0")
+
+
+def carrier_of_all(mounts: Iterable[str]) -> str:
+    """Return what carries some scanners: `base` where all of them stand still, `tool0` where one is on the flange."""
+    return "base" if {*mounts} == {"base"} else "tool0"
 
 
 def stands_still(cell: Cell, capture: Capture) -> bool:

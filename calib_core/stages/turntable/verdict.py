@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.causes.table import direction_findings
+from calib_core.cell.carriers import carrier_of_all
 from calib_core.chain.observations import TableObservation, named
 from calib_core.chain.table_frame import TableCovariance
 from calib_core.chain.table_moves import TableMove
@@ -172,8 +173,7 @@ def _scanners(table: TurntableSolution) -> str:
     """Return whether the flange carries a scanner that sees the table's sphere, or all of them stand still."""
     walk = table.state.walk
     on_it = np.isin(walk.place, walk.layout.on_axis(walk.layout.table))
-    carriers = {walk.layout.mounts[n][1] for n in walk.scanner[on_it].tolist()}
-    return "base" if carriers == {"base"} else "tool0"
+    return carrier_of_all(walk.layout.mounts[n][1] for n in walk.scanner[on_it].tolist())
 
 
 def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
