@@ -72,7 +72,7 @@ def rides_on_axis(carrier: str) -> bool:
 
 
 def carrier_of_all(mounts: Iterable[str]) -> str:
-    """Return what carries some scanners: `base` where all of them stand still, `tool0` where one is on the flange."""
+    """Return `base` where all of some scanners stand still, `tool0` where the flange carries one."""
     return "base" if {*mounts} == {"base"} else "tool0"
 
 
