@@ -14,11 +14,14 @@ export function takeDrops(element, take) {
   taker = { element, take };
 }
 
-document.addEventListener("dragover", (event) => {
-  if (!event.dataTransfer?.types.includes("Files")) return;
-  event.preventDefault();
-  taker?.element.classList.add("dropping");
-});
+// Where the page moved under the pointer, the browser asks by `dragenter` alone whether a drop is taken.
+for (const kind of /** @type {const} */ (["dragenter", "dragover"])) {
+  document.addEventListener(kind, (event) => {
+    if (!event.dataTransfer?.types.includes("Files")) return;
+    event.preventDefault();
+    taker?.element.classList.add("dropping");
+  });
+}
 document.addEventListener("dragleave", (event) => {
   if (!event.relatedTarget) taker?.element.classList.remove("dropping");
 });
