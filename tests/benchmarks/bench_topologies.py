@@ -107,7 +107,7 @@ def one_cell(name: str, seed: int) -> Cell:
         cell |= _plate(name, seed, results["tcp"], truth)
     else:
         _keep(cell, distances(last, truth))
-    if name.startswith("two-scanners"):
+    if name == "two-scanners":
         cell["apart_mm"] = _apart_mm(simulated.record, simulated.read, truth)
     if name in _HELD_OUT:
         cell["chance"] = _held_out(name, seed)
@@ -136,7 +136,7 @@ def rows_of(name: str, cells: Sequence[Cell]) -> list[Row]:
     if name == "plate-distances":
         off = max(cell["scale_off"] for cell in solved)
         rows.append(Row(f"{name}: scale found, worst", "0.1 %", f"{100 * off:.3f} %", off <= 1e-3))
-    if name.startswith("two-scanners"):
+    if name == "two-scanners":
         both = [cell["error"]["laser:left_from_laser:right"][0] for cell in solved]
         ratio = _rms(both) / _rms([cell["apart_mm"] for cell in solved])
         rows.append(Row(f"{name}: relative pose's error / solved apart", "≤ 0.8", f"{ratio:.2f}", ratio <= 0.8))
