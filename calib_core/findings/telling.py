@@ -13,7 +13,7 @@ TEXTS: Final = frozenset(
     """
     alt caption cells detail does doubt doubts exit extra flags formula got helps_most instruction label
     left_out left_reason limit_label limited_by limits message method need note notes problem progress reason
-    reasons remark right_reason sentence shows suggested_note text title to_capture to_do trends units
+    reasons reference remark right_reason sentence shows suggested_note text title to_capture to_do trends units
     waits_for warning warnings what where why words description
     """.split()  # noqa: SIM905
 )

@@ -22,6 +22,20 @@ TakenFor = Literal[
 """
 
 TAKEN_FOR: tuple[TakenFor, ...] = get_args(TakenFor)
+TAKEN_FOR_WORDS: dict[TakenFor, str] = templates(
+    {
+        "profiles": "profiles",
+        "clouds": "clouds",
+        "frames": "frames",
+        "boards": "boards",
+        "centers": "tracker's points",
+        "poses": "poses",
+        "backup": "controller's files",
+        "certificate": "certificate",
+        "session": "session",
+        "nothing": "nothing",
+    }
+)
 MEASUREMENTS: tuple[TakenFor, ...] = ("profiles", "clouds", "frames", "boards")
 
 HEAD_BYTES = 65_536

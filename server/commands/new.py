@@ -41,6 +41,7 @@ def _run(options: argparse.Namespace) -> int:
 def _text(made: "NewSession", said: "Catalogue") -> str:
     from calib_core.counted import captures, files
     from calib_core.messages import message
+    from calib_core.recognition.taken import TAKEN_FOR_WORDS
 
     lines: list[str] = [
         message(
@@ -52,7 +53,8 @@ def _text(made: "NewSession", said: "Catalogue") -> str:
     ]
     for file in made.files:
         capture = f" ({file['capture']})" if file["capture"] else ""
-        lines.append(f"  {file['name']}: {file['taken_for']}{capture}. {said.say(file['why'])}")
+        kind = said.say(TAKEN_FOR_WORDS[file["taken_for"]])
+        lines.append(f"  {file['name']}: {kind}{capture}. {said.say(file['why'])}")
     return "\n".join([*lines, *made.notes, *made.missing])
 
 

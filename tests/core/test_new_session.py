@@ -81,7 +81,7 @@ def test_what_is_missing_is_named_and_the_session_is_written_all_the_same(
     ]
     assert len(cc.load(told["session"]).captures) == len(CONTENT)
     assert main(["new", str(folder), "--out", str(tmp_path / "zwei"), "--lang", "de"]) == 1
-    assert "p1.csv: profiles (p1). " in (said := capsys.readouterr().out)
+    assert "p1.csv: Profile (p1). " in (said := capsys.readouterr().out)
     assert "Zahlen: Punkte." in said
     few = lay(
         tmp_path / "few", {"p1.csv": CONTENT[0], "p2.csv": CONTENT[1], "r.txt": lines(in_convention("fanuc")[:2])}

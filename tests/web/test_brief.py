@@ -16,14 +16,18 @@ _LINES = {
     "f1, f2 and (3 more): not used": "f1, f2: not used",
     # A long one ends with the last clause that fits.
     "The stripe is narrower than a pixel, so that nothing can be said of it, whatever the light may be like": (
-        "The stripe is narrower than a pixel"
+        "The stripe is narrower than a pixel, so that nothing can be said of it"
+    ),
+    # As many words as there is room for.
+    "Drehen Sie den Tisch auf etwa 120° und scannen Sie das Objekt dort.": (
+        "Drehen Sie den Tisch auf etwa 120° und scannen Sie das Objekt dort"
     ),
     "Kurz: die Ebene liegt, soweit man das hier ansehen kann, quer zur Tafel und ist schlecht bestimmt": (
         "Kurz: die Ebene liegt, soweit man das hier ansehen kann"
     ),
     # A short clause says nothing, and what has none is cut.
     "Note, that the scanner and the sphere and the board and the table stand still": (
-        "Note, that the scanner and the sphere and the …"
+        "Note, that the scanner and the sphere and the board and the table stand …"
     ),
     "球移动了。请固定。": "球移动了",
     "采集在 0.19 mm 内吻合，而非原来的 19.8 mm，若位姿按发那科的方式书写，请把约定设为发那科": (

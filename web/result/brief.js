@@ -1,8 +1,8 @@
 // What a message says in one line; all of it opens. The rule: its first sentence, without what stands in brackets (a direction stays,
 // with as many digits as a glance takes). Where that is more than a line, it ends with the last clause that fits, or is cut.
 
-/** A line of the answer's card holds so many words, and of long ones so many letters; a Chinese sign is as wide as two. */
-const MOST_WORDS = 12, MOST_LETTERS = 72, SIGN = /[\u2e80-\uffef]/gu;
+/** A line of the answer's card holds so many letters, in however many words; a Chinese sign is as wide as two. */
+const MOST_LETTERS = 72, SIGN = /[\u2e80-\uffef]/gu;
 /** A clause of fewer words says nothing by itself. */
 const FEWEST_LETTERS = 24, FEWEST_WORDS = 4;
 const BRACKETS = /[ \u00a0]*[(（]([^()（）]*)[)）]/gu, DIRECTION = /^[\u2212-]?\d[\d.,]*[,;] [^a-z]*$/, DECIMALS = /\d+([.,])\d\d+/g;
@@ -10,7 +10,7 @@ const BRACKETS = /[ \u00a0]*[(（]([^()（）]*)[)）]/gu, DIRECTION = /^[\u2212
 const LIST_END = /[,、]?\s*(?:and|und|和)(?=[:：])/gu;
 const SENTENCE_END = /(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u, CLAUSE_END = /[:;,](?=\s)(?![^(]*\))|[：；，]/gu;
 /** @param {string} text */
-const fits = (text) => text.split(" ").length <= MOST_WORDS && letters(text) <= MOST_LETTERS;
+const fits = (text) => letters(text) <= MOST_LETTERS;
 
 /** Of a text, without its directions. @param {string} text */
 const letters = (text) => text.replace(BRACKETS, "").replace(SIGN, "xx").length;
@@ -26,6 +26,8 @@ export function brief(text) {
 
 /** As many words as fit; of a language without spaces, signs. @param {string} line */
 function cut(line) {
-  const words = line.split(" ").slice(0, MOST_WORDS - 3).join(" ");
-  return letters(words) <= MOST_LETTERS ? words : words.slice(0, MOST_LETTERS / (SIGN.test(words) ? 2 : 1));
+  const words = line.split(" ");
+  while (words.length > 1 && !fits(words.join(" "))) words.pop();
+  const most = words.join(" ");
+  return fits(most) ? most : most.slice(0, MOST_LETTERS / (SIGN.test(most) ? 2 : 1));
 }
