@@ -39,7 +39,7 @@ def python_zip(into: Path) -> Path:
 
 def compiled(program: list[str], place: Path) -> Path:
     """Compile the kernels with that Python, for any processor, unless they are there; return where they lie."""
-    asked = [python(), "-c", _KERNELS]
+    asked = [python(), "-P", "-c", _KERNELS]  # else it finds the checkout's, where the tests are run
     folder, there = subprocess.run(asked, env=outside(), capture_output=True, text=True, check=True).stdout.split(
         "|"
     )
