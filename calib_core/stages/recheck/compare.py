@@ -83,7 +83,7 @@ class Change:
     chance: float
     differences: FloatArray
     covariances: FloatArray
-    bump: "Bump | None" = None
+    bump: Bump | None = None
 
     @property
     def change_mm(self) -> float:
