@@ -30,6 +30,7 @@ _SHARPEST_MM = 0.05  # arcs that come together more closely are as good
 _AS_CLOSE = 6.0  # times as far apart as the first ball's arcs may be those of another
 _TURNED = 0.9998  # the cosine of a degree: what is always beside a ball stands still, too, until the flange turns
 _MOST_BALLS = 8
+_CLEARLY = 13.8  # of squared deviations: a thousand times less likely
 _NO_MORE = 0.8  # of the arcs: where one ball has so many, the others are stray
 
 
@@ -207,24 +208,45 @@ def _nearest(both: FloatArray, places: FloatArray) -> tuple[FloatArray, FloatArr
     return both[np.arange(len(both))[None], side], np.min(apart, axis=2)
 
 
-def by_distances(centers: FloatArray, names: Sequence[str], distances: Sequence[KnownDistance]) -> list[list[str]]:
+def by_distances(
+    centers: FloatArray, covariance: FloatArray, names: Sequence[str], distances: Sequence[KnownDistance]
+) -> list[list[str]]:
     """Return the namings of balls that fit told distances: several only where all mean the same measurements.
 
     None fits, or some that differ fit as well: an empty list.
+
+    Parameters
+    ----------
+    centers, covariance : (B, 3), (3 B, 3 B)
+        Of balls, as found without the distances.
+    names, distances : sequence
+        As told.
     """
-    costs: list[tuple[float, list[str], set[tuple[frozenset[int], float]]]] = []
+    found: list[tuple[float, float, list[str], set[tuple[frozenset[int], float]]]] = []
     for given in permutations(names, len(centers)) if len(names) >= len(centers) else ():
         place = {name: n for n, name in enumerate(given)}
-        both = [
-            (place[known.one], place[known.other], known.mm)
-            for known in distances
-            if known.one in place and known.other in place
-        ]
+        both = [(place[d.one], place[d.other], d) for d in distances if {d.one, d.other} <= place.keys()]
         if both:
-            off = max(abs(float(np.linalg.norm(centers[i] - centers[j])) - mm) for i, j, mm in both)
-            costs.append((off, [*given], {(frozenset((i, j)), mm) for i, j, mm in both}))
-    costs.sort(key=lambda one: one[0])
-    if not costs or costs[0][0] > _TOGETHER_MM:
+            off, squared = _off_told(centers, covariance, both)
+            found.append((squared, off, [*given], {(frozenset((i, j)), d.mm) for i, j, d in both}))
+    found.sort(key=lambda one: one[0])
+    if not found or found[0][1] > _TOGETHER_MM:
         return []
-    fit = [one for one in costs if one[0] < costs[0][0] + 1.0]
-    return [given for _, given, _ in fit] if all(same == fit[0][2] for _, _, same in fit) else []
+    likeliest, *_, same = found[0]
+    limit = likeliest + _CLEARLY * max(1.0, likeliest / len(same))  # where all fit badly, less is told by it
+    fit = [one for one in found if one[0] < limit]
+    return [given for *_, given, _ in fit] if all(one[-1] == same for one in fit) else []
+
+
+def _off_told(
+    centers: FloatArray, covariance: FloatArray, told: Sequence[tuple[int, int, KnownDistance]]
+) -> tuple[float, float]:
+    """Return the most by which distances are not as told, mm, and in standard deviations, squared."""
+    off, moves = np.zeros(len(told)), np.zeros((len(told), *centers.shape))
+    for n, (i, j, known) in enumerate(told):
+        apart = centers[i] - centers[j]
+        length = float(np.linalg.norm(apart))
+        off[n], moves[n, i], moves[n, j] = length - known.mm, apart / length, -apart / length
+    moved = moves.reshape(len(told), -1)
+    spread = moved @ covariance @ moved.T + np.diag([known.sigma_mm**2 for *_, known in told])
+    return float(np.abs(off).max()), float(off @ np.linalg.solve(spread, off))

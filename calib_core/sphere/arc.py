@@ -33,6 +33,7 @@ from calib_core.sphere.found_arc import (
 )
 
 _START_BAND = 0.03  # of the radius: where a refinement starts to collect points
+_NEAR_LARGEST = 1.1  # times the sphere's radius: larger candidates do not refine to one of its circles
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,9 @@ def fit_arc(
     require_diameter(sphere_diameter_mm)
     points, row_of_point = _distinct_finite(given)
     arcs = _arcs_in(points, sphere_diameter_mm, z_axis)
+    if sphere_diameter_mm is not None and not any(_is_possible(one, sphere_diameter_mm, z_axis) for one in arcs):
+        # Of several balls side by side all points lie near large circles, more than near any ball's own.
+        arcs += _arcs_in(points, sphere_diameter_mm, z_axis, _NEAR_LARGEST * sphere_diameter_mm / 2)
     arc = _the_one(arcs, sphere_diameter_mm, z_axis)
     inliers = np.zeros(len(given), dtype=bool)
     inliers[row_of_point >= 0] = arc.inliers[row_of_point[row_of_point >= 0]]
@@ -165,11 +169,13 @@ def _distinct_finite(given: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     return points, row_of_point
 
 
-def _arcs_in(points: FloatArray, diameter_mm: float | None, z_axis: str | None) -> list[FoundArc]:
+def _arcs_in(
+    points: FloatArray, diameter_mm: float | None, z_axis: str | None, largest_mm: float = np.inf
+) -> list[FoundArc]:
     """Return the refined candidates; the search ends early once no other candidate can beat a good one."""
     arcs: list[FoundArc] = []
     best = 0
-    circles, support = arc_candidates(points)
+    circles, support = arc_candidates(points, largest_mm)
     for circle, most in zip(circles, support, strict=True):
         if best > 1.3 * most:
             break

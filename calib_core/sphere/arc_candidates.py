@@ -22,7 +22,7 @@ _LEAST_TRIPLE_EXTENT_RAD = np.deg2rad(14.0)
 _MOST = 10
 
 
-def arc_candidates(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+def arc_candidates(points: FloatArray, largest_mm: float = np.inf) -> tuple[FloatArray, FloatArray]:
     """Return distinct candidate circles (K ≤ 10, 3) as x, z, r, best first, and the support (K,) of each.
 
     The support is an estimate of the number of points within the band about the circle, less as many as a
@@ -32,13 +32,15 @@ def arc_candidates(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     ----------
     points : (N, 2)
         Finite, in the order of the stripe or in none.
+    largest_mm : float
+        No circle is larger.
     """
     ordered = points[stripe_order(points)]
     origin = ordered.mean(axis=0)
     ordered = ordered - origin
     circles = _circles_of(ordered, _triples(len(ordered)))
     size = float(np.hypot(*np.ptp(ordered, axis=0)))
-    circles = circles[circles[:, 2] < 4 * size]
+    circles = circles[circles[:, 2] < min(4 * size, largest_mm)]
     if len(circles) == 0:
         return np.zeros((0, 3)), np.zeros(0)
     step = max(1, len(ordered) // _SCORED_POINTS)

@@ -70,13 +70,37 @@ def test_told_distances_name_the_balls_and_find_the_scale() -> None:
 
 def test_distances_that_differ_and_fit_two_ways_name_nothing() -> None:
     corners, names = np.array([[0.0, 0, 0], [60, 0, 0], [0, 60, 0]]), ["a", "b", "c"]
+    sure = 0.01 * np.eye(9)
     ab, ac = KnownDistance("a", "b", 60.0, 0.01), KnownDistance("a", "c", 60.0, 0.01)
-    assert by_distances(corners, names, [ab, ac]) == [["a", "b", "c"], ["a", "c", "b"]]
-    assert by_distances(corners, names, [ab, KnownDistance("a", "c", 60.5, 0.01)]) == []
+    assert by_distances(corners, sure, names, [ab, ac]) == [["a", "b", "c"], ["a", "c", "b"]]
+    assert by_distances(corners, sure, names, [ab, KnownDistance("a", "c", 60.5, 0.01)]) == []
     wrong = KnownDistance("a", "c", 70.0, 0.1)
-    assert by_distances(corners, names, [ab, KnownDistance("b", "c", 84.85, 0.01), wrong]) == []
+    assert by_distances(corners, sure, names, [ab, KnownDistance("b", "c", 84.85, 0.01), wrong]) == []
     far = corners * [1, 1.5, 1]
-    assert by_distances(far, names[::-1], [ab, KnownDistance("a", "c", 90.0, 0.01)]) == [names]
+    assert by_distances(far, sure, names[::-1], [ab, KnownDistance("a", "c", 90.0, 0.01)]) == [names]
+
+
+def test_distances_that_differ_by_more_than_what_was_found_errs_name_the_balls() -> None:
+    row, names = np.array([[0.0, 0, 0], [62.2, 0, 0], [123.4, 0, 0]]), ["a", "b", "c"]
+    told = [KnownDistance("a", "b", 62.0, 0.01), KnownDistance("b", "c", 61.0, 0.01)]
+    sure = 0.01 * np.eye(9)
+    scale = np.outer(row.ravel(), row.ravel()) * 0.005**2  # all may be longer by as much
+    assert by_distances(row, sure + scale, names, told) == [names]
+    assert by_distances(row, 40 * sure + scale, names, told) == []
+
+
+@pytest.mark.parametrize("seed", [7, 29])
+def test_two_distances_that_differ_by_two_millimetres_name_the_balls(seed: int) -> None:
+    simulated, truth = cc.simulate("plate-distances", seed)
+    result = simulated.run()["tcp"]
+    assert "sphere-distances-not-used" not in {finding.code for finding in result.findings}
+    assert dict(within(result, truth)) == {"a": "a", "b": "b", "c": "c"}
+
+
+def test_balls_side_by_side_that_lie_on_one_large_circle_are_found() -> None:
+    simulated, _ = cc.simulate("plate", 34)
+    result = simulated.run()["tcp"]
+    assert (result.verdict, [row.capture for row in result.residuals if not row.used]) == ("pass", [])
 
 
 def test_the_distance_of_a_bar_finds_the_scale_whichever_ball_is_which() -> None:

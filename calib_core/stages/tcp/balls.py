@@ -12,6 +12,7 @@ from calib_core.cell.carriers import ball_name, rides_on_axis, told_balls, told_
 from calib_core.chain.arrays import layout_of
 from calib_core.chain.balls import by_distances, labelled
 from calib_core.chain.foot_start import foot_axes, on_foot
+from calib_core.chain.held import Held
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize, by_scanner
 from calib_core.chain.several_starts import moving_axes
@@ -19,6 +20,7 @@ from calib_core.chain.tcp import LEAST_CAPTURES, TcpSolution
 from calib_core.findings import Finding
 from calib_core.findings.codes import spheres as codes
 from calib_core.findings.codes.captures import CAPTURE_OF_NO_BALL
+from calib_core.frames import FloatArray
 from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.records import Cell
 from calib_core.records.topology import FoundSphere
@@ -83,9 +85,9 @@ def of_no_ball(own: Sequence[str], found: Sequence[SphereObservation]) -> list[F
     return [CAPTURE_OF_NO_BALL(stray)] if stray else []
 
 
-def with_told_names(cell: Cell, state: ChainState) -> Mapping[tuple[str, str], str]:
+def with_told_names(cell: Cell, state: ChainState, covariance: FloatArray) -> Mapping[tuple[str, str], str]:
     """Return the names of balls by what carries each and how they were told apart: the cell's where those fit."""
-    layout, places = state.walk.layout, state.position.places
+    layout = state.walk.layout
     of_carrier = Counter(carrier for carrier, _ in layout.places)
     names = {
         (on, name): _alone(cell, on, name if of_carrier[on] > 1 or rides_on_axis(on) else "")
@@ -94,10 +96,16 @@ def with_told_names(cell: Cell, state: ChainState) -> Mapping[tuple[str, str], s
     for carrier in {carrier for carrier, _ in layout.places}:
         some = [n for n, (on, _) in enumerate(layout.places) if on == carrier]
         told = [ball.name for ball in told_balls(cell, carrier)]
-        found = by_distances(places[some], told, told_distances(cell)) if len(some) > 1 else []
+        found = by_distances(*placed(state, covariance, some), told, told_distances(cell)) if len(some) > 1 else []
         for n, name in zip(some, found[0] if found else (), strict=False):
             names[layout.places[n]] = name
     return names
+
+
+def placed(state: ChainState, covariance: FloatArray, some: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Return the places (B, 3) of some balls, and their part of the unknowns' covariance."""
+    columns = np.concatenate([np.arange(3) + state.walk.layout.firsts[n] for n in some])
+    return state.position.places[some], covariance[np.ix_(columns, columns)]
 
 
 def _alone(cell: Cell, carrier: str, name: str) -> str:
@@ -112,7 +120,7 @@ def named_by_distances(
     """Return observations whose balls have the cell's names, where distances of those are told; None without."""
     if not told_distances(cell):
         return None
-    names = with_told_names(cell, solution.held.state)
+    names = with_told_names(cell, solution.held.state, solution.held.covariance)
     found = [replace(o, ball=names[o.carriers.ball, o.ball]) for o in observations]
     changed = [one.ball != o.ball for one, o in zip(found, observations, strict=True)]
     return found if np.any(changed) and len(solution.held.state.position.places) > 1 else None
@@ -133,10 +141,10 @@ def other_arcs(
     return found if changed else None
 
 
-def findings_of_balls(cell: Cell, state: ChainState) -> list[Finding]:
+def findings_of_balls(cell: Cell, held: Held) -> list[Finding]:
     """Return where the balls that no axis carries are not those that the cell tells of."""
-    layout, places = state.walk.layout, state.position.places
-    still = [n for n in range(len(places)) if not layout.rides[n].any()]
+    layout = held.state.walk.layout
+    still = [n for n in range(len(layout.places)) if not layout.rides[n].any()]
     found: list[Finding] = []
     for carrier in dict.fromkeys(layout.places[n][0] for n in still):
         some = [n for n in still if layout.places[n][0] == carrier]
@@ -146,7 +154,8 @@ def findings_of_balls(cell: Cell, state: ChainState) -> list[Finding]:
         elif many > len(told) > 0:
             found.append(codes.MORE_THAN_TOLD(count=many, told=len(told)))
         if many > 1 and any({d.one, d.other} <= {*told} for d in told_distances(cell)):
-            ways = len(by_distances(places[some], told, told_distances(cell)))
+            there = placed(held.state, held.covariance, some)
+            ways = len(by_distances(*there, told, told_distances(cell)))
             found += [codes.DISTANCES_NOT_USED()] if ways == 0 else []
             found += [codes.NAMED_EITHER_WAY(count=ways)] if ways > 1 else []
     return found
@@ -154,7 +163,8 @@ def findings_of_balls(cell: Cell, state: ChainState) -> list[Finding]:
 
 def spheres_found(cell: Cell, solution: TcpSolution) -> list[FoundSphere]:
     """Return every ball that no axis carries, and who saw it."""
-    held, names = solution.held, with_told_names(cell, solution.held.state)
+    held = solution.held
+    names = with_told_names(cell, held.state, held.covariance)
     walk, found = held.state.walk, list[FoundSphere]()
     for n, (carrier, name) in enumerate(walk.layout.places):
         if walk.layout.rides[n].any():

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from calib_core.cell.carriers import told_distances
-from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereSize, TableObservation
-from calib_core.chain.turntable import KnownTool, TurntableOptions, balls_of_arcs
+from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution, balls_of_arcs
 from calib_core.records import Cell
 from calib_core.stages.tcp.balls import with_told_names
 
@@ -35,10 +34,10 @@ def _with_ball(arc: TableObservation, ball: int, among_several: bool) -> TableOb
 
 
 def named_by_distances(
-    cell: Cell, arcs: Sequence[TableObservation], state: ChainState
+    cell: Cell, arcs: Sequence[TableObservation], solution: TurntableSolution
 ) -> list[TableObservation] | None:
     """Return arcs whose balls have the cell's names, where told distances name them; None where they do not."""
-    told, known = told_distances(cell), with_told_names(cell, state)
+    told, known = told_distances(cell), with_told_names(cell, solution.state, solution.unknowns_covariance)
     named = {name for one in told for name in (one.one, one.other)}
     names = {place: name if name in named else place[1] for place, name in known.items()}
     if not any(names[o.axis, o.mount] in named for o in arcs):

@@ -160,7 +160,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
                 observations = [o for o in named if o.sphere.ball]
                 unused = [*unused, *of_no_ball([o.capture for o in seen], [o.sphere for o in named])]
         solution = solve_turntable(observations, sphere, tool, options, part_of(progress, 0.3, 1.0))
-        if (named := named_by_distances(cell, observations, solution.state)) is not None:
+        if (named := named_by_distances(cell, observations, solution)) is not None:
             observations, options = named, replace(options, distances=told_distances(cell))
             solution = solve_turntable(observations, sphere, tool, options)
     except MotionError as error:
