@@ -155,6 +155,9 @@ def _nuisances(
     errors = np.array(first)[of_scanner][:, None] + np.arange(own)
     by_kind = priors.sigmas(0.0) if priors else scanner.nothing_believed(0.0)
     sigmas = by_kind[kinds]
+    lines = {int(n) for o, n in zip(observations, of_scanner, strict=True) if len(o.points_in_laser_mm)}
+    bows = [first[n] + scanner.NAMES.index("bow") - 1 for n in range(scanners) if n not in lines]
+    sigmas[bows] = 0.0  # over a width that nobody knows, nothing is bowed
     sigmas[radii] = [one.sigma_mm / 2 for one in sizes]
     return np.column_stack([np.array(radii)[size], errors]).astype(np.int64), kinds, sigmas
 

@@ -93,11 +93,19 @@ class Held:
         """Of the arm's lengths, as a share, as is believed of them."""
         return self.data.arm_scale_sigma
 
-    @property
-    def by_motions(self) -> FloatArray:
-        """The covariance of the tool (6, 6) by the motions: an arm that is off is no missing motion."""
-        off = [row[:6] for row in (self.by_lengths, self.by_poses) if row is not None]
-        return np.asarray(self.covariance[:6, :6] - sum((np.outer(row, row) for row in off), np.zeros((6, 6))))
+    def by_motions(self, seen_in_laser_mm: FloatArray) -> FloatArray:
+        """Return the covariance of the tool (6, 6) by the motions: an arm that is off is no missing motion.
+
+        A scanner that stands still may stand metres away: its shift is that of what it sees.
+        """
+        off = [row for row in (self.by_lengths, self.by_poses) if row is not None]
+        every = self.covariance - sum((np.outer(row, row) for row in off), np.zeros_like(self.covariance))
+        found = every[:6, :6].copy()
+        if self.state.walk.layout.mounts[0][1] != "tool0":
+            rows, some = self._rows_at(seen_in_laser_mm, self.half_width_mm), self.tool_and_scanner
+            found[3:], found[:, 3:] = 0.0, 0.0
+            found[3:, 3:] = rows @ every[np.ix_(some, some)] @ rows.T
+        return found
 
     @property
     def tool_and_scanner(self) -> np.ndarray:

@@ -144,8 +144,7 @@ class TcpSolution:
     sphere : SphereSize
         As told or assumed.
     seen_in_laser_mm, at_point : (3,), (3, 3)
-        Where the scanner saw the sphere on average, brought into the plane of light, and the covariance of a point
-        that is measured there, along the flange's axes, mm and mm².
+        `seen_point`, and the covariance of a point that is measured there, along the flange's axes, mm and mm².
     at_workpiece : (3, 3)
         The same in base as the arm tells it.
     arm : ArmModel or None
@@ -302,8 +301,8 @@ def solve_tcp(
         reasons=rejection_reasons(observations, judged.used, judged.squared_distance, joint.offset_mm),
         squared_distance=judged.squared_distance,
         excess=judged.excess,
-        undetermined=open_directions(held.by_motions),
-        weak=open_directions(held.by_motions, tolerance=0.2),
+        undetermined=open_directions(held.by_motions(point)),
+        weak=open_directions(held.by_motions(point), tolerance=0.2),
         shifts=shifts,
         two_step=paper,
         two_step_covariance=paper_covariance,
@@ -378,9 +377,10 @@ def as_corrected(
 
 
 def seen_point(data: ChainData, state: ChainState, used: np.ndarray) -> FloatArray:
-    """Return where the first scanner saw the sphere on average, in the plane of light, (3,), mm."""
-    some = used & (data.walk.scanner == 0)
-    return data.walk.chosen(some).seen(state.position).mean(axis=0) * [1.0, 0.0, 1.0]
+    """Return where the first scanner saw the sphere on average, (3,), mm; in its plane of light, if any."""
+    data = data.chosen(used & (data.walk.scanner == 0))
+    seen = data.walk.seen(state.position).mean(axis=0)
+    return seen * [1.0, 0.0, 1.0] if len(data.points) else seen
 
 
 def sides_of(observations: Sequence[SphereObservation], data: ChainData, state: ChainState) -> np.ndarray:

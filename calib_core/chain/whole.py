@@ -248,8 +248,8 @@ def _tcp_part(
         at_point=held.at_point(point, judged.data.half_width_mm),
         at_workpiece=held.at_workpiece(point, judged.data.half_width_mm),
         weights=np.minimum(1 / judged.data.pose_scale[:count], 1.0),
-        undetermined=open_directions(held.by_motions),
-        weak=open_directions(held.by_motions, tolerance=0.2),
+        undetermined=open_directions(held.by_motions(point)),
+        weak=open_directions(held.by_motions(point), tolerance=0.2),
     )
 
 

@@ -14,6 +14,8 @@ from calib_core.poses.numbers import to_pose
 from calib_core.recognition.recognised import recognise
 from calib_core.recognition.taken import GivenFile
 from calib_core.recognition.tracker_points import centers_in
+from calib_core.records import parse_session
+from calib_core.stages.pipeline import solve_stage
 from server.cli import main
 
 RNG = np.random.default_rng(37)
@@ -98,6 +100,31 @@ def test_a_trackers_points_and_the_controllers_poses_solve_to_where_the_tracker_
     error = BASE_FROM_TRACKER.difference(RigidTransform.from_rounded(result.base_from_laser, "base", "laser"))
     assert np.linalg.norm(error[3:]) < 0.2  # at 2.3 m
     assert float(error @ np.linalg.solve(np.array(result.covariance), error)) < 22.5  # 99.9 %
+    # Where the tracker sees its target, out of any plane of light, the answer is far surer than where it stands.
+    seen, spread = np.array(result.workpiece.point_in_laser_mm), np.array(result.workpiece.covariance)
+    np.testing.assert_allclose(seen, np.mean(POINTS_MM, axis=0), atol=0.1)
+    found = RigidTransform.from_rounded(result.base_from_laser, "base", "laser")
+    off = found.apply(seen) - BASE_FROM_TRACKER.apply(seen)
+    assert float(off @ np.linalg.solve(spread, off)) < 16.3  # 99.9 %
+    assert np.sqrt(np.linalg.eigvalsh(spread)[-1]) < 0.03
+
+
+def test_a_tracker_far_away_is_judged_where_it_sees_its_target() -> None:
+    farther, rng = np.linalg.inv(BASE_FROM_TRACKER.matrix), np.random.default_rng(38)
+    farther[:3, 3] += [9000.0, -4000.0, 2000.0]
+    captures = [
+        {
+            "id": f"P{k}", "step": "tcp", "kind": "center", "pose": pose.ravel().tolist(),
+            "center_mm": ((farther @ pose @ [*TARGET_IN_TOOL0_MM, 1])[:3] + rng.normal(0, 0.3, 3)).tolist(),
+        }
+        for k, pose in enumerate(POSES)
+    ]  # fmt: skip
+    cell = {"pose_convention": "matrix", "arrangement": "sphere-on-robot", "scanner": {"point_sigma_mm": 0.3}}
+    record = parse_session({"format": "scancell-session/1", "cell": cell, "captures": captures}, "session")
+    result = solve_stage(record, "tcp", lambda _name: b"")
+    assert np.sqrt(np.trace(np.array(result.covariance)[3:, 3:])) > 5.0  # where it stands, ten metres away
+    assert np.sqrt(np.linalg.eigvalsh(np.array(result.workpiece.covariance))[-1]) < 0.5
+    assert not {"tool-position-undetermined", "tool-position-weak"} & {one.code for one in result.findings}
 
 
 def test_a_unit_is_never_taken_in_silence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ class Chain(Stage):
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
     known = (*SCANNER_FRAMES, "base_from_turntable")
-    method_revision = 5  # a round thing beside the ball is told from it
+    method_revision = 6  # whole centres are known where they are seen, without a bow of no width
     any_arrangement = True
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")

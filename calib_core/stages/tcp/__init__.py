@@ -18,7 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 10  # balls side by side are found; distances name them by how sure their places are
+    method_revision = 11  # whole centres are known where they are seen, without a bow of no width
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}
     reads = SPHERE_READS
