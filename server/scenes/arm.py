@@ -25,7 +25,7 @@ def arm(facts: SceneFacts, look: Look) -> Iterator[Node]:
     poses = [capture.base_from_tool0 for capture in facts.captures]
     own = here.links_in_base_mm
     joints = joints_mm(here.base_from_tool0, poses) if own is None else own
-    yield nodes.polyline("/arm/links", joints, WAITING, 9.0)
+    yield nodes.polyline("/arm/links", joints, WAITING, 5.0)
     size = 0.012 * float(np.linalg.norm(joints, axis=1).max())
     for number, joint in enumerate(joints[1:-1]):
         yield nodes.ball(f"/arm/joint-{number}", joint, size, WAITING, 0.9)

@@ -44,7 +44,7 @@ html.dark, html.dark body, html.dark #root { background: #141414; }
 }
 #scancell-tip:empty { display: none; }
 #scancell-legend:empty { display: none; }
-#scancell-legend h2 { margin: 0 0 4px; font-size: 12px; font-weight: 600; }
+#scancell-legend h2 { margin: 0 0 4px; font-size: 12px; font-weight: 600; break-after: avoid; }
 #scancell-legend p { margin: 0 0 2px; }
 #scancell-legend .bar { height: 10px; border-radius: 2px; }
 #scancell-legend .ticks { display: flex; justify-content: space-between; }

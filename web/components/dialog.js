@@ -16,17 +16,33 @@ import { t } from "../texts.js";
  */
 export function openDialog(id, title, children, { submit, class: kind } = {}) {
   const holds = [h("h2", { id: `${id}-title` }, title), ...children];
-  const send = (/** @type {SubmitEvent} */ event) => {
-    event.preventDefault();
-    void submit?.(event);
-  };
-  const body = submit ? h("form", { class: "body", novalidate: true, onsubmit: send }, ...holds) : h("div", { class: "body" }, ...holds);
+  const body = submit ? h("form", { class: "body", novalidate: true, onsubmit: once(submit) }, ...holds) : h("div", { class: "body" }, ...holds);
   return showDialog(h("dialog", { class: kind, "aria-labelledby": `${id}-title` }, body));
 }
 
-/** @param {HTMLDialogElement} dialog */
+/** What a form sends, once, however often its button is pressed meanwhile. @param {Submit} send */
+export function once(send) {
+  let isOnItsWay = false;
+  return async (/** @type {SubmitEvent} */ event) => {
+    event.preventDefault();
+    if (isOnItsWay) return;
+    isOnItsWay = true;
+    try {
+      await send(event);
+    } finally {
+      isOnItsWay = false;
+    }
+  };
+}
+
+/** It goes with its page too, as where somebody goes back. @param {HTMLDialogElement} dialog */
 export function showDialog(dialog) {
-  dialog.addEventListener("close", () => dialog.remove());
+  const close = () => dialog.close();
+  window.addEventListener("popstate", close);
+  dialog.addEventListener("close", () => {
+    window.removeEventListener("popstate", close);
+    dialog.remove();
+  });
   document.body.append(dialog);
   dialog.showModal();
   return dialog;

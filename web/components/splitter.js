@@ -4,7 +4,7 @@ import { h } from "../dom.js";
 import { t } from "../texts.js";
 
 const KEY = "scancell-scene-share";
-const [LEAST, MOST, USUAL, STEP] = [20, 70, 37, 3];
+const [LEAST, MOST, USUAL, STEP] = [20, 70, 35, 3];
 
 /** @param {HTMLElement} session whose last column is the scene */
 export function splitter(session) {

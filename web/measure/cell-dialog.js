@@ -11,7 +11,7 @@ import { did, patchBack } from "../state/undo.js";
 import { bring } from "../state/upload.js";
 import { ChainPictureElement } from "./chain-picture.js";
 import { conventionWords } from "./pose-columns.js";
-import { alarm, closeButton, showDialog } from "../components/dialog.js";
+import { alarm, closeButton, once, showDialog } from "../components/dialog.js";
 import { attempt } from "../components/toasts.js";
 
 /** @import {Cell} from "../api-types.js" */
@@ -206,10 +206,7 @@ function open(conventions, session, brought) {
   if (brought?.convention && convention instanceof HTMLSelectElement) convention.value = brought.convention;
   const diameter = form.elements.namedItem("diameter");
   if (brought?.diameter_mm && diameter instanceof HTMLInputElement) diameter.value = String(inField(brought.diameter_mm));
-  form.addEventListener("submit", (event) => {
-    event.preventDefault();
-    void submit(form, chain, told, dialog, base);
-  });
+  form.addEventListener("submit", once(() => submit(form, chain, told, dialog, base)));
   if (session) fill(form, session);
   showDialog(dialog);
 }

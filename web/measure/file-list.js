@@ -16,7 +16,7 @@ const SHOWN = 8;
 
 export class FileListElement extends HTMLElement {
   /** Called when a file is taken for something else. @type {() => void} */ changed = () => undefined;
-  /** @type {Found[]} */ #found = [];
+  /** Those that came. @type {Found[]} */ found = [];
   /** What somebody said a file is. @type {Record<string, string>} */ #told = {};
   /** @type {RecognisedFiles | null} */ #known = null;
   /** By the first word of its line. @type {Map<string, RecognisedPose>} */ #lines = new Map();
@@ -24,25 +24,25 @@ export class FileListElement extends HTMLElement {
   /** Look at files beside those that came before. @param {readonly Found[]} found */
   async take(found) {
     const names = new Set(found.map(({ path }) => path));
-    this.#found = [...this.#found.filter(({ path }) => !names.has(path)), ...found];
+    this.found = [...this.found.filter(({ path }) => !names.has(path)), ...found];
     await this.#look();
   }
 
   clear() {
-    [this.#found, this.#told, this.#known] = [[], {}, null];
+    [this.found, this.#told, this.#known] = [[], {}, null];
     this.#lines.clear();
     this.replaceChildren();
   }
 
   /** The measurements, in the order in which people count them. @returns {Found[]} */
   get measurements() {
-    return this.#known?.pairs.flatMap(({ file }) => (file === null ? [] : this.#found[file] ?? [])) ?? [];
+    return this.#known?.pairs.flatMap(({ file }) => (file === null ? [] : this.found[file] ?? [])) ?? [];
   }
 
   /** Files of a controller: its tools and external axes are read besides. @returns {Found[]} */
   get controllers() {
     const taken = this.#known?.files ?? [];
-    return this.#found.filter((_, index) => taken[index]?.reason.startsWith("controller"));
+    return this.found.filter((_, index) => taken[index]?.reason.startsWith("controller"));
   }
 
   /** A line for each pose; one that has a measurement begins with its name. */
@@ -94,13 +94,13 @@ export class FileListElement extends HTMLElement {
 
   /** @param {string} path */
   #entry(path) {
-    return this.#known?.files[this.#found.findIndex((one) => one.path === path)];
+    return this.#known?.files[this.found.findIndex((one) => one.path === path)];
   }
 
   async #look() {
-    this.#known = await api.recogniseFiles(this.#found, { taken_for: this.#told });
+    this.#known = await api.recogniseFiles(this.found, { taken_for: this.#told });
     const { poses, pairs } = this.#known;
-    const fileOf = new Map(pairs.map(({ file, pose }) => [pose, file === null ? undefined : this.#found[file]?.path]));
+    const fileOf = new Map(pairs.map(({ file, pose }) => [pose, file === null ? undefined : this.found[file]?.path]));
     this.#lines = new Map();
     poses.forEach((pose, index) => this.#lines.set(freeName(this.#lines, stem(fileOf.get(index)) || pose.name), pose));
     this.#draw();

@@ -142,10 +142,9 @@ export class IntakePanelElement extends StateElement {
   }
 
   close() {
-    this.#files = [];
+    [this.#files, this.#poses] = [[], []];
     this.#waiting.clear();
     this.#stored.clear();
-    this.#poses = [];
     this.#offers?.clear();
     this.#text.value = this.#angles.value = "";
     this.#keep();
@@ -156,6 +155,9 @@ export class IntakePanelElement extends StateElement {
     this.#scannerFile?.clear();
     this.#showInScene();
   }
+
+  /** What is listed and not stored. */
+  get unsent() { return (this.#list?.found ?? []).filter(({ file }) => !this.#stored.has(file)); }
 
   /** @param {Found[]} found */
   async take(found) {

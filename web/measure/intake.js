@@ -3,7 +3,7 @@
 import { h, make } from "../dom.js";
 import { chosen, dropped } from "../state/files.js";
 import { t } from "../texts.js";
-import { draftKey, isAwaited } from "../state/upload.js";
+import { bring, draftKey, isAwaited } from "../state/upload.js";
 import { StateElement } from "../components/base.js";
 import { attempt } from "../components/toasts.js";
 
@@ -13,12 +13,33 @@ export class IntakeElement extends StateElement {
   #picker = h("input", { type: "file", multiple: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.choose"), onchange: () => this.#chosen(this.#picker) });
   #folderPicker = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => this.#chosen(this.#folderPicker) });
   /** @type {Promise<import("./intake-panel.js").IntakePanelElement> | null} */ #loading = null;
+  /** @type {import("./intake-panel.js").IntakePanelElement | null} */ #shown = null;
 
   parts = /** @type {const} */ (["session"]);
 
   build() {
     this.append(this.#picker, this.#folderPicker);
   }
+
+  connectedCallback() {
+    super.connectedCallback();
+    window.addEventListener("beforeunload", this.#warn);
+  }
+
+  /** Files that wait are there again for who comes back to the session; a page that is loaded anew has none: its browser asks before. */
+  disconnectedCallback() {
+    super.disconnectedCallback();
+    window.removeEventListener("beforeunload", this.#warn);
+    if (this.#unsent.length && !this.state.adding) bring(this.state.id, this.#unsent);
+  }
+
+  get #unsent() {
+    return this.#shown?.unsent ?? [];
+  }
+
+  #warn = (/** @type {Event} */ event) => {
+    if (this.#unsent.length || this.state.adding) event.preventDefault();
+  };
 
   update() {
     const { session, id } = this.state;
@@ -30,7 +51,7 @@ export class IntakeElement extends StateElement {
       const panel = make(IntakePanelElement, { state: this.state });
       panel.addEventListener("solve", () => this.dispatchEvent(new Event("solve")));
       this.append(panel);
-      return panel;
+      return (this.#shown = panel);
     });
     return this.#loading;
   }

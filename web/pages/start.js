@@ -31,6 +31,7 @@ const OTHER_CELLS = /** @type {const} */ ([
 export class StartPage extends HTMLElement {
   #cards = make(SessionCardsElement);
   #progress = make(ProgressElement);
+  #simulating = false;
   #folder = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => void this.#take(chosen(this.#folder)) });
   #archive = h("input", { type: "file", accept: ".zip", class: "visually-hidden", tabindex: -1, "aria-label": t("way.archive_go"), onchange: () => void this.#take(chosen(this.#archive)) });
 
@@ -80,12 +81,15 @@ export class StartPage extends HTMLElement {
 
   /** @param {string} scenario @param {string} [hash] what the session's page opens with */
   async #simulate(scenario, hash = "") {
+    if (this.#simulating) return; // the second half of a double click
+    this.#simulating = true;
     this.#progress.show(t("start.simulating"));
     const seed = 1 + Math.floor(Math.random() * SEEDS);
     await attempt(async () => {
       const session = await api.createSession({ name: t("way.simulated_name", { seed }), simulated: { scenario, seed } });
       go(`/sessions/${session.id}${hash}`);
     });
+    this.#simulating = false;
     this.#progress.end();
   }
 
