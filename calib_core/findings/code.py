@@ -166,8 +166,13 @@ _FORMATTER: Final = Formatter()
 
 
 def places_of(text: str) -> list[str]:
-    """Return the names of a text's places."""
-    return [name for _, name, _, _ in _FORMATTER.parse(text) if name]
+    """Return the names of a text's places, and of those that say how a number is written."""
+    return [
+        place
+        for _, name, spec, _ in _FORMATTER.parse(text)
+        if name
+        for place in (name, *places_of(spec or ""))
+    ]
 
 
 def _told(values: Mapping[str, Value]) -> dict[str, Told]:

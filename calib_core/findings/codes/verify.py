@@ -10,7 +10,7 @@ _RULE = (
 VERIFY_FAIL = Code(
     "verify-fail",
     "error",
-    text="{title}: {value_mm:.3f} ± {uncertainty_mm:.3f} mm is beyond the limit of {limit_mm:g} mm.",
+    text="{title}: {value_mm:.{digits}f} ± {uncertainty_mm:.{digits}f} mm is beyond the limit of {limit_mm:g} mm.",
     to_do="Calibrate again, then verify again.",
     meaning="A figure of the verification exceeds its limit by more than its uncertainty.",
     decided=_RULE,
@@ -21,7 +21,7 @@ VERIFY_FAIL = Code(
 VERIFY_CONDITIONAL_FAIL = Code(
     "verify-conditional-fail",
     "warning",
-    text="{title}: {value_mm:.3f} ± {uncertainty_mm:.3f} mm is above the limit of {limit_mm:g} mm, by less than "
+    text="{title}: {value_mm:.{digits}f} ± {uncertainty_mm:.{digits}f} mm is above the limit of {limit_mm:g} mm, by less than "
     "its uncertainty.",
     to_do="Calibrate again, or take more captures of the verification, turned further.",
     meaning="A figure of the verification is above its limit, but its uncertainty reaches below it.",
@@ -33,7 +33,7 @@ VERIFY_CONDITIONAL_FAIL = Code(
 VERIFY_CONDITIONAL_PASS = Code(
     "verify-conditional-pass",
     "warning",
-    text="{title}: {value_mm:.3f} ± {uncertainty_mm:.3f} mm is below the limit of {limit_mm:g} mm, by less than "
+    text="{title}: {value_mm:.{digits}f} ± {uncertainty_mm:.{digits}f} mm is below the limit of {limit_mm:g} mm, by less than "
     "its uncertainty.",
     to_do="Take more captures of the verification, turned further.",
     meaning="A figure of the verification is below its limit, but its uncertainty reaches above it.",
@@ -46,7 +46,7 @@ VERIFY_UNDECIDED = Code(
     "verify-undecided",
     "warning",
     text={
-        "uncertainty": "{title}: the uncertainty, ± {uncertainty_mm:.3f} mm, is larger than the limit of "
+        "uncertainty": "{title}: the uncertainty, ± {uncertainty_mm:.{digits}f} mm, is larger than the limit of "
         "{limit_mm:g} mm: nothing is decided.",
         "captures": "{title}: {count} captures count, too few to decide on the limit of {limit_mm:g} mm.",
     },

@@ -11,6 +11,7 @@ from typing import Any, Final, get_args
 
 import numpy as np
 
+from calib_core.evidence.numbers import decimals_of_uncertainty
 from calib_core.findings import Code
 from calib_core.findings.codes import verify as codes
 from calib_core.frames import FloatArray, skew
@@ -72,11 +73,12 @@ def checked(name: str, estimate: Estimate, limit_mm: float | None, count: int = 
         enough = count >= LEAST_DECIDING
         decision = decided(estimate.value_mm, estimate.uncertainty_mm, limit_mm) if enough else "undecided"
         reason = message(
-            "{title}: {value_mm:.3f} ± {uncertainty_mm:.3f} mm, limit {limit_mm:g} mm",
+            "{title}: {value_mm:.{digits}f} ± {uncertainty_mm:.{digits}f} mm, limit {limit_mm:g} mm",
             title=title,
             value_mm=estimate.value_mm,
             uncertainty_mm=estimate.uncertainty_mm,
             limit_mm=limit_mm,
+            digits=decimals_of_uncertainty(estimate.uncertainty_mm),
         )
         if decision not in ("pass", _BEYOND) and not (enough and estimate.uncertainty_mm <= _QUARTER * limit_mm):
             reason = message(
@@ -115,6 +117,7 @@ def decision_findings(checks: Sequence[VerifyCheck], count: int) -> list[Finding
             "value_mm": check.value_mm,
             "uncertainty_mm": check.uncertainty_mm,
             "limit_mm": check.limit_mm or 0.0,
+            "digits": decimals_of_uncertainty(check.uncertainty_mm),
         }
         if check.decision != "undecided":
             findings.append(_SAID[check.decision](**figures))
