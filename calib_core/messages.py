@@ -290,7 +290,8 @@ class _Filler(Formatter):
             return said.listed(value, {"or": said.or_, ",": said.comma}.get(format_spec, ""))  # pyright: ignore[reportUnknownArgumentType]
         if isinstance(value, float) and not math.isfinite(value):
             return "–"
-        return format(value, format_spec) if format_spec or isinstance(value, int) else _three_digits(value)
+        number = format(value, format_spec) if format_spec or isinstance(value, int) else _three_digits(value)
+        return number.replace("%", "\u00a0%") if said.language == "de" else number
 
 
 def _plain(value: Any) -> Value:

@@ -51,8 +51,8 @@ export const said = (text = "") => bound(inLanguage(text.replace(HYPHEN, "\u2212
 const inLanguage = (text) => (language === "zh" ? text.replace(/([。；，：]) /gu, "$1") : language !== "de" || !text.includes(".") ? text
   : text.split(VERBATIM).map((part, place) => (place % 2 ? part : part.replace(DECIMAL, pointed).replace(/(\d,\d+), (?=[\u2212±]?\d+(?:,\d|$))/g, "$1; "))).join(""));
 
-/** A ± stays beside its number, close where it stands alone, a range in one piece and a number beside its unit, where a line ends. @param {string} text */
-const bound = (text) => (/[±\d]/.test(text) ? text.replace(/(?<=\d)–(?=\d)/g, "\u2060–\u2060").replace(/(?<=\d) ±/g, "\u00a0±").replace(/(?<!\u00a0)± (?=\d)/g, "±").replace(/± (?=\d)/g, "±\u00a0").replace(/(?<=\d) (?=(?:mm|µm|px|°|kB|MB|GB|ms|s|σ|%)(?![\w²]))/g, "\u00a0") : text);
+/** A ± stays beside its number, close where it stands alone, a range and k = 2 in one piece and a number beside its unit, where a line ends. @param {string} text */
+const bound = (text) => (/[±\d]/.test(text) ? text.replace(/(?<=\d)–(?=\d)/g, "\u2060–\u2060").replace(/\bk = (?=\d)/g, "k\u00a0=\u00a0").replace(/(?<=\d) ±/g, "\u00a0±").replace(/(?<!\u00a0)± (?=\d)/g, "±").replace(/± (?=\d)/g, "±\u00a0").replace(/(?<=\d) (?=(?:mm|µm|px|°|kB|MB|GB|ms|s|σ|%)(?![\w²]))/g, "\u00a0") : text);
 
 /**
  * A text whose key is put together from data; `otherwise` where the catalogue has none.

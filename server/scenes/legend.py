@@ -47,7 +47,7 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
     if facts.captures and facts.knows_scanner and told("light"):
         parts.append(_key(LIGHT, "◣", message("plane of light")))
     if facts.table is not None and told("table"):
-        parts += _of_table(facts.table)
+        parts += _of_table(facts.table, places=told("circles", "places"), circles=told("circles"))
     if facts.optics is not None and told("camera"):
         parts += _of_optics(facts.optics)
     if (cloud := shown_cloud(facts, look)) is not None and told("scans"):
@@ -104,14 +104,14 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
     return parts
 
 
-def _of_table(table: TableFacts) -> list[str]:
+def _of_table(table: TableFacts, *, places: bool, circles: bool) -> list[str]:
     parts = [_head(message("Turntable")), _key(AXIS, "↑", message("axis, T at 0°"))]
-    mounts = table.mounts or {}
+    mounts = (table.mounts or {}) if places else {}
     parts += [
         _key(mount_color(table, mount), "●", message("sphere {mount}", mount=mount or "on the table"))
         for mount in mounts
     ]
-    if table.circles:
+    if table.circles and circles:
         parts.append(_key(WAITING, "○", message("circles of the paper's method")))
     return parts
 

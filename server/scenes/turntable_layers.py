@@ -31,9 +31,9 @@ def table_axis(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     size = max(away, 60.0)
     place = table.base_from_turntable
     ends = place.apply([[0.0, 0.0, low - 0.5 * size], [0.0, 0.0, high + 0.8 * size]])
-    yield nodes.arrow("/table/axis", ends, AXIS, 0.006 * size, 10.0)
+    yield nodes.arrow("/table/axis", ends, AXIS, 0.004 * size, 15.0)
     yield nodes.label("/table/axis-name", ends[1], "turntable axis")
-    yield nodes.axes("/table/frame", place, 0.6 * size, AXIS, thickness=0.012)
+    yield nodes.axes("/table/frame", place, 0.6 * size, AXIS, thickness=0.008)
     for axis, name in enumerate("xyz"):
         yield nodes.label(f"/table/{name}", place.apply(np.eye(3)[axis] * 0.66 * size), name, 0.9, "center-center")
     yield nodes.label("/table/name", place.apply([0.0, 0.0, -0.06 * size]), "T at 0°", anchor="top-center")

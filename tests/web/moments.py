@@ -193,7 +193,7 @@ MOMENTS: dict[str, Told] = {
     "table-half": Told("cell", "half turntable", "turntable", ["table-so-far"]),
     "table": Told("cell", "turntable", "turntable.result", ["circles", "places"]),
     "scans": Told("cell", "half scan", "scan", ["scans"]),
-    "chain": Told("cell", "chain", "chain.result", ["sphere"]),
+    "chain": Told("cell", "chain", "chain.result", ["circles", "places"]),
     "merged": Told("cell", "merge", "merge.result", ["scans"]),
     "deviation": Told("cell", "merge", "merge.result", ["scans"], _compare_with_the_part),
     "verify-failed": Told("verify-bowed-plate", "verify", "verify.result", ["sphere"], _verify_with_all),

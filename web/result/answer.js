@@ -9,6 +9,7 @@ import { brief } from "./brief.js";
 import { explains } from "./finding.js";
 import { glossed } from "../components/glossary.js";
 import { stepName } from "../measure/rail.js";
+import { nextStep } from "../state/next-step.js";
 import { causesOf, evidenceOfCause, mendable } from "./remedy.js";
 
 /** @import {Block, FigureBlock, Finding, StageResult} from "../state/model.js" */
@@ -99,7 +100,7 @@ function more(title, findings) {
   return h("details", { class: "more" }, h("summary", { class: "small" }, title), h("ul", {}, ...findings.map((one) => h("li", {}, whole(one)))));
 }
 
-/** What the guide says comes next, in one line; a reviewed past has none. @param {SessionState} state @param {string} stage */
+/** What the guide says comes next, in one line; a reviewed past has none, nor where the main button leads elsewhere. @param {SessionState} state @param {string} stage */
 function next(state, stage) {
   const now = state.guide?.current;
   const result = state.results[stage];
@@ -109,6 +110,8 @@ function next(state, stage) {
     const go = () => document.getElementById("merge-files")?.scrollIntoView({ behavior: "smooth" });
     return h("p", { class: "next" }, h("strong", {}, t("answer.next")), " ", h("button", { type: "button", class: "plain", onclick: go }, t("answer.save")));
   }
+  const onward = nextStep(state);
+  if (onward !== null && onward !== now?.step) return null;
   if ("timeline" in state || !now || (now.action === "review" && now.stage === stage) || (result && mendable(result).length)) return null;
   return h("p", { class: "next", title: said(now.instruction) }, h("strong", {}, t("answer.next")), " ", brief(said(now.instruction)));
 }

@@ -4,7 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { decimalsFor, fixed, plusMinus, significant } from "../format.js";
 import { mark } from "../icons.js";
-import { t } from "../texts.js";
+import { maybe, t } from "../texts.js";
 
 /** @import {FrameDifference} from "../state/model.js" */
 
@@ -28,7 +28,7 @@ function line({ frame, at_workpiece_mm, at_workpiece_sigma_mm, angle_deg, chance
   const within = chance >= RARE;
   const stated_mm = K * at_workpiece_sigma_mm;
   return h("p", {},
-    named && h("strong", {}, `${frame} `),
+    named && h("strong", {}, maybe(`comparison.${frame}`, frame), ": "),
     t("truth.off", {
       error: `${fixed(at_workpiece_mm, decimalsFor(stated_mm))}\u202fmm`,
       angle: significant(angle_deg, 2),
