@@ -168,10 +168,7 @@ _FORMATTER: Final = Formatter()
 def places_of(text: str) -> list[str]:
     """Return the names of a text's places, and of those that say how a number is written."""
     return [
-        place
-        for _, name, spec, _ in _FORMATTER.parse(text)
-        if name
-        for place in (name, *places_of(spec or ""))
+        place for _, name, spec, _ in _FORMATTER.parse(text) if name for place in (name, *places_of(spec or ""))
     ]
 
 
