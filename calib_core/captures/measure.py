@@ -3,6 +3,7 @@
 from calib_core.captures.advice import arc_findings
 from calib_core.captures.capture_observation import Seen
 from calib_core.captures.content import (
+    diameter_in_sight_mm,
     pose_of,
     shows_board,
     shows_sphere,
@@ -104,9 +105,10 @@ def _waits_for_calibration(session: Session, capture: Capture) -> bool:
 
 def _measured(cell: Cell, capture: Capture, seen: Seen) -> Measured:
     fit, weak, per_independent = seen.fit, list[Finding](), None
+    diameter_mm = diameter_in_sight_mm(cell, capture)
     if isinstance(fit, ArcFit):
-        assert cell.sphere_diameter_mm is not None
-        weak = arc_findings(fit, seen.points, cell.sphere_diameter_mm)
+        assert diameter_mm is not None
+        weak = arc_findings(fit, seen.points, diameter_mm)
         per_independent = fit.points_per_independent
     return measured_of(
         capture,
@@ -115,5 +117,5 @@ def _measured(cell: Cell, capture: Capture, seen: Seen) -> Measured:
         on_sphere=int(seen.on_sphere.sum()),
         without_ray=seen.without_ray,
         points_per_independent=per_independent,
-        **figures_of(fit, seen.points, seen.on_sphere, cell),
+        **figures_of(fit, seen.points, seen.on_sphere, diameter_mm),
     )

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calib_core.captures.content import pose_of
+from calib_core.captures.content import diameter_in_sight_mm, pose_of
 from calib_core.captures.observe import arc_observation, see_sphere
 from calib_core.cell.carriers import scanner_told
 from calib_core.chain.observations import SphereObservation
@@ -31,7 +31,7 @@ def further_arcs(session: Session, capture: Capture, read: ReadFile) -> Iterator
         off = np.hypot(*(left - last.center_mm).T)
         left[off < _BORDER * last.radius_mm] = np.nan
         try:
-            last = fit_arc(left, cell.sphere_diameter_mm, told.z_axis)
+            last = fit_arc(left, diameter_in_sight_mm(cell, capture), told.z_axis)
         except MeasurementError:
             return
         if last.rms_mm > _AS_SMOOTH * first.fit.rms_mm:

@@ -6,7 +6,14 @@ from contextlib import contextmanager
 import numpy as np
 
 from calib_core.captures.capture_observation import Doubts, Seen
-from calib_core.captures.content import pose_of, reading_of, sphere_of
+from calib_core.captures.content import (
+    diameter_in_sight_mm,
+    open_sizes,
+    own_size,
+    pose_of,
+    reading_of,
+    sphere_of,
+)
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.raw_frames import of_frames
@@ -67,6 +74,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
         carriers=carriers,
         scanner=scanner_name(session.cell, capture),
         readings=read_axes(session.cell, capture),
+        sphere=own_size(session.cell, capture),
     )
 
 
@@ -99,6 +107,8 @@ def arc_observation(
         scanner=scanner_name(cell, capture),
         readings=read_axes(cell, capture),
         common_sigma_mm=told.point_sigma_mm if scanner_names(cell) else None,
+        sphere=own_size(cell, capture),
+        sizes=open_sizes(cell, capture),
     )
 
 
@@ -143,7 +153,7 @@ def see_sphere(session: Session, capture: Capture, read: ReadFile) -> Seen:
 def point_settings(session: Session, capture: Capture, read: ReadFile) -> list[object]:
     """Return all but its files' bytes that the sphere in a capture's points depends on, as JSON data."""
     cell = session.cell
-    diameter_mm, z_axis = cell.sphere_diameter_mm, scanner_told(cell, capture).z_axis
+    diameter_mm, z_axis = diameter_in_sight_mm(cell, capture), scanner_told(cell, capture).z_axis
     told: list[object] = [capture.kind, capture.format, capture.format_settings, diameter_mm, z_axis]
     if of_frames(capture):
         from calib_core.captures.stripe_frames import calibration_of
@@ -153,11 +163,11 @@ def point_settings(session: Session, capture: Capture, read: ReadFile) -> list[o
 
 
 def _look(cell: Cell, capture: Capture, seen: SeenPoints) -> Seen:
-    points = seen.points
+    points, diameter_mm = seen.points, diameter_in_sight_mm(cell, capture)
     if capture.kind in ("profile", "frame"):
-        arc = fit_arc(points, cell.sphere_diameter_mm, scanner_told(cell, capture).z_axis)
+        arc = fit_arc(points, diameter_mm, scanner_told(cell, capture).z_axis)
         return Seen(points, arc.inliers, arc, seen.without_ray)
-    sphere = fit_sphere(points, cell.sphere_diameter_mm)
+    sphere = fit_sphere(points, diameter_mm)
     return Seen(points, sphere.inliers, sphere)
 
 

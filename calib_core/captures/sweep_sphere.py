@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.captures.content import shows_sphere, sphere_of, thinned
+from calib_core.captures.content import diameter_in_sight_mm, shows_sphere, sphere_of, thinned
 from calib_core.captures.figures import figures_of
 from calib_core.captures.lost_rays import SeenPoints, lost_rays
 from calib_core.captures.measured import measured_of, not_seen
@@ -89,7 +89,7 @@ def measure_sweep(session: Session, capture: Capture, read: ReadFile) -> Measure
         without_ray=without_ray,
         on_sphere=sum(int(arc.inliers.sum()) for _, arc in arcs),
         profiles=len(arcs),
-        **figures_of(largest, fullest.points, largest.inliers, session.cell),
+        **figures_of(largest, fullest.points, largest.inliers, diameter_in_sight_mm(session.cell, capture)),
     )
 
 
@@ -129,7 +129,7 @@ def _profiles(session: Session, capture: Capture, read: ReadFile) -> Iterator[_P
 def _arc_in(session: Session, capture: Capture, name: str, points: FloatArray, read: ReadFile) -> ArcFit:
     """Return the arc in one profile of a sweep; raises MeasurementError where there is none."""
     told = point_settings(session, capture, read)
-    diameter_mm, z_axis = session.cell.sphere_diameter_mm, session.cell.scanner.z_axis
+    diameter_mm, z_axis = diameter_in_sight_mm(session.cell, capture), session.cell.scanner.z_axis
     return seen_once(ArcFit, [name], read, told, lambda: fit_arc(points, diameter_mm, z_axis))
 
 

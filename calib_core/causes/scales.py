@@ -16,6 +16,7 @@ from calib_core.captures.content import pose_of, read_points
 from calib_core.captures.observe import arc_observation
 from calib_core.causes.apply import settings_of
 from calib_core.causes.search import Posed, started
+from calib_core.cell.carriers import with_diameter
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import centers_of, find_start
 from calib_core.chain.start_search import Sought, random_rotations
@@ -105,7 +106,7 @@ def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, 
     if not found or found[0].is_ordinary:
         return []
     found = [one for one in found if one.price < _RIVAL * found[0].price and not one.is_ordinary]
-    return [_cause(one, now if np.isfinite(now) else None, told, session.captures) for one in found]
+    return [_cause(one, now if np.isfinite(now) else None, told, session) for one in found]
 
 
 def _ratio(profiles: Sequence[FloatArray]) -> float:
@@ -294,7 +295,7 @@ def _diameters(seen: SeenArcs, told: SphereSize) -> list[_Lengths]:
     return [_Lengths(1.0, 1.0, diameter, False, float(found.fun), float(found.fun))]
 
 
-def _cause(one: _Lengths, now: float | None, told: SphereSize, captures: Sequence[Capture]) -> Finding:
+def _cause(one: _Lengths, now: float | None, told: SphereSize, session: Session) -> Finding:
     before = now if now is not None and np.isfinite(now) else None
     label = "Scatter of the sphere's centre"
     evidence = [BeforeAfter(label=label, unit="mm", before=before, after=one.scatter_mm)]
@@ -309,7 +310,7 @@ def _cause(one: _Lengths, now: float | None, told: SphereSize, captures: Sequenc
             id=f"sphere-diameter-{diameter:g}",
             kind="sphere-diameter",
             evidence=evidence,
-            changes=Changes(cell={"sphere_diameter_mm": diameter}),
+            changes=Changes(cell=with_diameter(session.cell, told.diameter_mm, diameter)),
         )
         return codes.SPHERE_DIAMETER_WRONG(remedy=remedy, diameter_mm=diameter, told_mm=told.diameter_mm, **values)
     settings = {f"{axis}_scale": round(scale, 4) for axis, scale in (("x", one.x), ("z", one.z)) if scale != 1}
@@ -317,7 +318,7 @@ def _cause(one: _Lengths, now: float | None, told: SphereSize, captures: Sequenc
         id=f"scaled-profile-{'-'.join(f'{name[0]}-{scale:g}' for name, scale in settings.items())}"[:64],
         kind="scaled-profile",
         evidence=evidence,
-        changes=settings_of(settings, captures),
+        changes=settings_of(settings, session.captures),
         point_settings=settings,
     )
     factors = ", ".join(f"{name[0]} × {scale:.3f}" for name, scale in settings.items())

@@ -11,6 +11,7 @@ from calib_core.captures.poses import base_from_tool0_by_capture
 from calib_core.causes.apply import applied, changes_for
 from calib_core.causes.poses import LEAST_CAPTURES, pose_causes
 from calib_core.causes.table import table_causes
+from calib_core.cell.carriers import diameters_by_name, with_diameter
 from calib_core.cell.found import known_scanner
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.start import centers_of, find_start
@@ -198,7 +199,8 @@ def _units(session: Session, captures: Sequence[Capture]) -> Iterator[RootCause]
 
 
 def _diameters(session: Session) -> Iterator[RootCause]:
-    told = session.cell.sphere_diameter_mm
+    own = [*diameters_by_name(session.cell).values()]
+    told = own[0] if own else session.cell.sphere_diameter_mm
     if told is None:
         return
     for factor, why in _DIAMETERS.items():
@@ -206,7 +208,7 @@ def _diameters(session: Session) -> Iterator[RootCause]:
         remedy = RootCause(
             id=f"sphere-diameter-{diameter:g}",
             kind="sphere-diameter",
-            changes=Changes(cell={"sphere_diameter_mm": diameter}),
+            changes=Changes(cell=with_diameter(session.cell, told, diameter)),
         )
         found = codes.SPHERE_DIAMETER_WRONG(remedy=remedy, compared=why, diameter_mm=diameter, told_mm=told)
         yield from causes_of([found])

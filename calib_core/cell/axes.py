@@ -54,7 +54,7 @@ def moved_axes(cell: Cell) -> tuple[MovedAxis, ...]:
         known = {"base", *(one.name for one in given)}
         axis = next(one for one in waiting if carrier_of_axis(one, axes) in known)
         waiting.remove(axis)
-        given.append(MovedAxis(axis.name, axis.kind, axis.carries, carrier_of_axis(axis, axes)))
+        given.append(MovedAxis(axis.name, axis.kind, axis.carries, carrier_of_axis(axis, axes), axis.direction))
     return tuple(given)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from calib_core.cell.layout import Carrier, KnownDistance
 from calib_core.cell.walk import Carriers
 from calib_core.records import Capture, Cell, Scanner, Sphere
+from calib_core.steps import steps_that_show
 
 _DISTANCE_SIGMA_MM = 0.01
 """Of a calibrated distance of which nothing is told."""
@@ -38,6 +39,50 @@ def told_balls(cell: Cell, carrier: str) -> list[Sphere]:
     """Return what is told of the balls that a frame carries."""
     end = other_end(scanner_mount(cell))
     return [ball for ball in cell.spheres or [] if (ball.on or end) == carrier]
+
+
+def balls_in_sight(cell: Cell, capture: Capture | None = None) -> list[Sphere]:
+    """Return the told balls of which a capture, or any, may show one.
+
+    The one that its mounting names; else those on what carries its ball, by its step; else any.
+    """
+    told = cell.spheres or []
+    if capture is None:
+        return told
+    named = [ball for ball in told if ball.name == capture.mount]
+    if named and capture.step != "tcp":  # there the captures tell
+        return named
+    ends = [ball.on or other_end(scanner_mount(cell, capture.scanner)) for ball in told]
+    on_table = capture.step in steps_that_show("sphere-on-table")
+    carrier = carriers_of(cell, capture).ball
+    here = [
+        ball for ball, on in zip(told, ends, strict=True) if (rides_on_axis(on) if on_table else on == carrier)
+    ]
+    return here or told
+
+
+def tells_diameter(cell: Cell) -> bool:
+    """Return whether a cell tells the diameter of any ball."""
+    return cell.sphere_diameter_mm is not None or any(ball.diameter_mm for ball in cell.spheres or [])
+
+
+def diameters_by_name(cell: Cell) -> dict[str, float]:
+    """Return the diameters of balls that have one of their own, by their names."""
+    return {ball.name: ball.diameter_mm for ball in cell.spheres or [] if ball.diameter_mm is not None}
+
+
+def with_diameter(cell: Cell, told_mm: float, diameter_mm: float) -> dict[str, object]:
+    """Return the merge patch of a cell by which a ball that is told to have a diameter has another."""
+    patch: dict[str, object] = {}
+    if told_mm in diameters_by_name(cell).values():
+        patch["spheres"] = [
+            ball.model_dump(exclude_unset=True)
+            | ({"diameter_mm": diameter_mm} if ball.diameter_mm == told_mm else {})
+            for ball in cell.spheres or []
+        ]
+    if cell.sphere_diameter_mm == told_mm or not patch:
+        patch["sphere_diameter_mm"] = diameter_mm
+    return patch
 
 
 def ball_name(carrier: str) -> str:
@@ -79,6 +124,12 @@ def carrier_of_all(mounts: Iterable[str]) -> str:
 def stands_still(cell: Cell, capture: Capture) -> bool:
     """Return whether the scanner that took a capture stands still, wherever the robot is."""
     return scanner_mount(cell, capture.scanner) == "base"
+
+
+def stands_apart(cell: Cell, capture: Capture) -> bool:
+    """Return whether neither scanner nor ball of a capture is on the robot: its pose does not matter then."""
+    carriers = carriers_of(cell, capture)
+    return capture.step in steps_that_show("sphere-on-table") and "tool0" not in (carriers.scanner, carriers.ball)
 
 
 def carriers_of(cell: Cell, capture: Capture) -> Carriers:

@@ -27,12 +27,16 @@ _PLACE_STEP_MM = 20.0
 
 @dataclass(frozen=True)
 class MovedAxis:
-    """A rotary or linear axis that carries the object or the robot, `on` base or an axis that is listed before."""
+    """A rotary or linear axis that carries the object or the robot, `on` base or an axis that is listed before.
+
+    `direction` is told of some: 1 where it counts right-handed about the end that points up in base.
+    """
 
     name: str
     kind: Literal["rotary", "linear"] = "rotary"
     carries: Literal["object", "robot"] = "object"
     on: str = "base"
+    direction: Literal[1, -1] | None = None
 
 
 @dataclass(frozen=True, eq=False)

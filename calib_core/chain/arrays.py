@@ -40,7 +40,7 @@ def chain_data(
     half_width = float(max(seen, default=1.0))
     merged = [_merged_points(o) for o in observations]
     sigmas = np.array([_point_sigma(o, profile_sigma_mm) for o in observations])
-    radii = np.array([(o.sphere or sphere).radius_mm for o in observations])
+    radii = np.array([o.size(sphere).radius_mm for o in observations])
     alike = np.array([o.points_per_independent for o in observations])
     weights = 1 / (sigmas**2 * alike)
     anchors, information, gradient = np.zeros((count, 3)), np.zeros((count, 11, 11)), np.zeros((count, 11))
@@ -144,14 +144,14 @@ def _nuisances(
 
     The first ball's radius and the first scanner's errors, then the other balls' and the other scanners'.
     """
-    sizes = list(dict.fromkeys(o.sphere or sphere for o in observations)) or [sphere]
+    sizes = list(dict.fromkeys(o.size(sphere) for o in observations)) or [sphere]
     radii = [0, *range(scanner.COUNT, scanner.COUNT + len(sizes) - 1)]
     own = scanner.COUNT - 1
     first = [1, *range(scanner.COUNT + len(sizes) - 1, scanner.COUNT + len(sizes) - 1 + own * (scanners - 1), own)]
     kinds = np.array(
         [*range(scanner.COUNT), *[0] * (len(sizes) - 1), *list(range(1, scanner.COUNT)) * (scanners - 1)]
     )
-    size = index_of([o.sphere or sphere for o in observations], sizes)
+    size = index_of([o.size(sphere) for o in observations], sizes)
     errors = np.array(first)[of_scanner][:, None] + np.arange(own)
     by_kind = priors.sigmas(0.0) if priors else scanner.nothing_believed(0.0)
     sigmas = by_kind[kinds]

@@ -46,11 +46,14 @@ class Balls:
         Where they are in what carries them, mm.
     misfit_mm : (K,)
         How far each arc lies from its ball; infinite for those of none.
+    size : (B,) int
+        Which of the sizes that they may have the balls have.
     """
 
     ball: np.ndarray
     centers: FloatArray
     misfit_mm: FloatArray
+    size: np.ndarray
 
 
 def labelled(
@@ -60,12 +63,15 @@ def labelled(
 
     The names are `sphere-1`, `sphere-2`, …, in the order of how many arcs each has, and empty for arcs of none.
     Of a scanner that sees one ball each capture has one arc: the ball's, else the first.  Where all see one ball
-    only, all have the same name.
+    only, all have the same name.  Where sizes are open, each ball has the one by which its arcs come together.
     """
     names, places = [""] * len(observations), list[tuple[str, FloatArray]]()
+    sizes = [o.sphere for o in observations]
     several = False
     for some in groups:
-        found = balls_of(centers_of([observations[k] for k in some], sphere))
+        arcs = [observations[k] for k in some]
+        open_to = tuple(dict.fromkeys(size for o in arcs if o.sphere is None for size in o.sizes))
+        found = balls_of([_centers(arcs, size, sphere) for size in open_to or (None,)])
         if found is None:
             return None
         alone = len(found.centers) < 2 or np.mean(found.ball == 0) > _NO_MORE
@@ -75,9 +81,16 @@ def labelled(
         chosen = _one_each([observations[k] for k in some], found) if alone else found.ball
         for k, n in zip(some, chosen, strict=True):
             names[k] = f"sphere-{own[n] + 1}" if n >= 0 else ""
+            if open_to and n >= 0:
+                sizes[k] = open_to[found.size[n]]
     if not several:
         names = [name and "sphere-1" for name in names]
-    return [replace(o, ball=name) for o, name in zip(observations, names, strict=True)]
+    return [replace(o, ball=n, sphere=size) for o, n, size in zip(observations, names, sizes, strict=True)]
+
+
+def _centers(arcs: Sequence[SphereObservation], size: SphereSize | None, sphere: SphereSize) -> Centers:
+    """Return the centres of arcs, those of an open size as of one."""
+    return centers_of([replace(o, sphere=o.sphere or size) for o in arcs] if size else arcs, sphere)
 
 
 def _one_each(observations: Sequence[SphereObservation], found: Balls) -> np.ndarray:
@@ -99,16 +112,20 @@ def _place(places: list[tuple[str, FloatArray]], carrier: str, center: FloatArra
     return len(places) - 1
 
 
-def balls_of(centers: Centers) -> Balls | None:
-    """Return which ball each arc is of by the mount that brings most together; None where none brings enough."""
+def balls_of(by_size: Sequence[Centers]) -> Balls | None:
+    """Return which ball each arc is of by the mount that brings most together; None where none brings enough.
+
+    `by_size`: the arcs' centres if all balls had one size, and another.
+    """
     best: Balls | None = None
-    for some in _of_one_ball(centers):
-        start = find_starts(centers.chosen(some))[0]
-        if start.scatter_mm > _ALIKE_MM:
-            continue
-        found = gathered(centers, start)
-        if best is None or _better(found, best):
-            best = found
+    for some in _of_one_ball(by_size[0]):
+        for centers in by_size:
+            start = find_starts(centers.chosen(some))[0]
+            if start.scatter_mm > _ALIKE_MM:
+                continue
+            found = gathered(by_size, start)
+            if best is None or _better(found, best):
+                best = found
     return best
 
 
@@ -149,11 +166,13 @@ def _of_one_ball(centers: Centers) -> list[np.ndarray]:
     return list(masks.values())
 
 
-def gathered(centers: Centers, start: Start) -> Balls:
+def gathered(by_size: Sequence[Centers], start: Start) -> Balls:
     """Return the balls that a mount puts arcs together in, one after the other, the fullest first."""
-    both = candidates(centers, start.rotation, start.translation)
+    each = [candidates(centers, start.rotation, start.translation) for centers in by_size]
+    both, rotations = np.concatenate(each, axis=1), by_size[0].rotations
     ball, misfit = np.full(len(both), -1), np.full(len(both), np.inf)
     places, stray, most_mm = list[FloatArray](), np.zeros(len(both), dtype=bool), np.inf
+    sizes: list[int] = []
     while len(places) < _MOST_BALLS:
         free = np.flatnonzero((ball < 0) & ~stray)
         if len(free) < _LEAST:
@@ -164,14 +183,25 @@ def gathered(centers: Centers, start: Start) -> Balls:
         some = free[apart[:, fullest] < _TOGETHER_MM]
         if len(some) < _LEAST:
             break
-        place, own = middle_of(both[some])
-        if places and (np.median(own) > most_mm or _orientations(centers.rotations[some]) < _LEAST):
+        size, place, own = _of_one_size([one[some] for one in each])
+        if len(each) > 1:  # what came together as of another size is not of this ball
+            some, own = some[own < _TOGETHER_MM], own[own < _TOGETHER_MM]
+        if len(some) < _LEAST:
+            break
+        if places and (np.median(own) > most_mm or _orientations(rotations[some]) < _LEAST):
             stray[some] = True
             continue
         most_mm = min(most_mm, _AS_CLOSE * max(float(np.median(own)), _SHARPEST_MM))
         ball[some], misfit[some] = len(places), own
         places.append(place)
-    return Balls(ball, np.array(places).reshape(-1, 3), misfit)
+        sizes.append(size)
+    return Balls(ball, np.array(places).reshape(-1, 3), misfit, np.array(sizes, dtype=int))
+
+
+def _of_one_size(each: Sequence[FloatArray]) -> tuple[int, FloatArray, FloatArray]:
+    """Return the size by which arcs come together most closely, their place, and how far each is from it."""
+    tried = [(n, *middle_of(both)) for n, both in enumerate(each)]
+    return min(tried, key=lambda one: float(np.median(one[2])))
 
 
 def _orientations(rotations: FloatArray) -> int:

@@ -20,7 +20,8 @@ def with_effective_points(
     """
     profiles = [o for o in observations if o.kind == "profile" and len(o.points_in_laser_mm)]
     arcs = [_arc(o) for o in profiles]
-    shapes = [incidence_shapes(np.abs(z) / sphere.radius_mm) for _, _, z in arcs]
+    radii = [o.size(sphere).radius_mm for o in profiles]
+    shapes = [incidence_shapes(np.abs(z) / radius) for (_, _, z), radius in zip(arcs, radii, strict=True)]
     sigmas = np.array([o.point_sigma_mm for o in profiles])
     common = along_profiles([(a, r) for a, r, _ in arcs], sigmas, shapes)
     lengths = {
@@ -29,7 +30,9 @@ def with_effective_points(
     found: list[SphereObservation] = []
     for o in observations:
         if id(o) in lengths:
-            floor = form_floor(len(o.points_in_laser_mm), o.point_sigma_mm, lengths[id(o)], sphere.diameter_mm)
+            floor = form_floor(
+                len(o.points_in_laser_mm), o.point_sigma_mm, lengths[id(o)], o.size(sphere).diameter_mm
+            )
             found.append(replace(o, points_per_independent=common + floor))
         elif o.kind == "cloud" and len(o.points_in_laser_mm):
             found.append(replace(o, points_per_independent=_of_cloud(o, sphere)))
@@ -56,4 +59,5 @@ def _of_cloud(o: SphereObservation, sphere: SphereSize) -> float:
     offsets = o.points_in_laser_mm - o.center_in_laser_mm
     distances = np.linalg.norm(offsets, axis=1)
     alike = in_cloud(offsets, distances - distances.mean(), o.point_sigma_mm)
-    return alike + form_floor(len(offsets), o.point_sigma_mm, sphere.diameter_mm, sphere.diameter_mm)
+    diameter_mm = o.size(sphere).diameter_mm
+    return alike + form_floor(len(offsets), o.point_sigma_mm, diameter_mm, diameter_mm)

@@ -6,16 +6,17 @@ several, whose planes of light may nearly be one, all captures say how likely th
 covariance has room for it, unless the sense in which the axis counts tells them apart.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.cell.layout import AxisState
+from calib_core.cell.layout import AxisState, MovedAxis
 from calib_core.chain.likelihood import fit
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import TABLE, SphereObservation
 from calib_core.chain.rejection import Judged
+from calib_core.chain.table_frame import LEVEL
 from calib_core.chain.table_judging import EncoderScale
 from calib_core.chain.variance import ChainFit, is_settled
 from calib_core.frames import FloatArray, with_third
@@ -23,6 +24,7 @@ from calib_core.frames import FloatArray, with_third
 _HOPELESS = 12.0  # log-likelihood
 _PLAUSIBLE_MM = 2.0  # captures that scatter more fit neither way
 _LIKELIER = 0.5  # log-likelihood: less is no reason to change sides
+_TOLD = 2 * _HOPELESS  # log-likelihood: of the sense in which an axis counts, as told
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,24 +43,30 @@ class MirrorImage:
 JudgedTable = tuple[Judged, EncoderScale]
 
 
+def told_directions(axes: Sequence[MovedAxis], of_table: int | None) -> dict[str, int]:
+    """Return the senses in which axes count, by their names, as far as they are told."""
+    told = {TABLE: of_table, **{axis.name: axis.direction for axis in axes}}
+    return {name: direction for name, direction in told.items() if direction is not None}
+
+
 def likelier_side(
     observations: Sequence[SphereObservation],
     start: ChainState,
     core: np.ndarray,
     judge: Callable[[ChainState, np.ndarray], JudgedTable],
-    told_direction: int | None,
+    directions: Mapping[str, int],
 ) -> tuple[JudgedTable, MirrorImage | None]:
     """Return captures judged from a start and a core of them, or from its mirror image; and the other image."""
     judged = judge(start, core)
-    image = mirror_image(observations, judged[0].data, judged[0].fit, told_direction)
+    image = mirror_image(observations, judged[0].data, judged[0].fit, directions)
     if image is None or image.log_odds < _LIKELIER:
         return judged, image
     judged = judge(image.state, judged[0].used)
-    return judged, mirror_image(observations, judged[0].data, judged[0].fit, told_direction)
+    return judged, mirror_image(observations, judged[0].data, judged[0].fit, directions)
 
 
 def mirror_image(
-    observations: Sequence[SphereObservation], data: ChainData, found: ChainFit, told_direction: int | None
+    observations: Sequence[SphereObservation], data: ChainData, found: ChainFit, directions: Mapping[str, int]
 ) -> MirrorImage | None:
     """Return the likeliest mirror image of a fit; None where captures, or what is told, leave no doubt.
 
@@ -67,8 +75,8 @@ def mirror_image(
     observations, data
         All captures, and the same as arrays.
     found : ChainFit
-    told_direction : {1, -1}, optional
-        The sense in which the axis counts.
+    directions : mapping
+        The senses in which axes count, as far as they are told.
     """
     walk = data.walk
     riding: np.ndarray = np.any(walk.layout.rides[walk.place], axis=1)
@@ -84,16 +92,29 @@ def mirror_image(
         return None
     images: list[MirrorImage] = []
     for scanner in np.unique(walk.scanner[riding]).tolist():
-        image = _mirrored(data, found.state, scanner, told_direction)
-        if image is not None:
-            there = fit(data, image, found.sigmas)
-            if is_settled(replace(found, minimum=there)):  # of one that ran away no cost means anything
-                images.append(MirrorImage(there.state, found.minimum.at.cost - there.at.cost))
+        image = _mirrored(data, found.state, scanner)
+        told = _as_told(image, directions) - _as_told(found.state, directions)
+        if told < 0:
+            continue
+        there = fit(data, image, found.sigmas)
+        if is_settled(replace(found, minimum=there)):  # of one that ran away no cost means anything
+            likelier = found.minimum.at.cost - there.at.cost
+            images.append(MirrorImage(there.state, likelier + (_TOLD if told else 0.0)))
     best = max(images, key=lambda one: one.log_odds, default=None)
     return None if best is None or best.log_odds < -_HOPELESS else best
 
 
-def _mirrored(data: ChainData, state: ChainState, scanner: int, told_direction: int | None) -> ChainState | None:
+def _as_told(state: ChainState, directions: Mapping[str, int]) -> int:
+    """Return how many axes count in the sense that is told of them, less those that do not."""
+    count = 0
+    for edge, axis in zip(state.walk.layout.axes, state.position.axes, strict=True):
+        up = axis.rotation[2, 2]  # angles count right-handed about z
+        if edge.kind == "rotary" and edge.name in directions and abs(up) > LEVEL:
+            count += 1 if up * directions[edge.name] > 0 else -1
+    return count
+
+
+def _mirrored(data: ChainData, state: ChainState, scanner: int) -> ChainState:
     """Return axes under the object and their balls mirrored at a scanner's plane of light."""
     layout, at = state.walk.layout, state.position
     normal, origin = at.mount_rotations[scanner][:, 1], at.mount_translations[scanner]
@@ -104,8 +125,6 @@ def _mirrored(data: ChainData, state: ChainState, scanner: int, told_direction: 
             continue
         rotary = edge.kind == "rotary"
         z = mirror @ axis.rotation[:, 2] * (-1 if rotary else 1)  # a mirrored turn counts the other way
-        if told_direction is not None and z @ axis.rotation[:, 2] < 0:
-            return None
         point = mirror @ (axis.origin - origin) + origin
         axes[a] = AxisState(with_third(z), point if rotary else axis.origin, axis.scale)
         for n in layout.on_axis(a):

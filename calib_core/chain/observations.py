@@ -64,6 +64,8 @@ class SphereObservation:
         Where the axes stood, by their names, rad and mm.
     sphere : SphereSize or None
         The ball's size, where it is not that of all.
+    sizes : tuple of SphereSize
+        The sizes of the balls that it may show, where which one is not told; empty where all are alike.
     common_sigma_mm : float or None
         The points' standard deviation in all profiles of this scanner, where scanners differ.
     arm_moves : (6, p) or None
@@ -86,6 +88,7 @@ class SphereObservation:
     ball: str = ""
     readings: Mapping[str, float] = field(default_factory=dict[str, float])
     sphere: SphereSize | None = None
+    sizes: tuple[SphereSize, ...] = ()
     common_sigma_mm: float | None = None
     arm_moves: FloatArray | None = None
 
@@ -94,11 +97,15 @@ class SphereObservation:
         """From what carries the scanner into what carries the ball."""
         return self.carriers.ball_from_scanner(self.base_from_tool0)
 
+    def size(self, common: SphereSize) -> SphereSize:
+        """Return the ball's size: its own, else the one that all have."""
+        return self.sphere or common
+
     def sphere_center_in_laser_mm(self, sphere: SphereSize, side: int) -> FloatArray:
         """Return the sphere's centre (3,) in L; `side` is the sign of y, which only a profile leaves open."""
         if self.circle_radius_mm is None:
             return self.center_in_laser_mm
-        height = np.sqrt(max(sphere.radius_mm**2 - self.circle_radius_mm**2, 0.0))
+        height = np.sqrt(max(self.size(sphere).radius_mm ** 2 - self.circle_radius_mm**2, 0.0))
         return self.center_in_laser_mm + np.array([0.0, side * height, 0.0])
 
 
@@ -170,6 +177,6 @@ def pooled_point_sigma(observations: Sequence[SphereObservation], sphere: Sphere
     if not profiles:
         return None
     freedom = np.array([max(len(o.points_in_laser_mm) - 3, 1) for o in profiles])
-    zones = np.array([min((o.circle_radius_mm or 0.0) / sphere.radius_mm, 1.0) for o in profiles])
+    zones = np.array([min((o.circle_radius_mm or 0.0) / o.size(sphere).radius_mm, 1.0) for o in profiles])
     sigmas = zones * np.array([o.point_sigma_mm for o in profiles])
     return float(np.sqrt(np.average(sigmas**2, weights=freedom)))

@@ -106,7 +106,7 @@ class Start:
 def centers_of(observations: Sequence[SphereObservation], sphere: SphereSize) -> Centers:
     """Return the captures' own sphere centres and poses as arrays."""
     measured = np.array([o.sphere_center_in_laser_mm(sphere, o.side or 1) for o in observations])
-    zone = np.array([(o.circle_radius_mm or 0.0) / sphere.radius_mm for o in observations])
+    zone = np.array([(o.circle_radius_mm or 0.0) / o.size(sphere).radius_mm for o in observations])
     # An error of the circle's radius reaches y multiplied by r/|y|.
     magnification = zone / np.sqrt(np.maximum(1 - zone**2, 4e-4))
     return Centers(

@@ -75,7 +75,8 @@ def table_residuals(
     layout, at = state.walk.layout, state.position
     expected = walk.balls(at)[0]
     mounts = {name: state.mount(n) for n, (name, _) in enumerate(layout.mounts)}
-    both = both_centers_in_base(observations, SphereSize(2 * state.radius_mm), mounts)
+    found = SphereSize(2 * state.radius_mm)
+    both = both_centers_in_base(observations, found, mounts)
     first = np.linalg.norm(both[:, 0] - expected, axis=1) <= np.linalg.norm(both[:, 1] - expected, axis=1)
     centers = np.where(first[:, None], both[:, 0], both[:, 1])
     sides = np.where(first, 1, -1) * [o.sphere.circle_radius_mm is not None for o in observations]
@@ -97,7 +98,7 @@ def table_residuals(
     tangential = local[:, 1] * away[:, 0] - local[:, 0] * away[:, 1]
     laser = [(o.sphere.ball_from_scanner @ mounts[o.sphere.scanner]).inverse() for o in observations]
     rms = [
-        float(np.sqrt(np.mean(surface_distances(o.sphere, t.apply(c), state.radius_mm) ** 2)))
+        float(np.sqrt(np.mean(surface_distances(o.sphere, t.apply(c), o.sphere.size(found).radius_mm) ** 2)))
         for o, t, c in zip(observations, laser, expected, strict=True)
     ]
     return TableResiduals(

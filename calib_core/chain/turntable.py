@@ -26,7 +26,14 @@ from calib_core.chain.circles import PaperAxis, paper_axis
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import fit, linearised_at
-from calib_core.chain.mirrored import JudgedTable, MirrorImage, likelier_side, mirror_spread, with_spread
+from calib_core.chain.mirrored import (
+    JudgedTable,
+    MirrorImage,
+    likelier_side,
+    mirror_spread,
+    told_directions,
+    with_spread,
+)
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
 from calib_core.chain.observations import (
     SphereObservation,
@@ -448,7 +455,7 @@ def _judge(
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
         return judge_table(spheres, data, there, core, options.sigmas, options.encoder_scale is False)
 
-    judged, image = likelier_side(spheres, state, core, judge, options.direction)
+    judged, image = likelier_side(spheres, state, core, judge, told_directions(options.axes, options.direction))
     return *judged, image
 
 

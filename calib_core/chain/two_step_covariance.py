@@ -74,8 +74,9 @@ def _by_size(observations: Sequence[SphereObservation], sphere: SphereSize, cent
     sigma = float(np.hypot(sphere.sigma_mm / 2, ScannerPriors().incidence_mm))
     for k, o in enumerate(observations):
         if o.circle_radius_mm is not None:
-            height = np.sqrt(max(sphere.radius_mm**2 - o.circle_radius_mm**2, (0.1 * sphere.radius_mm) ** 2))
-            moved[k, 1] = np.sign(centers[k, 1]) * sphere.radius_mm / height * sigma
+            radius_mm = o.size(sphere).radius_mm
+            height = np.sqrt(max(radius_mm**2 - o.circle_radius_mm**2, (0.1 * radius_mm) ** 2))
+            moved[k, 1] = np.sign(centers[k, 1]) * radius_mm / height * sigma
     return moved
 
 
@@ -84,6 +85,7 @@ def _own_covariance(observation: SphereObservation, sphere: SphereSize) -> Float
     radius = observation.circle_radius_mm
     if radius is None:
         return observation.center_covariance * observation.points_per_independent
-    height = np.sqrt(max(sphere.radius_mm**2 - radius**2, (0.02 * sphere.radius_mm) ** 2))
+    of_ball_mm = observation.size(sphere).radius_mm
+    height = np.sqrt(max(of_ball_mm**2 - radius**2, (0.02 * of_ball_mm) ** 2))
     rows = np.array([[1.0, 0, 0], [0, 0, -radius / height], [0, 1.0, 0]])
     return rows @ (observation.center_covariance * observation.points_per_independent) @ rows.T

@@ -20,7 +20,14 @@ from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
 from calib_core.chain.leave_one_out import without_each
-from calib_core.chain.mirrored import JudgedTable, MirrorImage, likelier_side, mirror_spread, with_spread
+from calib_core.chain.mirrored import (
+    JudgedTable,
+    MirrorImage,
+    likelier_side,
+    mirror_spread,
+    told_directions,
+    with_spread,
+)
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import (
     SphereObservation,
@@ -210,7 +217,8 @@ def _judge(
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
         return judge_table(spheres, data, there, core, options.sigmas, options.encoder_scale is False)
 
-    return spheres, *likelier_side(spheres, start, core, judge, options.direction), point_sigma
+    directions = told_directions(options.axes, options.direction)
+    return spheres, *likelier_side(spheres, start, core, judge, directions), point_sigma
 
 
 def _tcp_part(

@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.arms.alike import REACH_MM
 from calib_core.captures.arm_joints import with_arm_moves
 from calib_core.captures.content import sphere_of
-from calib_core.cell.carriers import ball_on_flange
+from calib_core.cell.carriers import ball_on_flange, tells_diameter
 from calib_core.cell.found import ON_FLANGE, known_scanner, placed_scanner, scanner_frame
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
@@ -82,7 +82,7 @@ def known_of(
         Whose captures are planned. Others than "tcp" are taken away from those of the calibration.
     """
     cell = session.cell
-    if cell.sphere_diameter_mm is None or ball_on_flange(cell):
+    if not tells_diameter(cell) or ball_on_flange(cell):
         return None
     captures = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
     kept = {m.capture: m for m in measured if m.verdict != "fail"}

@@ -36,7 +36,15 @@ from server.store.sessions import (
 _MOST_WORDS = 1000
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
 # What measuring a capture depends on, beside the capture.
-_MEASURED_FROM = ("sphere_diameter_mm", "sphere_diameter_sigma_mm", "scanner", "board", "known")
+_MEASURED_FROM = (
+    "sphere_diameter_mm",
+    "sphere_diameter_sigma_mm",
+    "spheres",
+    "scanner",
+    "scanners",
+    "board",
+    "known",
+)
 FIXED = ("id", "files", "kind")
 _BECAUSE = ("included_because", "excluded_because")
 

@@ -154,11 +154,12 @@ def sphere(facts: SceneFacts, look: Look) -> Iterator[Node]:
     shown = look.shown(facts)
     here = next((c for c in shown if c.id == look.picked), shown[-1] if shown else None)
     for number, ball in enumerate(facts.balls):
-        if facts.sphere_radius_mm is None or here is None:
+        radius_mm = ball.radius_mm or facts.sphere_radius_mm
+        if radius_mm is None or here is None:
             return
         name = f"/sphere/{number}" if number else "/sphere/solved"
         at = ball.in_base_mm(here.base_from_tool0)
-        yield nodes.ball(name, at, 0.985 * facts.sphere_radius_mm, SPHERE, 0.45, _ROUND)
+        yield nodes.ball(name, at, 0.985 * radius_mm, SPHERE, 0.45, _ROUND)
 
 
 def labels(facts: SceneFacts, look: Look) -> Iterator[Node]:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from calib_core.captures.content import sphere_of
 from calib_core.captures.placement import Placement, placement_of
-from calib_core.cell.carriers import rides_on_axis, stands_still
+from calib_core.cell.carriers import diameters_by_name, rides_on_axis, stands_still, tells_diameter
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
@@ -68,6 +69,7 @@ class Ball:
     carrier: str
     center_mm: FloatArray
     captures: frozenset[str]
+    radius_mm: float | None = None
 
     def in_base_mm(self, base_from_tool0: RigidTransform) -> FloatArray:
         """Return where it is while the flange is at a pose, (3,)."""
@@ -123,11 +125,13 @@ class SceneFacts:
         None of a capture that shows another sphere, as the far one of a ball bar: its distances would be all that
         the colours can tell.
         """
-        if capture.sphere_center_in_base_mm is None or self.sphere_radius_mm is None:
+        own = (ball.radius_mm for ball in self.balls if capture.id in ball.captures)
+        radius_mm = next(own, None) or self.sphere_radius_mm
+        if capture.sphere_center_in_base_mm is None or radius_mm is None:
             return None
         offsets = self.points_in_base_mm(capture) - capture.sphere_center_in_base_mm
-        found_mm = np.linalg.norm(offsets, axis=1) - self.sphere_radius_mm
-        far = len(found_mm) > 0 and float(np.median(np.abs(found_mm))) > self.sphere_radius_mm / 2
+        found_mm = np.linalg.norm(offsets, axis=1) - radius_mm
+        far = len(found_mm) > 0 and float(np.median(np.abs(found_mm))) > radius_mm / 2
         return None if far else found_mm
 
 
@@ -157,7 +161,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     mount_from_laser = scanner_on_flange(session, results)
     still = next((r for n in tool_stages() if isinstance(r := results.get(n), TcpResult | ChainResult)), None)
     center = np.array(still.sphere_center_in_base_mm) if still and still.sphere_center_in_base_mm else None
-    balls = _balls(still, center)
+    balls = _balls(session.cell, still, center)
     placement = _placement(session, results)
     optics = optics_facts(session, results)
     posed = _shown_captures(session, boards_told=optics is not None)
@@ -193,10 +197,11 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     )
 
 
-def _balls(still: TcpResult | ChainResult | None, center: FloatArray | None) -> tuple[Ball, ...]:
+def _balls(cell: Cell, still: TcpResult | ChainResult | None, center: FloatArray | None) -> tuple[Ball, ...]:
     """Return the solved balls that no axis carries; of results that list none, the one in base."""
+    radii = {name: diameter_mm / 2 for name, diameter_mm in diameters_by_name(cell).items()}
     found = [
-        Ball(one.carrier, np.array(one.center_mm, dtype=float), frozenset(one.captures))
+        Ball(one.carrier, np.array(one.center_mm, dtype=float), frozenset(one.captures), radii.get(one.name))
         for one in (still.spheres if still else [])
         if not rides_on_axis(one.carrier)
     ]
@@ -317,8 +322,8 @@ def _state(capture: Capture, placing: _Placing) -> tuple[State, str]:
 
 def _radius_mm(session: Session, facts: SceneFacts) -> float | None:
     """Return the sphere's radius: the cell's, or what the points of the used captures say."""
-    if session.cell.sphere_diameter_mm is not None:
-        return session.cell.sphere_diameter_mm / 2
+    if tells_diameter(session.cell):
+        return sphere_of(session.cell, []).radius_mm
     offsets = [
         np.linalg.norm(facts.points_in_base_mm(c) - c.sphere_center_in_base_mm, axis=1)
         for c in facts.captures

@@ -86,6 +86,42 @@ def test_axes_of_either_kind_under_the_robot(
         assert squared < CHI2[freedom], name
 
 
+BESIDE = ScannerOptions("gate", "base")
+LARGE, MIDDLE, SMALL = (
+    BallOptions(name, "base", (900.0 + x, 150.0 + y, 420.0), diameter)
+    for name, x, y, diameter in (
+        ("large", 0.0, 0.0, 50.0),
+        ("middle", 70.0, 0.0, 40.0),
+        ("small", 30.0, 60.0, 30.0),
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("scanners", "balls"),
+    [
+        ((ScannerOptions("hand"), BESIDE), (LARGE, BallOptions("held", "tool0", (25.0, -40.0, 130.0), 30.0))),
+        ((ScannerOptions(),), (LARGE, MIDDLE, SMALL)),
+    ],
+)
+def test_balls_of_different_sizes_are_each_solved_by_their_own(
+    scanners: tuple[ScannerOptions, ...], balls: tuple[BallOptions, ...]
+) -> None:
+    made = TopologyScenario("sizes", scanners, balls, (), told="names")
+    session, files, truth = simulate_topology(made, "drawn", 1)
+    sizes = {ball.name: ball.diameter_mm for ball in session.cell.spheres or []}
+    assert sizes == {ball.name: ball.diameter_mm for ball in balls}
+    cell = session.cell.model_copy(update={"sphere_diameter_mm": None})
+    result = in_memory(session.model_copy(update={"cell": cell}), files).run("tcp")["tcp"]
+    assert result.verdict == "pass"
+    assert {ball.name for ball in result.spheres} == set(sizes)
+    assert all(row.used for row in result.residuals if "arc" not in str(row.reason))
+    found = list(distances(result, truth))
+    assert len(found) >= len(scanners)
+    for name, squared, freedom, _ in found:
+        assert squared < CHI2[freedom], name
+
+
 def test_two_scanners_at_one_stop_are_known_to_each_other_better_than_on_the_flange() -> None:
     errors = {}
     for seed in (1, 2, 3):

@@ -19,7 +19,7 @@ class Chain(Stage):
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
     known = (*SCANNER_FRAMES, "base_from_turntable")
-    method_revision = 6  # whole centres are known where they are seen, without a bow of no width
+    method_revision = 7  # balls of told sizes; a told direction decides between mirrored axes
     any_arrangement = True
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")

@@ -18,7 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 11  # whole centres are known where they are seen, without a bow of no width
+    method_revision = 12  # balls of told sizes are each solved by their own
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}
     reads = SPHERE_READS

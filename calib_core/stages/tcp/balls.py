@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.captures.content import names_by_size
 from calib_core.captures.more_arcs import further_arcs
 from calib_core.cell.axes import moved_axes
 from calib_core.cell.carriers import ball_name, rides_on_axis, told_balls, told_distances
@@ -60,10 +61,25 @@ def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) ->
     if named is None:
         return observed
     if len({one.ball for one in named if one.ball}) < 2:
-        return replace(observed, observations=[arc for arc, one in zip(arcs, named, strict=True) if one.ball])
-    found = [replace(arc, ball=one.ball) for arc, one in zip(arcs, named, strict=True)]
+        alone = [replace(arc, sphere=one.sphere) for arc, one in zip(arcs, named, strict=True) if one.ball]
+        return replace(observed, observations=alone)
+    found = [replace(arc, ball=one.ball, sphere=one.sphere) for arc, one in zip(arcs, named, strict=True)]
+    found = named_by_sizes(given.session.cell, found)
     unused = [*observed.unused, *of_no_ball([o.capture for o in observed.observations], found)]
     return Observed([o for o in found if o.ball], observed.failed, unused)
+
+
+def named_by_sizes(cell: Cell, arcs: Sequence[SphereObservation]) -> list[SphereObservation]:
+    """Return arcs of several balls with the names of those that the cell tells by their sizes."""
+    shown = {(o.carriers.ball, o.ball): o.sphere for o in arcs if o.ball}
+    found = {
+        (carrier, ball): name
+        for (carrier, ball), size in shown.items()
+        if size is not None
+        and [*shown.values()].count(size) == 1
+        and (name := names_by_size(cell, carrier).get(size)) is not None
+    }
+    return [replace(o, ball=found.get((o.carriers.ball, o.ball), o.ball)) for o in arcs]
 
 
 def _standing(cell: Cell, arcs: Sequence[SphereObservation], sphere: SphereSize) -> Sequence[SphereObservation]:

@@ -70,9 +70,11 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     """Return all that is noticed of solution and captures, and what would explain doubts about the poses."""
     from calib_core.stages.tcp.arm_found import arm_findings
     from calib_core.stages.tcp.result import solution_findings
-    from calib_core.stages.tcp.verdict import lag_findings
+    from calib_core.stages.tcp.verdict import diameter_told, lag_findings
 
     found = of_several_balls(given, solved, solution_findings(solved.solution, given.captures))
+    sizes = {o.sphere for o in solved.observations if o.sphere} - {solved.sphere}
+    found += [diameter_told(size) for size in sorted(sizes, key=lambda size: -size.diameter_mm)]
     found += lag_findings(solved.observations, solved.solution.sigmas)
     found += lost_rays_of(solved.observations)
     found += arm_findings(given.session.cell, solved.solution.arm)

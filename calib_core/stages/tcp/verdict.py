@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.causes.incidents import incident_finding
 from calib_core.chain.held import ScannerError
 from calib_core.chain.model import Sigmas
-from calib_core.chain.observations import SphereObservation, named
+from calib_core.chain.observations import SphereObservation, SphereSize, named
 from calib_core.chain.repeated import repeats
 from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.undetermined import OpenDirection, about_travel, without_turns
@@ -190,12 +190,16 @@ def _about(error: ScannerError, solution: TcpSolution) -> Finding:
     return codes.SCANNER_SCALE(handled=handled, axis=error.name[-1], **values)
 
 
+def diameter_told(size: SphereSize) -> Finding:
+    """Return what the solution takes a sphere's diameter to be."""
+    return codes.SPHERE_DIAMETER(diameter_mm=size.diameter_mm, uncertainty_mm=2 * size.sigma_mm)
+
+
 def _notes(solution: TcpSolution) -> list[Finding]:
     """Return what is worth knowing of a solution beside its doubts: what was assumed, and what counts less."""
     found: list[Finding] = []
     if any(solution.points):
-        sphere = solution.sphere
-        found.append(codes.SPHERE_DIAMETER(diameter_mm=sphere.diameter_mm, uncertainty_mm=2 * sphere.sigma_mm))
+        found.append(diameter_told(solution.sphere))
     light = {
         name: weight
         for name, used, weight in zip(solution.captures, solution.used, solution.weights, strict=True)

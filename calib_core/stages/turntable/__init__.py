@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 3  # a sheet of light that is bent is counted with
+    method_revision = 4  # a told direction decides between mirrored axes
     step = CaptureStep(
         "turntable",
         "Turntable",

@@ -91,7 +91,10 @@ def undetermined_of_table(table: TurntableSolution) -> list[Undetermined]:
     covariance = _without_mirror(table)
     if table.mirror is not None and _mirrored_rad(table) > _UNDETERMINED_RAD:
         lean = np.linalg.eigh(table.mirror.axis_direction)[1][:, -1]
-        said = message("the axis may be its mirror image at the plane of light: tell the side of one capture")
+        said = message(
+            "the axis may be its mirror image at the plane of light: tell turntable.direction, or the side of one "
+            "capture"
+        )
         found.append(Undetermined(direction=lean.tolist(), description=str(said)))
     for value, axis in _open_tilts(covariance):
         said = message(

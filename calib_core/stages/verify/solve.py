@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.arm_joints import corrected_captures
-from calib_core.captures.content import sphere_of
+from calib_core.captures.content import sizes_in_sight, sphere_of
 from calib_core.captures.contradictions import EXCLUDED
 from calib_core.captures.placement import Placement
 from calib_core.cell.carriers import other_end, scanner_mount
 from calib_core.cell.found import known_scanner, mounts_of, told_by
 from calib_core.chain.observations import SphereObservation, SphereSize
-from calib_core.errors import MotionError
+from calib_core.errors import InputError, MotionError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import verify as codes
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.messages import message
-from calib_core.records import Capture, Verification
+from calib_core.records import Capture, Cell, Verification
 from calib_core.records.findings import Finding
 from calib_core.records.results import ArmModelFound
 from calib_core.stages.tcp.record import ToolResult
@@ -70,8 +70,8 @@ def solve(given: StageInput) -> VerifyResult:
     steps = {capture.step for capture in given.captures if not capture.excluded}
     if "plate" in steps and "verify" not in steps:
         return _by_plate_alone(given, tool, axes, verified, doubts)
-    sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
     of_sphere = [capture for capture in given.captures if capture.step == "verify"]
+    sphere = _of_one_size(given.session.cell, [capture for capture in of_sphere if not capture.excluded])
     observed = observe_stage(replace(given, captures=of_sphere))
     observed = replace(observed, observations=on_axes(observed.observations, of_sphere, axes))
     tool = replace(tool, axis_moves=axis_moves(of_sphere, axes))
@@ -199,6 +199,20 @@ def _without(observed: Observed, same: Sequence[Finding]) -> Observed:
     out = {name for finding in same for name in finding.captures}
     kept = [o for o in observed.observations if o.capture not in out]
     return replace(observed, observations=kept, unused=[*observed.unused, *same])
+
+
+def _of_one_size(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
+    """Return the size of the sphere that captures show; raises InputError where they show several."""
+    sizes = {size.diameter_mm for capture in captures for size in sizes_in_sight(cell, capture)}
+    if len(sizes) > 1:
+        raise InputError(
+            "spheres of one size to verify with",
+            "{sizes}",
+            "Verify with those of one diameter.",
+            "captures",
+            sizes=", ".join(f"{one:g} mm" for one in sorted(sizes)),
+        )
+    return sphere_of(cell, captures)
 
 
 def _disagreeing(
