@@ -661,7 +661,7 @@ class CameraResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None
@@ -724,7 +724,7 @@ class ChainResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None
@@ -767,7 +767,7 @@ class HandEyeResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None
@@ -802,7 +802,7 @@ class LaserPlaneResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None
@@ -839,7 +839,7 @@ class MergeResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None
@@ -889,7 +889,7 @@ class RecheckResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None
@@ -924,7 +924,7 @@ class TcpResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None
@@ -988,7 +988,7 @@ class TurntableResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None
@@ -1018,7 +1018,7 @@ class VerifyResult(Record):
     software: str
     inputs_sha256: str
     verdict: Literal['pass', 'warn', 'fail']
-    pose_convention: str | None = None
+    pose_convention: Literal['matrix', 'quaternion-xyzw', 'quaternion-wxyz', 'abb', 'kuka', 'fanuc', 'ur', 'staubli', 'kawasaki', 'mitsubishi', 'yaskawa', 'nachi', 'ros'] | None = None
     solved: str | None = None
     provenance: Literal['solved', 'imported', 'replayed', 'differs'] | None = None
     seal: dict[str, Any] | None = None

@@ -13,7 +13,7 @@ from server.store.answers import forget_old_answers
 from server.store.database import Store
 from server.store.models import Data, EventRow, FileRow, OutputRow, SessionRow
 from server.store.releases import list_cells, released
-from server.store.standing import in_force_faults, policy_of
+from server.store.standing import policy_of, released_faults
 from server.store.webhooks import forget_old_deliveries, tell
 
 log = logging.getLogger("scancell")
@@ -81,7 +81,7 @@ def _overdue(db: Transaction) -> dict[str, tuple[str, Data]]:
         release = cell["released"]
         if release is not None and policy_of(db, cell["id"]).interval_days is not None:
             row = released(db, cell["id"])
-            if "overdue" in in_force_faults(db, row):
+            if "overdue" in released_faults(db, row):
                 told = {"cell": cell["id"], "session": row.session_id, "number": row.number}
                 found[f"overdue {row.number}"] = ("overdue", told)
     return found

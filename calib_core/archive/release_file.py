@@ -6,10 +6,13 @@ from typing import Any, Final
 from calib_core.archive.folder import parse_json, to_json_bytes
 from calib_core.archive.seals import seal_state, sealed
 from calib_core.errors import InputError
+from calib_core.records.faults import in_order
 
 RELEASE_FILE: Final = "release.json"
 
-_TOLD: Final = ("number", "cell", "action", "who", "why", "created", "solved", "inputs_sha256", "verdict")
+_TOLD: Final = (
+    "number", "cell", "action", "who", "why", "created", "solved", "inputs_sha256", "verdict", "in_spite_of",
+)  # fmt: skip
 _TEXTS: Final = ("who", "why", "created")
 
 
@@ -30,6 +33,11 @@ def release_told(content: bytes, results: Mapping[str, Mapping[str, Any]], solve
         if not of_these or told["solved"] != solved or seal_state(told) is False:
             return None
         texts = {name: str(told[name] or "") for name in _TEXTS}
-        return {**texts, "number": int(told["number"]), "signed": bool(seal_state(told))}
+        return {
+            **texts,
+            "number": int(told["number"]),
+            "in_spite_of": in_order(told.get("in_spite_of") or ()),
+            "signed": bool(seal_state(told)),
+        }
     except (InputError, KeyError, TypeError, AttributeError, ValueError):
         return None

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Sequence
 
+from calib_core.captures.certificate_dates import piece_words
 from calib_core.errors import CalibrationError, InputError
 from calib_core.findings.codes.circumstances import CERTIFICATE_FILE
 from calib_core.formats.shared.xml_file import Element, elements
@@ -97,7 +98,7 @@ def certificate_findings(session: Session, read: ReadFile) -> list[Finding]:
 
 def _file_finding(one: Equipment, read: ReadFile) -> Finding | None:
     told = one.certificate or EquipmentCertificate()
-    file, piece = told.file or "", " ".join(part for part in (one.kind, one.name, one.serial) if part)
+    file, piece = told.file or "", piece_words(one)
     try:
         content = read(file)
     except (CalibrationError, LookupError, OSError):

@@ -9,6 +9,11 @@ from calib_core.records.policy import Equipment
 _DATE = len("2026-11-03")
 
 
+def piece_words(one: Equipment) -> str:
+    """Return a piece of equipment by name and serial number, else its kind: these are words of no language."""
+    return " ".join(part for part in (one.name, one.serial) if part) or one.kind
+
+
 def captured_until(session: Session, otherwise: str) -> str:
     """Return the day of the newest capture that tells it (ISO 8601), that of another moment where none does."""
     return max((capture.taken[:_DATE] for capture in session.captures if capture.taken), default=otherwise[:_DATE])
@@ -32,7 +37,7 @@ def overdue_certificates(session: Session, otherwise: str) -> list[Finding]:
     return [
         CERTIFICATE_OVERDUE(
             where="cell.equipment",
-            piece=" ".join(part for part in (one.kind, one.name, one.serial) if part),
+            piece=piece_words(one),
             due=one.certificate.due if one.certificate else "",
             on=on,
         )

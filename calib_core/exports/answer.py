@@ -215,7 +215,7 @@ def answer_of(
         raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
     table_stage = stage if stage == "chain" else "turntable"
     parts = list(dict.fromkeys(part for part in (stage, table_stage) if part in data))
-    for part in parts:
+    for part in [*parts, *(["verify"] if "verify" in data else [])]:
         require_result(part, data[part], f"results/{part}.json")
     result, table = data[stage], data.get(table_stage)
     verdicts = [data[part]["verdict"] for part in parts]

@@ -5,7 +5,7 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from calib_core.records.base import Matrix4, OpenMatrix4, OpenRows, Record, Rows, Vector3, Verdict
+from calib_core.records.base import Matrix4, OpenMatrix4, OpenRows, PoseConvention, Record, Rows, Vector3, Verdict
 from calib_core.records.causes import RootCause
 from calib_core.records.evidence import AnyBlock
 from calib_core.records.findings import Finding
@@ -48,7 +48,7 @@ class Result(Record):
     software: str
     inputs_sha256: str
     verdict: Verdict
-    pose_convention: str | None = None
+    pose_convention: PoseConvention | None = None
     solved: str | None = None
     provenance: Literal["solved", "imported", "replayed", "differs"] | None = None
     seal: dict[str, Any] | None = None

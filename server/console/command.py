@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,8 +88,9 @@ def data_argument(parser: argparse.ArgumentParser) -> None:
 
 def address_arguments(parser: argparse.ArgumentParser) -> None:
     """Add --host, --port, --data and what encryption needs."""
-    parser.add_argument("--host", default="127.0.0.1", metavar="HOST", help="address to serve on (%(default)s)")
-    parser.add_argument("--port", type=int, default=8000, metavar="PORT", help="0: any that is free (%(default)s)")
+    host, port = os.environ.get("SCANCELL_HOST", "127.0.0.1"), os.environ.get("SCANCELL_PORT", "8000")
+    parser.add_argument("--host", default=host, metavar="HOST", help="address to serve on (%(default)s)")
+    parser.add_argument("--port", type=int, default=port, metavar="PORT", help="0: any that is free (%(default)s)")
     data_argument(parser)
     parser.add_argument("--open", action="store_true", help="open it in the browser, also where it runs already")
     parser.add_argument("--tls-cert", type=Path, metavar="FILE", help="a certificate with its chain, PEM: https")

@@ -103,7 +103,8 @@ def get_archive(
         kept, past = archived_files(db, session_id), history_bytes(db, session_id)
         answer = _answer(db, stored)
         released = _release(db, stored, answer)
-    signed = {} if released is None or "signed" in released else {RELEASE_FILE: release_bytes(released)}
+    ours = released is not None and "cell" in released and released["signed"]
+    signed = {RELEASE_FILE: release_bytes(released)} if ours else {}
     file = store.blobs.scratch()
     try:
         pages = _pages(stored, _circumstances(stored, answer, release=released), scene)

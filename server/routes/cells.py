@@ -36,8 +36,6 @@ from server.store.session_answer import headers_of, session_answer
 from server.store.sessions import load_session
 from server.store.standing import (
     acknowledge,
-    in_force_faults,
-    moment_faults,
     policy_of,
     released_faults,
     require_four_eyes,
@@ -54,7 +52,8 @@ class Release(BaseModel):
     """An answer that was put in force for a cell: which, by whom, when and why; `why` is empty where nobody said.
 
     `solved` and `inputs_sha256` tell it from others of the session; `workpiece_sigma_mm` is null of those
-    released before it was kept.
+    released before it was kept. `in_spite_of` are the faults that were allowed. `signed` is false where it is not
+    as it was stored here.
     """
 
     number: int
@@ -68,6 +67,8 @@ class Release(BaseModel):
     solved: str | None
     inputs_sha256: dict[str, str]
     workpiece_sigma_mm: float | None
+    in_spite_of: list[str]
+    signed: bool
 
 
 class CellSummary(BaseModel):
@@ -174,7 +175,7 @@ def get_released(cell_id: CellId, store: StoreDep) -> Response:
     with store.read() as db:
         row = released(db, cell_id)
         answer, number = row.answer, row.number
-        faults = in_force_faults(db, row)
+        faults = released_faults(db, row)
     headers = {**headers_of(answer["verdict"], answer["stale"], faults), "ETag": _tag(number, faults, answer)}
     told = {name: value for name, value in answer.items() if name != "seal"}
     return JSONResponse({**told, "faults": list(faults)}, headers=headers)
@@ -225,7 +226,7 @@ def release(
         faults = with_moment(db, answer, session_id).all_faults
         refuse_faults(faults, allowed, answer.stage)
         require_four_eyes(db, record["cell"], session_id, _who(request))
-        return release_data(add_release(db, session_id, record, _who(request), body.why.strip()))
+        return release_data(add_release(db, session_id, record, _who(request), body.why.strip(), faults))
 
     return _in_force(store, idempotency.run(store, body.to_json(), 201, act)[0])
 
@@ -240,10 +241,10 @@ def rollback(
 
     def act(db: Transaction) -> Data:
         earlier = earlier_release(db, cell_id, body.number)
-        moment = moment_faults(db, earlier.answer, cell_id, earlier.session_id)
-        refuse_faults((*released_faults(earlier), *moment), allowed, cell_id)
+        faults = released_faults(db, earlier, earlier.session_id)
+        refuse_faults(faults, allowed, cell_id)
         require_four_eyes(db, cell_id, earlier.session_id, _who(request))
-        return release_data(roll_back(db, earlier, _who(request), body.why.strip()))
+        return release_data(roll_back(db, earlier, _who(request), body.why.strip(), faults))
 
     return _in_force(store, idempotency.run(store, body.to_json(), 201, act)[0])
 
@@ -254,7 +255,7 @@ def _in_force(store: Store, answer: Response) -> Response:
     cell = release["cell"]
     with store.read() as db:
         row = released(db, cell)
-        tag = _tag(row.number, in_force_faults(db, row), row.answer)
+        tag = _tag(row.number, released_faults(db, row), row.answer)
     return created(answer, f"/api/v1/cells/{quote(cell, safe='')}/answer", tag)
 
 

@@ -218,9 +218,11 @@ class ReleaseRow(Base):
 
     @property
     def holds(self) -> bool:
-        """Whether it is as it was stored here, by the seal of its answer."""
-        seal = self.answer.get("seal") or {}
-        return bool(seal_state(self.answer)) and self.about() == {name: seal.get(name) for name in self.about()}
+        """Whether it is as it was stored here, by the seal of its answer, which knows no `stale`."""
+        seal, faults = self.answer.get("seal") or {}, self.answer.get("faults") or ()
+        told = {**seal, "stale": "stale" in faults}
+        about = {**self.about(), "stale": self.answer.get("stale")}
+        return bool(seal_state(self.answer)) and about == {name: told.get(name) for name in about}
 
     __table_args__ = (Index("releases_by_cell", "cell", "number"),)
 

@@ -1,6 +1,6 @@
 """Cells and their released answers: which one is in force, who put it there, when and why."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session as Transaction
@@ -80,9 +80,11 @@ def released(db: Transaction, cell: str) -> ReleaseRow:
     return rows[0]
 
 
-def add_release(db: Transaction, session_id: str, answer: Data, who: str, why: str) -> ReleaseRow:
-    """Put a session's answer in force for its cell."""
-    return _add(db, answer["cell"], session_id, "release", answer, who, why)
+def add_release(
+    db: Transaction, session_id: str, answer: Data, who: str, why: str, in_spite_of: Sequence[str]
+) -> ReleaseRow:
+    """Put a session's answer in force for its cell, in spite of these faults."""
+    return _add(db, answer["cell"], session_id, "release", answer, who, why, in_spite_of)
 
 
 def release_of(db: Transaction, session_id: str, answer: SessionAnswer) -> Data | None:
@@ -120,9 +122,12 @@ def earlier_release(db: Transaction, cell: str, number: int | None = None) -> Re
     return found
 
 
-def roll_back(db: Transaction, earlier: ReleaseRow, who: str, why: str) -> ReleaseRow:
-    """Put an earlier release in force again."""
-    return _add(db, earlier.cell, earlier.session_id, "rollback", earlier.answer, who, why)
+def roll_back(db: Transaction, earlier: ReleaseRow, who: str, why: str, in_spite_of: Sequence[str]) -> ReleaseRow:
+    """Put an earlier release in force again; one that is not as it was stored here does not become so."""
+    row = _add(db, earlier.cell, earlier.session_id, "rollback", earlier.answer, who, why, in_spite_of)
+    if not earlier.holds:
+        row.answer = earlier.answer
+    return row
 
 
 def release_data(row: ReleaseRow) -> Data:
@@ -130,7 +135,8 @@ def release_data(row: ReleaseRow) -> Data:
     data = row.fields("number", "cell", "action", "who", "why", "created")
     answer = row.answer
     told = {name: answer.get(name) for name in ("verdict", "solved", "inputs_sha256", "workpiece_sigma_mm")}
-    return {**data, "session": row.session_id, **told}
+    in_spite_of = (answer.get("seal") or {}).get("in_spite_of") or []
+    return {**data, "session": row.session_id, **told, "in_spite_of": in_spite_of, "signed": row.holds}
 
 
 def _plain(row: ReleaseRow) -> Data:
@@ -138,12 +144,21 @@ def _plain(row: ReleaseRow) -> Data:
     return {name: value for name, value in row.answer.items() if name != "seal"}
 
 
-def _add(db: Transaction, cell: str, session_id: str, action: str, answer: Data, who: str, why: str) -> ReleaseRow:
+def _add(
+    db: Transaction,
+    cell: str,
+    session_id: str,
+    action: str,
+    answer: Data,
+    who: str,
+    why: str,
+    in_spite_of: Sequence[str],
+) -> ReleaseRow:
     before = [row.fields("number", "session_id") for row in _releases(db, cell, 1)]
     row = ReleaseRow(
         cell=cell, session_id=session_id, action=action, answer=answer, who=who, why=why, created=now()
     )
-    row.answer = sealed(answer, row.about())
+    row.answer = sealed(answer, {**row.about(), "in_spite_of": list(in_spite_of)})
     db.add(row)
     db.flush()
     note_change({"before": before[0] if before else None, "after": row.fields("number", "session_id")})

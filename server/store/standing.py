@@ -13,7 +13,7 @@ from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records.faults import ACKNOWLEDGED, in_order
 from calib_core.records.policy import Policy
-from calib_core.review.answer import SessionAnswer, answer_record
+from calib_core.review.answer import answer_record
 from calib_core.review.standing import Standing, changed_equipment, faults_of_moment, serials_of
 from server.store.access import AuditRow
 from server.store.audit import note_change
@@ -55,14 +55,15 @@ def moment_faults(
     return faults_of_moment(answer, _standing(db, cell, new=session_id is not None))
 
 
-def in_force_faults(db: Transaction, row: ReleaseRow) -> tuple[str, ...]:
-    """Return all faults of the answer in force: its own, and those of the moment."""
-    return in_order((*released_faults(row), *moment_faults(db, row.answer, row.cell, None)))
-
-
-def released_faults(row: ReleaseRow) -> tuple[str, ...]:
-    """Return the faults of a release's own; one that is not as it was stored here is nobody's."""
-    return (*row.answer["faults"], *(() if row.holds else ("not-replayed",)))
+def released_faults(db: Transaction, row: ReleaseRow, session_id: str | None = None) -> tuple[str, ...]:
+    """Return all faults of a release: its own, and those of the moment as a session's or (None) in force."""
+    if row.holds:
+        return in_order((*row.answer["faults"], *moment_faults(db, row.answer, row.cell, session_id)))
+    try:
+        told = (*row.answer["faults"], *moment_faults(db, row.answer, row.cell, session_id))
+    except (AttributeError, KeyError, TypeError, ValueError):  # somebody changed what it says
+        told = ()
+    return in_order((*told, "not-replayed"))
 
 
 def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> Data:
@@ -152,9 +153,10 @@ def _changes(db: Transaction, cell: str) -> frozenset[str]:
 
 def _serials_in_force(db: Transaction, cell: str) -> dict[str, str]:
     try:
-        return serials_of(SessionAnswer.model_validate(released(db, cell).answer).equipment)
+        row = released(db, cell)
     except NotFoundError:
         return {}
+    return serials_of(row.answer.get("equipment") or []) if row.holds else {}
 
 
 def _serials_now(db: Transaction, cell: str) -> dict[str, str]:

@@ -10,10 +10,12 @@ import { maybe, t } from "../texts.js";
 const K = 2;
 
 /** Who put it in force, when and why. @param {Release} release */
-export function releaseWords({ action, who, why, created }) {
+export function releaseWords({ action, who, why, created, in_spite_of: faults, signed }) {
   const values = { who, when: when(created), why };
-  if (action === "rollback") return t(why ? "release.rolled_why" : "release.rolled", values);
-  return t(why ? "release.who_why" : "release.who", values);
+  const name = action === "rollback" ? "rolled" : "who";
+  const words = t(why ? `release.${name}_why` : `release.${name}`, values);
+  const said = faults.length ? t("release.in_spite_of", { said: words, faults: faults.map(faultWords).join(" ") }) : words;
+  return signed ? said : t("release.unsigned", { said });
 }
 
 /** Verdict, and how well the workpiece is known. @param {Pick<Release, "verdict" | "workpiece_sigma_mm">} answer */

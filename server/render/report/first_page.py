@@ -20,6 +20,7 @@ from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.decided_before import DECISIONS, DecidedBefore
 from calib_core.records.evidence import AnyBlock, Figure
+from calib_core.records.faults import in_order
 from calib_core.records.policy import Equipment
 from calib_core.review.answer import cell_id
 from calib_core.stages.evidence import title_of
@@ -43,9 +44,11 @@ class Circumstances:
     ----------
     solved : str
         When the answer was solved (ISO 8601), "" where that is not known.
+    date_signed : bool
+        Whether it was solved here, or where somebody who is trusted here signed so: else the date is only told.
     release : mapping or None
-        The release that put this answer in force: `number`, `who`, `why`, `created`; `signed` is False where only
-        the archive tells it.
+        The release that put this answer in force: `number`, `who`, `why`, `created`, `in_spite_of`
+        (faults), `signed`.
     of_moment : sequence of str
         Faults of the moment when it was printed, by name.
     decided_before : sequence of DecidedBefore
@@ -58,6 +61,7 @@ class Circumstances:
     """
 
     solved: str = ""
+    date_signed: bool = True
     release: Data | None = None
     of_moment: Sequence[str] = ()
     decided_before: Sequence[DecidedBefore] = ()
@@ -81,13 +85,14 @@ def said_moment(moment: str) -> str:
     return f"{when:%Y-%m-%d %H:%M} UTC{'' if offset == '+0000' else f'{offset[:3]}:{offset[3:]}'}"
 
 
-def report_number(session: Session, results: Mapping[str, Data], solved: str) -> str:
-    """Return the number that was told, else one of cell, date and what it was computed from."""
+def report_number(session: Session, results: Mapping[str, Data], about: Circumstances) -> str:
+    """Return the number that was told, else one of cell, signed date and what it was computed from."""
     told = (session.documentation or {}).get("report_number")
     if told:
         return told
     hashed = next((str(one["inputs_sha256"]) for one in results.values() if one.get("inputs_sha256")), "")
-    parts = (cell_id(session), solved[:10].replace("-", ""), hashed[:_HASH_SHOWN])
+    date = about.solved[:10].replace("-", "") if about.date_signed else ""
+    parts = (cell_id(session), date, hashed[:_HASH_SHOWN])
     return "-".join(part for part in parts if part)
 
 
@@ -102,10 +107,16 @@ def identification(session: Session, stage: str | None, told: Circumstances) -> 
         ("cell", cell_id(session)),
         *((name, documentation.get(name, "")) for name in ON_FIRST_PAGE),
         ("captured", _captured(session.captures, told)),
-        ("solved", said_moment(told.solved) if told.solved else ""),
+        ("solved", _computed(told)),
         ("captures", _captures(session, told.language.say)),
     ]
     return [(told.say(name), text) for name, text in rows if text]
+
+
+def _computed(told: Circumstances) -> str:
+    """Return when it was solved, and where nobody proves that, that it is only told."""
+    moment = said_moment(told.solved) if told.solved else ""
+    return moment if told.date_signed or not moment else told.say("date unsigned", moment=moment)
 
 
 def stands_still(session: Session) -> bool:
@@ -254,8 +265,10 @@ def approval(told: Circumstances) -> str:
         when=said_moment(str(release["created"])),
         why=str(release["why"]) or message("none given"),
     )
-    unsigned = "" if release.get("signed", True) else told.say("release unsigned")
-    return f"{told.language.say(words)} {unsigned}".rstrip()
+    faults = " ".join(FAULT_CODES[name].said({}, (), told.language) for name in in_order(release["in_spite_of"]))
+    more = [told.say("in spite of", faults=faults)] if faults else []
+    unsigned = [] if release["signed"] else [told.say("release unsigned")]
+    return " ".join([told.language.say(words), *more, *unsigned])
 
 
 def plain_text(text: str) -> str:

@@ -1,12 +1,14 @@
 """The report: a page to sign, then equipment and circumstances, then the evidence of every result."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from calib_core import __version__
+from calib_core.archive.seals import SOLVED
 from calib_core.cell.found import placed_scanner
 from calib_core.evidence.html import result_html
 from calib_core.evidence.style import STYLE
@@ -20,6 +22,7 @@ from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock
 from calib_core.review.truth import truth_blocks
 from calib_core.stages.evidence import stored_evidence, title_of
+from calib_core.steps import tool_stages
 from server.render.report.circumstances import (
     cell_rows,
     certificate_rows,
@@ -71,7 +74,9 @@ def report_html(
     InputError
         If a result's frame or covariance is none.
     """
-    about = circumstances or Circumstances()
+    of_answer = next((results[stage] for stage in tool_stages() if stage in results), {})
+    date_signed = (of_answer.get("provenance") or SOLVED) == SOLVED
+    about = replace(circumstances or Circumstances(), date_signed=date_signed)
     said = about.language
     order = [s.name for s in sorted(stages(), key=lambda s: not s.is_answer or not s.answers)]  # the answer first
     names = sorted(results, key=lambda name: order.index(name) if name in order else len(order))
@@ -84,7 +89,7 @@ def report_html(
     why = {name: _reasons(results[name], read[name]) for name in names}
     blocks = {name: [_said(one, said, why[name]) for one in some] for name, some in blocks.items()}
     answer = outcome(session, read, blocks, about)
-    number = report_number(session, results, about.solved)
+    number = report_number(session, results, about)
     environment = Environment(
         loader=PackageLoader("server.render.report", "."),
         autoescape=True,

@@ -1,0 +1,128 @@
+"""Rows that somebody changed in the database: named by every answer, and neither exported nor released."""
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+import httpx
+import pytest
+
+from server.settings import Settings
+from tests.core.test_forged_results import leaves, other
+from tests.server.live_server import serving, simulated_session
+
+CELL = "cell-of-forgers"
+Change = Callable[[str, str, Callable[[Any], Any]], None]
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[httpx.Client, str, Path]]:
+    """A session that is solved and released twice, and the database that it lies in."""
+    data: Path = tmp_path_factory.mktemp("forged")
+    with serving(Settings(data=data, port=0, warm_up=False)) as client:
+        session = simulated_session(client, captures=14)
+        client.patch(f"/sessions/{session}", json={"name": "Cell of Forgers"}).raise_for_status()
+        for _ in range(2):
+            client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60}).raise_for_status()
+            client.post(f"/sessions/{session}/release", json={"why": "set up"}).raise_for_status()
+            client.patch(f"/sessions/{session}/captures/p03", json={"excluded": True}).raise_for_status()
+        client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60}).raise_for_status()
+        yield client, session, data / "scancell.db"
+
+
+@pytest.fixture
+def change(served: tuple[httpx.Client, str, Path]) -> Iterator[Change]:
+    """Change a column of a table's newest row; every row is as before afterwards."""
+    with sqlite3.connect(served[2], isolation_level=None, timeout=20) as db:
+        before: dict[tuple[str, str, int], str] = {}
+
+        def changed(table: str, column: str, by: Callable[[Any], Any]) -> None:
+            number, text = db.execute(f"SELECT number, {column} FROM {table} ORDER BY number DESC").fetchone()
+            text = before.setdefault((table, column, number), text)
+            new = json.dumps(by(json.loads(text))) if column in ("record", "answer") else by(text)
+            db.execute(f"UPDATE {table} SET {column} = ? WHERE number = ?", (new, number))
+
+        yield changed
+        for (table, column, number), text in before.items():
+            db.execute(f"UPDATE {table} SET {column} = ? WHERE number = ?", (text, number))
+    db.close()
+
+
+def test_a_result_that_was_changed_is_no_answer(served: tuple[httpx.Client, str, Path], change: Change) -> None:
+    client, session, _ = served
+    for changes in (
+        {"software": "scancell 9"},
+        {"pose_convention": "none"},
+        {"solved": "2020-01-01T00:00:00.000Z"},
+    ):
+        change("results", "record", lambda record, changes=changes: record | changes)
+        assert client.get(f"/sessions/{session}/exports/kuka").status_code in (409, 422)
+        assert client.post(f"/sessions/{session}/release", json={}).status_code in (409, 422)
+    assert client.get(f"/sessions/{session}/answer").json()["faults"] == ["not-replayed"]
+    report = client.get(f"/sessions/{session}/report").text
+    assert "2020-01-01 00:00 UTC, as told: nobody who is trusted here has signed this date" in report
+    assert "20200101" not in report
+
+
+def test_every_field_of_a_release_that_was_changed_is_named(
+    served: tuple[httpx.Client, str, Path], change: Change
+) -> None:
+    client, _, database = served
+    with sqlite3.connect(database, timeout=20) as db:
+        (text,) = db.execute("SELECT answer FROM releases ORDER BY number DESC").fetchone()
+    db.close()
+    answer = json.loads(text)
+    for container, name in list(leaves(answer)):
+        value, container[name] = container[name], other(container[name])
+        change("releases", "answer", lambda _: answer)
+        told = client.get(f"/cells/{CELL}/answer")
+        assert "not-replayed" in told.headers.get("Scancell-Faults", ""), (name, told.text)
+        container[name] = value
+    change("releases", "answer", lambda _: answer)
+    assert client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"] == ""
+
+
+@pytest.mark.parametrize("column", ["who", "why", "created"])
+def test_a_release_that_was_changed_is_told_as_such_wherever_it_stands(
+    served: tuple[httpx.Client, str, Path], change: Change, column: str
+) -> None:
+    client = served[0]
+    first, newest = (client.get(f"/cells/{CELL}/history").json()["releases"][k] for k in (-1, 0))
+    assert newest["signed"]
+    assert first["signed"]
+    change("releases", column, lambda text: text[:-1] + "0")
+    (told,) = (one for one in client.get("/cells").json()["items"] if one["id"] == CELL)
+    assert not told["released"]["signed"]
+    assert "not-replayed" in client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
+    assert not client.get(f"/cells/{CELL}/history").json()["releases"][0]["signed"]
+
+
+def test_a_changed_release_is_in_no_report_and_archive_as_signed_and_a_roll_back_mends_nothing(
+    served: tuple[httpx.Client, str, Path], change: Change
+) -> None:
+    client, session, _ = served
+    client.post(f"/sessions/{session}/release", json={"why": "third"}).raise_for_status()
+    unsigned = "Nobody who is trusted here has signed this release as it stands."
+    archived = f"/sessions/{session}/archive"
+
+    def names() -> set[str]:
+        with ZipFile(BytesIO(client.get(archived, params={"scene": False}).content)) as archive:
+            return {name.rpartition("/")[2] for name in archive.namelist()}
+
+    assert "release.json" in names()
+    assert unsigned not in client.get(f"/sessions/{session}/report").text
+    change("releases", "who", lambda who: f"{who} 2")
+    assert "release.json" not in names()
+    assert unsigned in client.get(f"/sessions/{session}/report").text
+
+    forged = client.get(f"/cells/{CELL}/history").json()["releases"][0]["number"]
+    back = client.post(f"/cells/{CELL}/rollback", json={"number": forged})
+    assert back.status_code == 409
+    assert "not-replayed" in back.json()["detail"]
+    back = client.post(f"/cells/{CELL}/rollback", json={"number": forged, "allow": "not-replayed"})
+    assert not back.raise_for_status().json()["signed"]
+    assert "not-replayed" in client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
