@@ -57,7 +57,7 @@ class DecidedBefore(Record):
         if self.limits:
             parts.append(message("Then limits were changed: {limits}.", limits=list(self.limits)))
         if self.removed:
-            parts.append(message("It was removed from history.json."))
+            parts.append(message("It was removed or changed since."))
         return sentences(parts)
 
     def __str__(self) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from calib_core.archive.seals import decisions_sealed
+from calib_core.archive.seals import decisions_sealed, seal_state
 from calib_core.records import Session, parse_session
 from calib_core.records.decided_before import DecidedBefore, LeftOut
 
@@ -13,7 +13,7 @@ Solved = tuple[Mapping[str, Any], Session | None]
 
 
 def decided_before(verifications: Sequence[Solved], now: Session) -> list[DecidedBefore]:
-    """Return the decisions after which the evidence was changed.
+    """Return the decisions after which the evidence was changed, and those that the last one's seal alone knows.
 
     Parameters
     ----------
@@ -22,7 +22,13 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
     now : Session
         As it is now, for those without one.
     """
-    found: list[DecidedBefore] = []
+    there = {_when(one) for one, _ in verifications if seal_state(one) is not False}
+    found = [
+        known.model_copy(update={"text": known.said()})
+        for one in decisions_sealed(verifications[-1][0] if verifications else {})
+        if one["solved"] not in there
+        for known in [DecidedBefore(decision=one["decision"], solved=one["solved"], removed=True)]
+    ]
     for (before, _), (after, solved_from) in pairwise(verifications):
         if before.get("decision") is None:
             continue
@@ -47,23 +53,24 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
 def decided_before_in(
     past: Mapping[str, Any], session: Session, results: Mapping[str, Mapping[str, Any]]
 ) -> tuple[DecidedBefore, ...]:
-    """Return the same of a session by the past that its folder keeps, and by its seal what was removed there."""
+    """Return the same of a session by the past that its folder keeps."""
     if "verify" not in results:
         return ()
     told = [one for one in past["results"] if one["stage"] == "verify" and one.get("record")]
     origins = [(one.get("solved_from") or {}).get("session") for one in told]
     before = [
-        (one["record"], parse_session(origin, "history.json") if origin else None)
+        (
+            one["record"] if one["record"].get("seal") else {"solved": one.get("created"), **one["record"]},
+            parse_session(origin, "history.json") if origin else None,
+        )
         for one, origin in zip(told, origins, strict=True)
     ]
-    there = {str(one["record"].get("solved") or one.get("created") or "") for one in told}
-    removed = [
-        known.model_copy(update={"text": known.said()})
-        for one in decisions_sealed(results["verify"])
-        if one["solved"] not in there
-        for known in [DecidedBefore(decision=one["decision"], solved=one["solved"], removed=True)]
-    ]
-    return (*removed, *decided_before([*before, (results["verify"], session)], session))
+    return tuple(decided_before([*before, (results["verify"], session)], session))
+
+
+def _when(result: Mapping[str, Any]) -> str:
+    """Return when it was solved, by which later seals know it; of earlier versions when it was sealed."""
+    return str(result.get("solved") or (result.get("seal") or {}).get("at") or "")
 
 
 def _used(result: Mapping[str, Any]) -> list[str]:

@@ -163,7 +163,7 @@ def past_results(db: Transaction, session_id: str, stage: str | None = None) -> 
 
 
 def _past(row: ResultRow) -> PastResult:
-    solved_from = row.solved_from
+    solved_from = row.origin()
     return PastResult(
         number=row.number,
         stage=row.stage,

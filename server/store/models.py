@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, LargeBinary, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
 
-from calib_core.archive.seals import seal_state, with_provenance
+from calib_core.archive.seals import IMPORTED, SOLVED, seal_state, session_sha256, with_provenance
 from calib_core.errors import NotFoundError
 
 Data = dict[str, Any]
@@ -135,7 +135,18 @@ class ResultRow(Base):
 
     def proved(self) -> Data:
         """Return the record with the provenance that its seal proves."""
-        return with_provenance(self.record)
+        return {**with_provenance(self.record), **({"provenance": IMPORTED} if self._other_origin else {})}
+
+    def origin(self) -> Data | None:
+        """Return what it was solved from; None where that is not known, or not what was signed with it."""
+        return None if self._other_origin else self.solved_from
+
+    @property
+    def _other_origin(self) -> bool:
+        seal = self.record.get("seal") or {}
+        if seal.get("provenance") != SOLVED or "solved_from" not in self.__dict__ or self.solved_from is None:
+            return False  # or nobody asked for it: the latest are held against the captures themselves
+        return session_sha256(self.solved_from["session"]) != seal.get("session")
 
     __table_args__ = (Index("results_by_stage", "session_id", "stage", "number"),)
 

@@ -47,12 +47,10 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
 def _decided_before(db: Transaction, stored: StoredSession) -> list[DecidedBefore]:
     """Return the decisions after which the verification's evidence was changed."""
     of_verify = (ResultRow.session_id == stored.id, ResultRow.stage == "verify")
-    if (db.scalar(select(func.count()).where(*of_verify)) or 0) < 2:
-        return []
-    rows = db.execute(
-        select(ResultRow.record, ResultRow.solved_from).where(*of_verify).order_by(ResultRow.number)
-    ).all()
-    solved = [(record, parse_session(of["session"], stored.id) if of else None) for record, of in rows]
+    query = select(ResultRow).where(*of_verify).order_by(ResultRow.number)
+    rows = db.scalars(query.options(undefer(ResultRow.solved_from)))
+    origins = [(row.record, row.origin()) for row in rows]
+    solved = [(record, parse_session(of["session"], stored.id) if of else None) for record, of in origins]
     return decided_before(solved, stored.session)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from sqlalchemy import bindparam, select, tuple_
 from sqlalchemy.orm import Session as Transaction
 
+from calib_core.archive.folder import decisions_of
 from calib_core.archive.seals import signed_result
 from calib_core.exports.answer import NOT_CONFIRMED
 from calib_core.messages import message
@@ -110,7 +111,18 @@ def add_result(
     job = db.get(JobRow, job_id)
     if job is None or not update_job(db, job_id, "done", "done", 1.0):
         return {output.sha256 for output in outputs.values()}
-    record = signed_result({**record, "solved": record.get("solved") or now()}, solved_from["session"])
+    query = select(ResultRow.record, ResultRow.created).where(
+        ResultRow.session_id == job.session_id, ResultRow.stage == job.stage, job.stage == "verify"
+    )
+    past = [
+        {"stage": job.stage, "record": one, "created": created}
+        for one, created in db.execute(query.order_by(ResultRow.number))
+    ]
+    record = signed_result(
+        {**record, "solved": record.get("solved") or now()},
+        solved_from["session"],
+        before=decisions_of({"results": past}),
+    )
     return store_result(db, locked_session(db, job.session_id), job.stage, record, solved_from, outputs)
 
 

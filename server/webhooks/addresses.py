@@ -1,13 +1,18 @@
 """Which addresses a webhook may reach: checked when it connects, so that a name cannot point elsewhere by then."""
 
 import socket
-from ipaddress import IPv4Address, IPv6Address, ip_address
+from ipaddress import IPv4Address, IPv6Address, IPv6Network, ip_address
+from typing import Final
 
 import httpx
 
 from server.settings import Settings
 
 Address = IPv4Address | IPv6Address
+
+_NAT64: Final = IPv6Network("64:ff9b::/96")
+_OF_CLOUDS: Final = (ip_address("fd00:ec2::254"), ip_address("100.100.100.200"))
+"""Where clouds keep secrets beside the link-local address."""
 
 
 class CheckedTransport(httpx.BaseTransport):
@@ -43,8 +48,8 @@ class CheckedTransport(httpx.BaseTransport):
         raise httpx.ConnectError(f"a webhook may not reach {host}: {refused}")
 
     def _refusal(self, address: Address, port: int) -> str:
-        address = getattr(address, "ipv4_mapped", None) or address
-        if address.is_link_local or address.is_multicast or address.is_unspecified:
+        address = _meant(address)
+        if address.is_link_local or address.is_multicast or address.is_unspecified or address in _OF_CLOUDS:
             return f"{address} is no receiver's address"
         if not _is_here(address):
             return ""
@@ -56,8 +61,18 @@ class CheckedTransport(httpx.BaseTransport):
         return ""
 
 
+def _meant(address: Address) -> Address:
+    """Return the IPv4 address that an IPv6 one stands for: mapped, compatible, of 6to4 or of a NAT64."""
+    if address.version == 4:
+        return address
+    embedded = IPv4Address(int(address) & 0xFFFFFFFF) if address in _NAT64 or 1 < int(address) < 2**32 else None
+    return address.ipv4_mapped or address.sixtofour or embedded or address
+
+
 def _is_here(address: Address) -> bool:
     """Return whether an address belongs to this machine: only then a socket can be bound to it."""
+    if address.is_loopback:
+        return True
     family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         try:

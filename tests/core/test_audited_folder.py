@@ -46,11 +46,11 @@ def test_decisions_that_were_removed_are_told_by_the_seal_of_the_last(copied: Pa
     )  # an older one put back, or one cut out
     answer = answered(copied)
     assert of(answer) == [("fail", True), ("pass", False)]
-    assert answer["decided_before"][0]["text"].endswith("was: failed. It was removed from history.json.")
+    assert answer["decided_before"][0]["text"].endswith("was: failed. It was removed or changed since.")
     history.unlink()
     assert of(answered(copied)) == [("fail", True), ("pass", True)]
     for words in (("report", str(copied), "--out", "-"), ("export", str(copied), "--format", "json")):
-        assert "It was removed from history.json." in command(*words)[1]
+        assert "It was removed or changed since." in command(*words)[1]
     # Nor are they forgotten by who goes on with what is left.
     record = json.loads((copied / "session.json").read_bytes())
     record["cell"]["verification"]["tool_mm"] = 6.0

@@ -13,7 +13,8 @@ import pytest
 
 from server.settings import Settings
 from tests.core.test_forged_results import leaves, other
-from tests.server.live_server import serving, simulated_session
+from tests.server.live_server import serving, simulated_session, upload
+from tests.verified import verified_session
 
 CELL = "cell-of-forgers"
 Change = Callable[[str, str, Callable[[Any], Any]], None]
@@ -126,3 +127,40 @@ def test_a_changed_release_is_in_no_report_and_archive_as_signed_and_a_roll_back
     back = client.post(f"/cells/{CELL}/rollback", json={"number": forged, "allow": "not-replayed"})
     assert not back.raise_for_status().json()["signed"]
     assert "not-replayed" in client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
+
+
+def test_a_decision_before_that_was_changed_or_deleted_is_told(tmp_path: Path) -> None:
+    with serving(Settings(data=tmp_path, port=0, warm_up=False)) as client:
+        made = verified_session(5, 1.0)
+        record = made.session.to_json()
+        captures = record.pop("captures")
+        session = client.post("/sessions", json=record).raise_for_status().json()["id"]
+        for capture in captures:
+            upload(client, session, capture, *(made.files[name] for name in capture["files"])).raise_for_status()
+        last = {"excluded": True, "excluded_because": {"why": "the cable touched"}}
+        client.post(f"/sessions/{session}/solve/all", params={"wait": 120}).raise_for_status()
+        client.patch(f"/sessions/{session}/captures/{captures[-1]['id']}", json=last).raise_for_status()
+        client.post(f"/sessions/{session}/solve/verify", params={"wait": 120}).raise_for_status()
+
+        def before() -> list[str]:
+            return [one["text"] for one in client.get(f"/sessions/{session}/answer").json()["decided_before"]]
+
+        (told,) = before()
+        assert "the cable touched" in told
+        with sqlite3.connect(tmp_path / "scancell.db", isolation_level=None, timeout=20) as db:
+            number, text, origin = db.execute(
+                "SELECT number, record, solved_from FROM results WHERE stage = 'verify' ORDER BY number"
+            ).fetchone()
+            passed = {**json.loads(text), "decision": None, "verdict": "pass"}
+            db.execute("UPDATE results SET record = ? WHERE number = ?", (json.dumps(passed), number))
+            assert "It was removed or changed since." in before()[0]
+            db.execute("UPDATE results SET record = ? WHERE number = ?", (text, number))
+            assert before() == [told]
+            other_limits = json.loads(origin)
+            other_limits["session"]["cell"]["verification"]["tool_mm"] = 5.0
+            db.execute("UPDATE results SET solved_from = ? WHERE number = ?", (json.dumps(other_limits), number))
+            first = client.get(f"/sessions/{session}/results/verify/history/{number}").json()
+            assert first["provenance"] == "imported"
+            db.execute("DELETE FROM results WHERE number = ?", (number,))
+            assert "was: failed. It was removed or changed since." in before()[0]
+        db.close()

@@ -23,6 +23,11 @@ def post(settings: Settings, url: str) -> httpx.Response:
         "http://0.0.0.0:9/",
         "http://224.0.0.1/",
         "http://[::ffff:169.254.169.254]/",
+        "http://[64:ff9b::a9fe:a9fe]/",
+        "http://[2002:a9fe:a9fe::]/",
+        "http://[::169.254.169.254]/",
+        "http://[fd00:ec2::254]/",
+        "http://2852039166/",
     ],
 )
 def test_addresses_of_no_receiver_are_refused(tmp_path: Path, url: str) -> None:
@@ -30,7 +35,9 @@ def test_addresses_of_no_receiver_are_refused(tmp_path: Path, url: str) -> None:
         post(Settings(data=tmp_path), url)
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "127.1.2.3", "[::1]"])
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "localhost", "127.1.2.3", "[::1]", "[64:ff9b::7f00:1]", "0x7f000001"]
+)
 def test_this_server_is_refused_by_every_name_of_this_machine(tmp_path: Path, host: str) -> None:
     with pytest.raises(httpx.ConnectError, match="this server itself"):
         post(Settings(data=tmp_path, port=8123), f"http://{host}:8123/api/v1/sessions")

@@ -33,7 +33,7 @@ export class ApprovalElement extends HTMLElement {
     const sessionId = this.state.id;
     const answer = await api.answer(sessionId);
     const releases = await api.releases(answer.cell);
-    const shown = JSON.stringify([answer.inputs_sha256, answer.solved, answer.faults, releases]);
+    const shown = JSON.stringify([answer.inputs_sha256, answer.solved, answer.faults, answer.decided_before, releases]);
     if (shown === this.#shown) return;
     this.#shown = shown;
     this.#section.replaceChildren(this.#title, ...standing(sessionId, answer, releases), ...offer(sessionId, answer, releases));
@@ -86,7 +86,7 @@ function acknowledging(cell, fault) {
 function offer(sessionId, answer, releases) {
   const own = ownRelease(sessionId, answer, releases);
   const inForce = own !== undefined && own === releases[0];
-  const before = inForce ? [] : (answer.decided_before ?? []).map(({ text }) => h("p", { class: "soft" }, text ?? ""));
+  const before = (answer.decided_before ?? []).map(({ text }) => h("p", { class: "soft" }, text ?? ""));
   const faults = [...before, ...faultMarks(answer.faults)];
   if (!may("release")) return inForce ? faults : [...faults, h("p", { class: "soft" }, t("may.release"))];
   const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
