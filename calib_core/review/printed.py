@@ -28,6 +28,7 @@ _DRAWING: Final = re.compile(r"<svg.*?</svg>", re.DOTALL)
 _HEAD: Final = re.compile(r"<h1>(.*?)</h1>", re.DOTALL)
 _FIRST: Final = re.compile(r'<p class="answer">.*?</p>', re.DOTALL)
 _CHECKS: Final = re.compile(r'<table class="checks">.*?</table>', re.DOTALL)
+_COLUMNS: Final = re.compile(r"<thead>.*?</thead>", re.DOTALL)  # words: "k = 2" is no figure
 _MATRIX_DECIMALS: Final = (6, 6, 6, 4)
 
 
@@ -66,7 +67,7 @@ def misprinted(
             yield f"results.{stage}"
     known |= {number for check in results.get("verify", {}).get("checks") or [] for number in _of_check(check)}
     first = " ".join(part for pattern in (_FIRST, _CHECKS) for part in pattern.findall(page))
-    if known and not known.issuperset(_NUMBER.findall(_text(first))):
+    if known and not known.issuperset(_NUMBER.findall(_text(_COLUMNS.sub(" ", first)))):
         yield "figures"
     yield from _frames(page, answer or {})
 

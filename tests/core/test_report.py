@@ -22,11 +22,14 @@ from calib_core.findings.catalogues import catalogue
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
 from calib_core.records.evidence import Axis, Plot, Series
+from calib_core.review.printed import misprinted
 from calib_core.robots import CONVENTIONS
 from server.cli import main
 from server.render.pdf import pdf_of
 from server.render.report.first_page import Circumstances
 from server.render.report.report import report_html
+from tests.verified import solved as verified
+from tests.verified import verified_session
 
 Solved = tuple[Session, dict[str, dict[str, Any]]]
 VOID = {"meta", "link", "br", "hr", "img", "input"}
@@ -136,6 +139,19 @@ def test_the_first_page_says_what_its_plus_minus_is(solved: Solved, turntable_re
     plain = [block for block in solved[1]["tcp"]["evidence"] if not block.get("headline")]
     html = report_html(solved[0], {"tcp": {**solved[1]["tcp"], "evidence": plain}})
     assert "Expanded uncertainty of the calibration" not in html
+
+
+def test_words_over_a_verification_s_figures_are_no_figures_that_results_must_tell() -> None:
+    made = verified_session(5, 1.0)
+    results = verified(made)
+    page = report_html(made.session, results)
+    heads = re.findall("<thead>.*?</thead>", page[: page.index("<main>")], re.DOTALL)
+    assert "k = 2" in heads[0]
+    told = page.replace(heads[0], heads[0].replace("2", "98765"))
+    assert list(misprinted(told.encode(), made.session, results, None)) == []
+    wrong = page.replace("0.4 mm</td>", "0.5 mm</td>")
+    assert wrong != page
+    assert list(misprinted(wrong.encode(), made.session, results, None)) == ["figures"]
 
 
 @pytest.mark.parametrize(
