@@ -259,7 +259,7 @@ def _at(what: str, mount: str) -> str:
 
 def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
     """Return what the uncertainty means where it matters, one row a place."""
-    words = templates({"tool": "Tool, in the scanner's view", "table": "Turntable", "both": "Tool and table"})
+    words = templates({"tool": "Scanner, in its view", "table": "Turntable", "both": "Scanner and table"})
     rows: list[Row] = []
     for place in places:
         at = ", ".join(number_text(value, 0) for value in place.point_mm)
@@ -276,7 +276,7 @@ def workpiece_table(places: Sequence[AtWorkpiece]) -> list[AnyBlock]:
             id="workpiece",
             title="At the workpiece",
             caption="How far off a point may lie by this calibration alone (k = 2), along the scanner's axes for "
-            "the tool, the table's for the others. The robot's own error at each pose comes on top.",
+            "the scanner, the table's for the others. The robot's own error at each pose comes on top.",
             columns=heads,
             rows=rows,
         )

@@ -103,8 +103,7 @@ def get_archive(
         kept, past = archived_files(db, session_id), history_bytes(db, session_id)
         answer = _answer(db, stored)
         released = _release(db, stored, answer)
-    ours = released is not None and "cell" in released and released["signed"]
-    signed = {RELEASE_FILE: release_bytes(released)} if ours else {}
+    signed = {RELEASE_FILE: release_bytes(released)} if released and _is_ours(released) else {}
     file = store.blobs.scratch()
     try:
         pages = _pages(stored, _circumstances(stored, answer, release=released), scene)
@@ -242,6 +241,11 @@ def _release(db: Transaction, stored: SessionOfStore, answer: Answer | None) -> 
     if released is None and RELEASE_FILE in stored.kept:
         return release_told(stored.blobs.read(stored.kept[RELEASE_FILE]), stored.results, answer.date)
     return released
+
+
+def _is_ours(release: Data) -> bool:
+    """Return whether a release was made here and is as it was stored, no archive's and no changed one."""
+    return "cell" in release and release["signed"]
 
 
 def _circumstances(stored: SessionOfStore, answer: Answer | None, **more: Any) -> "Circumstances":

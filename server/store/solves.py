@@ -111,19 +111,20 @@ def add_result(
     job = db.get(JobRow, job_id)
     if job is None or not update_job(db, job_id, "done", "done", 1.0):
         return {output.sha256 for output in outputs.values()}
-    query = select(ResultRow.record, ResultRow.created).where(
-        ResultRow.session_id == job.session_id, ResultRow.stage == job.stage, job.stage == "verify"
-    )
-    past = [
-        {"stage": job.stage, "record": one, "created": created}
-        for one, created in db.execute(query.order_by(ResultRow.number))
-    ]
     record = signed_result(
         {**record, "solved": record.get("solved") or now()},
         solved_from["session"],
-        before=decisions_of({"results": past}),
+        before=_decisions(db, job.session_id) if job.stage == "verify" else (),
     )
     return store_result(db, locked_session(db, job.session_id), job.stage, record, solved_from, outputs)
+
+
+def _decisions(db: Transaction, session_id: str) -> list[Data]:
+    """Return when a session's verifications decided, and what."""
+    query = select(ResultRow.record, ResultRow.created).where(ResultRow.session_id == session_id)
+    rows = db.execute(query.where(ResultRow.stage == "verify").order_by(ResultRow.number))
+    past = [{"stage": "verify", "record": record, "created": created} for record, created in rows]
+    return decisions_of({"results": past})
 
 
 def add_answer(db: Transaction, job_id: str, answer: Data) -> None:
