@@ -1,4 +1,4 @@
-"""Tool and turntable from all captures together."""
+"""Scanner and turntable from all captures together."""
 
 from typing import TYPE_CHECKING, ClassVar
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Chain(Stage):
-    """Tool and turntable from all captures together."""
+    """Scanner and turntable from all captures together."""
 
     name, title, place = "chain", "Scanner and turntable together", 50
     takes: ClassVar = {"tcp": SPHERE_FIELDS, "turntable": (*SPHERE_FIELDS, "table_deg", "mount")}
