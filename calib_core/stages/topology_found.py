@@ -23,9 +23,10 @@ def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
         return []
     found: list[AnyBlock] = []
     for frame in result.frames:
-        matrix, title = np.array(frame.matrix, dtype=float), _title(frame)
-        if not np.isfinite(matrix).all():
-            continue
+        matrix = np.array(frame.matrix, dtype=float)
+        if not np.isfinite(matrix).all() or not frame.outof.startswith("laser"):
+            continue  # a table has a block of its own
+        title = _title(frame)
         placed = RigidTransform(matrix, frame.into if frame.scanner else "laser", "laser")
         if result.up_to_shift is not None and frame.scanner is not None:
             found.append(open_frame(session, placed, title, result.up_to_shift))

@@ -1,10 +1,15 @@
 """Where scanners that are solved together are to each other, as `frames` tells it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 import calib_core as cc
 from calib_core.frames import RigidTransform
+from calib_core.records.evidence import Frame
+from calib_core.records.results import FoundFrame
 from calib_core.review.cell_frames import session_frames
+from calib_core.stages.topology_found import scanner_frames
 
 
 def test_scanners_that_are_solved_together_are_told_to_each_other_both_ways() -> None:
@@ -29,3 +34,16 @@ def test_scanners_that_are_solved_together_are_told_to_each_other_both_ways() ->
     asked = session_frames(session, {"tcp": {"frames": [once]}}, asked=("laser:right", "laser:left")).asked
     assert asked is not None
     assert np.allclose(asked.covariance, np.outer(told, told), atol=1e-15)
+
+
+def test_a_table_beside_several_scanners_has_no_block_as_one_of_them() -> None:
+    session = cc.simulate("two-scanners", 1)[0].record
+    ends = [("tool0", "laser", "left"), ("tool0", "laser", "right"), ("laser:left", "laser:right", None)]
+    rows, sigmas = np.eye(4).tolist(), np.eye(6).tolist()
+    frames = [
+        FoundFrame(into=into, outof=outof, scanner=scanner, matrix=rows, covariance=sigmas)
+        for into, outof, scanner in [*ends, ("base", "turntable", None)]
+    ]
+    result = SimpleNamespace(frames=frames, up_to_shift=None, verdict="pass")
+    told = [str(block.title) for block in scanner_frames(session, result) if isinstance(block, Frame)]
+    assert told == ["Scanner left on the flange", "Scanner right on the flange", "Scanner right seen from left"]
