@@ -253,11 +253,11 @@ def _remarks(faults: Sequence[str], stale: bool, told: Circumstances) -> list[st
     ]
 
 
-def approval(told: Circumstances) -> str:
-    """Return who released the answer, with number, date and reason; that nobody did."""
+def approval(told: Circumstances) -> list[str]:
+    """Return who released the answer, when and why, and what must be known of it; that nobody did."""
     release = told.release
     if release is None:
-        return told.say("not released")
+        return [told.say("not released")]
     words = message(
         "Release {number} by {who}, {when}. Reason: {why}",
         number=int(release["number"]),
@@ -268,7 +268,7 @@ def approval(told: Circumstances) -> str:
     faults = " ".join(FAULT_CODES[name].said({}, (), told.language) for name in in_order(release["in_spite_of"]))
     more = [told.say("in spite of", faults=faults)] if faults else []
     unsigned = [] if release["signed"] else [told.say("release unsigned")]
-    return " ".join([told.language.say(words), *more, *unsigned])
+    return [told.language.say(words), *more, *unsigned]
 
 
 def plain_text(text: str) -> str:
