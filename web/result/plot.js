@@ -380,7 +380,7 @@ function grid({ series, caption }) {
 function legend({ shape, series, band }) {
   if (shape === "grid") return "";
   const rejected = series.some(({ reasons }) => reasons?.some(Boolean));
-  const keys = series.length > 1 ? series.map(({ label }, index) => h("span", { class: `key series-${index % MARKS.length}` }, said(label ?? ""))) : [];
+  const keys = series.length > 1 ? series.map(({ label }, index) => h("span", { class: `key ${shape} series-${index % MARKS.length}` }, said(label ?? ""))) : [];
   if (rejected) keys.push(h("span", { class: "key key-out" }, t("captures.rejected")));
   if (band) keys.push(h("span", { class: "key key-band" }, said(band.label)));
   return keys.length ? h("p", { class: "legend small" }, ...keys) : "";
