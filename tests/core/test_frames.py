@@ -95,8 +95,16 @@ def test_a_rotation_vector_agrees_with_scipys(vector: list[float]) -> None:
     expected = Rotation.from_rotvec(vector)
     np.testing.assert_allclose(rotation_from_vector(vector), expected.as_matrix(), atol=1e-14)
     # Near half a turn ±v are the same rotation: compare what they do.
-    back = vector_from_rotation(rotation_from_vector(vector))
+    matrix = rotation_from_vector(vector)
+    back = vector_from_rotation(matrix)
+    np.testing.assert_allclose(back, Rotation.from_matrix(matrix).as_rotvec(), rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(rotation_from_vector(back), expected.as_matrix(), atol=1e-12)
+
+
+def test_the_rotation_vector_of_what_is_no_rotation_yet_is_the_nearest_ones() -> None:
+    rotation = rotation_from_vector([0.3, -0.2, 0.5]) + 1e-4 * np.arange(9).reshape(3, 3)
+    expected = vector_from_rotation(nearest_rotation(rotation))
+    np.testing.assert_allclose(vector_from_rotation(rotation), expected, atol=1e-12)
 
 
 @given(transforms(), st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3), PLACES_MM)

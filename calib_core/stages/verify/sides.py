@@ -145,10 +145,8 @@ class _Search:
         squared = np.einsum("ki,kij,kj->k", off, self._precision, off)
         weight = self._precision / (1 + squared / _CUTOFF**2)[:, None, None]
         by_center = np.swapaxes(self._rotations @ end.tool.rotation, 1, 2)
-        by_tool = np.concatenate(
-            [np.array([skew(q) for q in expected]), np.tile(-end.tool.rotation.T, (len(off), 1, 1))], axis=2
-        )
-        design = np.concatenate([by_center, by_tool], axis=2)
+        shifted = np.broadcast_to(-end.tool.rotation.T, by_center.shape)
+        design = np.concatenate([by_center, skew(expected), shifted], axis=2)
         turned = np.swapaxes(design, 1, 2) @ weight
         deviation = self._given.difference(end.tool)
         information, slope = (turned @ design).sum(axis=0), (turned @ off[..., None]).sum(axis=0)[:, 0]
