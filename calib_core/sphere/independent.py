@@ -116,20 +116,15 @@ def _in_bands(wave: FloatArray, power: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _long_wave_power(counts: FloatArray, wave: FloatArray, power: FloatArray, long: FloatArray) -> float:
     """Return the power at long waves over the mean one, by the likeliest of white and falling spectra."""
-
-    def log_likelihood(shape: FloatArray) -> float:
-        level = float(np.sum(counts * power / shape) / counts.sum())
-        return -0.5 * float(np.sum(counts * (np.log(level * shape) + power / (level * shape))))
-
-    best, found = log_likelihood(np.ones_like(wave)) + _SIGNIFICANT, 1.0
-    mean = float(np.sum(counts * power) / counts.sum())
-    for corner in np.geomspace(wave.min(), 0.7, 14):
-        falling = 1 / (1 + (wave / corner) ** 2)
-        for share in np.geomspace(0.2, 1e4, 24):
-            shape = 1 + share * falling
-            value = log_likelihood(shape)
-            if value > best:
-                level = float(np.sum(counts * power / shape) / counts.sum())
-                at_long = level * (1 + share / (1 + (long / corner) ** 2))
-                best, found = value, float(at_long.mean()) / mean
-    return found
+    corners, shares = np.geomspace(wave.min(), 0.7, 14), np.geomspace(0.2, 1e4, 24)
+    falling = 1 / (1 + (wave / corners[:, None]) ** 2)
+    shapes = np.concatenate([np.ones((1, len(wave))), *(1 + shares[:, None] * one for one in falling)])
+    levels = np.sum(counts * power / shapes, axis=1) / counts.sum()
+    expected = levels[:, None] * shapes
+    values = -0.5 * np.sum(counts * (np.log(expected) + power / expected), axis=1)
+    best = 1 + int(np.argmax(values[1:]))
+    if not values[best] > values[0] + _SIGNIFICANT:
+        return 1.0
+    corner, share = divmod(best - 1, len(shares))
+    at_long = levels[best] * (1 + shares[share] / (1 + (long / corners[corner]) ** 2))
+    return float(at_long.mean()) / float(levels[0])
