@@ -5,6 +5,7 @@ Nothing heavy is imported before a command runs, so that `scancell --help` answe
 
 import argparse
 import errno
+import gc
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -73,6 +74,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the solves are many and small
     take_any_text()
+    if arguments is None:  # a process of its own, whose imports alone would be looked through 400 times
+        gc.set_threshold(20_000)
     words = sys.argv[1:] if arguments is None else arguments
     if WINDOWS:
         words = with_matches(words)
