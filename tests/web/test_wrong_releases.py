@@ -1,6 +1,6 @@
-"""Ways to a wrong release by the page, in one walk: each is refused, or the page says what is wrong beforehand.
+"""Each way to a wrong release is refused or marked with its reason: by REST, by the command line and by the page.
 
-Each was made by REST (`tests.server.wrong_releases`), which told it too.
+The page says what is wrong beforehand; its person is logged in once for all ways.
 """
 
 import json
@@ -10,24 +10,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from tests.server import wrong_releases as by
 from tests.server.access import site_of
 from tests.server.wrong_releases import World, command, world
 from tests.verified import verified_session
-from tests.web.browsing import SharedProfile, Watch
+from tests.web.browsing import SharedProfile, watching
 from tests.web.test_release import log_in
 
 pytestmark = pytest.mark.browser
 
 TEXTS = json.loads((Path(__file__).parents[2] / "web" / "texts" / "release.json").read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    with world(tmp_path_factory.mktemp("channels")) as made:
-        yield made
 
 
 @dataclass(frozen=True)
@@ -94,12 +88,9 @@ def exported(one: Person) -> None:
     expect(asked.get_by_role("alert")).to_contain_text("verification")
 
 
-def taken_by_a_program(one: Person) -> None:
+def rolled_back(one: Person) -> None:
     expect(one.in_force("rolled")).to_contain_text(TEXTS["release.fault.verify-fail"])
     expect(one.result("rolled")).to_contain_text(TEXTS["release.fault.verify-fail"])
-
-
-def rolled_back(one: Person) -> None:
     better = one.here.session("rolled", verified_session(21))
     one.here.release(better, allow="drift").raise_for_status()
     at_cell = one.in_force("rolled")
@@ -144,20 +135,12 @@ def of_a_folder_edited(one: Person) -> None:
     told("imported", "differs")(one)
 
 
-def nothing_offered(one: Person) -> None:
-    for cell in ("bumped", "failed"):
-        approval = one.result(cell)
-        expect(approval).to_contain_text("need the role release")
-        expect(approval.get_by_role("button")).to_have_count(0)
-
-
 BY_PAGE: Mapping[Callable[[World], str], Way] = {
     by.an_archive_whose_result_was_edited: edited,
     by.a_folder_whose_result_was_edited: of_a_folder_edited,
     by.release_of_a_failed_verification: told("failed", "verify-fail"),
     by.export_of_a_failed_verification: exported,
-    by.rollback_to_it: taken_by_a_program,
-    by.its_answer_taken_by_a_program: rolled_back,
+    by.rollback_to_it: rolled_back,
     by.a_capture_left_out_after_the_decision: decided_before("picked", "was left out"),
     by.a_limit_widened_after_the_decision: decided_before("widened", "limits were changed"),
     by.a_limit_taken_away_after_the_decision: decided_before("unlimited", "limits were changed"),
@@ -173,29 +156,50 @@ BY_PAGE: Mapping[Callable[[World], str], Way] = {
     by.an_answer_that_is_overdue: told("late", "overdue"),
     by.released_by_who_captured: by_who_captured,
     by.evidence_in_force_deleted: deleted,
-    by.drift_acknowledged_by_the_nights_program: nothing_offered,
-    by.a_release_with_the_token_of_capturing: nothing_offered,
 }
 """The others are no page's: it sets no policy, and allows nothing that it does not name."""
 OF_THE_SESSION = {"failed": "verify-fail", "stale": "stale", "wrong": "fail"}
 """What an archive by itself knows; the rest is its cell's, of which the command line releases nothing."""
 
 
-def test_each_way_by_the_page_is_refused_or_told(here: World, profile: SharedProfile, watch: Watch) -> None:
-    watch.announce("status of (409|422)")
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with world(tmp_path_factory.mktemp("channels")) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def person(here: World, chromium: Browser, shared_profile: SharedProfile) -> Iterator[Person]:
+    """Who may do all, at a page that is watched until all was tried."""
+    with watching(chromium) as watch:
+        watch.announce("status of (409|422)")
+        watch.follow(shared_profile.context)
+        page = shared_profile.open(reduced_motion="reduce")
+        log_in(page, here.client, here.tokens["admin"], "/")
+        page.wait_for_url(f"{site_of(here.client)}/")
+        yield Person(page, here)
+        shared_profile.clear()
+
+
+@pytest.mark.parametrize("way", by.WAYS, ids=lambda way: way.__name__)
+def test_it_is_refused_or_marked(way: Callable[[World], str], here: World, person: Person) -> None:
+    for channel in (way, by.BY_COMMAND.get(way)):
+        assert channel is None or channel(here).startswith(("refused", "marked"))
+    if way in BY_PAGE:
+        BY_PAGE[way](person)
+
+
+def test_who_only_captures_is_offered_no_approval(here: World, profile: SharedProfile) -> None:
+    profile.context.clear_cookies()  # of who was logged in before
     page = profile.open(reduced_motion="reduce")
-    log_in(page, here.client, here.tokens["admin"], "/")
-    one = Person(page, here)
-    for by_rest, by_page in BY_PAGE.items():
-        if by_page is nothing_offered:
-            continue
-        by_rest(here)
-        by_page(one)
-    page.goto("about:blank")
-    page.context.clear_cookies()
     log_in(page, here.client, here.tokens["capture"], "/")
-    expect(page.get_by_role("heading", name="Sessions")).to_be_visible()
-    nothing_offered(one)
+    page.wait_for_url(f"{site_of(here.client)}/")
+    for cell, way in (("bumped", by.a_tool_that_was_bumped), ("failed", by.release_of_a_failed_verification)):
+        if cell not in here.paths:  # made by another process of the run
+            way(here)
+        approval = Person(page, here).result(cell)
+        expect(approval).to_contain_text("need the role release")
+        expect(approval.get_by_role("button")).to_have_count(0)
 
 
 def test_an_archive_tells_what_it_knows_by_itself(here: World, tmp_path: Path) -> None:
