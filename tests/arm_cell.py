@@ -250,6 +250,62 @@ def simulate_arm(
     )
 
 
+def later_on_an_arm(
+    kind: str,
+    seed: int,
+    step: str,
+    *,
+    bumped_deg: Sequence[float] = (0.0,) * 6,
+    tool_mm: float = 0.0,
+    ball_mm: float = 0.0,
+    errors: str | None = None,
+) -> Session:
+    """Return a session of a scanner on an arm and a still ball, and captures since, zeros, scanner or ball moved.
+
+    Parameters
+    ----------
+    kind, seed
+        Of `simulate_arm`, 30 captures.
+    step : {"recheck", "verify"}
+        Eight of the same poses, or twelve others.
+    bumped_deg : (6,)
+        By which zeros moved since.
+    tool_mm, ball_mm : float
+        By which scanner and ball moved since.
+    errors : str, optional
+        As `cell.robot.errors`.
+    """
+    cell, rng = simulate_arm(kind, seed, 30, held=12, errors=errors), np.random.default_rng([seed, 39])
+    changes = cell.arm.changes.copy()
+    changes[:, 3] += np.deg2rad(bumped_deg)
+    bumped, data = replace(cell.arm, changes=changes), cell.session.to_json()
+    tool0_from_laser = np.eye(4)
+    tool0_from_laser[:3, 3] = [60.0, -40.0, 120.0]
+    ball = np.array([450.0, 20.0, 150.0, 1.0])
+
+    def seen(joints_deg: Any, arm: SimulatedArm, off: tuple[float, float]) -> list[float]:
+        flange = arm.flange(np.deg2rad(joints_deg), 0.0, np.sign(rng.normal(size=6)))
+        in_laser = np.linalg.inv(flange @ tool0_from_laser) @ (ball + np.array([0.0, off[1], 0.0, 0.0]))
+        found: list[float] = (in_laser[:3] + np.array([off[0], 0.0, 0.0]) + rng.normal(0, 0.02, 3)).tolist()
+        return found
+
+    del data["cell"]["arrangement"]
+    for capture in data["captures"]:
+        capture["center_mm"] = seen(capture["joints_deg"], cell.arm, (0.0, 0.0))
+    if step == "recheck":
+        since = [{**data["captures"][k], "id": f"r{k:02d}"} for k in range(0, 30, 4)]
+    else:
+        others = zip(cell.held_joints_deg.tolist(), cell.held_poses, strict=True)
+        since = [
+            {**data["captures"][0], "id": f"v{k:02d}", "joints_deg": joints, "pose": pose.ravel().tolist()}
+            for k, (joints, pose) in enumerate(others)
+        ]
+    for capture in since:
+        again = seen(capture["joints_deg"], bumped, (tool_mm, ball_mm))
+        data["captures"].append({**capture, "step": step, "center_mm": again})
+    return Session.model_validate(data)
+
+
 def _rotation(q: FloatArray) -> FloatArray:
     w, x, y, z = q
     return np.array(

@@ -19,6 +19,7 @@ from calib_core.frames import RigidTransform
 from calib_core.library.opened import OpenSession
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records.results import ArmModelFound
+from calib_core.robots.table.columns import joint_columns
 from calib_core.robots.text import source_of
 from calib_core.steps import tool_stages
 
@@ -159,18 +160,12 @@ def _joint_table(path: Path, count: int) -> tuple[list[_Row], list[dict[str, Any
     lines = [(n, text) for n, text in source_of(path.read_bytes(), path.name).lines() if text.strip()]
     split = next((mark for mark in (";", "\t", ",") if lines and mark in lines[0][1]), None)
     head = [cell.strip().strip('"').lower() for cell in lines[0][1].split(split)] if lines else []
-    names = [f"j{n + 1}" for n in range(count)]
-    places = [next((c for c, cell in enumerate(head) if cell in (n, f"{n}_deg", f"{n}_mm")), -1) for n in names]
-    if max(places) < 0:
+    if not (columns := joint_columns(head)):
         return None
-    if min(places) < 0:
-        missing = f"j{places.index(-1) + 1}_deg"
+    if len(columns) < count:
+        node = f"j{len(columns) + 1}_deg"
         raise InputError(
-            "a column for each of the arm's joints, j1_deg …",
-            "none of {node}",
-            "Add it.",
-            path.name,
-            node=missing,
+            "a column for each of the arm's joints, j1_deg …", "none of {node}", "Add it.", path.name, node=node
         )
     named = head.index("name") if "name" in head else -1
     rows: list[_Row] = []
@@ -178,7 +173,7 @@ def _joint_table(path: Path, count: int) -> tuple[list[_Row], list[dict[str, Any
     for line, text in lines[1:]:
         cells = [cell.strip().strip('"') for cell in text.split(split)]
         try:
-            values = [number(cells[place]) for place in places]
+            values = [number(cells[place]) * factor for place, factor in columns[:count]]
         except (ValueError, IndexError):
             skipped.append({"line": line, "reason": "not a number for each joint", "file": path.name})
             continue

@@ -120,7 +120,7 @@ def new_session(
         }
         for look in found.looks
     ]
-    notes = (*made.notes, *map(str, found.doubts))
+    notes = (*made.notes, *(doubt.text for doubt in found.doubts))
     missing = tuple(lack.text for lack in found.missing)
     return NewSession(target, tuple(files), missing, notes, len(made.session.captures))
 

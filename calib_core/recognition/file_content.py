@@ -9,7 +9,7 @@ from calib_core.formats.shared.text_style import looks_like_text
 from calib_core.formats.shared.xml_file import is_gzip, unzipped
 from calib_core.recognition.json_poses import keys_of, parsed, poses_in_json, sphere_mm_in
 from calib_core.recognition.number_rows import rows_in
-from calib_core.recognition.pose_rows import poses_in
+from calib_core.recognition.pose_rows import joints_in, poses_in
 from calib_core.recognition.storage import look_at_storage
 from calib_core.recognition.taken import GivenFile, Look, PoseList, Reason, TakenFor, nothing, preview_of
 from calib_core.recognition.tracker_points import HINT, centers_in
@@ -187,6 +187,8 @@ def _table(file: GivenFile, text: str) -> Look | None:
             poses = poses_in(rows_in(decoded(file.data)), file.name)
         if poses is not None:
             return _with_poses(poses)
+    if joints := joints_in(found, file.name):
+        return Look("nothing", Reason("joints-alone"), joints=joints)
     values = {"rows": len(found.rows), "columns": found.width}
     if found.width < 2 or len(found.rows) < _LEAST_POINTS or found.others > len(found.rows):
         return None

@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.recognition.number_rows import Row, Rows, counts_up, rises
 from calib_core.recognition.taken import PoseList, PoseRow
-from calib_core.robots.table.columns import plain, unit_of
+from calib_core.robots.table.columns import joint_columns, plain, unit_of
 
 _UNIT = 1e-2
 _MOST_POSES = 20_000
@@ -70,6 +70,7 @@ def _named(found: Rows, names: Sequence[str], file: str) -> PoseList | None:
         PoseRow(tuple(row.numbers[p] * f for p, f in zip(places, factors, strict=True)), row.line, file=file)
         for row in found.rows
     ]
+    rows = _with_joints(found.rows, rows, names, set(places))
     return PoseList(tuple(_beside(found.rows, rows, plains, set(places))), tuple(conventions))
 
 
@@ -93,11 +94,24 @@ def _beside(given: Sequence[Row], rows: list[PoseRow], plains: Sequence[str], us
             rows = [replace(row, number=int(v)) for row, v in zip(rows, values, strict=True) if math.isfinite(v)]
         elif name in ("table", "table_deg", "turntable"):
             rows = [replace(row, table_deg=v) for row, v in zip(rows, values, strict=True)]
-    joints = [plains.index(f"j{k}") for k in range(1, 8) if plains.count(f"j{k}") == 1]
-    if len(joints) > 4 and not used & set(joints):
-        of_rows = [tuple(one.numbers[j] for j in joints) for one in given]
-        rows = [replace(row, joints_deg=own) for row, own in zip(rows, of_rows, strict=True)]
     return _with_words(given, rows)
+
+
+def joints_in(found: Rows, file: str) -> tuple[PoseRow, ...]:
+    """Return rows of joints alone, without numbers of a pose; none where the header does not name joints."""
+    names = (_columns(found) if found.rows else None) or ()
+    rows = _with_joints(found.rows, [PoseRow((), row.line, file=file) for row in found.rows], names, set())
+    named = bool(rows) and rows[0].joints_deg is not None
+    return tuple(_beside(found.rows, rows, [plain(name) for name in names], set())) if named else ()
+
+
+def _with_joints(given: Sequence[Row], rows: list[PoseRow], names: Sequence[str], used: set[int]) -> list[PoseRow]:
+    """Return rows with the readings of joints, where columns are named after them."""
+    joints = joint_columns(names)
+    if len(joints) < 5 or used & {place for place, _ in joints}:
+        return rows
+    each = [tuple(one.numbers[place] * factor for place, factor in joints) for one in given]
+    return [replace(row, joints_deg=own) for row, own in zip(rows, each, strict=True)]
 
 
 def _with_words(given: Sequence[Row], rows: list[PoseRow]) -> list[PoseRow]:

@@ -10,6 +10,7 @@ from calib_core.errors import CalibrationError
 from calib_core.formats.format import Unit
 from calib_core.recognition.conventions import Choice, chosen_convention
 from calib_core.recognition.file_content import look_at
+from calib_core.recognition.joint_rows import with_joints
 from calib_core.recognition.pairing import By, natural, paired
 from calib_core.recognition.taken import (
     MEASUREMENTS,
@@ -125,7 +126,7 @@ def recognise(
         The robot's arm by its name: poses of controllers' files then get joints where these say how it stands.
     """
     looks = [_look(file, (told or {}).get(file.name), k, unit) for k, file in enumerate(files)]
-    looks = _with_controllers(_without_other_scanners(looks), arm)
+    looks = with_joints(_with_controllers(_without_other_scanners(looks), arm), arm, convention)
     order = sorted(
         (k for k, look in enumerate(looks) if look.taken_for in (*MEASUREMENTS, "centers")),
         key=lambda k: natural(looks[k].file.name),

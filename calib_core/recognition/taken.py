@@ -68,6 +68,9 @@ _REASONS = templates(
         "controller": "{brand}: {tools}, {frames}, no poses.",
         "controller-skipped": "{brand}: {tools}, {frames}, no poses. {because}",
         "controller-unread": "{brand}: {because}",
+        "joints-alone": "Joints without poses: `scancell new --arm NAME` makes poses of them.",
+        "joints-of": "Joints of {poses}, taken with {other}.",
+        "joints-by-arm": "Joints of {poses}, which follow from them by the nominal lengths of {arm}.",
         "same-poses": "The same poses as in {other}.",
         "other-poses": "{poses} for {measurements} measurements, which {other} fits better.",
         "one-pose": "One pose, named after no measurement.",
@@ -197,7 +200,7 @@ class PoseList:
 class Look:
     """What one file is taken for, and what was found in it; `preview` are some of its points, x and z in mm.
 
-    `notes` are what its reader says of an arm that was told.
+    `notes` are what its reader says of an arm that was told; `joints` rows of joints alone, without a pose.
     """
 
     taken_for: TakenFor
@@ -209,6 +212,7 @@ class Look:
     preview: tuple[tuple[float, float], ...] = ()
     centers: "Centers | None" = None
     notes: tuple[str, ...] = ()
+    joints: tuple[PoseRow, ...] = ()
 
 
 def nothing(code: str, **values: str | float) -> Look:

@@ -18,8 +18,10 @@ from calib_core.records.results import ArmTerms
 from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.drift import DriftPoint, cell_drift
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.recheck.record import RecheckResult
 from calib_core.stages.tcp.record import TcpResult
-from tests.arm_cell import ARM_KINDS, ArmCell, ArmKind, held_out_rms_mm, simulate_arm
+from calib_core.stages.verify.record import VerifyResult
+from tests.arm_cell import ARM_KINDS, ArmCell, ArmKind, held_out_rms_mm, later_on_an_arm, simulate_arm
 
 
 def solved(session: Session) -> TcpResult:
@@ -240,6 +242,51 @@ def of_later_sessions(each: int, bump_deg: float = 0.15) -> list[Row]:
     ]
 
 
+def _since(kind: str, seed: int, step: str, bump_deg: float) -> tuple[int | None, bool]:
+    """Return which joint captures since the calibration name, and whether they hold; joint 2 to 5 moved."""
+    bumped = [bump_deg * (n == 1 + seed % 4) for n in range(6)]
+    session = later_on_an_arm(kind, seed, step, bumped_deg=bumped, errors="apply")
+    result = solve_stage(session, step, lambda _name: b"")
+    if isinstance(result, RecheckResult):
+        return result.rounds[-1].joint, result.holds
+    assert isinstance(result, VerifyResult)
+    joints = [one.values["joint"] for one in result.findings if one.code == "joint-zero-moved"]
+    return (int(joints[0]) if joints else None), result.chance is None or result.chance >= 0.01
+
+
+def of_captures_since(each: int, bump_deg: float = 0.15) -> list[Row]:
+    """Return how often captures since name the joint whose zero moved, and what they say of arms as they were."""
+    rows: list[Row] = []
+    for step, what in (("recheck", "repeated poses"), ("verify", "poses of a verification")):
+        still, moved = (
+            [
+                kept(f"arm since {kind} {n} {step} {by}", lambda k=kind, n=n, s=step, by=by: _since(k, n, s, by))
+                for kind in ARM_KINDS
+                for n in range(8000, 8000 + each)
+            ]
+            for by in (0.0, bump_deg)
+        )
+        joints = [2 + n % 4 for _ in ARM_KINDS for n in range(8000, 8000 + each)]
+        count, named = len(still), sum(one[0] == joint for one, joint in zip(moved, joints, strict=True))
+        wrong = sum(one[0] not in (None, joint) for one, joint in zip(moved, joints, strict=True))
+        quiet, alarms = sum(one[0] is None for one in still), sum(not one[1] for one in still)
+        rows += [
+            Row(
+                f"six classes of arms, {count}, {what}, one joint's zero moved by {bump_deg}°: named",
+                "–",
+                f"{named}; another {wrong}",
+                wrong <= 0.02 * count,
+            ),
+            Row(
+                f"six classes of arms, {count}, {what}, nothing moved: no joint named; alarms",
+                "all; ≤ 2 %",
+                f"{quiet} of {count}; {alarms}",
+                quiet == count and alarms <= 0.02 * count,
+            ),
+        ]
+    return rows
+
+
 def _classes(kind: str, seed: int, captures: int) -> tuple[float, bool]:
     """Return the error at other poses over that without the arm's errors, and whether it was told worth it."""
     cell = simulate_arm(kind, seed, captures, errors="apply")
@@ -305,6 +352,7 @@ def run(full: bool) -> list[Row]:
         *of_rough_arms(min(each, 30)),
         of_wrong_joints(some),
         *of_later_sessions(min(each, 4)),
+        *of_captures_since(min(each, 7)),
         *of_six_classes(each),
         of_right_arms(some),
     ]

@@ -17,7 +17,7 @@ from calib_core.stages.pipeline import run
 from calib_core.stages.recheck.capability import capability
 from calib_core.stages.recheck.guide import recheck_plan
 from calib_core.stages.recheck.record import RecheckResult, RecheckRound
-from tests.arm_cell import simulate_arm
+from tests.arm_cell import later_on_an_arm
 
 
 def test_changes_are_found_and_false_alarms_are_rare() -> None:
@@ -126,36 +126,16 @@ def test_capability_is_that_of_the_rounds_against_the_tolerance(solved: Any) -> 
     assert "± 0.4 mm" in tables[0].caption
 
 
-def on_an_arm(seed: int, bumped_deg: list[float], tool_mm: float = 0.0, ball_mm: float = 0.0) -> RecheckResult:
-    """Return what eight repeated captures of a known arm say: zeros, scanner or ball moved since."""
-    cell, rng = simulate_arm("small", seed, 30, held=0), np.random.default_rng([seed, 39])
-    changes = cell.arm.changes.copy()
-    changes[:, 3] += np.deg2rad(bumped_deg)
-    bumped, data = replace(cell.arm, changes=changes), cell.session.to_json()
-    tool0_from_laser = np.eye(4)
-    tool0_from_laser[:3, 3] = [60.0, -40.0, 120.0]
-    ball = np.array([450.0, 20.0, 150.0, 1.0])
-
-    def seen(capture: Any, arm: Any, off: tuple[float, float]) -> list[float]:
-        flange = arm.flange(np.deg2rad(capture["joints_deg"]), 0.0, np.sign(rng.normal(size=6)))
-        in_laser = np.linalg.inv(flange @ tool0_from_laser) @ (ball + np.array([0.0, off[1], 0.0, 0.0]))
-        return (in_laser[:3] + np.array([off[0], 0.0, 0.0]) + rng.normal(0, 0.02, 3)).tolist()
-
-    del data["cell"]["arrangement"]
-    for capture in data["captures"]:
-        capture["center_mm"] = seen(capture, cell.arm, (0.0, 0.0))
-    for k in range(0, 30, 4):
-        then = data["captures"][k]
-        again = seen(then, bumped, (tool_mm, ball_mm))
-        data["captures"].append({**then, "id": f"r{k:02d}", "step": "recheck", "center_mm": again})
-    result = run(parse_session(data, "session"), lambda name: b"", "recheck")["recheck"]
+def on_an_arm(seed: int, **since: Any) -> RecheckResult:
+    """Return what eight repeated captures of a known arm say."""
+    result = run(later_on_an_arm("small", seed, "recheck", **since), lambda name: b"", "recheck")["recheck"]
     assert isinstance(result, RecheckResult)
     return result
 
 
 @pytest.mark.parametrize("joint", [2, 3, 4, 5])
 def test_the_joint_whose_zero_moved_is_named(joint: int) -> None:
-    result = on_an_arm(joint, [0.15 * (n + 1 == joint) for n in range(6)])
+    result = on_an_arm(joint, bumped_deg=[0.15 * (n + 1 == joint) for n in range(6)])
     (told,) = result.rounds
     assert (told.changed, told.joint) == ("joint", joint)
     assert told.joint_deg is not None
@@ -165,12 +145,7 @@ def test_the_joint_whose_zero_moved_is_named(joint: int) -> None:
 
 
 def test_no_joint_is_named_where_another_thing_moved() -> None:
-    still = [0.0] * 6
-    nothing, tracker, ball = (
-        on_an_arm(7, still),
-        on_an_arm(7, still, tool_mm=1.0),
-        on_an_arm(7, still, ball_mm=1.0),
-    )
+    nothing, tracker, ball = on_an_arm(7), on_an_arm(7, tool_mm=1.0), on_an_arm(7, ball_mm=1.0)
     assert nothing.changed == "nothing"
     assert {tracker.rounds[0].joint, ball.rounds[0].joint} == {None}
     assert not tracker.holds

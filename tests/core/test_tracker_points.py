@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import calib_core as cc
+from calib_core.arms.kinematics import arm_of, flange_of_joints
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.library.new_session import new_session
@@ -182,6 +183,63 @@ def test_the_uncertainty_of_each_axis_counts_and_not_the_points_own_beside_it() 
     assert found is not None
     assert (found.unit, found.points[0].center_mm) == ("mm", (1.0, 2.0, 3.0))
     assert found.sigma_mm == pytest.approx(0.01)
+
+
+def joints_of(names: str) -> tuple[str, str, list[list[float]]]:
+    """A tracker's points, a table of joints of an IRB 120 whose columns are named so, and the joints, deg."""
+    arm, rng = arm_of("irb120"), np.random.default_rng(39)
+    joints: list[list[float]] = rng.uniform(-60, 60, (12, 6)).round(3).tolist()
+    flanges = [flange_of_joints(arm, row).matrix for row in joints]
+    points = [(TRACKER_FROM_BASE @ flange @ [*TARGET_IN_TOOL0_MM, 1])[:3] for flange in flanges]
+    rows = [f"P{k},{x:.5f},{y:.5f},{z:.5f},0.03" for k, (x, y, z) in enumerate(points, start=1)]
+    tracker = "\n".join(["Name,X [mm],Y [mm],Z [mm],U95 [mm]", *rows]) + "\n"
+    factor = np.deg2rad(1) if "rad" in names else 1.0
+    told = [f"P{k}," + ",".join(f"{v * factor:.7f}" for v in row) for k, row in enumerate(joints, start=1)]
+    return tracker, "\n".join([f"name,{names}", *told]) + "\n", joints
+
+
+@pytest.mark.parametrize(
+    "names",
+    ["J1,J2,J3,J4,J5,J6", "A1,A2,A3,A4,A5,A6", ",".join(f"joint_{k} [rad]" for k in range(1, 7))],
+    ids=["J", "KUKA's", "rad"],
+)
+def test_joints_make_the_poses_of_a_trackers_points_where_the_arm_is_told(tmp_path: Path, names: str) -> None:
+    tracker, table, joints = joints_of(names)
+    folder = lay(tmp_path / "in", tracker_csv=tracker, joints_csv=table)
+    untold = new_session(folder, tmp_path / "untold")
+    assert next(file for file in untold.files if file["name"] == "joints.csv")["taken_for"] == "nothing"
+    assert untold.missing
+    made = new_session(folder, tmp_path / "told", arm="irb120")
+    assert made.missing == ()
+    session = cc.load(made.folder)
+    by_name = {capture.id: capture for capture in session.captures}
+    for k, row in enumerate(joints, start=1):
+        np.testing.assert_allclose(np.array(by_name[f"P{k}"].joints_deg, dtype=float), row, atol=1e-4)
+    result = session.run("tcp")["tcp"]
+    np.testing.assert_allclose(result.sphere_center_in_tool0_mm, TARGET_IN_TOOL0_MM, atol=0.05)
+
+
+def test_joints_in_a_file_of_their_own_go_with_the_poses_of_their_names(tmp_path: Path) -> None:
+    tracker, table, joints = joints_of("A1 [deg],A2,A3,A4,A5,A6")
+    flanges = [flange_of_joints(arm_of("irb120"), row) for row in joints]
+    rows = [
+        f"P{k}," + ",".join(f"{v:.6f}" for v in to_pose("kuka", flange)) for k, flange in enumerate(flanges, 1)
+    ]
+    poses = "\n".join(["name,X,Y,Z,A,B,C", *reversed(rows)]) + "\n"
+    made = new_session(
+        lay(tmp_path / "in", tracker_csv=tracker, poses_csv=poses, axes_csv=table), convention="kuka"
+    )
+    assert made.missing == ()
+    why = next(file["why"] for file in made.files if file["name"] == "axes.csv")
+    assert why == "Joints of 12 poses, taken with poses.csv."
+    by_name = {capture.id: capture for capture in cc.load(made.folder).captures}
+    assert [by_name[f"P{k}"].joints_deg for k in range(1, 13)] == joints
+
+
+def test_what_is_open_of_the_order_is_said_in_a_sentence(tmp_path: Path) -> None:
+    scan = "".join(f"{k / 10},{100 - (k - 50) ** 2 / 800:.3f}\n" for k in range(100))
+    folder = lay(tmp_path / "in", scan_csv=f"x_mm,z_mm\n{scan}", poses_csv=poses_text())
+    assert "1 measurements, 16 poses, in their order" in " ".join(new_session(folder, convention="kuka").notes)
 
 
 def test_a_page_is_shown_the_file_and_offered_no_file_a_point() -> None:

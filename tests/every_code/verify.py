@@ -18,6 +18,7 @@ from calib_core.stages.verify.held_out import HeldOut
 from calib_core.stages.verify.limits import limit_findings
 from calib_core.stages.verify.record import Decision
 from calib_core.stages.verify.solve import scatter_findings, unchecked_limits
+from tests.arm_cell import later_on_an_arm
 from tests.every_code.made import Case
 from tests.verified import brought_tool, shifted, verified_session
 
@@ -72,6 +73,16 @@ def _beside(number: int, aside_mm: float) -> Iterable[Finding]:
 def beside(aside_mm: float) -> Case:
     """Return what the verification says, one pose so far beside its own."""
     return lambda: _beside(-3, aside_mm)
+
+
+def on_an_arm(**since: Any) -> Case:
+    """Return what the verification of a scanner on a known arm says that changed since."""
+
+    def case() -> Iterable[Finding]:
+        session = later_on_an_arm("small", 8001, "verify", errors="apply", **since)
+        return solve_stage(session, "verify", lambda _name: b"").findings
+
+    return case
 
 
 def near_calibration(aside_mm: float) -> Case:
@@ -145,6 +156,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "verify-of-failed-answer": (after_poses(reverse=True), after_poses(reverse=False)),
     "verify-tool-without-uncertainty": (scatter(1.0, knows=False), scatter(1.0)),
     "verify-scatter-large": (scatter(1.4), scatter(1.3)),
+    "joint-zero-moved": (on_an_arm(bumped_deg=[0.0, 0.0, 0.15, 0.0, 0.0, 0.0]), on_an_arm(tool_mm=1.0)),
     "verify-scatter-fails": (scatter(3.1), scatter(2.9)),
     "verify-limit-not-checked": (unchecked(0.5), unchecked(None)),
     "verify-limit-eased": (limit(2.0), limit(0.5)),

@@ -143,6 +143,18 @@ TOOL_WITHOUT_UNCERTAINTY = Code(
     usual_causes="A tool that was typed in.",
 )
 
+JOINT_MOVED = Code(
+    "joint-zero-moved",
+    "warning",
+    text="The zero of joint {joint} moved by {deg:.3f} ± {uncertainty_deg:.3f}° since the calibration: that explains what "
+    "the captures show.",
+    to_do="Have the robot's zeros checked, then calibrate again.",
+    meaning="Arm and joints are known, and one joint's zero makes the captures of the verification 50 times likelier than "
+    "any other joint, a scanner that moved, or the whole arm.",
+    decided="A limit is not held, or the captures scatter beyond chance; with this zero what is left is chance.",
+    usual_causes="A collision, a joint that lost its zero or was mastered anew.",
+)
+
 SCATTER_LARGE = Code(
     "verify-scatter-large",
     "warning",

@@ -11,16 +11,14 @@ import numpy as np
 
 from calib_core.chain.observations import SphereObservation
 from calib_core.estimation import chance_of, covariance_of
-from calib_core.frames import FloatArray, skew
+from calib_core.frames import FloatArray
 from calib_core.stages.recheck.record import Changed
-from calib_core.stages.verify.held_out import linearised
+from calib_core.stages.verify.held_out import block_diagonal, linearised
+from calib_core.stages.verify.joint_moved import SHIFTED_MM, TURNED_RAD, Bump, bumped, by_errors_of_arm
 from calib_core.stages.verify.tool import Tool
 
 _FALSE_ALARM = 0.005  # of each of the three tests; together they stay below 2 %
 _EXPLAINED = 0.01
-# What a collision does: a scanner or a sphere shifts (mm), a scanner turns (rad), a joint's zero moves (deg).
-_SHIFTED_MM, _TURNED_RAD, _BUMPED_DEG = 1.0, 0.005, 0.2
-_LIKELIER = 4.0  # of a log-likelihood: what is named a bumped joint is 50 times likelier so
 _PRIOR_MM = 1000.0  # of a shift, only so that one that the captures leave open has a large uncertainty
 
 
@@ -47,15 +45,6 @@ class Alike:
         for step, reach in ((difference[3:], self.reach_mm), (difference[:3], self.reach_rad)):
             exponent += float(step @ step) / (2 * reach**2) if reach > 0 else 0.0
         return 2 * (1 - float(np.exp(-exponent)))
-
-
-@dataclass(frozen=True)
-class Bump:
-    """By how much the zero of a joint, counted from 1, moved: deg, ± one standard deviation."""
-
-    joint: int
-    change_deg: float
-    sigma_deg: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,56 +143,13 @@ def compared(
         by_turn = chance_of(left_of_turn, max(freedom - 6, 1))
         by_shift = chance_of(left_of_sphere, max(freedom - 3, 1))
         changed = _what(by_turn > _EXPLAINED, by_shift > _EXPLAINED)
-        by_joint = _by_joint(now, center_in_base_mm, by_center, zeros or {})
-        others = [by_center * _SHIFTED_MM, by_tool * [*[_TURNED_RAD] * 3, *[_SHIFTED_MM] * 3]]
-        bump = _bumped(by_joint, others, differences, weights)
+        by_joint = by_errors_of_arm(now, center_in_base_mm, by_center, zeros or {})
+        others = [by_center * SHIFTED_MM, by_tool * [*[TURNED_RAD] * 3, *[SHIFTED_MM] * 3]]
+        others = [one.reshape(freedom, -1) for one in others]
+        bump = bumped(by_joint, others, differences.ravel(), block_diagonal(covariances))
     if bump is not None:
         changed = "joint"
     return Change(shift, covariance, changed, min(1.0, 3 * min(chances)), differences, covariances, bump)
-
-
-def _by_joint(
-    now: Sequence[SphereObservation], center: FloatArray, by_center: FloatArray, zeros: Mapping[int, int]
-) -> dict[int, FloatArray]:
-    """Return how the figures follow each joint's zero, (K, 3, 1) a degree; empty where joints are not known."""
-    designs: dict[int, FloatArray] = {}
-    for joint, term in zeros.items():
-        moved: list[FloatArray] = []
-        for one in now:
-            if one.arm_moves is None or not one.carriers.over_robot:
-                return {}
-            shift, turn = one.arm_moves[:3, term], one.arm_moves[3:, term]
-            flange, on_flange = one.base_from_tool0, one.carriers.over_robot < 0
-            in_base = flange.apply(center) if on_flange else center
-            carried = shift + skew(turn) @ (in_base - flange.translation_mm)  # as if it were on the flange
-            moved.append(flange.rotation.T @ carried if on_flange else -carried)
-        designs[joint] = by_center @ np.array(moved)[..., None]
-    return designs
-
-
-def _bumped(
-    by_joint: Mapping[int, FloatArray], others: Sequence[FloatArray], differences: FloatArray, weights: FloatArray
-) -> Bump | None:
-    """Return the joint whose zero explains the differences, far likelier than another joint's and the `others`."""
-    if not by_joint:
-        return None
-    likelihood = {joint: _log_likelihood(_BUMPED_DEG * d, differences, weights) for joint, d in by_joint.items()}
-    best = max(likelihood, key=lambda joint: likelihood[joint])
-    against = [one for joint, one in likelihood.items() if joint != best]
-    against += [_log_likelihood(design, differences, weights) for design in others]
-    change, covariance, left = _fitted(by_joint[best], differences, weights)
-    explains = chance_of(left, 3 * len(differences) - 1) > _EXPLAINED
-    if not explains or likelihood[best] < max(against) + _LIKELIER:
-        return None
-    return Bump(best, float(change[0]), float(np.sqrt(covariance[0, 0])))
-
-
-def _log_likelihood(design: FloatArray, differences: FloatArray, weights: FloatArray) -> float:
-    """Return by how much the differences are likelier with steps (n,), each believed to be of size one."""
-    turned = np.swapaxes(design, 1, 2) @ weights
-    information = (turned @ design).sum(axis=0) + np.eye(design.shape[2])
-    pulled = (turned @ differences[..., None]).sum(axis=0)[:, 0]
-    return float(pulled @ np.linalg.solve(information, pulled) - np.linalg.slogdet(information)[1]) / 2
 
 
 def _what(tool_explains: bool, sphere_explains: bool) -> Changed:

@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 4  # a sheet of light that is bent is counted with
+    method_revision = 5  # a joint's zero that moved is named
     step = CaptureStep(
         "verify",
         "Verification",

@@ -331,11 +331,11 @@ class _Joint:
     def __init__(self, seen: Sequence[_Seen], center: FloatArray, tool: Tool) -> None:
         self._seen, self._center, self._tool = seen, center, tool
         self.residuals = np.concatenate([one.residual(center) for one in seen])
-        self._slope = _block_diagonal(one.slope(center) for one in seen)
+        self._slope = block_diagonal(one.slope(center) for one in seen)
         self._by_tool = np.concatenate([one.moved_by_tool(center) for one in seen])
         self._by_ball = np.concatenate([one.moved_by_ball() for one in seen])
         moves = self._slope @ self._by_tool
-        own = _block_diagonal(one.covariance(center) for one in seen)
+        own = block_diagonal(one.covariance(center) for one in seen)
         self.covariance: FloatArray = own + moves @ tool.covariance @ moves.T
         design = self._slope @ self._by_ball
         self._weighted = np.linalg.solve(self.covariance, design)
@@ -349,8 +349,8 @@ class _Joint:
 
     def expected_offsets_mm(self) -> FloatArray:
         """Return how far each capture's own centre is expected from the common one (K,), root mean square."""
-        into_carrier = _block_diagonal(one.moved_by_ball().T for one in self._seen)
-        own = _block_diagonal(one.center_covariance(self._center) for one in self._seen)
+        into_carrier = block_diagonal(one.moved_by_ball().T for one in self._seen)
+        own = block_diagonal(one.center_covariance(self._center) for one in self._seen)
         spread = into_carrier @ (own + self._by_tool @ self._tool.covariance @ self._by_tool.T) @ into_carrier.T
         # The common centre follows the captures' own ones by these weights (3, 3K).
         follow = self.covariance_of_center @ self._weighted.T @ self._slope @ into_carrier.T
@@ -358,7 +358,8 @@ class _Joint:
         return np.sqrt(np.diag(apart @ spread @ apart.T).reshape(-1, 3).sum(axis=1))
 
 
-def _block_diagonal(blocks: Iterable[FloatArray]) -> FloatArray:
+def block_diagonal(blocks: Iterable[FloatArray]) -> FloatArray:
+    """Return blocks (n, m) on the diagonal of one matrix."""
     from scipy.linalg import block_diag
 
     return np.asarray(block_diag(*blocks), dtype=float)

@@ -38,6 +38,7 @@ from calib_core.stages.verify.decision import (
 )
 from calib_core.stages.verify.flatness import Plate, plate
 from calib_core.stages.verify.held_out import HeldOut, held_out, in_one_plane, together
+from calib_core.stages.verify.joint_moved import joint_findings
 from calib_core.stages.verify.limits import LIMITS, limit_findings
 from calib_core.stages.verify.on_axes import axes_of_answer, axis_moves, on_axes
 from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
@@ -106,7 +107,7 @@ def solve(given: StageInput) -> VerifyResult:
     flat = _plate(given, tool, axes)
     late = limit_findings(limits)
     checks = _flatness(limits, flat)
-    findings, found, doubtful = [*same], None, list[Finding]()
+    findings, found, doubtful, moved = [*same], None, list[Finding](), list[Finding]()
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     if count >= LEAST_CAPTURES:
         groups = {key: in_one_plane(seen, sphere, tool) for key, seen in groups.items()}
@@ -129,6 +130,7 @@ def solve(given: StageInput) -> VerifyResult:
             *checks,
         ]
         findings += [*doubtful, *_disagreeing(first, sphere, own, found)]
+        moved = joint_findings(given.session.cell, arm, first, sphere, own, parts[0])
     unchecked = unchecked_limits(limits, checks, flat)
     decision = overall(checks, len(unchecked))
     findings += [
@@ -138,7 +140,8 @@ def solve(given: StageInput) -> VerifyResult:
         *late,
         *unchecked,
     ]
-    findings += scatter_findings(found, knows_uncertainty, decision) if found is not None else []
+    scattered = scatter_findings(found, knows_uncertainty, decision) if found is not None else []
+    findings += [*scattered, *(moved if scattered or decision in ("fail", "conditional-fail") else [])]
     surfaces = np.empty(0) if found is None else found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
     return VerifyResult(
         method="centre of a still sphere over held-out captures, by their and the answer's covariance",
