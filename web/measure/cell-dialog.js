@@ -103,7 +103,7 @@ function bodyOf(form) {
       scanner: { kind: /** @type {Kind} */ (form.get("kind")), point_sigma_mm: typed(form, "point_sigma"), z_axis: z === "away" || z === "toward" ? z : undefined },
       board: boardOf(form),
       turntable: form.get("turntable") ? {} : undefined,
-      robot: { position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma"), arm: form.get("arm") ? JSON.parse(String(form.get("arm"))) : undefined },
+      robot: { position_sigma_mm: typed(form, "position_sigma"), orientation_sigma_deg: typed(form, "orientation_sigma"), arm: form.get("arm") ? JSON.parse(String(form.get("arm"))) : undefined, errors: form.get("arm_errors") === "apply" ? "apply" : undefined },
     },
   };
 }
@@ -148,7 +148,7 @@ function fill(form, { name, cell }) {
     board_pitch_y: cell.board?.pitch_y_mm, board_pitch_sigma: cell.board?.pitch_sigma_mm,
     board_marker: cell.board?.marker_mm, board_dictionary: cell.board?.dictionary,
     position_sigma: cell.robot?.position_sigma_mm, orientation_sigma: cell.robot?.orientation_sigma_deg,
-    arm: cell.robot?.arm ? JSON.stringify(cell.robot.arm) : "",
+    arm: cell.robot?.arm ? JSON.stringify(cell.robot.arm) : "", arm_errors: cell.robot?.errors === "apply" ? "apply" : "",
   };
   const turntable = form.elements.namedItem("turntable");
   if (turntable instanceof HTMLInputElement) turntable.checked = hasTable({ cell });
@@ -193,6 +193,7 @@ function open(conventions, session, brought) {
       h("input", { type: "hidden", name: "sphere" }),
       h("input", { type: "hidden", name: "arm" }),
       h("button", { type: "button", class: "plain wide", id: "new-arm", onclick: async (/** @type {Event} */ { currentTarget }) => (await import("../guidance/arm.js")).chooseArm(/** @type {HTMLButtonElement} */ (currentTarget)) }, t("new.arm")),
+      field("new-arm-errors", t("new.arm_errors"), h("select", { name: "arm_errors" }, h("option", { value: "" }, t("new.arm_cover")), h("option", { value: "apply" }, t("new.arm_apply"))), t("new.arm_errors_hint")),
       field("new-position-sigma", t("new.position_sigma"), number("position_sigma")),
       field("new-orientation-sigma", t("new.orientation_sigma"), number("orientation_sigma")),
       field("new-z", t("new.z_axis"), h("select", { name: "z_axis" }, h("option", { value: "" }, t("new.z_data")), h("option", { value: "away" }, t("new.z_away")), h("option", { value: "toward" }, t("new.z_toward")))),
