@@ -40,7 +40,12 @@ def test_an_arm_is_given_by_its_urdf(
             arm.select_option("urdf")
         chooser.value.set_files(good)
         expect(arm.locator("option:checked")).to_have_text("robot.urdf: base → tool0: 6 joints")
+        page.get_by_label("Errors of the arm that are found").select_option("apply")
         page.get_by_role("button", name="Save").click()
         expect(page.locator("dialog[open]")).to_have_count(0)
-        stored = client.get(f"/sessions/{session}").json()["cell"]["robot"]["arm"]
-        assert [joint["name"] for joint in stored["joints"]][:2] == ["pan", "lift"]
+        stored = client.get(f"/sessions/{session}").json()["cell"]["robot"]
+        assert [joint["name"] for joint in stored["arm"]["joints"]][:2] == ["pan", "lift"]
+        assert stored["errors"] == "apply"
+        page.get_by_role("button", name="Edit cell").click()
+        page.locator("dialog summary", has_text=re.compile("^More$")).click()
+        expect(page.get_by_label("Errors of the arm that are found")).to_have_value("apply")
