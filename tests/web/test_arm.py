@@ -1,5 +1,6 @@
 """The robot's arm in the cell's dialog: by its name, from a URDF, and a file that is none refused in sight."""
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -49,3 +50,24 @@ def test_an_arm_is_given_by_its_urdf(
         page.get_by_role("button", name="Edit cell").click()
         page.locator("dialog summary", has_text=re.compile("^More$")).click()
         expect(page.get_by_label("Errors of the arm that are found")).to_have_value("apply")
+
+
+def test_a_cell_of_whole_centres_needs_no_diameter(open_page: Callable[..., Any], address: str) -> None:
+    with httpx.Client(base_url=f"{address}/api/v1", trust_env=False) as client:
+        session = client.post("/sessions", json={"cell": {"pose_convention": "quaternion-xyzw"}}).json()["id"]
+        record = {
+            "id": "c1",
+            "step": "tcp",
+            "kind": "center",
+            "center_mm": [1, 2, 150],
+            "pose": [0, 0, 0, 0, 0, 0, 1],
+        }
+        client.post(
+            f"/sessions/{session}/captures", files={"record": (None, json.dumps(record))}
+        ).raise_for_status()
+        page, _ = open_page(f"/sessions/{session}")
+        page.get_by_role("button", name="Edit cell").click()
+        expect(page.get_by_label("Scanner output")).to_have_value("center")
+        page.get_by_role("button", name="Save").click()
+        expect(page.locator("dialog[open]")).to_have_count(0)
+        assert client.get(f"/sessions/{session}").json()["cell"]["scanner"]["kind"] == "center"

@@ -139,10 +139,10 @@ const hasTable = (session) => session?.cell.turntable !== undefined && session.c
  * @param {HTMLFormElement} form
  * @param {SessionOut} session
  */
-function fill(form, { name, cell }) {
+function fill(form, { name, cell, captures }) {
   /** @type {Record<string, unknown>} */
   const values = {
-    name, kind: cell.scanner?.kind ?? "profile", convention: cell.pose_convention, diameter: cell.sphere_diameter_mm,
+    name, kind: cell.scanner?.kind ?? captures?.find(({ step }) => step === "tcp")?.kind ?? "profile", convention: cell.pose_convention, diameter: cell.sphere_diameter_mm,
     diameter_sigma: cell.sphere_diameter_sigma_mm, point_sigma: cell.scanner?.point_sigma_mm, z_axis: cell.scanner?.z_axis,
     board_kind: cell.board?.kind ?? "chessboard", board_columns: cell.board?.columns, board_rows: cell.board?.rows, board_pitch: cell.board?.pitch_mm,
     board_pitch_y: cell.board?.pitch_y_mm, board_pitch_sigma: cell.board?.pitch_sigma_mm,
