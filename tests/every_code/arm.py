@@ -18,13 +18,18 @@ from tests.every_code.made import Case, tool_of
 from tests.every_code.tcp import of_sigmas, right
 
 
-def of_arm(size: float = 1.0, errors: str | None = None, turned: bool = False) -> Case:
-    """What is found of an arm before a tracker; `turned`: its second joint is counted the other way."""
+def of_arm(size: float = 1.0, errors: str | None = None, turned: bool = False, untold: int = 0) -> Case:
+    """What is found of an arm before a tracker; `turned`: its second joint is counted the other way.
+
+    `untold`: so many captures have no joints.
+    """
 
     def found() -> Iterable[Finding]:
         told = simulate_arm("small", 1, 15, size=size, errors=errors, held=0).session.to_json()
         for capture in told["captures"] if turned else []:
             capture["joints_deg"][1] *= -1
+        for capture in told["captures"][:untold]:
+            del capture["joints_deg"]
         return solve_stage(Session.model_validate(told), "tcp", lambda _name: b"").findings
 
     return found
@@ -64,6 +69,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "arm-errors-worth-it": (of_arm(), of_arm(size=0.0)),
     "arm-errors-applied": (of_arm(errors="apply"), of_arm(size=0.0, errors="apply")),
     "arm-errors-not-better": (of_arm(size=0.0, errors="apply"), of_arm(errors="apply")),
+    "arm-errors-without-joints": (of_arm(errors="apply", untold=1), of_arm(untold=1)),
     "joints-read-otherwise": (of_arm(turned=True), of_arm()),
     "arm-lengths-off": (tool_of("arms: poses 0.5 % too long"), tool_of("arms: clean")),
     "arm-less-true-than-told": (of_sigmas(position_mm=0.08), of_sigmas(position_mm=0.07)),

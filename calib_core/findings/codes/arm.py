@@ -40,6 +40,24 @@ ARM_NOT_BETTER = Code(
     since="0.2",
 )
 
+ARM_WITHOUT_JOINTS = Code(
+    "arm-errors-without-joints",
+    "warning",
+    text={
+        "arm": "The arm's own errors are not applied: nothing says which arm it is.",
+        "joints": "The arm's own errors are not applied: joints are known of {known} of {count} captures.",
+    },
+    to_do={
+        "arm": "Choose it (cell.robot.arm), or leave cell.robot.errors at 'cover'.",
+        "joints": "Give all captures their joints, exclude those without, or leave cell.robot.errors at 'cover'.",
+    },
+    by="lacks",
+    meaning="`cell.robot.errors` is `apply`, and the arm's errors are found by its lengths and the joints of all captures.",
+    decided="No arm is told, or a capture that is used has no joints.",
+    usual_causes="Poses that were typed in, or read from a file without joints.",
+    since="0.2",
+)
+
 JOINTS_READ_OTHERWISE = Code(
     "joints-read-otherwise",
     "warning",

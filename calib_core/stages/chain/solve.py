@@ -96,12 +96,13 @@ def _findings(
     from calib_core.stages.tcp.verdict import lag_findings
 
     tool = tool_of(solved).mounts
+    used = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
     both = [*solved.observations, *(one.sphere for one in table.observations)]
     return [
         *disagreements(solution),
         *findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere, tool),
         *of_several_balls(given, solved, solution_findings(solution.tcp, given.captures)),
-        *arm_findings(given.session.cell, solution.tcp.arm),
+        *arm_findings(given.session.cell, solution.tcp.arm, used),
         *lag_findings(solved.observations, solution.tcp.sigmas),
         *lost_rays_of(both),
         *solved.unused,

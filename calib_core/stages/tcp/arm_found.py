@@ -1,6 +1,7 @@
 """The arm's own errors as a result tells them, and what is to be said of them."""
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
 from calib_core.chain.arm_model import ArmModel
@@ -9,7 +10,7 @@ from calib_core.evidence.numbers import quantity
 from calib_core.findings import Finding
 from calib_core.findings.codes import arm as codes
 from calib_core.messages import message, templates
-from calib_core.records import Cell
+from calib_core.records import Capture, Cell
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
 from calib_core.records.results import ArmModelFound, ArmTerms, FoundFrame
 
@@ -56,16 +57,32 @@ def arm_model_found(solution: TcpSolution) -> ArmModelFound | None:
     )
 
 
-def arm_findings(cell: Cell, model: ArmModel | None) -> list[Finding]:
-    """Return what the arm's errors would bring, or why they are not applied."""
+def arm_findings(cell: Cell, model: ArmModel | None, captures: Sequence[Capture]) -> list[Finding]:
+    """Return what the arm's errors would bring, or why they are not applied to captures that should tell them."""
     if model is None:
-        return []
+        return _lacking(cell, captures)
     before, after = model.held_out_mm
     if model.applied:
         return [codes.ARM_APPLIED(before_mm=before, after_mm=after)]
     if model.worth_it:
         return [codes.ARM_WORTH_IT(before_mm=before, after_mm=after)]
     return [codes.ARM_NOT_BETTER(before_mm=before, after_mm=after)] if cell.robot.errors == "apply" else []
+
+
+def _lacking(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
+    """Return what the cell or captures lack, where the arm's errors are to be applied."""
+    if cell.robot.errors != "apply":
+        return []
+    untold = [one.id for one in captures if one.kind == "sweep" or not (one.joints_deg or one.joints_mm)]
+    if cell.robot.arm is not None and not untold:
+        return []
+    lacks = "arm" if cell.robot.arm is None else "joints"
+    known = len(captures) - len(untold)
+    return [
+        codes.ARM_WITHOUT_JOINTS(
+            untold if lacks == "joints" else [], lacks=lacks, known=known, count=len(captures)
+        )
+    ]
 
 
 def arm_table(model: ArmModelFound | None) -> list[AnyBlock]:

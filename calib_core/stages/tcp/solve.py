@@ -77,14 +77,15 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     found += [diameter_told(size) for size in sorted(sizes, key=lambda size: -size.diameter_mm)]
     found += lag_findings(solved.observations, solved.solution.sigmas)
     found += lost_rays_of(solved.observations)
-    found += arm_findings(given.session.cell, solved.solution.arm)
+    fit = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
+    of_flange = flange_findings(given.session.cell, fit)
+    found += arm_findings(given.session.cell, solved.solution.arm, [] if of_flange else fit)
     # Other readings of poses are tried for a sphere that stands still alone.
     stands = solved.solution.joint.ball_stands_still
     causes = _causes_of_poses(given, solved) if stands and _is_doubtful(found, solved) else []
     about_causes = {name for cause in causes for name in cause.captures}
     told = [one for one in found if not (one.remedy is not None and about_causes & set(one.captures))]
-    fit = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
-    return [*flange_findings(given.session.cell, fit), *causes, *told, *solved.unused, *solved.noticed]
+    return [*of_flange, *causes, *told, *solved.unused, *solved.noticed]
 
 
 def of_several_balls(given: StageInput, solved: SolvedTcp, found: list[Finding]) -> list[Finding]:
