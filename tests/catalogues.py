@@ -37,7 +37,7 @@ Text = tuple[str, str]  # the template, and its plural or nothing
 _ERRORS = {error.__name__ for error in _kinds_of(CalibrationError)}
 _LABELS = {"label", "limit_label", "title", "remark", "caption", "alt", "instruction", "why", "exit"}
 _LABEL = re.compile(r"[A-Z].*[a-z]|.* ")
-_WORDS = re.compile("[a-z]{2}|: |^(PASS|WARN|FAIL)$")  # what there is to translate
+_WORDS = re.compile("[a-z]{2}|: |^[.]$|^(PASS|WARN|FAIL)$")  # what there is to translate
 _PLACE = re.compile(r"\{[^{}]*\}")
 _ALWAYS = datetime(2026, 1, 1, tzinfo=UTC)  # the files change with their texts alone
 

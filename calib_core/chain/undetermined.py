@@ -57,7 +57,7 @@ class OpenDirection:
             "the scanner's position along flange {axis}: no sufficient rotation about an axis across it yet; tilt "
             "the flange about its axes {across}, one of them at least",
             axis=self.told,
-            across=self.across,
+            across=self.across.split(", "),
         )
 
 

@@ -18,7 +18,7 @@ export function meterSection(meter, state) {
   return h("section", { class: "meter", "aria-label": t("meter.title") },
     h("p", { class: "number" }, h("strong", { class: "meter-now" }, text),
       wanted ? h("span", { class: "soft" }, ` → ${t("answer.wanted", { limit: stated(wanted) })}`) : null,
-      enough && !doubted ? h("span", {}, `, ${t("meter.enough")}`) : more ? h("span", {}, `, ${t("meter.more", { count: more })}`) : null),
+      enough && !doubted ? h("span", {}, ` · ${t("meter.enough")}`) : more ? h("span", {}, ` · ${t("meter.more", { count: more })}`) : null),
     historyLine(meter, state));
 }
 
