@@ -1,4 +1,4 @@
-// The steps as places: each opens its guide, captures, result and scene. Below a step's name stands its answer, where there is one.
+// The steps as places: each opens its guide, captures, result and scene. Below a step's name stands its answer, where there is one that did not fail.
 
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
@@ -48,7 +48,7 @@ export class RailElement extends StateElement {
       "button", { type: "button", class: `rail-step status-${status}`, "data-step": step, "aria-current": open && "step", title: told?.note ? said(told.note) : false, onclick: () => this.state.open(step) },
       mark(SIGNS[status] ?? "todo", stepName(this.state, step)),
       h("span", { class: "status" }, usable ? t("verdict.warn") : maybe(`status.${status}`, status), next && !open && h("span", { class: "visually-hidden" }, ` ${t("rail.next")}`)),
-      result && this.state.stageOf(step) === step && answer(result)));
+      result && result.verdict !== "fail" && this.state.stageOf(step) === step && answer(result)));
   }
 }
 
