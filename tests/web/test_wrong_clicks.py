@@ -39,12 +39,18 @@ def test_a_double_click_makes_one_session(open_page: Callable[..., Any], api: ht
     assert count(api) == before + 2
 
 
-def test_a_double_click_deletes_one_capture(open_page: Callable[..., Any], api: httpx.Client) -> None:
+def test_a_double_click_changes_a_capture_once(open_page: Callable[..., Any], api: httpx.Client) -> None:
     page, watched = open_page(f"/sessions/{simulated_session(api, captures=3)}")
     page.get_by_role("button", name="Delete p01").dblclick()
     expect(page.locator("table.captures tbody tr")).to_have_count(2)
     page.wait_for_timeout(500)
     expect(page.locator(".toast")).to_have_text([re.compile("Capture p01 deleted")])
+    page.get_by_role("checkbox", name="Use p02").dblclick()
+    expect(page.locator("table.captures tbody tr.out")).to_have_count(1)
+    page.get_by_role("button", name="Take p03 again").dblclick()
+    expect(page.locator("table.captures tbody tr")).to_have_count(3)
+    page.wait_for_timeout(500)
+    expect(page.locator(".toast.bad")).to_have_count(0)
     assert watched.complaints == []
 
 

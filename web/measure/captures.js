@@ -7,7 +7,7 @@ import { plural, said, t } from "../texts.js";
 import { StateElement } from "../components/base.js";
 import { columnsFor, statusOf } from "./capture-columns.js";
 import { copy } from "../components/copy.js";
-import { excludeCapture, excludeCaptures } from "./exclude.js";
+import { excludeCapture, excludeCaptures, oncePer } from "./exclude.js";
 import { keep } from "./removed-captures.js";
 import { isReplaceable } from "./replaceable.js";
 import { attempt } from "../components/toasts.js";
@@ -32,7 +32,6 @@ export class CapturesElement extends StateElement {
   #several = h("div", { class: "several row", role: "group", "aria-label": t("captures.several"), hidden: true });
   #window = new WindowRows(this.#body, () => this.#changed());
   /** @type {Set<string>} */ #chosen = new Set();
-  /** Those that are being removed. @type {Set<string>} */ #leaving = new Set();
   /** @type {{ name: string, down: boolean }} */ #order = { name: "", down: false };
   /** @type {Column[]} */ #columns = [];
   /** @type {(() => void) | null} */ #stopDeeds = null;
@@ -228,20 +227,16 @@ export class CapturesElement extends StateElement {
       h("button", { type: "button", needs: "capture", onclick: () => void this.#remove(chosen) }, t("captures.delete")));
   }
 
-  /** @param {readonly CaptureOut[]} chosen */
-  async #remove(chosen) {
-    const captures = chosen.filter(({ id }) => !this.#leaving.has(id));
-    if (!captures.length) return; // the second half of a double click
-    for (const { id } of captures) this.#leaving.add(id);
+  /** @param {readonly CaptureOut[]} captures */
+  async #remove(captures) {
     const { remove, restore } = keep(this.state.id, captures);
     const [first] = captures;
-    await attempt(async () => {
+    await oncePer(captures, () => attempt(async () => {
       await remove();
       for (const { id } of captures) this.#chosen.delete(id);
       this.#offerSeveral();
       did(captures.length === 1 && first ? t("captures.removed", { capture: first.id }) : t("captures.removed_many", { count: captures.length }), restore, { tell: true, redo: remove });
-    });
-    for (const { id } of captures) this.#leaving.delete(id);
+    }));
   }
 
   /** What stands in the table, as it is sorted and filtered. */

@@ -9,6 +9,20 @@ import { whyDialog } from "./why-dialog.js";
 /** @import {CaptureOut} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
 
+/** Captures whose change is on its way. @type {Set<string>} */
+const changing = new Set();
+
+/** Change captures unless they are being changed, as by the second half of a double click. @param {readonly CaptureOut[]} captures @param {() => Promise<unknown>} change */
+export async function oncePer(captures, change) {
+  if (captures.some(({ id }) => changing.has(id))) return;
+  for (const { id } of captures) changing.add(id);
+  try {
+    await change();
+  } finally {
+    for (const { id } of captures) changing.delete(id);
+  }
+}
+
 /** @param {SessionState} state @param {CaptureOut} capture @param {() => void} [otherwise] where it is not gone on with */
 export const excludeCapture = (state, capture, otherwise) => excludeCaptures(state, [capture], capture.excluded !== true, otherwise);
 
@@ -33,7 +47,7 @@ export async function excludeCaptures(state, captures, excluded, otherwise) {
     did(words, () => set((capture) => capture.excluded ?? null), { redo: () => set(() => excluded, why) });
   };
   const title = t(excluded ? "captures.exclude_decided" : "captures.include_decided");
-  await withReason(state, { title, go: t(excluded ? "captures.exclude" : "captures.include"), act, otherwise });
+  await oncePer(captures, () => withReason(state, { title, go: t(excluded ? "captures.exclude" : "captures.include"), act, otherwise }));
 }
 
 /**

@@ -5,7 +5,7 @@ import { h } from "../dom.js";
 import { kindOf, takenOf } from "../state/files.js";
 import { said, t } from "../texts.js";
 import { did } from "../state/undo.js";
-import { withReason } from "./exclude.js";
+import { oncePer, withReason } from "./exclude.js";
 import { keep } from "./removed-captures.js";
 import { notify } from "../components/toasts.js";
 
@@ -17,9 +17,9 @@ import { notify } from "../components/toasts.js";
  * @param {CaptureOut} capture
  */
 export function replaceCapture(state, capture) {
-  const begin = (/** @type {() => Promise<CaptureOut>} */ take) => void withReason(state, {
+  const begin = (/** @type {() => Promise<CaptureOut>} */ take) => void oncePer([capture], () => withReason(state, {
     title: t("captures.redo_decided", { capture: capture.id }), go: t("captures.redo_go"), act: async (why) => settle(state, capture, await take(), why),
-  });
+  }));
   if (state.session?.simulated) return begin(() => api.captureAgain(state.id, capture.id));
   const picker = h("input", { type: "file", class: "visually-hidden", "aria-label": t("captures.redo", { capture: capture.id }) });
   picker.addEventListener("change", () => {

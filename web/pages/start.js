@@ -31,7 +31,7 @@ const OTHER_CELLS = /** @type {const} */ ([
 export class StartPage extends HTMLElement {
   #cards = make(SessionCardsElement);
   #progress = make(ProgressElement);
-  #simulating = false;
+  #isBeginning = false;
   #folder = h("input", { type: "file", webkitdirectory: true, class: "visually-hidden", tabindex: -1, "aria-label": t("intake.folder"), onchange: () => void this.#take(chosen(this.#folder)) });
   #archive = h("input", { type: "file", accept: ".zip", class: "visually-hidden", tabindex: -1, "aria-label": t("way.archive_go"), onchange: () => void this.#take(chosen(this.#archive)) });
 
@@ -81,24 +81,27 @@ export class StartPage extends HTMLElement {
 
   /** @param {string} scenario @param {string} [hash] what the session's page opens with */
   async #simulate(scenario, hash = "") {
-    if (this.#simulating) return; // the second half of a double click
-    this.#simulating = true;
+    if (this.#isBeginning) return; // the second half of a double click
+    this.#isBeginning = true;
     this.#progress.show(t("start.simulating"));
     const seed = 1 + Math.floor(Math.random() * SEEDS);
     await attempt(async () => {
       const session = await api.createSession({ name: t("way.simulated_name", { seed }), simulated: { scenario, seed } });
       go(`/sessions/${session.id}${hash}`);
     });
-    this.#simulating = false;
+    this.#isBeginning = false;
     this.#progress.end();
   }
 
   /** @param {Found[]} found */
   async #take(found) {
     this.#folder.value = this.#archive.value = "";
+    if (this.#isBeginning) return;
+    this.#isBeginning = true;
     const archive = found.find(isArchive);
     if (archive) await this.#import(archive.file);
     else if (found.length) await this.#takeFolder(found);
+    this.#isBeginning = false;
     this.#progress.end();
   }
 
