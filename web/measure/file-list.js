@@ -146,7 +146,7 @@ export class FileListElement extends HTMLElement {
 function summary(files) {
   const counts = new Map();
   for (const { taken_for: kind } of files) counts.set(kind, (counts.get(kind) ?? 0) + 1);
-  const parts = [...counts].map(([kind, count]) => `${count} ${maybe(`files.${kind}`, kind)}`);
+  const parts = [...counts].map(([kind, count]) => (kind === "nothing" ? t("files.unused", { count }) : `${count} ${maybe(`files.${kind}`, kind)}`));
   return t(files.length === 1 ? "files.came_one" : "files.came_many", { count: files.length, parts: parts.join(", ") });
 }
 
