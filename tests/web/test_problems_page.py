@@ -114,7 +114,8 @@ def test_what_is_dropped_on_a_session(profile: SharedProfile, api: httpx.Client)
         expect(toast).to_contain_text("is not valid JSON. Fix it")
         visitor.picture("intake-bad-json")
         drop(page, {"notes.docx": "?"})
-        expect(page.get_by_role("region", name="Files that came").first).to_contain_text("1 file: 1 taken for nothing")
+        came = page.get_by_role("region", name="Files that came").first
+        expect(came).to_contain_text("1 file: 1 taken for nothing")
         visitor.picture("intake-nothing")
         kinds = {"step": "tcp", "kind": "profile", "pose": [0, 0, 500, 0, 0, 0]}
         record = {
