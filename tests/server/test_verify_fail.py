@@ -59,6 +59,9 @@ def test_rest_refuses_export_release_and_rollback(client: httpx.Client, archive:
     assert_problem(client.post(f"{here}/release", json={"allow": "verified"}), 422, "verify-fail")
     released = client.post(f"{here}/release", json={"why": "on trial", "allow": "verify-fail"})
     assert released.status_code == 201, released.text
+    assert (released.json()["in_spite_of"], released.json()["signed"]) == (["verify-fail"], True)
+    report = client.get(f"{here}/report").text
+    assert "It was released in spite of this: The answer&#39;s latest verification failed its limits." in report
     assert client.get(f"/cells/{cell}/answer").headers["Scancell-Faults"] == "verify-fail"
     # Rolling back to it asks as the release did.
     number = {"number": released.json()["number"], "why": "back"}
