@@ -101,6 +101,18 @@ def test_captures_from_other_poses_are_refused_with_what_to_do(solved: Any) -> N
         recheck_plan(session, {})
 
 
+def test_copies_of_the_calibration_are_no_recheck(solved: Any) -> None:
+    session, files = again(solved, [0.0, 0.0, 0.0])
+    first = {capture.id: capture for capture in session.captures}
+    captures = [
+        one.model_copy(update={"files": first[one.id[3:]].files, "pose": first[one.id[3:]].pose})
+        if one.step == "recheck" else one
+        for one in session.captures
+    ]  # fmt: skip
+    with pytest.raises(MotionError, match="the same file and pose"):
+        run(session.model_copy(update={"captures": captures}), files.__getitem__, "recheck")
+
+
 def test_capability_is_that_of_the_rounds_against_the_tolerance(solved: Any) -> None:
     rng = np.random.default_rng(8)
     offset = np.array([0.02, 0.0, 0.0])

@@ -71,9 +71,10 @@ def solve(given: StageInput) -> RecheckResult:
     then = [stop for stop in stops if stop.seen.capture not in own and stop.seen.capture in used]
     pairs, alone = _paired([stop for stop in stops if stop.seen.capture in own], then)
     if not pairs:
+        lost = [reason for name, reason in reasons_of(observed.unused).items() if name in own]
         raise MotionError(
             "captures with step 'recheck' from poses of the calibration",
-            "none within 20 mm and 3° of one that was used",
+            lost[0] if lost else "none within 20 mm and 3° of one that was used",
             "Drive to poses of the calibration again and capture the sphere there, still in its place.",
             "captures",
         )
