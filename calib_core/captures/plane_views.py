@@ -17,13 +17,14 @@ from calib_core.captures.content import shows_board
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView
-from calib_core.optics.board_refusal import BRING_WHOLE
+from calib_core.optics.board_refusal import BRING_WHOLE, grey_eight_bit
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.hand_eye import HandEye, solve_hand_eye
 from calib_core.optics.hand_eye_frames import CameraDoubt
 from calib_core.optics.laser_plane_solve import PlaneView, board_poses, has_plain_line
 from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
+from calib_core.optics.stripe_light import light_squares
 from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
@@ -49,7 +50,9 @@ class PlaneViews:
         MeasurementError
             If the board or the stripe is not seen.
         """
-        found = PlaneView(capture.id, board_in(capture, self._board, self._read), self._stripe(capture))
+        board = board_in(capture, self._board, self._read)
+        lit = grey_eight_bit(read_frame(capture, self._read))
+        found = PlaneView(capture.id, board, self._stripe(capture), squares=light_squares(lit, board))
         if has_plain_line(self._camera, found, self._board.margin_mm):
             return found
         return replace(found, others=stripe_looks(capture, self._read).stripes)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib_core.kernels.stripe import OK, Limits, measure_columns
 from calib_core.kernels.stripe_alone import mark_alone
-from calib_core.kernels.stripe_filters import StripeFilters, filters_of, noise_ratio_of
+from calib_core.kernels.stripe_filters import PHASES, StripeFilters, filters_of, noise_ratio_of
 from calib_core.kernels.stripe_noise import noise_growth, surroundings_variance
 from calib_core.kernels.stripe_peaks import measure_peaks
 from calib_core.kernels.stripe_seeds import choose_seeds, seed_columns
@@ -139,8 +139,9 @@ def find(
     widths, shapes : see `stripe_width.peak_width`
     codes : (W,)
         Written.
-    centers : (4, W)
-        Written: column, row, its standard deviation, amplitude of those that are as they should be.
+    centers : (6, W)
+        Written, of those that are as they should be: column, row, its standard deviation, amplitude, background,
+        and by how much a background that rises by one grey value a pixel draws the centre, px.
 
     Returns
     -------
@@ -164,18 +165,28 @@ def find(
     columns = np.arange(image.shape[1]).astype(np.int32)
     out = look(image, columns, seeds, codes, filters, limits)
     mark_alone(out[0], codes)
-    _gather_good(out, codes, centers)
+    _gather_good(out, codes, filters, limits, centers)
     return width_px, variance, _counts(codes)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gather_good(measured: FloatArray, codes: CodeArray, centers: FloatArray) -> None:
-    """Write column, centre, standard deviation and amplitude of the good columns."""
+def _gather_good(
+    measured: FloatArray, codes: CodeArray, filters: StripeFilters, limits: Limits, centers: FloatArray
+) -> None:
+    """Write what `find` returns of the good columns."""
+    middle, half = PHASES // 2, filters.taps // 2
+    lever, dark, lit = 0.0, filters.figures[middle, 2], filters.figures[middle, 3]
+    for k in range(filters.taps):
+        lever += (k - half) * filters.tables[0, middle, k]
     n = 0
     for j in range(codes.shape[0]):
         if codes[j] == OK:
+            sigma, amplitude = measured[1, j], measured[2, j]
             centers[0, n], centers[1, n] = j, measured[0, j]
-            centers[2, n], centers[3, n] = measured[1, j], measured[2, j]
+            centers[2, n], centers[3, n], centers[4, n] = sigma, amplitude, measured[4, j]
+            # What the noise makes of the response, over the centre's deviation, is how steeply the response falls.
+            slope = np.sqrt(limits.variance * dark + limits.light * max(amplitude, 0.0) * lit) / sigma
+            centers[5, n] = lever / slope
             n += 1
 
 

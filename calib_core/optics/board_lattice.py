@@ -134,7 +134,7 @@ def _joined(points: FloatArray, neighbours: list[list[int]]) -> list[FloatArray]
     free, sets = set(range(len(points))), list[dict[tuple[int, int], int]]()
     for start in range(len(points)):
         if start in free:
-            places = _connected(start, neighbours)
+            places = _connected(start, neighbours, free)
             free -= set(places.values())
             sets.append(places)
     grids: list[FloatArray] = []
@@ -149,14 +149,14 @@ def _joined(points: FloatArray, neighbours: list[list[int]]) -> list[FloatArray]
     return grids
 
 
-def _connected(start: int, neighbours: list[list[int]]) -> dict[tuple[int, int], int]:
-    """Return the corners that a first one leads to, by row and column; only who name each other are neighbours."""
+def _connected(start: int, neighbours: list[list[int]], free: set[int]) -> dict[tuple[int, int], int]:
+    """Return the free corners that a first one leads to, by row and column; neighbours name each other."""
     places, turned = {(0, 0): start}, {start: 0}
     waiting = deque([((0, 0), start)])
     while waiting:
         (row, column), here = waiting.popleft()
         for side, other in enumerate(neighbours[here]):
-            if other < 0 or other in turned or here not in neighbours[other]:
+            if other not in free or other in turned or here not in neighbours[other]:
                 continue
             # The other one's own first edge may point another way: it sees this one at its back.
             turn = (side + 2 - neighbours[other].index(here) + turned[here]) % 4

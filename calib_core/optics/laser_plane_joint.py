@@ -95,6 +95,12 @@ class Joint:
     camera_moved_sigmas: float
     corners_worsened: float | None = None
 
+    def doubting(self, error: FloatArray) -> "Joint":
+        """Return the same where the inverse plane may be off by an error (3,) that all boards have alike."""
+        grown = self.covariance.copy()
+        grown[-3:, -3:] += np.outer(error, error)
+        return replace(self, covariance=grown)
+
 
 def refine_together(
     camera: CameraModel,

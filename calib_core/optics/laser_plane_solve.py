@@ -5,7 +5,7 @@ everything together, see `laser_plane_joint`.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -37,6 +37,7 @@ from calib_core.optics.laser_plane import (
 from calib_core.optics.laser_plane_joint import CameraUncertainty, Joint, refine_together
 from calib_core.optics.line_choice import PlacedTrace, choose_traces
 from calib_core.optics.stripe import StripeCenters
+from calib_core.optics.stripe_light import drawn_px
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -53,12 +54,21 @@ _SPOILED_RMS_RATIO = 6.0
 
 @dataclass(frozen=True, eq=False)
 class PlaneView:
-    """One board with the stripe on it; `others` are further ways to see its stripe."""
+    """One board with the stripe on it.
+
+    Attributes
+    ----------
+    others : tuple of StripeCenters
+        Further ways to see its stripe.
+    squares : (M, 4)
+        The board's light squares, see `stripe_light.light_squares`.
+    """
 
     name: str
     board: BoardView
     stripe: StripeCenters
     others: tuple[StripeCenters, ...] = ()
+    squares: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +170,7 @@ def solve_plane(
     kept = [
         view.stripe.selected(np.zeros(len(view.stripe.row_px), dtype=bool))
         if trace is None
-        else trace.stripe.selected(trace.clear)
+        else _undrawn(trace.stripe.selected(trace.clear), view, camera)
         for view, trace in zip(views, traces, strict=True)
     ]
     lines = [_line(camera, v.name, s, p, shape) for v, s, p in zip(views, kept, poses, strict=True)]
@@ -173,7 +183,7 @@ def solve_plane(
     progress(0.7, "refining plane and boards together")
     adjusted = [*used, *range(len(views), corners.views)]
     weighted = corners.weighted(1.0 / corner_sigma[corners.view_of_each]).take(adjusted)
-    inverse_plane = fit.normal / fit.distance_mm
+    inverse_plane = _inverse(fit)
     places = [_on_board(camera, s, poses[i], shape) for i, s in zip(used, inliers, strict=True)]
     begin = posed.take(adjusted)
     joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty)
@@ -181,6 +191,11 @@ def solve_plane(
     if camera_uncertainty is not None and held:
         camera_uncertainty = replace(camera_uncertainty, boards=None)
         joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty)
+    doubted = [
+        _line(camera, views[i].name, s.shifted(drawn_px(s, views[i].squares, camera).doubt_px), poses[i], shape)
+        for i, s in zip(used, inliers, strict=True)
+    ]
+    joint = joint.doubting(_inverse(fit_plane(doubted)) - _inverse(fit))
     q, camera = joint.inverse_plane, joint.camera
     length = float(np.linalg.norm(q))
     normal, distance = oriented_plane(q / length, 1.0 / length)
@@ -286,6 +301,15 @@ def _choose_lines(
         points = [points_on_board(camera, t.stripe.pixels[t.on_line], pose, shape) for t in traces]
         placed.append([PlacedTrace.of(t, p) for t, p in zip(traces, points, strict=True)])
     return choose_traces(placed)
+
+
+def _inverse(fit: PlaneFit) -> FloatArray:
+    return fit.normal / fit.distance_mm
+
+
+def _undrawn(stripe: StripeCenters, view: PlaneView, camera: CameraModel) -> StripeCenters:
+    """Return a line's centres where they are without what light that falls off draws them by."""
+    return stripe.shifted(-drawn_px(stripe, view.squares, camera).px)
 
 
 def _line(

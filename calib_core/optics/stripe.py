@@ -16,7 +16,7 @@ from calib_core.errors import MeasurementError
 from calib_core.messages import message
 from calib_core.optics.stripe_flanks import flank_centers
 from calib_core.optics.stripe_narrow import NARROW_PX, narrow_sigmas
-from calib_core.optics.stripe_view import Axis, Color, ImageArray, view_of
+from calib_core.optics.stripe_view import Axis, Color, ImageArray, StripeView, view_of
 
 FloatArray = NDArray[np.float64]
 
@@ -80,6 +80,8 @@ class StripeCenters:
         Standard deviation of the dark surroundings' grey values.
     left_out : dict
         How many columns (rows) were left out, by reason: weak, saturated, double, irregular, isolated.
+    ground, lever_px : (N,), or None where they are not known
+        Grey value of the surroundings, and by how much surroundings that rise by one a pixel draw a centre.
     """
 
     column_px: FloatArray
@@ -90,6 +92,8 @@ class StripeCenters:
     width_px: float
     noise: float
     left_out: dict[str, int] = field(default_factory=dict)
+    ground: FloatArray | None = None
+    lever_px: FloatArray | None = None
 
     @property
     def pixels(self) -> FloatArray:
@@ -101,15 +105,23 @@ class StripeCenters:
         """The unit direction (2,) of the error, in column and row."""
         return np.array([0.0, 1.0]) if self.axis == "columns" else np.array([1.0, 0.0])
 
-    def selected(self, keep: NDArray[np.bool_]) -> "StripeCenters":
-        """Return the centres of a mask (N,)."""
+    def selected(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "StripeCenters":
+        """Return the centres of a mask (N,), or at places."""
         return replace(
             self,
             column_px=self.column_px[keep],
             row_px=self.row_px[keep],
             sigma_px=self.sigma_px[keep],
             amplitude=self.amplitude[keep],
+            ground=None if self.ground is None else self.ground[keep],
+            lever_px=None if self.lever_px is None else self.lever_px[keep],
         )
+
+    def shifted(self, across_px: FloatArray) -> "StripeCenters":
+        """Return the centres moved across the stripe by (N,) px."""
+        if self.axis == "columns":
+            return replace(self, row_px=self.row_px + across_px)
+        return replace(self, column_px=self.column_px + across_px)
 
 
 def find_stripe(
@@ -139,12 +151,12 @@ def find_stripe(
     given_px = chosen.width_px or 0.0
     view = view_of(image, dark, chosen.axis, chosen.color, chosen.saturation)
     box = given_px or _USUAL_WIDTH_PX
-    codes, found = _measure(view.image, view.saturation, chosen, given_px, box)
+    codes, found = _measure(view, chosen, given_px, box)
     for _ in range(3):
         if found.width_px <= 1.75 * box:
             break
         box = found.width_px  # the search box was too small for so wide a stripe
-        codes, found = _measure(view.image, view.saturation, chosen, given_px, box)
+        codes, found = _measure(view, chosen, given_px, box)
     if chosen.flanks:
         found = _with_flanks(found, view.image, view.saturation)
     if len(found.column_px) < max(1, chosen.least_centers):
@@ -155,17 +167,17 @@ def find_stripe(
 
 
 def _measure(
-    image: ImageArray, saturation: float, options: StripeOptions, width_px: float, box_width_px: float
+    view: StripeView, options: StripeOptions, width_px: float, box_width_px: float
 ) -> tuple[NDArray[np.uint8], StripeCenters]:
     """Find one centre per column; return each column's code and the good centres."""
     from calib_core.kernels.stripe_frame import find
 
-    width = image.shape[1]
+    image, width = view.image, view.image.shape[1]
     word = np.uint16 if image.itemsize == 1 else np.uint32
     words = (image if width % 2 == 0 else np.ascontiguousarray(image[:, :-1])).view(word)
-    codes, centers = np.empty(width, np.uint8), np.empty((4, width))
+    codes, centers = np.empty(width, np.uint8), np.empty((6, width))
     width_px, variance, counts = find(
-        image, words, box_width_px, width_px, saturation, options.least_snr, options.rivalry,
+        image, words, box_width_px, width_px, view.saturation, options.least_snr, options.rivalry,
         *_shapes(box_width_px), codes, centers,
     )  # fmt: skip
     n = counts[0]
@@ -183,6 +195,8 @@ def _measure(
         width_px,
         variance**0.5,
         left_out,
+        centers[4, :n] - view.zero,
+        centers[5, :n],
     )
 
 
@@ -190,8 +204,9 @@ def _with_flanks(found: StripeCenters, image: ImageArray, saturation: float) -> 
     """Return the centres with those of saturated columns, which their flanks tell."""
     columns, rows, sigma, width_px = flank_centers(image, saturation, found.noise)
     new = ~np.isin(columns, found.column_px)
-    if not new.any():
+    if not new.any() or found.ground is None or found.lever_px is None:
         return found
+    none = np.zeros(int(new.sum()))
     order = np.argsort(np.concatenate([found.column_px, columns[new]]), kind="stable")
     mostly = int(new.sum()) > len(found.column_px)
     return replace(
@@ -200,6 +215,8 @@ def _with_flanks(found: StripeCenters, image: ImageArray, saturation: float) -> 
         row_px=np.concatenate([found.row_px, rows[new]])[order],
         sigma_px=np.concatenate([found.sigma_px, sigma[new]])[order],
         amplitude=np.concatenate([found.amplitude, np.full(int(new.sum()), saturation)])[order],
+        ground=np.concatenate([found.ground, none])[order],
+        lever_px=np.concatenate([found.lever_px, none])[order],
         width_px=width_px if mostly else found.width_px,
     )
 

@@ -11,7 +11,8 @@ from calib_core.optics.stripe_view import Axis, Color, ImageArray
 _AXES: tuple[Axis, ...] = ("columns", "rows")
 _COLORS: tuple[Color, ...] = ("red", "green", "blue")
 _FAINT_SNR, _RIVALRY = 4.0, 0.98
-_NARROW_PX = 15
+_NARROW_PX, _WIDEST_PX = 15, 61
+_WHOLE_WIDTHS, _WIDENINGS = 6.0, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ def look_again(image: ImageArray, dark: ImageArray | None = None) -> StripeLooks
             found.append(_best_of(here))
         found += here
         if dark is None:
-            found += _found(_narrow_alone(image, axis), [replace(options, flanks=False)], None)
+            found += _among_wider(image, replace(options, flanks=False))
     return StripeLooks(tuple(found))
 
 
@@ -56,14 +57,27 @@ def _found(image: ImageArray, ways: list[StripeOptions], dark: ImageArray | None
     return found
 
 
-def _narrow_alone(image: ImageArray, axis: Axis) -> ImageArray:
-    """Return a frame without what is wider across the stripe than a line: faint ones stand out of the squares."""
+def _among_wider(image: ImageArray, options: StripeOptions) -> list[StripeCenters]:
+    """Return what is found where all that is wider across than a line is taken off: faint ones stand out so.
+
+    A thick line loses its flanks with it: more is left then, and what is found so comes first.
+    """
     import cv2
 
     grey = image if image.ndim == 2 else image.max(axis=2)
-    across = (1, _NARROW_PX) if axis == "columns" else (_NARROW_PX, 1)
-    wide = cv2.morphologyEx(grey, cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_RECT, across))
-    return np.ascontiguousarray(grey - wide, dtype=image.dtype)
+    found: list[StripeCenters] = []
+    most_px = _NARROW_PX
+    for _ in range(_WIDENINGS):
+        across = (1, most_px) if options.axis == "columns" else (most_px, 1)
+        wider = cv2.morphologyEx(grey, cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_RECT, across))
+        for one in _found(np.ascontiguousarray(grey - wider, dtype=image.dtype), [options], None):
+            under = wider[np.rint(one.row_px).astype(int), np.rint(one.column_px).astype(int)]
+            found.insert(0, replace(one, ground=under.astype(float)))
+        needed_px = min(round(_WHOLE_WIDTHS * found[0].width_px) | 1, _WIDEST_PX) if found else 0
+        if needed_px <= most_px:
+            break
+        most_px = needed_px
+    return found
 
 
 def _best_of(stripes: list[StripeCenters]) -> StripeCenters:
@@ -71,6 +85,8 @@ def _best_of(stripes: list[StripeCenters]) -> StripeCenters:
     columns = stripes[0].axis == "columns"
     whole = np.concatenate([s.column_px if columns else s.row_px for s in stripes])
     sigma = np.concatenate([s.sigma_px for s in stripes])
+    grounds = [s.ground for s in stripes if s.ground is not None]
+    levers = [s.lever_px for s in stripes if s.lever_px is not None]
     order = np.lexsort((sigma, whole))
     first = np.concatenate([[True], np.diff(whole[order]) > 0.5])
     chosen = order[first]
@@ -80,11 +96,7 @@ def _best_of(stripes: list[StripeCenters]) -> StripeCenters:
         row_px=np.concatenate([s.row_px for s in stripes]),
         sigma_px=sigma,
         amplitude=np.concatenate([s.amplitude for s in stripes]),
+        ground=np.concatenate(grounds) if len(grounds) == len(stripes) else None,
+        lever_px=np.concatenate(levers) if len(levers) == len(stripes) else None,
     )
-    return replace(
-        joined,
-        column_px=joined.column_px[chosen],
-        row_px=joined.row_px[chosen],
-        sigma_px=joined.sigma_px[chosen],
-        amplitude=joined.amplitude[chosen],
-    )
+    return joined.selected(chosen)

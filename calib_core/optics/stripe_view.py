@@ -34,11 +34,14 @@ class StripeView(NamedTuple):
         "rows": the image is the frame turned over its diagonal.
     saturation : float
         Grey value from which a pixel is saturated.
+    zero : float
+        Grey value of no light, as far as something was taken off.
     """
 
     image: ImageArray
     axis: Axis
     saturation: float
+    zero: float = 0.0
 
 
 def view_of(
@@ -62,6 +65,7 @@ def view_of(
         return StripeView(image, along, 255.0)
     _require_image(image, "frame")
     level = saturation if saturation is not None else _saturation(image)
+    zero = 0.0
     if dark is not None:
         _require_image(dark, "dark frame")
         if dark.shape != image.shape or dark.dtype != image.dtype:
@@ -71,7 +75,7 @@ def view_of(
                 "Take both frames with the same camera settings.",
                 image=_words(image),
             )
-        image, level = _difference(image, dark, level)
+        image, level, zero = _difference(image, dark, level)
     channels = _channels(image, color)
     if len(channels) == 1 and axis is None and channels[0].flags.c_contiguous:
         axis = _clear_axis(channels[0])
@@ -86,7 +90,8 @@ def view_of(
         channel = _without_room_light(image, channel, along, level)
         if channel is not before:
             level = float(np.iinfo(image.dtype).max)
-    return StripeView(np.ascontiguousarray(_turned(channel, along)), along, level)
+            zero = float(round(_OFFSET_SHARE * level))
+    return StripeView(np.ascontiguousarray(_turned(channel, along)), along, level, zero)
 
 
 def _plain_axis(image: ImageArray, axis: Axis | None) -> Axis | None:
@@ -186,8 +191,8 @@ def _saturation(image: ImageArray) -> float:
     return float(next(level for level in (1023, 4095, 16_383, 65_535) if largest <= level))
 
 
-def _difference(image: ImageArray, dark: ImageArray, saturation: float) -> tuple[ImageArray, float]:
-    """Return lit minus dark, above an offset that keeps the noise's negative half, and its saturation.
+def _difference(image: ImageArray, dark: ImageArray, saturation: float) -> tuple[ImageArray, float, float]:
+    """Return lit minus dark, its saturation, and the offset under it that keeps the noise's negative half.
 
     A pixel that is saturated in the raw frame is so in the difference, whatever was taken off: the brighter the
     dark frame is there, the less is left of it.
@@ -196,7 +201,7 @@ def _difference(image: ImageArray, dark: ImageArray, saturation: float) -> tuple
     difference = image.astype(np.int32) - dark.astype(np.int32) + offset
     highest = min(saturation + offset, 65_535.0)
     difference[image >= saturation] = int(highest)
-    return np.clip(difference, 0, 65_535).astype(np.uint16), highest
+    return np.clip(difference, 0, 65_535).astype(np.uint16), highest, float(offset)
 
 
 def _channels(image: ImageArray, color: Color | None) -> list[ImageArray]:

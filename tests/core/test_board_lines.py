@@ -1,10 +1,16 @@
 """Lines that workshops have: saturated, broken, thick."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib_core.errors import MotionError
+from calib_core.optics.board import BoardView
+from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.optics.stripe_flanks import flank_centers
+from calib_core.optics.stripe_light import drawn_px, light_squares
 from calib_core.stages.laser_plane.solve import LaserPlaneResult
 from calib_core.stages.pipeline import solve_stage
 from tests.stripe_sets import StripeSet, stripe_set
@@ -64,3 +70,47 @@ def test_the_middle_of_a_saturated_stripe_is_between_its_flanks() -> None:
     np.testing.assert_allclose(found, middle, atol=0.1)
     assert (sigma < 0.3).all()
     assert 5 < width < 12  # as wide as it looks
+
+
+@pytest.mark.parametrize("seed", [100, 105])
+def test_light_that_falls_off_to_the_border_draws_no_thick_line_to_the_middle(seed: int) -> None:
+    one = stripe_set("thick-6", seed)
+    assert sigmas(one, solved(one)) < 1.8  # 2.0 and 2.8 where nothing is done about it
+
+
+@pytest.mark.parametrize("noise", [0.8, 4.0])
+def test_by_how_much_a_sloping_ground_draws_a_centre_is_known(noise: float) -> None:
+    rng = np.random.default_rng(3)
+    rows, slope = np.arange(160)[:, None], 0.3
+    middle = 80.2 + 0.01 * np.arange(400)
+    light = 60 + slope * (rows - 80) + 120 * np.exp(-0.5 * ((rows - middle) / 4.0) ** 2)
+    frame = np.clip(np.rint(light + noise * rng.standard_normal(light.shape)), 0, 255).astype(np.uint8)
+    found = find_stripe(frame)
+    assert found.ground is not None
+    assert found.lever_px is not None
+    drawn = found.row_px - middle[found.column_px.astype(int)]
+    assert np.mean(drawn) > 0.05
+    assert np.mean(found.lever_px * slope) == pytest.approx(np.mean(drawn), rel=0.15)
+    assert np.median(found.ground) == pytest.approx(60, abs=4)
+
+
+def test_a_boards_light_squares_tell_how_lamps_and_lens_light_it() -> None:
+    rows, columns = np.mgrid[0:480, 0:640].astype(float)
+    lamps = np.exp(0.002 * (columns - 320) - 0.001 * (rows - 240))
+    camera = CameraModel(np.array([[800.0, 0, 320], [0, 800, 240], [0, 0, 1]]))
+    lens = 1 / (1 + ((columns - 320) ** 2 + (rows - 240) ** 2) / 800.0**2) ** 2
+    is_light = (np.floor((columns - 100) / 40) + np.floor((rows - 80) / 40)) % 2 == 0
+    image = np.rint(np.where(is_light, 120.0, 15.0) * lamps * lens).astype(np.uint8)
+    y, x = np.mgrid[0:7, 0:10].astype(float)
+    corners = np.stack([x.ravel(), y.ravel()], axis=1)
+    in_board = np.column_stack([10 * corners, np.zeros(70)])
+    board = BoardView(corners * 40 + [99.5, 79.5], in_board, np.arange(70), (640, 480), 0.05)
+    squares = light_squares(image, board)
+    assert len(squares) == 44
+    assert (squares[:, 2] > 50).all()
+    place, one = np.full(300, 220.0), np.ones(300)
+    stripe = StripeCenters(170.0 + np.arange(300), place, 0.05 * one, 100 * one, "columns", 3.0, 1.0)
+    drawn = drawn_px(replace(stripe, ground=80 * one, lever_px=0.2 * one), squares, camera)
+    of_lens = 4 * 20 / 800**2  # near the axis
+    np.testing.assert_allclose(np.median(drawn.px), 16 * (of_lens - 0.001) + 9 * of_lens, atol=0.002)
+    assert (np.abs(drawn.doubt_px) < 0.01).all()

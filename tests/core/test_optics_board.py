@@ -294,3 +294,20 @@ def test_records_that_lack_something() -> None:
         find_board(image, CHARUCO.model_copy(update={"dictionary": "6x9"}))
     with pytest.raises(InputError, match="8 or 16 bit"):
         find_board(image.astype(np.float32), CHARUCO)
+
+
+def test_a_line_over_corners_makes_no_two_boards_of_one() -> None:
+    rows, columns = np.mgrid[0:480, 0:640].astype(float)
+    rng = np.random.default_rng(6)
+    for _ in range(25):
+        onto = np.float32([[40, 60], [600, 20], [560, 440], [-30, 400]]) + np.float32(rng.uniform(-60, 60, (4, 2)))
+        place = cv2.getPerspectiveTransform(onto, np.float32([[-1, -1], [10, -1], [10, 7], [-1, 7]]))
+        on_board = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ place.T
+        u, v = on_board[..., 0] / on_board[..., 2], on_board[..., 1] / on_board[..., 2]
+        is_dark = (u > -1) & (u < 10) & (v > -1) & (v < 7) & ((np.floor(u) + np.floor(v)) % 2 == 0)
+        light = np.where(is_dark, 20.0, 110.0)
+        away = rows - 240 - rng.uniform(-80, 80) - rng.uniform(-0.3, 0.3) * (columns - 320)
+        light += (40 + light) * np.exp(-0.5 * (away / rng.uniform(2, 5)) ** 2)
+        grids = lattices(np.clip(cv2.GaussianBlur(light, (0, 0), 1.5), 0, 255).astype(np.uint8))
+        corners = np.concatenate([grid[np.isfinite(grid[..., 0])] for grid in grids])
+        assert len(np.unique(corners.round(3), axis=0)) == len(corners) > 40

@@ -19,7 +19,7 @@ class Camera(Stage):
     """The camera, from frames of the calibration board."""
 
     name, title, place = "camera", "Camera", 10
-    method_revision = 6  # boards that tell the rest of the image cover it well enough
+    method_revision = 7  # a line over corners makes no two boards of one
     any_arrangement = True
     step = CaptureStep(
         "camera",

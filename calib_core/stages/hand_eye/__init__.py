@@ -23,7 +23,7 @@ class BoardHandEye(Stage):
     frames: ClassVar = {"tool0_from_camera": "covariance", "base_from_board": "board_covariance"}
     optional = True
     is_second_opinion = True
-    method_revision = 3  # light that falls off to the border draws no corner to the middle
+    method_revision = 4  # a line over corners makes no two boards of one
     layers = ("scanner",)
 
     def is_wanted(self, session: "Session") -> bool:
