@@ -69,6 +69,7 @@ class LiveCell:
         self.links: dict[str, Link] = {}
         self._robot: deque[Sample] = deque(maxlen=_SAMPLES)
         self._table: deque[Sample] = deque(maxlen=_SAMPLES)
+        self._with_angle: set[str] = set()  # devices that have told the table's angle, and may be silent now
         self._exposures: deque[Exposure] = deque(maxlen=_EXPOSURES)
         self._seen: deque[tuple[float, bool, FloatArray]] = deque(maxlen=_SEEN)
         self._frame: Frame | None = None
@@ -109,6 +110,7 @@ class LiveCell:
     def remove(self, name: str) -> None:
         """End a device's link, if there is one."""
         link = self.links.pop(name, None)
+        self._with_angle.discard(name)
         if link is not None:
             link.stop()
             self.forget(name, link)
@@ -143,6 +145,7 @@ class LiveCell:
                     recording.move(reading)
             if reading.table_deg is not None and "table" in delivers:
                 self._table.append(reading)
+                self._with_angle.add(name)
 
     def forget(self, name: str, link: Link | None = None) -> None:
         """Forget what a device told: what comes next does not connect to it, and nothing may be joined across."""
@@ -343,8 +346,10 @@ class LiveCell:
         Where the sphere stands on a table that tells no angle, it may have been turned by hand.
         """
         on_table = self.settings.step in steps_that_show("sphere-on-table")
-        if isinstance(rest, str) or (rest.table_deg is None and on_table):
+        if isinstance(rest, str):
             return rest
+        if rest.table_deg is None and on_table:
+            return "the table has told nothing yet" if self._with_angle else rest
         with self._arrived:
             told = self._agreement.table_contradiction(rest, cell) if on_table else ""
             return told or self._agreement.contradiction(rest, self._is_timed("scanner")) or rest
@@ -356,7 +361,7 @@ class LiveCell:
         if doubted_s is None or self._taken_here is None or self._taken_here[1] != doubted_s:
             return
         name, self._taken_here = self._taken_here[0], None
-        by_hand = self.settings.step in steps_that_show("sphere-on-table") and not self._table
+        by_hand = self.settings.step in steps_that_show("sphere-on-table") and not self._with_angle
         timed = ("robot", "table", "scanner") if self._agreement.is_late() else ("robot", "table")
         if by_hand or self._is_timed(*timed):
             return

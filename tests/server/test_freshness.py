@@ -126,7 +126,7 @@ EACH: dict[str, Fault] = {
     "genicam": "stale",
     "image-stream": "late",
     "frame-folder": "late",
-    "modbus": "freeze",
+    "modbus": "two publishers",
 }
 """One fault a source and one source a fault; `scancell bench freshness` tries all of them."""
 
