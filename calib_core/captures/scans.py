@@ -73,7 +73,7 @@ class SessionScans(Sequence[Scan]):
 
 
 def scan_groups(captures: Sequence[Capture]) -> list[ScanGroup]:
-    """Return scans out of captures: neighbouring single profiles at one table angle belong together."""
+    """Return scans out of captures: neighbouring single profiles that a robot or an axis moves belong together."""
     groups: list[list[Capture]] = []
     for capture in captures:
         last = groups[-1][-1] if groups else None
@@ -86,14 +86,18 @@ def scan_groups(captures: Sequence[Capture]) -> list[ScanGroup]:
 
 
 def _alike(capture: Capture) -> tuple[object, ...]:
-    """Return what profiles of one scan have in common: their kind, their scanner, and how they are turned."""
-    return capture.kind, capture.scanner, capture.table_deg, capture.axes_deg
+    """Return what profiles of one scan have in common: their kind and their scanner."""
+    return capture.kind, capture.scanner
 
 
 def _ended(group: Sequence[Capture], capture: Capture) -> bool:
-    """Return whether a linear axis stood still for a scan, and has moved; profiles that it takes along go on."""
-    stood = len(group) > 1 and group[-1].axes_mm == group[-2].axes_mm
-    return stood and capture.axes_mm != group[-1].axes_mm
+    """Return whether the axes stood still for a scan, and have moved; profiles that they take along go on."""
+    stood = len(group) > 1 and _readings(group[-1]) == _readings(group[-2])
+    return stood and _readings(capture) != _readings(group[-1])
+
+
+def _readings(capture: Capture) -> tuple[object, ...]:
+    return capture.table_deg, capture.axes_deg, capture.axes_mm
 
 
 def read_scan(session: Session, group: ScanGroup, placement: Placement, read: ReadFile) -> Scan:

@@ -1,12 +1,16 @@
 """A scanner that stands still with its plane of light along a table's axis, by a forward model of its own."""
 
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from calib_core.library.opened import in_memory
+import calib_core as cc
+from calib_core.library.opened import OpenSession, in_memory
 from calib_core.records import Session
+from server.cli import main
 
 _RADIUS_MM = 25.0
 _NOISE_MM = 0.03
@@ -35,7 +39,7 @@ def _profile(ball_in_base: np.ndarray, rng: np.random.Generator) -> bytes:
     return ("x_mm,z_mm\n" + "\n".join(rows)).encode()
 
 
-def _session(turntable: dict[str, Any]) -> Any:
+def _session(turntable: dict[str, Any], scanned: Iterable[int] = ()) -> OpenSession:
     """Return a cell whose captures on the table have no pose: neither scanner nor ball is on the robot."""
     rng = np.random.default_rng(4)
     files: dict[str, bytes] = {}
@@ -61,6 +65,10 @@ def _session(turntable: dict[str, Any]) -> Any:
         for degrees in range(0, 360, 30):
             ball = foot + _turn(_AXIS, np.deg2rad(degrees)) @ (start - foot)
             add(ball, step="turntable", table_deg=float(degrees), mount=mount)
+            if mount == "low" and degrees == 0:
+                first = start
+    for degrees in scanned:
+        add(foot + _turn(_AXIS, np.deg2rad(degrees)) @ (first - foot), step="scan", table_deg=float(degrees))
     cell = {
         "pose_convention": "matrix",
         "arrangement": "sphere-on-robot",
@@ -78,6 +86,13 @@ def test_the_sense_in_which_a_table_is_told_to_count_tells_its_axis_from_the_mir
         assert result.verdict == "pass"
         off = np.linalg.norm(np.cross(result.axes[0].axis_direction, _AXIS))
         assert (off < np.deg2rad(0.3)) if direction == 1 else (off > np.deg2rad(3.0))  # ± 0.15° is stated
+
+
+def test_a_ball_that_the_table_turns_before_the_scanner_is_merged_from_single_profiles(tmp_path: Path) -> None:
+    folder = _session({"direction": 1}, scanned=range(0, 360, 5)).save(tmp_path / "gate")
+    assert main(["run", str(folder), "--stage", "merge", "--quiet"]) == 0
+    ball = cc.fit_sphere(folder / "clouds" / "merged.ply")
+    assert abs(ball.radius_mm - _RADIUS_MM) < 0.1  # ± 0.04 mm of the diameter are assumed
 
 
 def test_without_that_sense_the_axis_is_not_determined() -> None:

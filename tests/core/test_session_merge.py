@@ -205,6 +205,19 @@ def test_single_profiles_at_one_table_angle_are_one_scan():
     assert [group.name for group in groups] == ["p0…p2", "p3…p5", "s0"]
 
 
+def test_a_table_that_turns_from_profile_to_profile_takes_them_along_in_one_scan():
+    given, _ = session()
+    data = given.to_json()
+    turned = [0.0, 4.0, 8.0, 12.0, 90.0, 90.0, 90.0, 180.0, 180.0]
+    data["captures"] = [
+        {"id": f"p{k}", "step": "scan", "kind": "profile", "files": ["a.csv"], "table_deg": at}
+        for k, at in enumerate(turned)
+    ]
+    for some, names in ((data["captures"][:4], ["p0…p3"]), (data["captures"][4:], ["p4…p6", "p7…p8"])):
+        groups = scan_groups(Session.model_validate({**data, "captures": some}).captures)
+        assert [group.name for group in groups] == names
+
+
 def test_a_linear_axis_takes_profiles_along_in_one_scan_or_stands_still_for_each():
     given, _ = session()
     data = given.to_json()

@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 4  # a sheet of light that is bent is counted with
+    method_revision = 5  # profiles between which an axis moves are one scan
     step = CaptureStep(
         "scan",
         "Scan",
