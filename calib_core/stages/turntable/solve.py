@@ -142,6 +142,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     if turning.angles != "unknown" and not names_axes(cell):
         _require_angles(captures)
     observed = observe_stage(replace(given, progress=part_of(progress, 0.0, 0.3)))
+    _require_placed(observed.observations, tool)
     by_id = {capture.id: capture for capture in captures}
     carriers = axis_of_mounts(cell, captures)
     seen = observed.observations if tool.arm is None else corrected(observed.observations, tool.arm)
@@ -166,6 +167,19 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     except MotionError as error:
         raise error.with_failures(observed.failed) from None
     return SolvedTable(solution, observations, unused)
+
+
+def _require_placed(seen: Sequence[SphereObservation], tool: "KnownTool") -> None:
+    """Refuse captures by a scanner of several that no capture of step tcp places."""
+    placed = {name for name, _ in tool.held.state.walk.layout.mounts} if tool.held else {o.scanner for o in seen}
+    if missing := [o for o in seen if o.scanner not in placed]:
+        raise InputError(
+            "captures with step 'tcp' by each scanner that sees the sphere on an axis",
+            "none by '{scanner}'",
+            "Take some; for a scanner that stands still put a sphere on the flange. Or exclude what it saw.",
+            missing[0].capture,
+            scanner=missing[0].scanner,
+        )
 
 
 def _on_axis(seen: SphereObservation, capture: Capture, carriers: Mapping[str, str]) -> TableObservation:
