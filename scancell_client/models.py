@@ -206,6 +206,8 @@ class Deviation(Record):
     extremes: list[ExtremePoint] | None = None
     tolerance_mm: float | None = None
     within_tolerance: float | None = None
+    above_tolerance: float | None = None
+    below_tolerance: float | None = None
     sections: list[PartSection] | None = None
 
 

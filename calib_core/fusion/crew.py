@@ -25,7 +25,7 @@ from calib_core.fusion.scan import Scan
 
 REGIONS = 16
 _FIRST_BRICKS = 1 << 8
-_PATCH_VOXELS = 3.0
+PATCH_VOXELS = 3.0
 
 Tell = Callable[[int, str], None]
 """Is told of a scan that is begun: how many were before it, and its name."""
@@ -67,7 +67,7 @@ class MergeOptions:
     @property
     def patch_size_mm(self) -> float:
         """The edge of the voxels in which scans are compared."""
-        return self.patch_mm or _PATCH_VOXELS * self.voxel_mm
+        return self.patch_mm or PATCH_VOXELS * self.voxel_mm
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from calib_core.messages import message
 SingleArray = NDArray[np.float32]
 
 _ROW = 1024  # a cloud without a grid is worked on in rows of this length
+_AROUND, _MIDDLE, _ASKED = 6, 20_000, 1000  # points around one, of those in the middle, of which so many are asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +84,32 @@ class Scan:
             )
 
     @property
+    def spacing_mm(self) -> float:
+        """How far its points lie apart: the farther one of rows and columns; 0 where too few are known to say."""
+        points, poses = self.points_in_laser_mm, self.turntable_from_laser
+        if self.organised:
+            there = np.einsum("pij,pcj->pci", poses[:, :3, :3], points) + poses[:, None, :3, 3]
+            steps = [np.linalg.norm(np.diff(there, axis=axis), axis=2) for axis in (0, 1)]
+            known = [one[np.isfinite(one)] for one in steps]
+            return max((float(np.median(one)) for one in known if len(one)), default=0.0)
+        return _spacing_of_cloud(points[np.isfinite(points).all(axis=2)].astype(float))
+
+    @property
     def sight(self) -> FloatArray:
         """Unit direction of sight in T, (P, 3) or (1, 3): the z axis of L, until the scans say otherwise."""
         return (self.looks_along_z or 1) * self.turntable_from_laser[:, :3, 2]
+
+
+def _spacing_of_cloud(points_mm: FloatArray) -> float:
+    """Return how far points (N, 3) of a surface lie apart, by how many lie around some in their middle."""
+    from scipy.spatial import KDTree
+
+    if len(points_mm) <= _AROUND:
+        return 0.0
+    off = ((points_mm - np.median(points_mm, axis=0)) ** 2).sum(axis=1)
+    near = points_mm[np.argpartition(off, _MIDDLE)[:_MIDDLE]] if len(off) > _MIDDLE else points_mm
+    reach, _ = KDTree(near).query(near[:: 1 + len(near) // _ASKED], k=_AROUND + 1)
+    return float(np.median(reach[:, -1])) * float(np.sqrt(np.pi / _AROUND))
 
 
 def as_rows(points: SingleArray) -> SingleArray:

@@ -37,6 +37,7 @@ class PartAlignment(WrittenRecord):
 class MergeSettings(WrittenRecord):
     """How scans are merged; all may be left out.  Voxels beyond `memory_mb` go to the disk meanwhile.
 
+    `voxel_mm` left out is 0.5, or how far the scans' points lie apart where that is much more.
     `registration` may move each scan, `self_calibration` tool and table alone, by what the scans' overlap says.
     `holes` of the Poisson mesh are left where they are left out, `fill` makes it watertight; with
     `mesh_tolerance_mm` it has fewer triangles, none farther off than that.
@@ -44,7 +45,7 @@ class MergeSettings(WrittenRecord):
     the cloud (best fit where it is left out), and `tolerance_mm` how far the part may lie off it.
     """
 
-    voxel_mm: Positive = 0.5
+    voxel_mm: Positive | None = None
     mesh: Literal["poisson", "grid", "none"] = "poisson"
     holes: Literal["leave", "fill"] | None = None
     mesh_tolerance_mm: Positive | None = None

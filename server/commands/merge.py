@@ -29,7 +29,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
         help="a list of poses, one a scan in the files' order",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="writes result, cloud and mesh here")
-    parser.add_argument("--voxel-mm", type=float, default=0.5, metavar="V", help="edge of a voxel (default 0.5)")
+    edge = "edge of a voxel (default 0.5, or the points' spacing)"
+    parser.add_argument("--voxel-mm", type=float, metavar="V", help=edge)
     meshes = ("poisson", "grid", "none")
     parser.add_argument("--mesh", choices=meshes, default="poisson", help="the mesh (default poisson)")
     parser.add_argument("--fill-holes", action="store_true", help="make the mesh watertight")

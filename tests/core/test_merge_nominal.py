@@ -61,6 +61,9 @@ def test_the_nominal_is_laid_into_the_part_and_deviations_are_what_is_stated() -
     assert sum(off.histogram) == off.points
     assert off.within_tolerance is not None
     assert off.within_tolerance > 0.99
+    assert off.above_tolerance is not None
+    assert off.below_tolerance is not None
+    assert off.within_tolerance + off.above_tolerance + off.below_tolerance == pytest.approx(1.0)
     assert [section.axis for section in off.sections] == ["y", "z"]  # across its longest and its shortest side
     for section in off.sections:
         ends = np.array(section.nominal).reshape(-1, 2, 2)
@@ -114,6 +117,24 @@ def test_what_is_not_told_changes_no_key_and_a_nominal_changes_it() -> None:
     plain = key()
     assert key(reference=None, alignment=None) == plain
     assert len({plain, key(reference="nominal.ply"), key(reference="nominal.ply", alignment="none")}) == 3
+
+
+def test_a_part_larger_than_its_nominal_lies_beyond_the_upper_tolerance() -> None:
+    record, files, _ = _scanned()
+    truth, middle = _scanned()[2] @ CLOUD_FROM_REFERENCE, PART.points_mm.mean(axis=0)
+    smaller = ply_pieces(middle + 0.97 * (PART.points_mm - middle), triangles=PART.triangles)
+    alignment = {"method": "matrix", "base_from_reference": truth.tolist()}
+    merge = {"mesh": "none", "voxel_mm": 1.0, "tolerance_mm": 0.2, "reference": "n.ply", "alignment": alignment}
+    session = parse_session({**record, "cell": {**record["cell"], "merge": merge}}, "session")
+    read = {**files, "n.ply": b"".join(bytes(piece) for piece in smaller)}.__getitem__
+    result = run(session, read, "merge")["merge"]
+    assert isinstance(result, MergeResult)
+    off = result.deviation
+    assert off is not None
+    assert off.above_tolerance is not None
+    assert off.below_tolerance is not None
+    assert off.above_tolerance > 0.5
+    assert off.above_tolerance > 5 * off.below_tolerance
 
 
 def test_a_nominal_in_metres_or_missing_is_named() -> None:

@@ -54,7 +54,9 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
         page.wait_for_function("() => !document.querySelector('.answer-card').isTheSame")  # drawn anew
         assert part.evaluate("(one) => one.isTheSame"), "the inspector stays where the page is drawn anew"
         assert part.bounding_box() == pytest.approx(place_px, abs=1)
-        expect(part).to_contain_text(re.compile(r"Within\s±0\.050\smm\s*\d"))
+        bands = re.findall(r"(?:Within\s±|Beyond\s[+−])0\.050\smm\s*(\d+\.\d+)", part.locator("dl").inner_text())
+        assert len(bands) == 3
+        assert sum(map(float, bands)) == pytest.approx(100, abs=0.02)
         expect(part.locator(".limit")).to_be_attached()
         page.get_by_label("Section", exact=True).select_option("z")
         page.get_by_label("Position").evaluate(

@@ -101,15 +101,14 @@ SCANS_IN_METRES = Code(
 SCAN_ELSEWHERE = Code(
     "merge-scan-elsewhere", "error",
     text=Plural(
-        "{captures} lies elsewhere: no surface of another scan lies with its own, where the others fit together.",
-        "{captures} lie elsewhere: no surface of another scan lies with theirs, where the others fit together.",
+        "{captures} is not where its pose puts it: the other scans fit together without it.",
+        "{captures} are not where their poses put them: the other scans fit together without them.",
     ),
     to_do="Give the pose and angle at which it was taken; or apply to leave it out.",
     title="{captures}: elsewhere",
     meaning="A scan does not belong where its pose puts it.",
-    decided="It has no pair of surfaces with any other scan, and lies beyond all others or in their lines of "
-    "sight; "
-    "no other reading of its pose makes pairs appear.",
+    decided="It lies beyond all others, or stands in lines of sight where the others hardly do; no other reading "
+    "of its pose makes pairs appear.",
     usual_causes="The pose of another scan, a typing error, or an object that was moved.",
 )  # fmt: skip
 
@@ -120,8 +119,8 @@ SCANS_DO_NOT_FIT = Code(
     "the surfaces that lie one before the other stand in a scan's line of sight.",
     to_do="Check poses, table angles and units of all scans.",
     meaning="The poses do not belong to these scans, and nothing that was tried makes them fit.",
-    decided="Fewer than a quarter of the surfaces one before the other may stand in a line of sight; in a right "
-    "merge hardly any does.",
+    decided="Fewer than a quarter of the surfaces one before the other may stand in a line of sight, a tenth where "
+    "few lie together; in a right merge hardly any does.",
     fixed=True,
 )  # fmt: skip
 

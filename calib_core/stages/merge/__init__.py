@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 5  # profiles between which an axis moves are one scan
+    method_revision = 6  # scans astray are named; voxels follow coarse scans
     step = CaptureStep(
         "scan",
         "Scan",

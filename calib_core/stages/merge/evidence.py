@@ -9,7 +9,7 @@ from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Series, Table
 from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance, source_text
-from calib_core.stages.merge.record import Alignment, MergeResidual, MergeResult, PartSection
+from calib_core.stages.merge.record import Alignment, Deviation, MergeResidual, MergeResult, PartSection
 
 _DROPPED: Final = (("stray", "Stray"), ("mixed", "Mixed"), ("grazing", "Grazing"))
 
@@ -38,8 +38,7 @@ def _headline(result: MergeResult) -> list[AnyBlock]:
         found.append(
             Figure(label="Deviation from the nominal, RMS", quantity=rms(off.rms_mm, "mm"), headline=True)
         )
-        if off.within_tolerance is not None and off.tolerance_mm is not None:
-            found.append(_within(off.within_tolerance, off.tolerance_mm))
+        found += _within(off)
     if result.overlap_rms_mm is not None:
         expected = result.expected_overlap_rms_mm
         found.append(
@@ -165,9 +164,19 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
     ]
 
 
-def _within(share: float, tolerance_mm: float) -> Figure:
-    label = message("Points within ± {tolerance_mm:g} mm", tolerance_mm=tolerance_mm)
-    return Figure(label=label, quantity=fixed(100 * share, 2, "%"), headline=True)
+def _within(off: Deviation) -> list[AnyBlock]:
+    if off.tolerance_mm is None or off.within_tolerance is None:
+        return []
+    beyond = None
+    if off.above_tolerance is not None and off.below_tolerance is not None:
+        beyond = message(
+            "{above:.2f} % farther outside, {below:.2f} % farther inside",
+            above=100 * off.above_tolerance,
+            below=100 * off.below_tolerance,
+        )
+    label = message("Points within ± {tolerance_mm:g} mm", tolerance_mm=off.tolerance_mm)
+    quantity = fixed(100 * off.within_tolerance, 2, "%")
+    return [Figure(label=label, quantity=quantity, remark=beyond, headline=True)]
 
 
 def _share(counted: float) -> str:

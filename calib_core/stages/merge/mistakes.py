@@ -1,6 +1,6 @@
 """Scans that do not fit together: which mistake makes pairs of surfaces appear when it is taken back."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -29,10 +29,13 @@ from calib_core.stages.merge.trials import (
     impossible_share,
     pairs_with,
     remedy_of,
+    same_arrangement,
 )
 
 _MUDDLED = 0.03  # of the surfaces one before the other, those that stand in a line of sight: of right merges 0.01
 _RUBBLE = 0.25
+_RUBBLE_OF_FEW, _FEW_PAIRS = 0.1, 0.1  # where of all patches fewer than these lie together
+_ASTRAY, _WITHOUT = 0.08, 0.4  # of one scan; of what all have, what is left to the others without it
 _FEW_APART, _FEW_TOGETHER = 0.002, 0.005  # of all compared, those one before the other that say nothing
 _MOST_CHECKED = 3
 _MORE, _MORE_BY_STEPS, _MORE_BY_TWO = 1.4, 1.15, 1.04  # of the score, when a mistake is taken back
@@ -44,7 +47,6 @@ _MOST_SUSPECTS = 6
 _SMALLER = 0.02  # of the others' size: metres
 _LEAST_MM = 2.0  # nobody scans so little of an object
 _MOST_READ_AGAIN = 24
-_ALIKE = 0.01  # of matrices of two readings that are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,8 @@ class Mistakes:
         fewest = _FEW_APART if apart.pairs < LEAST_PAIRS else _FEW_TOGETHER
         impossible = looked.outward.impossible if looked.outward.before + looked.outward.behind > fewest else 0.0
         alone = [k for k in range(len(looked.used)) if apart.per_scan[k, 0] == 0]
-        if not (impossible > _MUDDLED or alone or apart.pairs < LEAST_PAIRS):
+        astray = self._astray(looked)
+        if not (impossible > _MUDDLED or alone or astray or apart.pairs < LEAST_PAIRS):
             return []
         angles = self._one_angle(looked)
         if angles:
@@ -110,10 +113,11 @@ class Mistakes:
         for one in tried[:_MOST_CHECKED]:
             if impossible_share(seen, one.ways, looked.directions) < max(_MUDDLED, 0.5 * impossible):
                 return [one.finding(now, one.fit)]
-        elsewhere = self._elsewhere(looked, alone) if apart.pairs else []
+        elsewhere = self._elsewhere(looked, {*alone, *astray}) if apart.pairs else []
         if elsewhere:
             return elsewhere
-        if impossible > _RUBBLE:
+        few = apart.pairs < _FEW_PAIRS * len(looked.patches.scans)
+        if impossible > (_RUBBLE_OF_FEW if few else _RUBBLE):
             return [codes.SCANS_DO_NOT_FIT(pairs=apart.pairs, impossible_percent=100 * impossible)]
         return []
 
@@ -225,10 +229,11 @@ class Mistakes:
             moves = np.array([new @ np.linalg.inv(old) for new, old in zip(anew, where, strict=True)])
             if np.abs(moves[:, :3, 3]).max() > 1e5:
                 continue
-            tried.append(_Tried(moves, fit(seen, moves), _MORE, self._reading_finding(reading)))
+            if not any(same_arrangement(moves, other.ways, seen.size_mm) for other in tried):
+                tried.append(_Tried(moves, fit(seen, moves), _MORE, self._reading_finding(reading)))
         # Poses in a wrong unit lie on one heap, where pairs are many by chance, and as many in every such reading.
         for one in tried:
-            others = [other.fit.score for other in tried if not np.allclose(other.ways, one.ways, atol=_ALIKE)]
+            others = [other.fit.score for other in tried if other is not one]
             if one.fit.score > _MORE_BY_STEPS * max(others, default=0.0):
                 yield one
 
@@ -295,8 +300,20 @@ class Mistakes:
 
     # Scans elsewhere, and in metres
 
-    def _elsewhere(self, looked: Looked, alone: Sequence[int]) -> list[Finding]:
-        """Return scans that pair with none while the others do: beyond all of them, or in their lines of sight."""
+    def _astray(self, looked: Looked) -> list[int]:
+        """Return the few scans that stand in lines of sight, while the others hardly do once these are gone."""
+        out, rest = looked.outward, list(range(len(looked.used)))
+        all_of_it, found = impossible_among(out, rest), list[int]()
+        while 3 * (len(found) + 1) < len(looked.used):
+            worst = max(rest, key=lambda k: impossible_of_scan(out, k, rest))
+            if impossible_of_scan(out, worst, rest) < _ASTRAY:
+                break
+            found.append(worst)
+            rest.remove(worst)
+        return found if impossible_among(out, rest) < min(_WITHOUT * all_of_it, _MUDDLED) else []
+
+    def _elsewhere(self, looked: Looked, alone: Collection[int]) -> list[Finding]:
+        """Return scans that the others fit together without: beyond all of them, or in their lines of sight."""
         rows = looked.patches.rows_of_scans()
         others = np.concatenate([rows[k] for k in range(len(rows)) if k not in alone])
         low, high = looked.patches.points_mm[others].min(axis=0), looked.patches.points_mm[others].max(axis=0)
@@ -308,7 +325,7 @@ class Mistakes:
                 continue
             beyond = np.maximum(np.maximum(low - points, points - high), 0)
             if (
-                impossible_of_scan(looked.outward, k) > _RUBBLE
+                impossible_of_scan(looked.outward, k) > _ASTRAY
                 or np.linalg.norm(np.median(beyond, axis=0)) > reach
             ):
                 found.append(looked.used[k])
@@ -323,13 +340,13 @@ class Mistakes:
         rows = looked.patches.rows_of_scans()
         size = looked.patches.size_mm
         across = {
-            name: float(np.ptp(looked.patches.points_mm[mine], axis=0).max()) + size if len(mine) else 0.0
+            name: float(np.ptp(looked.patches.points_mm[mine], axis=0).max()) if len(mine) else 0.0
             for name, mine in zip(looked.used, rows, strict=True)
         }
         names = [*looked.used, *looked.failed]
         usual = float(np.median(list(across.values())))
         small = [name for name in names if across.get(name, 0.0) <= max(_SMALLER * usual, _LEAST_MM)]
-        if not small or size > 10.0 or len(small) > _MOST_READ_AGAIN:
+        if not small or len(small) > _MOST_READ_AGAIN:
             return []
         extents = {name: extent_mm(self._scans[self._numbers[name]].points_in_laser_mm) for name in small}
         small = [name for name in small if 0 < extents[name] <= max(_SMALLER * usual, _LEAST_MM)]

@@ -18,7 +18,7 @@ from calib_core.fusion.deviation import Deviations, Nominal, histogram
 from calib_core.fusion.solve import MergeSolution
 from calib_core.graph.stage_input import StageInput
 from calib_core.messages import message
-from calib_core.records import Finding, MergeSettings, PartAlignment
+from calib_core.records import Finding, PartAlignment
 from calib_core.stages.merge import record
 from calib_core.stages.merge.part_sections import part_sections
 
@@ -40,7 +40,11 @@ class Compared:
 
 
 def compared(
-    given: StageInput, solution: MergeSolution, base_from_cloud: FloatArray, origin_mm: FloatArray
+    given: StageInput,
+    solution: MergeSolution,
+    voxel_mm: float,
+    base_from_cloud: FloatArray,
+    origin_mm: FloatArray,
 ) -> Compared:
     """Return the merged part beside the nominal that the cell names; nothing where it names none.
 
@@ -75,7 +79,9 @@ def compared(
         wanted.datum_radius_mm,
         noise_mm2,
     )
-    deviation = _deviation(points, origin_mm, nominal, found, settings, known.deviation_sigma_mm)
+    deviation = _deviation(
+        points, origin_mm, nominal, found, settings.tolerance_mm, voxel_mm, known.deviation_sigma_mm
+    )
     findings = nominal_findings(found.alike, deviation.counted)
     cloud_from_reference = _shifted(found.cloud_from_reference, origin_mm)
     base_from_reference = base_from_cloud @ cloud_from_reference
@@ -179,7 +185,8 @@ def _deviation(
     origin_mm: FloatArray,
     nominal: Nominal,
     found: Alignment,
-    settings: MergeSettings,
+    tolerance_mm: float | None,
+    voxel_mm: float,
     sigma_mm: float,
 ) -> record.Deviation:
     pose = found.cloud_from_reference
@@ -191,7 +198,7 @@ def _deviation(
         of_it = np.ones(len(values), dtype=bool)
     seen = Deviations(values[of_it])
     limit_mm = max(seen.largest_mm(0.99), 1e-3)
-    tolerance_mm = settings.tolerance_mm
+    told = tolerance_mm is not None
     return record.Deviation(
         rms_mm=seen.rms_mm,
         within_95_mm=seen.largest_mm(0.95),
@@ -203,8 +210,10 @@ def _deviation(
         histogram=histogram(seen.values_mm, limit_mm).tolist(),
         extremes=_extremes(points[of_it] + origin_mm, seen.values_mm, _APART * nominal.extent_mm),
         tolerance_mm=tolerance_mm,
-        within_tolerance=None if tolerance_mm is None else float(np.mean(np.abs(seen.values_mm) <= tolerance_mm)),
-        sections=part_sections(in_nominal[of_it], nominal, origin_mm, settings.voxel_mm, limit_mm),
+        within_tolerance=float(np.mean(np.abs(seen.values_mm) <= tolerance_mm)) if told else None,
+        above_tolerance=float(np.mean(seen.values_mm > tolerance_mm)) if told else None,
+        below_tolerance=float(np.mean(seen.values_mm < -tolerance_mm)) if told else None,
+        sections=part_sections(in_nominal[of_it], nominal, origin_mm, voxel_mm, limit_mm),
     )
 
 

@@ -113,8 +113,8 @@ class Deviation(Record):
     twentieth of its size.  `within_95_mm` holds 95 % of them in either direction.  `uncertainty_mm` is the
     standard deviation of a point's deviation by calibration, scans and noise, RMS over all, after the alignment.
     `histogram` counts them in even bins from −`limit_mm` to `limit_mm`; `extremes` are the farthest, outside
-    first, apart from each other.  `within_tolerance` is the share within `tolerance_mm`.  `sections` go through
-    the nominal's middle.
+    first, apart from each other.  `within_tolerance` is the share within ± `tolerance_mm`, `above_tolerance` and
+    `below_tolerance` are those farther outside and inside.  `sections` go through the nominal's middle.
     """
 
     rms_mm: float
@@ -128,6 +128,8 @@ class Deviation(Record):
     extremes: list[ExtremePoint] = Field(default_factory=list[ExtremePoint])
     tolerance_mm: float | None = None
     within_tolerance: float | None = None
+    above_tolerance: float | None = None
+    below_tolerance: float | None = None
     sections: list[PartSection] = Field(default_factory=list[PartSection])
 
 

@@ -22,11 +22,12 @@ from calib_core.findings.codes import merge as codes
 from calib_core.formats.format import Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray
-from calib_core.fusion.crew import Alone, Crew, MergeOptions
+from calib_core.fusion.crew import PATCH_VOXELS, Alone, Crew, MergeOptions
 from calib_core.fusion.majority import NO_SCAN, HeaviestScans
 from calib_core.fusion.mesh_finish import open_edges
 from calib_core.fusion.outward import Outward
 from calib_core.fusion.overlap import PoseErrors
+from calib_core.fusion.scan import Scan
 from calib_core.fusion.scatter import Scatter
 from calib_core.fusion.solve import Looked, MergeSolution, solve_merge
 from calib_core.graph.stage import SOFTWARE
@@ -44,6 +45,10 @@ from calib_core.stages.merge.doubts import merge_doubts
 from calib_core.stages.merge.mistakes import Mistakes
 from calib_core.stages.merge.nominal import Compared, compared
 from calib_core.stages.merge.record import Facing, MergeResidual, MergeResult, PoseScatter
+
+_USUAL_VOXEL_MM, _COARSE = 0.5, 2.0
+_LOOKED_AT = 2  # scans of which the spacing is asked: one of them may be in metres
+_PATCH_SPACINGS = 1.5
 
 
 def solve(given: StageInput) -> MergeResult:
@@ -74,7 +79,9 @@ def solve(given: StageInput) -> MergeResult:
         placement = plan.calibration.placement
         table, origin_mm = placement.base_from_turntable, np.array(placement.origin_mm)
         base_from_cloud = np.eye(4) if table is None else table.matrix
-        against = Compared() if has_error(mistakes) else compared(given, solution, base_from_cloud, origin_mm)
+        against = Compared()
+        if not has_error(mistakes):
+            against = compared(given, solution, plan.options.voxel_mm, base_from_cloud, origin_mm)
         result = _result(given, plan, solution, mistakes, against)
         if given.store is not None:
             given.store(CLOUD_FILE, _cloud_pieces(solution, _numbers(plan, result), origin_mm))
@@ -124,17 +131,21 @@ def plan_merge(given: StageInput) -> MergePlan:
     fit = [capture for capture in captures if capture.id not in unused]
     groups = scan_groups(corrected_captures(given.session.cell, fit, calibration.arm))
     settings = given.session.cell.merge
+    scans = SessionScans(given.session, groups, calibration.placement, given.read)
+    first = [scans[number] for number in range(min(_LOOKED_AT, len(scans)))]
+    spacing_mm = max(scan.spacing_mm for scan in first)
+    voxel_mm = settings.voxel_mm or _voxel_mm(spacing_mm)
     options = MergeOptions(
-        settings.voxel_mm,
+        voxel_mm,
         settings.mesh,
         settings.holes == "fill",
         settings.mesh_tolerance_mm,
         settings.registration,
         settings.self_calibration,
+        patch_mm=max(PATCH_VOXELS * voxel_mm, _PATCH_SPACINGS * spacing_mm),
         most_bytes=int(1e6 * settings.memory_mb),
     )
-    scans = SessionScans(given.session, groups, calibration.placement, given.read)
-    origin_mm = _origin_mm(scans, calibration.placement)
+    origin_mm = _origin_mm(first[0], calibration.placement)
     if any(origin_mm):
         calibration = replace(calibration, placement=replace(calibration.placement, origin_mm=origin_mm))
         scans = SessionScans(given.session, groups, calibration.placement, given.read)
@@ -143,15 +154,18 @@ def plan_merge(given: StageInput) -> MergePlan:
     return MergePlan(groups, calibration, scans, errors, options, unused, tuple(found), ball)
 
 
-def _origin_mm(scans: SessionScans, placement: Placement) -> tuple[float, float, float]:
-    """Return where in base the scans are merged about: 0 unless the first that can be read lies far from it."""
-    if placement.base_from_turntable is None:
-        for scan in scans:
-            known = scan.points_in_laser_mm[np.isfinite(scan.points_in_laser_mm).all(axis=2)]
-            way = scan.turntable_from_laser[len(scan.turntable_from_laser) // 2]
-            if len(known):
-                return local_origin_mm(known @ way[:3, :3].T + way[:3, 3])
-    return (0.0, 0.0, 0.0)
+def _voxel_mm(spacing_mm: float) -> float:
+    """Return the voxels of a merge for which nobody told any: coarse scans would leave most of them empty."""
+    return _USUAL_VOXEL_MM if spacing_mm < _COARSE * _USUAL_VOXEL_MM else float(f"{spacing_mm:.1g}")
+
+
+def _origin_mm(scan: Scan, placement: Placement) -> tuple[float, float, float]:
+    """Return where in base the scans are merged about: 0 unless the first lies far from it."""
+    if placement.base_from_turntable is not None:
+        return (0.0, 0.0, 0.0)
+    known = scan.points_in_laser_mm[np.isfinite(scan.points_in_laser_mm).all(axis=2)]
+    way = scan.turntable_from_laser[len(scan.turntable_from_laser) // 2]
+    return local_origin_mm(known @ way[:3, :3].T + way[:3, 3])
 
 
 def _in_place(points_mm: NDArray[np.float32], origin_mm: FloatArray) -> NDArray[np.floating]:
@@ -223,7 +237,7 @@ def _result(
         cloud=CLOUD_FILE,
         points=solution.extent.points,
         scanned_points=sum(counts.points for counts in solution.counts.values()),
-        voxel_mm=given.session.cell.merge.voxel_mm,
+        voxel_mm=plan.options.voxel_mm,
         spills=solution.grid.spills,
         overlap_rms_mm=_number(apart.rms_mm),
         expected_overlap_rms_mm=_number(apart.expected_rms_mm),

@@ -16,6 +16,7 @@ LEAST_PAIRS = 50
 """Fewer pairs of surfaces tell nothing."""
 
 _ONE_SURFACE = 0.15  # of a patch
+_SAME = 0.01  # of rotations' numbers
 
 
 def impossible_share(seen: Patches, ways: FloatArray, directions: FloatArray) -> float:
@@ -26,11 +27,12 @@ def impossible_share(seen: Patches, ways: FloatArray, directions: FloatArray) ->
     return before / max(before + behind, 1.0)
 
 
-def impossible_of_scan(found: Outward, scan: int) -> float:
-    """Return the same share of those that one scan is part of; 0 where they are few."""
+def impossible_of_scan(found: Outward, scan: int, among: Sequence[int] | slice = slice(None)) -> float:
+    """Return the same share of those that one scan is part of, with all others or some; 0 where they are few."""
     if found.sight is None:
         return 0.0
-    before, behind = (float(one[scan].sum() + one[:, scan].sum()) for one in _sides(found.sight, found.sign))
+    sides = _sides(found.sight, found.sign)
+    before, behind = (float(one[scan, among].sum() + one[among, scan].sum()) for one in sides)
     return before / (before + behind) if before + behind > LEAST_PAIRS else 0.0
 
 
@@ -74,6 +76,13 @@ def about_z(angles_rad: FloatArray) -> FloatArray:
     for way, angle in zip(ways, angles_rad.tolist(), strict=True):
         way[:3, :3] = rotation_from_vector(np.array([0.0, 0.0, angle]))
     return ways
+
+
+def same_arrangement(ways: FloatArray, others: FloatArray, size_mm: float) -> bool:
+    """Return whether transforms (S, 4, 4) of scans place them to each other as others do, wherever all lie."""
+    one, other = (np.linalg.inv(some[0]) @ some for some in (ways, others))
+    turned, shifted = np.abs(one - other)[:, :3, :3].max(), np.abs(one - other)[:, :3, 3].max()
+    return bool(turned < _SAME and shifted < _ONE_SURFACE * size_mm)
 
 
 def remedy_of(kind: str, changes: Changes, captures: Sequence[str] = ()) -> RootCause:

@@ -15,6 +15,7 @@ import { attempt, say } from "../../components/toasts.js";
 
 const COLORS = /** @type {const} */ (["height", "scan", "deviation"]);
 const AXES = /** @type {const} */ (["", "x", "y", "z", "plane"]);
+const BANDS = /** @type {const} */ (["within", "above", "below"]);
 const SETTLE_MS = 120;
 const STEPS = 400;
 
@@ -191,8 +192,7 @@ export class MergedElement extends StateElement {
       histogramPlot(found.histogram, found.limit_mm, tolerance),
       h("dl", { class: "pairs number" }, ...pairs.map(([name, value]) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, small(value)))),
         told?.uncertainty_mm ? h("div", {}, h("dt", {}, t("merged.uncertainty")), h("dd", {}, small(told.uncertainty_mm))) : null,
-        tolerance && told?.within_tolerance !== undefined && told.within_tolerance !== null
-          ? h("div", {}, h("dt", {}, t("merged.within", { tolerance: fixed(tolerance, 3) })), h("dd", {}, `${fixed(100 * told.within_tolerance, 2)} %`)) : null,
+        ...(tolerance ? BANDS.map((band) => h("div", {}, h("dt", {}, t(`merged.${band}`, { tolerance: fixed(tolerance, 3) })), h("dd", {}, percent(told?.[`${band}_tolerance`])))) : []),
         found.diameter_mm ? h("div", {}, h("dt", {}, t("merged.found_diameter")), h("dd", {}, `${fixed(found.diameter_mm, 3)} mm`)) : null),
       h("p", { class: "soft small" }, t("merged.signs")),
     ];
@@ -310,6 +310,9 @@ export class MergedElement extends StateElement {
     this.#changed();
   }
 }
+
+/** @param {number | null | undefined} share */
+const percent = (share) => (typeof share === "number" ? `${fixed(100 * share, 2)} %` : "–");
 
 /** @param {Point} a @param {Point} b */
 const minus = (a, b) => a.map((value, axis) => value - (b[axis] ?? 0));
