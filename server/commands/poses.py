@@ -51,7 +51,8 @@ def _corrected(options: argparse.Namespace, told: dict[str, str]) -> int:
         found, left = corrected_poses(opened, path, options.brand, told)
         poses += [one.to_json() for one in found]
         skipped += left
-    rows = [f"  {p['name']}: {' '.join(f'{v:.6g}' for v in p['pose'])}; moved by {p['moved_mm']:.3f} mm" for p in poses]
+    each = [(p, " ".join(f"{v:.6g}" for v in p["pose"])) for p in poses]
+    rows = [f"  {p['name']}: {numbers}; moved by {p['moved_mm']:.3f} mm" for p, numbers in each]
     lines = [f"{len(poses)} poses corrected ({opened.cell.pose_convention})", *rows]
     lines += [f"  skipped: line {one['line']}: {one['reason']}" for one in skipped]
     print_result(
