@@ -16,6 +16,7 @@ from calib_core.records import (
     StageName,
     Verdict,
 )
+from calib_core.records.policy import Environment
 
 
 class SimulatedCell(Record):
@@ -46,6 +47,8 @@ class SessionRequest(Record):
 
     format: Literal["scancell-session/1"] = "scancell-session/1"
     name: str = Field(default="", max_length=500)
+    documentation: dict[str, str] | None = None
+    environment: Environment | None = None
     cell: Cell | None = None
     simulated: SimulatedCell | None = None
 

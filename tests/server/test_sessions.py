@@ -13,11 +13,13 @@ def test_a_session_comes_back_field_for_field(client: httpx.Client) -> None:
         "scanner": {"kind": "profile", "z_axis": "toward"},
         "robot": {"brand": "KUKA"},
     }
-    made = client.post("/sessions", json={"name": "Zelle 4 – früh", "cell": cell})
+    about = {"documentation": {"operator": "Ada"}, "environment": {"ball_c": 21.5}}
+    made = client.post("/sessions", json={"name": "Zelle 4 – früh", "cell": cell, **about})
     assert made.status_code == 201
     got = client.get(f"/sessions/{made.json()['id']}")
     assert got.json() == made.json()
     assert got.json()["cell"] == cell
+    assert {name: got.json()[name] for name in about} == about
     assert got.json()["name"] == "Zelle 4 – früh"
     assert got.json()["captures"] == []
     assert got.json()["simulated"] is False
