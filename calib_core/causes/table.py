@@ -9,9 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.cell.axes import with_direction
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.table_angles import with_found_angles
-from calib_core.chain.table_frame import TableFrame
+from calib_core.chain.table_frame import LEVEL, TableFrame
 from calib_core.chain.table_start import Mounts, TableStart, table_guess
 from calib_core.errors import CalibrationError
 from calib_core.findings import Finding
@@ -26,6 +28,7 @@ _SUSPICIOUS_MM = 1.0  # the median misfit of tables that are told rightly stays 
 _ELSEWHERE_MM, _LEAST_ELSEWHERE = 5.0, 3
 _MUCH_BETTER = 0.5
 _GAIN = 6.0  # of the summed costs, so that captures that fit by chance do not count
+_LEANS = "Axis off base's z, with the angles counted so"
 _UNITS = {float(np.rad2deg(1.0)): "radians", 0.9: "gon", 360.0: "turns", 1 / 60: "minutes of arc"}
 _NEAR_UNIT, _SAME_UNIT = 0.05, 0.005
 _TELLING_MM = 500.0  # beyond it a misfit is of no table at all
@@ -97,15 +100,36 @@ def direction_findings(cell: Cell, frame: TableFrame) -> list[Finding]:
     if told is None or told == frame.direction:
         return []
     lean = float(np.rad2deg(np.arccos(np.clip(frame.axis[2], -1.0, 1.0))))
-    label = "Axis off base's z, with the angles counted so"
     remedy = RootCause(
         id="table-direction",
         kind="table-direction",
-        evidence=[BeforeAfter(label=label, unit="°", before=180 - lean, after=lean)],
+        evidence=[BeforeAfter(label=_LEANS, unit="°", before=180 - lean, after=lean)],
         changes=Changes(cell={"turntable": {"direction": frame.direction}}),
     )
     counts = "right" if frame.direction > 0 else "left"
     return [codes.TABLE_DIRECTION(remedy=remedy, told=told, direction=frame.direction, counts=counts)]
+
+
+def axis_direction_findings(cell: Cell, state: ChainState) -> list[Finding]:
+    """Return the rotary axes that turn the other way round than the cell tells of them."""
+    found: list[Finding] = []
+    for edge, at in zip(state.walk.layout.axes, state.position.axes, strict=True):
+        up = float(at.rotation[2, 2])
+        counts = 1 if up > 0 else -1
+        if edge.direction in (None, counts) or edge.kind == "linear" or abs(up) < LEVEL:
+            continue
+        lean = float(np.rad2deg(np.arccos(np.clip(abs(up), 0.0, 1.0))))
+        remedy = RootCause(
+            id=f"axis-direction-{edge.name}",
+            kind="table-direction",
+            evidence=[BeforeAfter(label=_LEANS, unit="°", before=180 - lean, after=lean)],
+            changes=Changes(cell=with_direction(cell, edge.name, counts)),
+        )
+        sense = "right of several" if counts > 0 else "left of several"
+        found.append(
+            codes.TABLE_DIRECTION(remedy=remedy, told=-counts, direction=counts, counts=sense, axis=edge.name)
+        )
+    return found
 
 
 def read_anew(observations: Sequence[TableObservation], reading: TableReading) -> list[TableObservation]:

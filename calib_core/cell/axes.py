@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, Literal
 
 from calib_core.cell.layout import MovedAxis
 from calib_core.records import Capture, Cell, CellAxis
@@ -58,6 +58,15 @@ def moved_axes(cell: Cell) -> tuple[MovedAxis, ...]:
     return tuple(given)
 
 
+def with_direction(cell: Cell, name: str, direction: Literal[1, -1]) -> dict[str, object]:
+    """Return the merge patch of a cell by which an axis turns the way it does."""
+    turned = {name: {"direction": direction}}
+    axes = [
+        axis.model_dump(mode="json", exclude_none=True) | turned.get(axis.name, {}) for axis in cell.axes or ()
+    ]
+    return {"axes": axes}
+
+
 def foot_moved(cell: Cell, where: Mapping[str, float]) -> bool:
     """Return whether an axis under the robot is away from zero, by the readings of all axes."""
     return any(axis.carries == "robot" and where.get(axis.name) for axis in cell.axes or ())
@@ -68,6 +77,12 @@ def reading_sigmas(cell: Cell) -> tuple[float | None, ...]:
     told = {axis.name: axis for axis in cell.axes or ()}
     axes = [told[axis.name] for axis in moved_axes(cell)]
     return tuple(a.sigma_mm if a.kind == "linear" else _radians(a.sigma_deg) for a in axes)
+
+
+def scales_asked(cell: Cell) -> tuple[bool | None, ...]:
+    """Return of `moved_axes` whether each one's scale is sought (False: never; None: where it is plainly off)."""
+    told = {axis.name: axis.encoder for axis in cell.axes or ()}
+    return tuple(None if told[axis.name] is None else told[axis.name] == "scale" for axis in moved_axes(cell))
 
 
 def _radians(degrees: float | None) -> float | None:

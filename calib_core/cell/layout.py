@@ -141,6 +141,15 @@ class Layout:
         return max((n for n, axis in enumerate(self.axes) if axis.name in carriers), default=0)
 
     @property
+    def carrying(self) -> list[int]:
+        """The axes that carry a ball, themselves or by axes on them, from the base outwards."""
+        return [a for a, axis in enumerate(self.axes) if axis.carries == "object" and self.rides[:, a].any()]
+
+    def named(self, which: int) -> str:
+        """Return an axis's name where there are others; empty for the one table."""
+        return self.axes[which].name if len(self.carrying) > 1 else ""
+
+    @property
     def mountings(self) -> tuple[str, ...]:
         """The names of the places on that axis."""
         return tuple(self.places[n][1] for n in self.on_axis(self.table)) if self.axes else ()

@@ -2,7 +2,8 @@
 
 Balls of a plate lie near each other beside the way on which axes carry them.  So axes are sought first as if all
 were one ball; turned back by these, arcs gather about their balls, well enough to tell them apart, and axes that
-know the balls gather them better.
+know the balls gather them better.  Balls all around a table do not lie so: an axis that alone moves what it
+carries is sought by the circles of few arcs, too.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,8 @@ from calib_core.cell.layout import Layout
 from calib_core.cell.walk import Position, Walk
 from calib_core.chain.axes_start import moved_back, refined
 from calib_core.chain.spread import robust_costs
+from calib_core.chain.table import TableReadings
+from calib_core.chain.table_start import best_start
 from calib_core.frames import FloatArray
 
 _MOST_BALLS: Final = 4
@@ -42,7 +45,7 @@ def balls_on_axes(walk: Walk, centers: FloatArray, guesses: Sequence[Guess]) -> 
     guesses : sequence
         Axes and places as if each mounting had one ball, the best first, with misfits.
     """
-    for at, _ in guesses[:_TRIED]:
+    for at in (by_circles(walk, centers, guesses[0][0]), *(at for at, _ in guesses[:_TRIED])):
         ball, misfit = _told_apart(walk, centers, at)
         if np.mean(misfit < _TOGETHER_MM) > _ENOUGH:
             break
@@ -59,6 +62,19 @@ def balls_on_axes(walk: Walk, centers: FloatArray, guesses: Sequence[Guess]) -> 
         for n, own in enumerate(own for own in each if own.sum() >= _LEAST):
             numbered[own] = n
     return numbered
+
+
+def by_circles(walk: Walk, centers: FloatArray, at: Position) -> Position:
+    """Return a guess with every rotary axis that alone moved what it carries where circles of few arcs have it."""
+    layout, axes = walk.layout, list(at.axes)
+    moving = layout.rides[walk.place] & (np.abs(walk.readings) > 0)
+    for a in layout.carrying:
+        alone = layout.rides[walk.place, a] & ~np.delete(moving, a, axis=1).any(axis=1)
+        places, mounts = np.unique(walk.place[alone], return_inverse=True)
+        if layout.axes[a].kind == "rotary" and len({*walk.readings[alone, a].tolist()}) >= _LEAST:
+            readings = TableReadings(walk.readings[alone, a], mounts, len(places))
+            axes[a] = best_start(readings, centers[alone]).state.axis
+    return replace(at, axes=tuple(axes))
 
 
 def _told_apart(walk: Walk, centers: FloatArray, at: Position) -> tuple[np.ndarray, FloatArray]:

@@ -50,7 +50,8 @@ def axes_start(
         raise MotionError(
             "captures that show how the axes {axes} move the ball",
             "no axes that fit better than {misfit:.0f} mm",
-            "Check the readings of the axes; move one axis at a time between captures, then all together.",
+            "Check the readings of the axes, and that each mounting is one ball: give captures of another a "
+            "`mount` of their own. Move one axis at a time between captures, then all together.",
             axes=", ".join(axis.name for axis in walk.layout.axes),
             misfit=float(np.median(best[1])),
         )

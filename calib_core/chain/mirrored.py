@@ -17,7 +17,7 @@ from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import TABLE, SphereObservation
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table_frame import LEVEL
-from calib_core.chain.table_judging import EncoderScale
+from calib_core.chain.table_judging import EncoderScales
 from calib_core.chain.variance import ChainFit, is_settled
 from calib_core.frames import FloatArray, with_third
 
@@ -40,7 +40,7 @@ class MirrorImage:
         return float(1 / (1 + np.exp(-self.log_odds)))
 
 
-JudgedTable = tuple[Judged, EncoderScale]
+JudgedTable = tuple[Judged, EncoderScales]
 
 
 def told_directions(axes: Sequence[MovedAxis], of_table: int | None) -> dict[str, int]:

@@ -1,10 +1,11 @@
-"""Which captures of the table belong together, and whether its encoder counts as it should.
+"""Which captures of tables belong together, and whether each one's encoder counts as it should.
 
 An encoder that counts three parts in a thousand too much moves a sphere 90 mm off the axis by more than a
 millimetre after most of a turn: that is no fault of the captures that show it.  So where captures are rejected, or
 the scale is doubtful, they are judged once more with the scale as an unknown.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,9 +32,18 @@ class EncoderScale:
     applied: bool
 
     @property
+    def size(self) -> float:
+        """The error in standard deviations."""
+        return abs(self.error) / self.sigma
+
+    @property
     def significant(self) -> bool:
         """Whether the error is beyond chance, and large enough to matter."""
         return abs(self.error) > max(SCALE_SIGMAS * self.sigma, _WORTH_SAYING)
+
+
+EncoderScales = dict[int, EncoderScale]
+"""Of each axis that carries a ball, by its number."""
 
 
 def judge_table(
@@ -42,9 +52,9 @@ def judge_table(
     state: ChainState,
     core: np.ndarray,
     sigmas: GivenSigmas,
-    exact: bool,
-) -> tuple[Judged, EncoderScale]:
-    """Return the captures that belong together, as `judge_from`, and the encoder's scale as they want it.
+    asked: Callable[[int], bool | None],
+) -> tuple[Judged, EncoderScales]:
+    """Return the captures that belong together, as `judge_from`, and the encoders' scales as they want them.
 
     A scale that is beyond doubt is an unknown of the fit that is returned, unless the encoder is said to be exact.
 
@@ -54,26 +64,34 @@ def judge_table(
         All captures, and the same as arrays; `data.held` says whether the scale is sought.
     state, core, sigmas
         As in `judge_from`.
-    exact : bool
-        Whether the encoder is to be believed whatever the captures say.
+    asked : callable
+        Gives what is asked of an axis's encoder: False where it is to be believed whatever the captures say.
     """
     judged = judge_from(observations, data, state, core, sigmas)
-    scale = encoder_scale(judged)
-    column = data.walk.layout.scale(data.walk.layout.table)
-    if scale.applied or (judged.used.all() and not scale.significant):
-        return judged, scale
-    free = judge_from(observations, data.holding(column, held=False), state, core, sigmas)
-    found = encoder_scale(free)
-    if not found.significant or free.used.sum() < judged.used.sum():
-        return judged, scale
-    if not exact:
-        return free, found
-    return judge_these(observations, data, state, free.used, sigmas), replace(found, applied=False)
+    scales = encoder_scales(judged)
+    for axis in sorted(scales, key=lambda one: -scales[one].size):
+        own = scales[axis]
+        if own.applied or (judged.used.all() and not own.significant):
+            continue
+        opened = data.holding(data.walk.layout.scale(axis), held=False)
+        free = judge_from(observations, opened, state, core, sigmas)
+        found = encoder_scales(free)
+        if not found[axis].significant or free.used.sum() < judged.used.sum():
+            continue
+        if asked(axis) is False:
+            judged = judge_these(observations, data, state, free.used, sigmas)
+            return judged, {**found, axis: replace(found[axis], applied=False)}
+        data, judged, scales = opened, free, found
+    return judged, scales
 
 
-def encoder_scale(judged: Judged) -> EncoderScale:
-    """Return the encoder's scale error as the captures want it, whether it was sought or held."""
-    column = judged.data.walk.layout.scale(judged.data.walk.layout.table)
+def encoder_scales(judged: Judged) -> EncoderScales:
+    """Return the encoders' scale errors as the captures want them, each whether it was sought or held."""
+    return {axis: _encoder_scale(judged, axis) for axis in judged.data.walk.layout.carrying}
+
+
+def _encoder_scale(judged: Judged, axis: int) -> EncoderScale:
+    column = judged.data.walk.layout.scale(axis)
     free = fit(judged.data.holding(column, held=False), judged.fit.state, judged.fit.sigmas)
     sigma = float(np.sqrt(covariance_of(free.at.hessian)[column, column] * judged.excess))
-    return EncoderScale(free.state.table.scale - 1, sigma, not judged.data.held[column])
+    return EncoderScale(free.state.position.axes[axis].scale - 1, sigma, not judged.data.held[column])

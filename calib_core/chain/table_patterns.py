@@ -23,20 +23,25 @@ _LEAST_SPARE = 6  # captures beyond the unknowns that a pattern brings
 
 @dataclass(frozen=True)
 class Pattern:
-    """One pattern: what repeats, how often a turn, its amplitude, and how rare so much is by chance."""
+    """One pattern: what repeats, how often a turn, its amplitude, and how rare so much is by chance.
+
+    `axis`: its name, where several carry balls.
+    """
 
     kind: str
     times: int
     size_rad: float
     chance: float
+    axis: str = ""
 
     @property
     def finding(self) -> Finding:
         """What is noticed of it."""
         size_deg = float(np.rad2deg(self.size_rad))
         if self.kind == "wobble":
-            return AXIS_WOBBLES(size_deg=size_deg, times=self.times)
-        return ENCODER_ECCENTRIC(size_deg=size_deg)
+            said = f"{self.times} of several" if self.axis else self.times
+            return AXIS_WOBBLES(size_deg=size_deg, times=said, axis=self.axis)
+        return ENCODER_ECCENTRIC(size_deg=size_deg, of="several" if self.axis else "one", axis=self.axis)
 
 
 def pattern_of(judged: Judged) -> Pattern | None:
@@ -47,7 +52,10 @@ def pattern_of(judged: Judged) -> Pattern | None:
     judged : Judged
         Of captures of the table, with others or alone.
     """
-    found = [p for p in _patterns(judged) if p.chance < _RARE and p.size_rad > _least(p.kind)]
+    layout = judged.data.walk.layout
+    turning = [axis for axis in layout.carrying if layout.axes[axis].kind == "rotary"]
+    each = [(p, _RARE / len(turning)) for axis in turning for p in _patterns(judged, axis)]
+    found = [p for p, rare in each if p.chance < rare and p.size_rad > _least(p.kind)]
     return min(found, key=lambda p: p.chance, default=None)
 
 
@@ -55,14 +63,11 @@ def _least(kind: str) -> float:
     return _LEAST_LEAN_RAD if kind == "wobble" else _LEAST_ECCENTRIC_RAD
 
 
-def _patterns(judged: Judged) -> list[Pattern]:
+def _patterns(judged: Judged, table: int) -> list[Pattern]:
     from scipy.special import chdtrc  # scipy.stats has it too, but takes a second to import
 
     at, walk = judged.fit.minimum.at, judged.data.walk
     assert at.levers is not None
-    table = walk.layout.table
-    if walk.layout.axes[table].kind == "linear":
-        return []
     on_table = walk.layout.rides[walk.place, table] & judged.used
     angle, first = walk.readings[:, table], walk.layout.axis(table).start
     tilts, by_angle = at.jacobian[:, :, first : first + 2], at.levers[:, :, table]
@@ -78,5 +83,6 @@ def _patterns(judged: Judged) -> list[Pattern]:
         gain, size, _ = scores.gained(rows, _FAR_RAD)
         # The amplitude of a wave of two components (leans across, cos and sin), at its largest.
         largest = float(np.linalg.svd(size.reshape(2, -1), compute_uv=False)[0])
-        found.append(Pattern(kind, times, largest, float(chdtrc(width, gain / judged.excess))))
+        chance = float(chdtrc(width, gain / judged.excess))
+        found.append(Pattern(kind, times, largest, chance, walk.layout.named(table)))
     return found

@@ -32,6 +32,11 @@ from calib_core.messages import plural
 Mounts = RigidTransform | Mapping[str, RigidTransform]
 """The scanner's pose on what carries it, or that of each by its name."""
 
+
+class AnotherPlaceError(InputError):
+    """Captures of one mounting show the sphere in two places, neither of which is another mounting's."""
+
+
 _TRIPLES = 40
 _TRIALS = 160
 _STILL_MM = 2.0
@@ -100,10 +105,10 @@ def find_table_start(
     centers = both_centers_in_base(observations, sphere, mount_from_laser)
     _require_angles(readings)
     _require_motion(readings, centers)
-    start = _best(readings, centers)
+    start = best_start(readings, centers)
     degrees = np.rad2deg(readings.angles_rad)
     if np.abs(degrees).max() <= _FULL_TURN_AND_MORE and start.scatter_mm > AGREE_MM:
-        other = _best(TableReadings(degrees, readings.mounts, readings.mount_count), centers)
+        other = best_start(TableReadings(degrees, readings.mounts, readings.mount_count), centers)
         if other.scatter_mm * _MUCH_WORSE < start.scatter_mm:
             raise InputError(
                 "table angles in degrees (table_deg)",
@@ -123,7 +128,7 @@ def table_guess(
     """Return the guess on which most captures agree, however badly; raises MotionError without three angles."""
     readings, _ = readings_of(observations)
     _require_angles(readings)
-    return _best(readings, both_centers_in_base(observations, sphere, mount_from_laser))
+    return best_start(readings, both_centers_in_base(observations, sphere, mount_from_laser))
 
 
 def _require_angles(readings: TableReadings) -> None:
@@ -195,7 +200,7 @@ def _require_one_place(
             other != mount and np.linalg.norm(guesses[best] - place) < _STILL_MM
             for other, place in enumerate(start.state.mounts)
         )
-        raise InputError(
+        raise (InputError if known else AnotherPlaceError)(
             "one place of the sphere on the table in the mounting '{mount}'",
             "another place in {names}, by ({x:.0f}, {y:.0f}, {z:.0f}) mm",
             "Correct their `mount`: the labels are mixed up." if known else "Give these a `mount` of their own.",
@@ -208,8 +213,8 @@ def _require_one_place(
         )
 
 
-def _best(readings: TableReadings, centers: FloatArray) -> TableStart:
-    """Return the guess with the least robust cost."""
+def best_start(readings: TableReadings, centers: FloatArray) -> TableStart:
+    """Return the guess with the least robust cost, of balls' possible centres in base (K, 2, 3)."""
     few = np.zeros(len(centers), dtype=bool)
     few[spread_captures(readings.mounts, readings.angles_rad)] = True
     circles = _circles(readings, centers)

@@ -45,7 +45,7 @@ from calib_core.chain.observations import (
 from calib_core.chain.rejection import Judged, core_of
 from calib_core.chain.scanner import ScannerPriors, corrected
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
-from calib_core.chain.table_judging import EncoderScale, judge_table
+from calib_core.chain.table_judging import EncoderScale, EncoderScales, judge_table
 from calib_core.chain.table_moves import TableMove, table_move_of
 from calib_core.chain.table_patterns import Pattern, pattern_of
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
@@ -91,7 +91,8 @@ class TurntableOptions:
 
     `direction` is the cell's; `encoder_scale` asks for the encoder's scale as an unknown (False: never; None: if
     the captures leave no doubt that it is off).  `angles_unknown`: the angles were found from the captures.
-    `axes`: those of the cell where it names them, with the standard deviations of their readings, rad or mm.
+    `axes`: those of the cell where it names them, with the standard deviations of their readings, rad or mm, and
+    what is asked of each one's encoder.
     `distances`: known ones of balls on them.
     """
 
@@ -104,8 +105,13 @@ class TurntableOptions:
     angles_unknown: bool = False
     axes: tuple[MovedAxis, ...] = ()
     axis_sigmas: tuple[float | None, ...] = ()
+    axis_scales: tuple[bool | None, ...] = ()
     distances: tuple[KnownDistance, ...] = ()
     priors: ScannerPriors = field(default_factory=ScannerPriors)
+
+    def scale_asked(self, axis: int) -> bool | None:
+        """Return what is asked of an axis's encoder, by the axis's number."""
+        return self.axis_scales[axis] if self.axes else self.encoder_scale
 
     @property
     def sigmas(self) -> GivenSigmas:
@@ -133,7 +139,7 @@ class TurntableSolution:
     residuals : TableResiduals
     circles : PaperAxis
         The paper's way on the same captures, by the two steps' tool where there is one.
-    encoder : EncoderScale
+    encoders : dict
     options : TurntableOptions
     unknowns_covariance : (P, P)
         Of the edges' unknowns.
@@ -163,7 +169,7 @@ class TurntableSolution:
     excess: float
     residuals: TableResiduals
     circles: PaperAxis
-    encoder: EncoderScale
+    encoders: EncoderScales
     options: TurntableOptions
     unknowns_covariance: FloatArray
     pattern: Pattern | None = None
@@ -172,6 +178,11 @@ class TurntableSolution:
     mirror: TableCovariance | None = None
     mirror_chance: float = 0.0
     by_arm_mm: float = 0.0
+
+    @property
+    def encoder(self) -> EncoderScale:
+        """How the encoder counts of the axis that carries the sphere."""
+        return self.encoders[self.state.walk.layout.table]
 
     @property
     def turns(self) -> bool:
@@ -244,10 +255,10 @@ def solve_turntable(
     flat = [o.placed for o in observations]
     begin = _start_state(data, tool, start)
     spheres, bent = unbent(flat, data, begin, tool.bend)
-    judged, encoder, image = _judge(spheres, bent, begin, core_of(start.misfit_mm), options)
+    judged, encoders, image = _judge(spheres, bent, begin, core_of(start.misfit_mm), options)
     if tool.bend is not None:  # where the balls are is known better now
         spheres, bent = unbent(flat, data, judged.fit.state, tool.bend)
-        judged, encoder, image = _judge(spheres, bent, judged.fit.state, judged.used, options)
+        judged, encoders, image = _judge(spheres, bent, judged.fit.state, judged.used, options)
     observations = [o.seen_as(sphere) for o, sphere in zip(observations, spheres, strict=True)]
 
     tell(0.7, "Holding the tool")
@@ -273,7 +284,7 @@ def solve_turntable(
         excess=judged.excess,
         residuals=residuals,
         circles=paper_circles(observations, sphere, tool, residuals.sides, judged.used),
-        encoder=encoder,
+        encoders=encoders,
         options=options,
         unknowns_covariance=covariance,
         pattern=pattern_of(judged),
@@ -342,7 +353,8 @@ def _data(
     layout = _layout(observations, tool, options)
     data = chain_data(placed, sphere, point_sigma, layout=layout)
     data = replace(data, distances=layout.apart(options.distances))
-    data = data.holding(layout.scale(layout.table), not options.encoder_scale)
+    for axis in layout.carrying:
+        data = data.holding(layout.scale(axis), not options.scale_asked(axis))
     for n, axis in enumerate(layout.axes):
         if axis.carries == "robot":  # known with the tool, or never moved
             data = data.holding(layout.axis(n))
@@ -451,9 +463,9 @@ def _judge(
     state: ChainState,
     core: np.ndarray,
     options: TurntableOptions,
-) -> tuple[Judged, EncoderScale, MirrorImage | None]:
+) -> tuple[Judged, EncoderScales, MirrorImage | None]:
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
-        return judge_table(spheres, data, there, core, options.sigmas, options.encoder_scale is False)
+        return judge_table(spheres, data, there, core, options.sigmas, options.scale_asked)
 
     judged, image = likelier_side(spheres, state, core, judge, told_directions(options.axes, options.direction))
     return *judged, image

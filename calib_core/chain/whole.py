@@ -39,7 +39,7 @@ from calib_core.chain.observations import (
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
-from calib_core.chain.table_judging import EncoderScale, judge_table
+from calib_core.chain.table_judging import EncoderScales, judge_table
 from calib_core.chain.table_moves import table_move_of
 from calib_core.chain.table_patterns import pattern_of
 from calib_core.chain.table_residuals import table_residuals
@@ -133,7 +133,7 @@ def solve_chain(
     table_observations = table_with_effective_points(table_observations, sphere)
     tcp_observations = with_own_sigmas(tcp_observations, sphere, options.point_sigma_mm)
     table_observations = with_table_sigmas(table_observations, sphere, options.point_sigma_mm)
-    spheres, (judged, encoder), image, point_sigma = _judge(
+    spheres, (judged, encoders), image, point_sigma = _judge(
         tcp_observations, table_observations, sphere, tcp, turntable, options
     )
     judged = doubted(judged, tcp.bend)
@@ -150,7 +150,7 @@ def solve_chain(
     held = replace(held, covariance=with_spread(held.covariance, spread))
     covariance = held.covariance
     still = _tcp_part(tcp_observations, tcp, judged, held, point_sigma)
-    turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoder, options)
+    turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoders, options)
     mirror = mirror_of(spread, held.state, options.direction)
     turning = replace(
         turning,
@@ -204,7 +204,8 @@ def _judge(
     data = replace(data, pose_scale=np.concatenate([repeated, np.ones(len(table_observations))]))
     data = tcp.shifts.holding(data)
     data = replace(data, distances=layout.apart(tcp.options.distances or options.distances))
-    data = data.holding(layout.scale(layout.table), not turntable.encoder.applied)
+    for axis, encoder in turntable.encoders.items():
+        data = data.holding(layout.scale(axis), not encoder.applied)
     one, other = tcp.held.state.position, turntable.state.position
     mounts = one.mount_rotations, one.mount_translations
     start = ChainState.at(data, Position(*mounts, np.concatenate([one.places, other.places]), other.axes))
@@ -215,7 +216,7 @@ def _judge(
     spheres, data = unbent(spheres, data, start, tcp.bend)
 
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
-        return judge_table(spheres, data, there, core, options.sigmas, options.encoder_scale is False)
+        return judge_table(spheres, data, there, core, options.sigmas, options.scale_asked)
 
     directions = told_directions(options.axes, options.direction)
     return spheres, *likelier_side(spheres, start, core, judge, directions), point_sigma
@@ -268,7 +269,7 @@ def _table_part(
     judged: Judged,
     held: Held,
     point_sigma: float | None,
-    encoder: EncoderScale,
+    encoders: EncoderScales,
     options: TurntableOptions,
 ) -> TurntableSolution:
     """Return the turntable by the whole chain's answer."""
@@ -295,7 +296,7 @@ def _table_part(
         excess=judged.excess,
         residuals=residuals,
         circles=paper_circles(observations, sphere, tool, residuals.sides, used),
-        encoder=encoder,
+        encoders=encoders,
         options=options,
         unknowns_covariance=held.covariance,
         pattern=pattern_of(judged),

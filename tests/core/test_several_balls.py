@@ -14,7 +14,8 @@ from calib_core.cell.layout import KnownDistance
 from calib_core.chain.balls import by_distances
 from calib_core.library.opened import in_memory
 from calib_core.records.results import FoundFrame, ScannerFound
-from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.simulation.topology import BallOptions
+from calib_core.simulation.topology_cell import TopologyScenario, simulate_topology
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.stages.tcp.record import TcpResult
 from tests.plates import reflected
@@ -169,3 +170,89 @@ def test_told_distances_name_balls_on_axes() -> None:
     for one, other in combinations("abc", 2):
         told = np.linalg.norm(true[one] - true[other])
         assert np.linalg.norm(places[one] - places[other]) == pytest.approx(told, abs=0.04)
+
+
+def around(
+    on: str, middle_mm: tuple[float, float, float], radius_mm: float, count: int
+) -> tuple[BallOptions, ...]:
+    """Return balls of one mounting all around an axis, never two of them in one view."""
+    x, y, z = middle_mm
+    ways = 0.3 + 2 * np.pi * np.arange(count) / count
+    return tuple(
+        BallOptions(f"p{k}", on, (x + radius_mm * np.cos(way), y + radius_mm * np.sin(way), z + 15 * k), mount="p")
+        for k, way in enumerate(ways.tolist())
+    )
+
+
+WIDE = TOPOLOGY_SCENARIOS["plate"].cell
+FLOOR = TOPOLOGY_SCENARIOS["tilt"].balls[0]
+
+
+@pytest.mark.parametrize(
+    ("axis", "height", "radius", "count"), [("table", 440.0, 110.0, 3), ("tilt", 520.0, 90.0, 3)]
+)
+def test_balls_all_around_an_axis_are_told_apart_though_never_seen_at_once(
+    axis: str, height: float, radius: float, count: int
+) -> None:
+    balls = around(axis, (1000.0, -250.0, height), radius, count)
+    axes = TOPOLOGY_SCENARIOS["gantry-turntable" if axis == "table" else "tilt"].axes
+    scenario = TopologyScenario("", balls=(FLOOR, *balls), axes=axes, cell=WIDE, on_axes=24)
+    session, files, truth = simulate_topology(scenario, "around", 1)
+    result = in_memory(session, files).run()["chain"]
+    assert result.verdict == "pass"
+    assert all(row.used for row in result.residuals)
+    assert [ball.name for ball in result.spheres] == ["sphere", "p-1", "p-2", "p-3"]
+    assert all(squared < {2: 18.4, **CHI2}[many] for _, squared, many, _ in distances(result, truth))
+
+
+def test_a_ball_that_was_moved_midway_is_still_named() -> None:
+    balls = around("table", (1000.0, -250.0, 440.0), 110.0, 2)
+    axes = TOPOLOGY_SCENARIOS["gantry-turntable"].axes
+    scenario = TopologyScenario("", balls=(FLOOR, *balls), axes=axes, cell=WIDE, on_axes=24)
+    session, files, truth = simulate_topology(scenario, "around", 1)
+    first = [one for one in session.captures if truth["balls_seen"][one.id] != ["p1"]]
+    then = [one for one in session.captures if truth["balls_seen"][one.id] == ["p1"]]
+    moved = session.model_copy(update={"captures": [*first, *then]})
+    with pytest.raises(cc.CalibrationError, match="Give these a `mount` of their own"):
+        in_memory(moved, files).run("turntable")
+
+
+def test_balls_around_two_axes_that_turn_together_are_refused_with_what_to_do() -> None:
+    balls = around("turn", (1000.0, -250.0, 520.0), 90.0, 3)
+    axes = TOPOLOGY_SCENARIOS["positioner"].axes
+    scenario = TopologyScenario("", balls=(FLOOR, *balls), axes=axes, cell=WIDE, on_axes=30)
+    session, files, truth = simulate_topology(scenario, "around", 1)
+    with pytest.raises(cc.CalibrationError, match="give captures of another a `mount` of their own"):
+        in_memory(session, files).run("turntable")
+    named = [
+        one.model_copy(update={"mount": truth["balls_seen"][one.id][0]}) if one.mount else one
+        for one in session.captures
+    ]
+    result = in_memory(session.model_copy(update={"captures": named}), files).run()["chain"]
+    assert result.verdict == "pass"
+    assert all(squared < {2: 18.4, **CHI2}[many] for _, squared, many, _ in distances(result, truth))
+
+
+FAR = BallOptions("far", "base", (980.0, -60.0, 500.0))
+OFTEN = replace(WIDE, orientations=16)
+
+
+def test_balls_far_apart_are_told_apart_though_never_seen_at_once() -> None:
+    session, files, truth = simulate_topology(TopologyScenario("", balls=(FLOOR, FAR), cell=OFTEN), "far", 1)
+    result = in_memory(session, files).run()["tcp"]
+    assert result.verdict == "pass"  # poses did not fit, by 100 mm
+    assert all(row.used for row in result.residuals)
+    assert sorted(true for _, true in within(result, truth)) == ["far", "sphere"]
+    ((_, squared, _, _),) = distances(with_frame(result), truth)
+    assert squared < CHI2[6]
+
+
+def test_balls_before_a_robot_on_a_rail_are_told_apart_by_the_captures_mountings() -> None:
+    scenario = TopologyScenario("", balls=(FLOOR, FAR), axes=TOPOLOGY_SCENARIOS["rail"].axes, cell=OFTEN)
+    session, files, truth = simulate_topology(scenario, "rail", 1)
+    seen = truth["balls_seen"]
+    named = [one.model_copy(update={"mount": seen[one.id][0]}) for one in session.captures]
+    result = in_memory(session.model_copy(update={"captures": named}), files).run()["tcp"]
+    assert result.verdict == "pass"
+    assert dict(within(result, truth)) == {"far": "far", "sphere": "sphere"}
+    assert all(squared < {2: 18.4, **CHI2}[many] for _, squared, many, _ in distances(result, truth))

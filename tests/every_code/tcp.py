@@ -140,6 +140,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "tool-position-undetermined": (of_spread(3, 5.1), of_spread(3, 4.9)),
     "tool-rotation-weak": (tool_of("scanner: shear of 2 %"), tool_of("arms: clean")),
     "tool-position-without-turns": (result_of("gantry"), result_of("tcp")),
+    "tool-place-not-needed": (result_of("gantry-turntable", "chain"), result_of("gantry")),
     "tool-position-weak": (of_spread(3, 1.1, 0.2, "weak"), of_spread(3, 0.9, 0.2, "weak")),
     "captures-contradict": (tool_of("sphere: moved by 3 mm in one capture"), tool_of("arms: clean")),
     "many-captures-contradict": (tool_of("books: tool changed midway by 2 mm, 1°"), tool_of("arms: clean")),

@@ -202,7 +202,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     ),
     "axis-wobbles": (table_of("wobbles by 1 mrad three times a turn"), table_of("clean")),
     "encoder-eccentric": (table_of("encoder eccentric by 0.1°"), table_of("clean")),
-    "encoder-scale": both("encoder", EncoderScale(5e-4, 1e-4, True), EncoderScale(3e-4, 1e-4, False)),
+    "encoder-scale": both("encoders", {0: EncoderScale(5e-4, 1e-4, True)}, {0: EncoderScale(3e-4, 1e-4, False)}),
     "table-angles-scatter": (by_angle(0.051), by_angle(0.049)),
     "play-not-checked": (again(None), again(0.0)),
     "table-play": (again(0.011), again(0.009)),

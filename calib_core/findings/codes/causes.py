@@ -196,6 +196,10 @@ TABLE_DIRECTION = Code(
         "right-handed about the axis that points up.",
         "left": "The table turns the other way round than turntable.direction = {told} says: its angles count "
         "left-handed about the axis that points up.",
+        "right of several": "The axis {axis} turns the other way round than its direction = {told} says: its angles count "
+        "right-handed about the end that points up.",
+        "left of several": "The axis {axis} turns the other way round than its direction = {told} says: its angles count "
+        "left-handed about the end that points up.",
     },
     to_do="The answer has direction {direction}; correct the cell.",
     by="counts",

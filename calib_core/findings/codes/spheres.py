@@ -6,8 +6,8 @@ BALLS_NOT_TOLD_APART = Code(
     "balls-not-told-apart",
     "error",
     text="The cell tells of {count} spheres that the captures may show, and their arcs cannot be told apart.",
-    to_do="Capture one of them alone six times or more, with turns between, then the others; leave axes under the "
-    "robot where they are meanwhile, or tell of that one sphere only.",
+    to_do="Name the sphere that each capture shows as its mounting. Or capture one of them alone six times or more, with "
+    "turns between, then the others; leave axes under the robot where they are meanwhile.",
     meaning="Arcs are told apart by where one scanner sees them, once it has seen one sphere often enough.",
     decided="No six arcs of a scanner come together in one place, and all of them do not fit one sphere.",
     usual_causes="Few captures of each of several spheres; an axis under the robot that moved meanwhile.",

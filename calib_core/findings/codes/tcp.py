@@ -31,8 +31,7 @@ POSITION_WITHOUT_TURNS = Code(
     "warning",
     text="The scanner's position is not determined along {axes}: the machine did not turn about an axis "
     "across it.",
-    to_do="Where scanner and table are used together it is not needed. For the position itself, tilt the flange about "
-    "{across} and capture again, or measure it.",
+    to_do="Tilt the flange about {across} and capture again, or measure the position.",
     meaning="A machine of few axes, as a gantry, moves scanner and ball alike when the scanner is mounted elsewhere: "
     "nothing that it sees tells where. All else is determined and given.",
     decided="All poses have one orientation, or turn about one axis, to 0.06°.",
@@ -43,12 +42,28 @@ ROTATION_ABOUT_TRAVEL = Code(
     "tool-rotation-about-travel",
     "warning",
     text="The scanner's rotation about laser {axis} is not determined: the machine moved along one line only.",
-    to_do="Where scanner and table are used together it is not needed. For the rotation itself, move the flange "
-    "across that line by 50 mm or more and capture again, or measure how the scanner is turned about it.",
+    to_do="Move the flange across that line by 50 mm or more and capture again, or measure how the scanner is turned "
+    "about it.",
     meaning="A machine of one linear axis sees the same when scanner, ball and table are turned together about its "
     "travel. All else is determined and given.",
     decided="All poses have one orientation, to 0.06°, and lie on one line, to 0.1 mm.",
     usual_causes="A scanner on one linear axis; or the captures beside its line are still missing.",
+)
+
+PLACE_NOT_NEEDED = Code(
+    "tool-place-not-needed",
+    "note",
+    text={
+        "position": "The scanner's position on the flange stays open along {axes}, as the machine does not turn about an axis "
+        "across it; where scanner and table are used together it is not needed.",
+        "rotation": "The scanner's rotation about laser {axes} stays open, as the machine moves along one line; where scanner "
+        "and table are used together it is not needed.",
+    },
+    by="what",
+    meaning="Scanner, sphere and table, moved together, look the same to a machine of few axes. Scans on the table are "
+    "merged rightly all the same; what is open has no number.",
+    decided="As for tool-position-without-turns and tool-rotation-about-travel, in a session with captures on a table.",
+    usual_causes="A gantry, a SCARA or a linear axis before a turntable.",
 )
 
 TOOL_MIRRORED = Code(

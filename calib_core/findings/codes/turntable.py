@@ -75,7 +75,12 @@ CAPTURES_CONTRADICT = Code(
 ANGLES_DO_NOT_FIT = Code(
     "table-angles-do-not-fit",
     "error",
-    text="Table angles and scans do not fit together: the sphere is {scatter_mm:.1f} mm off its circle.",
+    text={
+        "one": "Table angles and scans do not fit together: the sphere is {scatter_mm:.1f} mm off its circle.",
+        "several": "Readings of axes and scans do not fit together, those of {axis} least: spheres are {scatter_mm:.1f} mm off "
+        "their ways.",
+    },
+    by="of",
     to_do="Check the angles, their unit, and that every capture has its own.",
     meaning="No axis brings the captures to a circle.",
     decided="The used captures lie more than 5 mm off their circles (RMS).",
@@ -213,6 +218,10 @@ AXIS_WOBBLES = Code(
         "angle may be off by as much.",
         "3": "The table's axis seems to wobble by {size_deg:.3f}° three times a turn: the stated axis is a mean, and a scan at "
         "one angle may be off by as much.",
+        "2 of several": "The axis {axis} seems to wobble by {size_deg:.3f}° twice a turn: where it is stated is a mean, and a "
+        "scan at one of its angles may be off by as much.",
+        "3 of several": "The axis {axis} seems to wobble by {size_deg:.3f}° three times a turn: where it is stated is a mean, "
+        "and a scan at one of its angles may be off by as much.",
     },
     to_do="Check the bearing, or capture at more angles.",
     by="times",
@@ -225,8 +234,13 @@ AXIS_WOBBLES = Code(
 ENCODER_ECCENTRIC = Code(
     "encoder-eccentric",
     "warning",
-    text="The table's angle seems to err by {size_deg:.3f}° once a turn, as of an eccentric encoder or an axis that wobbles: "
-    "scans at different angles are off by as much.",
+    text={
+        "one": "The table's angle seems to err by {size_deg:.3f}° once a turn, as of an eccentric encoder or an axis that "
+        "wobbles: scans at different angles are off by as much.",
+        "several": "The angle of the axis {axis} seems to err by {size_deg:.3f}° once a turn, as of an eccentric encoder or an "
+        "axis that wobbles: scans at different angles of it are off by as much.",
+    },
+    by="of",
     to_do="Check the encoder's mounting and the bearing.",
     meaning="The angle errs with itself, once a turn.",
     decided="The pattern makes all captures likelier by a factor that chance gives in fewer than 3 of 1,000 tables, and is at "
@@ -237,12 +251,17 @@ ENCODER_ECCENTRIC = Code(
 ENCODER_SCALE = Code(
     "encoder-scale",
     "warning",
-    text="The table turns by {error_percent:+.3f} ± {uncertainty_percent:.3f} % more than its angles say.",
+    text={
+        "one": "The table turns by {error_percent:+.3f} ± {uncertainty_percent:.3f} % more than its angles say.",
+        "rotary": "The axis {axis} turns by {error_percent:+.3f} ± {uncertainty_percent:.3f} % more than its angles say.",
+        "linear": "The axis {axis} travels {error_percent:+.3f} ± {uncertainty_percent:.3f} % farther than its readings say.",
+    },
     to_do={
         "applied": "The answer accounts for it; check the encoder and the gear.",
         "left": "The answer does not account for it, as turntable.encoder is 'exact'; check the encoder and the gear.",
     },
-    by="handled",
+    by="of",
+    by_to_do="handled",
     meaning="A full turn of the angles is not a full turn of the table.",
     decided="The factor differs from one beyond chance.",
     usual_causes="A gear ratio that is slightly wrong.",

@@ -14,12 +14,12 @@ class Chain(Stage):
     """Scanner and turntable from all captures together."""
 
     name, title, place = "chain", "Scanner and turntable together", 50
-    takes: ClassVar = {"tcp": SPHERE_FIELDS, "turntable": (*SPHERE_FIELDS, "table_deg", "mount")}
+    takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "mount"), "turntable": (*SPHERE_FIELDS, "table_deg", "mount")}
     reads = (
         *SPHERE_READS, "turntable.direction", "turntable.angle_sigma_deg", "turntable.encoder", "turntable.angles",
     )  # fmt: skip
     known = (*SCANNER_FRAMES, "base_from_turntable")
-    method_revision = 7  # balls of told sizes; a told direction decides between mirrored axes
+    method_revision = 8  # of several tables each is tested; balls around an axis are told apart
     any_arrangement = True
     after = ("camera", "laser-plane", "tcp", "turntable")
     answers = ("tcp", "turntable")

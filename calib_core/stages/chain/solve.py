@@ -101,7 +101,7 @@ def _findings(
     return [
         *disagreements(solution),
         *findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere, tool),
-        *of_several_balls(given, solved, solution_findings(solution.tcp, given.captures)),
+        *of_several_balls(given, solved, solution_findings(solution.tcp, given.captures, with_table=True)),
         *arm_findings(given.session.cell, solution.tcp.arm, used),
         *lag_findings(solved.observations, solution.tcp.sigmas),
         *lost_rays_of(both),

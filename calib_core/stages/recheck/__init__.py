@@ -22,7 +22,7 @@ class Recheck(Stage):
         "Leave the sphere in its place and capture it again from three poses of the calibration.",
         letter="r",
     )
-    takes: ClassVar = {"recheck": (*SPHERE_FIELDS, "mount"), "tcp": SPHERE_FIELDS}
+    takes: ClassVar = {"recheck": (*SPHERE_FIELDS, "mount"), "tcp": (*SPHERE_FIELDS, "mount")}
     reads = SPHERE_READS
     after = ("camera", "laser-plane", "tcp", "chain")
     optional = True

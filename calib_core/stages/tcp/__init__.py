@@ -18,9 +18,9 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 12  # balls of told sizes are each solved by their own
+    method_revision = 13  # balls that are never seen at once are told apart
     planned = True
-    takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s")}
+    takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s", "mount")}
     reads = SPHERE_READS
     known = SCANNER_FRAMES
     after = ("camera", "laser-plane")

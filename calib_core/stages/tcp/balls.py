@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from calib_core.records.topology import FoundSphere
 
 _ONE_BALL_MM = 1.5
 """Scatter of a scanner's arcs, as if they were of one ball: what is more is of several."""
+_MOST_IN_BALLS = 0.9
 _LEAST_WITH_MORE = 3
 """Captures with further arcs; in fewer it is a reflection or another round thing."""
 
@@ -54,6 +56,8 @@ def all_arcs(
 
 def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) -> Observed:
     """Return what captures saw, arcs of other balls too, where they show several."""
+    if (told := _named_by_mounts(given, observed.observations)) is not None:
+        return replace(observed, observations=told)
     arcs = all_arcs(given, observed.observations, {o.carriers.ball for o in observed.observations})
     if arcs is None:
         return observed
@@ -80,6 +84,32 @@ def named_by_sizes(cell: Cell, arcs: Sequence[SphereObservation]) -> list[Sphere
         and (name := names_by_size(cell, carrier).get(size)) is not None
     }
     return [replace(o, ball=found.get((o.carriers.ball, o.ball), o.ball)) for o in arcs]
+
+
+def _named_by_mounts(
+    given: StageInput, observations: Sequence[SphereObservation]
+) -> list[SphereObservation] | None:
+    """Return observations of the balls that captures name as their mountings; None where these are not several."""
+    names = {capture.id: capture.mount or "" for capture in given.captures}
+    balls = {names[o.capture] for o in observations}
+    if len(balls) < 2 or "" in balls or any(o.sphere is None and o.sizes for o in observations):
+        return None
+    return [replace(o, ball=names[o.capture]) for o in observations]
+
+
+def balls_in_turn(
+    given: StageInput, observations: Sequence[SphereObservation], sphere: SphereSize
+) -> list[SphereObservation] | None:
+    """Return captures of balls that are never seen at once, told apart; None where one ball was moved."""
+    if any(o.ball for o in observations):
+        return None
+    named = labelled(_standing(given.session.cell, observations, sphere), sphere, by_scanner(observations))
+    balls = [one.ball for one in named or () if one.ball]
+    changes = sum(one != other for one, other in pairwise(balls))
+    if len({*balls}) < 2 or changes < len({*balls}) or len(balls) < _MOST_IN_BALLS * len(observations):
+        return None
+    both = zip(observations, named or (), strict=True)
+    return [replace(o, ball=one.ball, sphere=one.sphere) for o, one in both if one.ball]
 
 
 def _standing(cell: Cell, arcs: Sequence[SphereObservation], sphere: SphereSize) -> Sequence[SphereObservation]:

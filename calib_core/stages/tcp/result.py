@@ -73,7 +73,9 @@ def tcp_result(
     )
 
 
-def solution_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> list[Finding]:
+def solution_findings(
+    solution: TcpSolution, captures: Sequence[Capture] = (), with_table: bool = False
+) -> list[Finding]:
     """Return what a solution shows, its drift and what it has no room for too."""
     bend = solution.bend
     more = []
@@ -81,7 +83,7 @@ def solution_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -
         handled = "solved" if bend.solved else "allowed"
         more = [codes.SHEET_BENT(bend_mm=abs(bend.size_mm), half_width_mm=bend.half_width_mm, handled=handled)]
     more += [solution.unmodelled.finding] if solution.unmodelled else []
-    return [*tcp_findings(solution, captures), *drift_findings(solution), *more]
+    return [*tcp_findings(solution, captures, with_table), *drift_findings(solution), *more]
 
 
 def placed(answer: Answer) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, sa
 from calib_core.causes.flange import flange_findings
 from calib_core.cell.axes import foot_moved, moved_axes, reading_sigmas
 from calib_core.cell.carriers import told_balls, told_distances
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.findings import Finding, reasons_of, sentence_of, verdict_of
 from calib_core.findings.codes import spheres
@@ -31,7 +31,11 @@ from calib_core.stages.sweep_rows import mark_sweeps, one_row_each
 from calib_core.stages.tcp.record import TcpResidual, TcpResult
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
+if TYPE_CHECKING:
+    from calib_core.chain.tcp import TcpOptions, TcpSolution
+
 _MEASURING_SHARE = 0.3
+_NOT_ONE_BALL_MM = 5.0  # by which one ball's places scatter: the cell is told wrongly, or there are several
 _SUSPICIOUS_SCATTER_MM = 1.0  # arms that are read rightly stay below
 _SUSPICIOUS_SCALE = 0.015  # scanners that are read rightly stay below
 
@@ -172,7 +176,7 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     )
     seen, noticed = observed.observations, _second_arcs(clearest.observations, observed.observations)
     try:
-        solution = solve_tcp(seen, sphere, options, _later(given.progress))
+        seen, solution = _solved(given, seen, sphere, options)
         if (others := other_arcs(given, seen, solution.used)) is not None:
             again = solve_tcp(others, sphere, options)
             if len(fit := np.flatnonzero(again.used & ~solution.used)):
@@ -190,6 +194,25 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     if solution.arm is not None and solution.arm.applied:
         seen = corrected(seen, solution.arm)
     return SolvedTcp(solution, seen, sphere, observed.unused, noticed)
+
+
+def _solved(
+    given: StageInput, seen: list[SphereObservation], sphere: SphereSize, options: "TcpOptions"
+) -> "tuple[list[SphereObservation], TcpSolution]":
+    """Return the solution of captures, as of several balls where those of one do not fit; and these captures."""
+    from calib_core.chain.tcp import solve_tcp
+    from calib_core.stages.tcp.balls import balls_in_turn
+
+    try:
+        solution = solve_tcp(seen, sphere, options, _later(given.progress))
+    except MotionError:
+        if (balls := balls_in_turn(given, seen, sphere)) is None:
+            raise
+        return balls, solve_tcp(balls, sphere, options)
+    if solution.joint.center_scatter_rms_mm < _NOT_ONE_BALL_MM:
+        return seen, solution
+    balls = balls_in_turn(given, seen, sphere)
+    return (seen, solution) if balls is None else (balls, solve_tcp(balls, sphere, options))
 
 
 def _second_arcs(clearest: Sequence[SphereObservation], seen: Sequence[SphereObservation]) -> list[Finding]:

@@ -32,7 +32,9 @@ _LEAST_SCATTER_MM = 0.02
 _FEW_SPARE = 9  # of five captures six are left: the estimated scatter then may be small by chance alone
 
 
-def tcp_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> list[Finding]:
+def tcp_findings(
+    solution: TcpSolution, captures: Sequence[Capture] = (), with_table: bool = False
+) -> list[Finding]:
     """Return what is noticed of a solution: root causes first, and not what follows from them.
 
     Parameters
@@ -40,10 +42,12 @@ def tcp_findings(solution: TcpSolution, captures: Sequence[Capture] = ()) -> lis
     solution : TcpSolution
     captures : sequence of Capture
         Those of the session, of which the causes' remedies tell.
+    with_table : bool
+        Whether it is solved for a table, with which the scanner is used together.
     """
     misfit = _misfit(solution)
     failures = [
-        *(misfit or [*_undetermined(solution), *_mirrored(solution, captures)]),
+        *(misfit or [*_undetermined(solution, with_table), *_mirrored(solution, captures)]),
         *_too_many_rejected(solution),
     ]
     found = [*failures, *_doubts_about_captures(solution, captures)]
@@ -61,14 +65,22 @@ def _misfit(solution: TcpSolution) -> list[Finding]:
     return [codes.POSES_DO_NOT_FIT(scatter_mm=scatter)]
 
 
-def _undetermined(solution: TcpSolution) -> list[Finding]:
+def _undetermined(solution: TcpSolution, with_table: bool) -> list[Finding]:
     found = _open(solution.undetermined, codes.ROTATION_OPEN, codes.POSITION_OPEN)
     if some := without_turns(solution.shifts.directions):
         across = sorted({axis for one in some for axis in one.across.split(", ")})
         axes = ", ".join(one.axis for one in some)
-        found.append(codes.POSITION_WITHOUT_TURNS(axes=axes, across=", ".join(across)))
+        found.append(
+            codes.PLACE_NOT_NEEDED(what="position", axes=axes)
+            if with_table
+            else codes.POSITION_WITHOUT_TURNS(axes=axes, across=", ".join(across))
+        )
     for one in about_travel(solution.shifts.travel, solution.joint.mount_from_laser):
-        found.append(codes.ROTATION_ABOUT_TRAVEL(axis=one.axis))
+        found.append(
+            codes.PLACE_NOT_NEEDED(what="rotation", axes=one.axis)
+            if with_table
+            else codes.ROTATION_ABOUT_TRAVEL(axis=one.axis)
+        )
     return found
 
 

@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 4  # a told direction decides between mirrored axes
+    method_revision = 5  # of several tables each is tested; balls around an axis are told apart
     step = CaptureStep(
         "turntable",
         "Turntable",

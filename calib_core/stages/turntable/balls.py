@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
-from calib_core.cell.carriers import told_distances
+from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution, balls_of_arcs
 from calib_core.records import Cell
@@ -11,7 +12,6 @@ from calib_core.stages.tcp.balls import with_told_names
 
 
 def balls_of_mountings(
-    cell: Cell,
     arcs: Sequence[TableObservation],
     sphere: SphereSize,
     tool: KnownTool,
@@ -26,6 +26,29 @@ def balls_of_mountings(
         return None
     several = {o.mount for o, n in zip(arcs, balls, strict=True) if n > 0}
     return [_with_ball(o, int(n), o.mount in several) for o, n in zip(arcs, balls, strict=True)]
+
+
+def balls_in_turn(
+    cell: Cell,
+    captures: Sequence[TableObservation],
+    sphere: SphereSize,
+    tool: KnownTool,
+    options: TurntableOptions,
+) -> list[TableObservation] | None:
+    """Return captures of balls that are never seen at once, with a mounting for each; None where there are none.
+
+    One that was seen at a place, and from some capture on at another, is one ball that was moved.
+    """
+    named = balls_of_mountings(captures, sphere, tool, options)
+    for mount in {o.mount for o in captures} if named else ():
+        own = [
+            one.mount for one, o in zip(named or (), captures, strict=True) if o.mount == mount and one.sphere.ball
+        ]
+        balls, changes = len({*own}), sum(one != other for one, other in pairwise(own))
+        told = max(len(told_balls(cell, o.axis)) for o in captures if o.mount == mount)
+        if balls > 1 and changes < balls and told < 2:
+            return None
+    return named
 
 
 def _with_ball(arc: TableObservation, ball: int, among_several: bool) -> TableObservation:

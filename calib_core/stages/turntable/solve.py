@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import lost_rays_of
-from calib_core.cell.axes import axis_of_mounts, moved_axes, names_axes, reading_sigmas
+from calib_core.cell.axes import axis_of_mounts, moved_axes, names_axes, reading_sigmas, scales_asked
 from calib_core.cell.carriers import told_distances
 from calib_core.cell.found import known_scanner, no_scanner
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
@@ -117,7 +117,7 @@ def about_tool(tool: "TcpSolution", captures: Sequence[Capture]) -> list[Finding
     """Return what is to be said of the tool that a table is solved by."""
     from calib_core.stages.tcp.verdict import tcp_findings
 
-    verdict = verdict_of(tcp_findings(tool, captures))
+    verdict = verdict_of(tcp_findings(tool, captures, with_table=True))
     found = [codes.TCP_FAILED()] if verdict == "fail" else [codes.TCP_DOUBTFUL()] if verdict == "warn" else []
     return [*found, codes.BY_TOOL_ALONE()] if tool.optics else found
 
@@ -132,9 +132,10 @@ def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress:
 def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
     from calib_core.chain.arm_open import corrected
     from calib_core.chain.table_angles import with_found_angles
+    from calib_core.chain.table_start import AnotherPlaceError
     from calib_core.chain.turntable import solve_turntable
-    from calib_core.stages.tcp.balls import all_arcs, of_no_ball
-    from calib_core.stages.turntable.balls import balls_of_mountings, named_by_distances
+    from calib_core.stages.tcp.balls import all_arcs
+    from calib_core.stages.turntable.balls import balls_in_turn, balls_of_mountings, named_by_distances
 
     captures = [capture for capture in given.captures if not capture.excluded]
     cell = given.session.cell
@@ -151,16 +152,21 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     def placed(some: Sequence[SphereObservation]) -> list[TableObservation]:
         return [_on_axis(o, by_id[o.capture], carriers) for o in some]
 
-    observations, unused = placed(seen), observed.unused
+    observations, unused, named = placed(seen), observed.unused, None
     try:
         if turning.angles == "unknown":
             observations = with_found_angles(observations, sphere, tool.mounts, turning.direction or 1)
         elif arcs := all_arcs(given, seen, {o.axis for o in observations}):
-            named = balls_of_mountings(cell, placed(arcs), sphere, tool, options)
-            if named is not None:
-                observations = [o for o in named if o.sphere.ball]
-                unused = [*unused, *of_no_ball([o.capture for o in seen], [o.sphere for o in named])]
-        solution = solve_turntable(observations, sphere, tool, options, part_of(progress, 0.3, 1.0))
+            named = balls_of_mountings(placed(arcs), sphere, tool, options)
+        try:
+            observations, unused = _of_balls(named, observations, unused)
+            solution = solve_turntable(observations, sphere, tool, options, part_of(progress, 0.3, 1.0))
+        except (AnotherPlaceError, MotionError):
+            named = None if named else balls_in_turn(cell, observations, sphere, tool, options)
+            if named is None:
+                raise
+            observations, unused = _of_balls(named, observations, unused)
+            solution = solve_turntable(observations, sphere, tool, options, part_of(progress, 0.3, 1.0))
         if (named := named_by_distances(cell, observations, solution)) is not None:
             observations, options = named, replace(options, distances=told_distances(cell))
             solution = solve_turntable(observations, sphere, tool, options)
@@ -180,6 +186,18 @@ def _require_placed(seen: Sequence[SphereObservation], tool: "KnownTool") -> Non
             missing[0].capture,
             scanner=missing[0].scanner,
         )
+
+
+def _of_balls(
+    named: list[TableObservation] | None, observations: list[TableObservation], unused: list[Finding]
+) -> tuple[list[TableObservation], list[Finding]]:
+    """Return the captures of balls that were told apart, and those of no use; as they are where none were."""
+    from calib_core.stages.tcp.balls import of_no_ball
+
+    if named is None:
+        return observations, unused
+    stray = of_no_ball([o.sphere.capture for o in observations], [o.sphere for o in named])
+    return [o for o in named if o.sphere.ball], [*unused, *stray]
 
 
 def _on_axis(seen: SphereObservation, capture: Capture, carriers: Mapping[str, str]) -> TableObservation:
@@ -220,6 +238,7 @@ def table_options(cell: Cell) -> "TurntableOptions":
         angles_unknown=unknown,
         axes=moved_axes(cell),
         axis_sigmas=reading_sigmas(cell),
+        axis_scales=scales_asked(cell),
     )
 
 

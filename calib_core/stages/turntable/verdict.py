@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.causes.table import direction_findings
+from calib_core.causes.table import axis_direction_findings, direction_findings
 from calib_core.cell.carriers import carrier_of_all
 from calib_core.chain.observations import TableObservation, named
 from calib_core.chain.table_frame import TableCovariance
@@ -36,6 +36,7 @@ def table_findings(
     """Return what is noticed of a turntable: root causes first, and not what follows from them."""
     failures = [*_undetermined(table), *_failures(table, observations)]
     found = [*failures, *_doubts_about_captures(table, observations), *direction_findings(cell, table.frame)]
+    found += axis_direction_findings(cell, table.state)
     if not failures:
         found += [*_doubts_about_axis(table), *_doubts_about_encoder(table)]
     return found
@@ -123,8 +124,20 @@ def _failures(table: TurntableSolution, observations: Sequence[TableObservation]
         found.append(codes.MANY_CONTRADICT(list(each), each=each, rejected=rejected, count=count, names=names))
     scatter = float(np.sqrt(np.mean(table.residuals.distance_mm[table.used] ** 2)))
     if scatter > _HOPELESS_MM:
-        found.append(codes.ANGLES_DO_NOT_FIT(scatter_mm=scatter))
+        axis = _worst_axis(table)
+        found.append(codes.ANGLES_DO_NOT_FIT(scatter_mm=scatter, of="several" if axis else "one", axis=axis))
     return found
+
+
+def _worst_axis(table: TurntableSolution) -> str:
+    """Return the name of the axis whose balls lie farthest off, where several carry some; else nothing."""
+    walk, off = table.state.walk, table.residuals.distance_mm
+    place = walk.place[-len(off) :]
+    scatter: dict[str, float] = {}
+    for axis in walk.layout.carrying:
+        own = table.used & walk.layout.rides[place, axis]
+        scatter[walk.layout.named(axis)] = float(np.mean(off[own] ** 2)) if own.any() else 0.0
+    return max(scatter, key=lambda name: scatter[name], default="")
 
 
 def _doubts_about_captures(table: TurntableSolution, observations: Sequence[TableObservation]) -> list[Finding]:
@@ -182,11 +195,17 @@ def _scanners(table: TurntableSolution) -> str:
 def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
     pattern = None if _is_behind(table.pattern, table.move) else table.pattern
     found = [pattern.finding] if pattern is not None else []
-    scale = table.encoder
-    if scale.significant and not table.options.encoder_scale:
-        handled = "applied" if scale.applied else "left"
-        error, uncertainty = 100 * scale.error, 200 * scale.sigma
-        found.append(codes.ENCODER_SCALE(handled=handled, error_percent=error, uncertainty_percent=uncertainty))
+    layout = table.state.walk.layout
+    for number, scale in table.encoders.items():
+        if scale.significant and not table.options.scale_asked(number):
+            handled, axis = "applied" if scale.applied else "left", layout.named(number)
+            error, uncertainty = 100 * scale.error, 200 * scale.sigma
+            of = layout.axes[number].kind if axis else "one"
+            found.append(
+                codes.ENCODER_SCALE(
+                    of=of, axis=axis, handled=handled, error_percent=error, uncertainty_percent=uncertainty
+                )
+            )
     if (
         table.pattern is None
         and not table.options.axes
