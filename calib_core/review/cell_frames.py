@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.captures.content import pose_of
 from calib_core.cell.carriers import scanner_mount, scanner_names
 from calib_core.cell.found import as_used
-from calib_core.errors import ConflictError, NotFoundError
+from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform, skew
 from calib_core.graph.registry import STAGES, stages
@@ -78,7 +78,10 @@ def session_frames(
     told = None
     if asked is not None:
         told = _between_scanners(_Solved(results, stale), *asked)
-        told = told or _asked(f"{asked[0]}_from_{asked[1]}", _determined(graph.find(*asked), results))
+        if told is None:
+            into, outof, scanner = _of_one_scanner(session, *asked)
+            way = (frame_graph(session, results, stale, capture, scanner) if scanner else graph).find(into, outof)
+            told = _asked(f"{asked[0]}_from_{asked[1]}", _determined(way, results))
     return SessionFrames(
         session=session.name,
         capture=capture,
@@ -93,10 +96,12 @@ def frame_graph(
     results: Mapping[str, Mapping[str, Any]],
     stale: Collection[str] = (),
     capture: str | None = None,
+    scanner: str | None = None,
 ) -> FrameGraph:
     """Return the frames of a session, with the robot's pose of one capture where that is named.
 
-    A cell with several scanners has an edge for each; the one that `capture` (or most captures) saw comes first.
+    A cell with several scanners has an edge for each; `scanner`, or the one that `capture` (or most captures) saw,
+    comes first.
 
     Raises
     ------
@@ -105,7 +110,7 @@ def frame_graph(
     """
     chosen = _named(session, capture)
     solved = _Solved(results, stale)
-    edges = [_robot(session, chosen, solved), *_tools(session, solved, _scanner(session, chosen))]
+    edges = [_robot(session, chosen, solved), *_tools(session, solved, scanner or _scanner(session, chosen))]
     if _has_table(session):
         edges.append(_table(session, solved))
     sphere = (*tool_stages(), *table_stages())
@@ -168,6 +173,22 @@ def _between_scanners(solved: _Solved, into: str, outof: str) -> AskedFrame | No
             without_covariance=[],
         )
     return None
+
+
+def _of_one_scanner(session: Session, into: str, outof: str) -> tuple[str, str, str | None]:
+    """Return two frames, `laser:NAME` as `laser`, and the scanner; raises InputError where two are named."""
+    known = {f"laser:{name}": name for name in scanner_names(session.cell)}
+    named = [known[name] for name in (into, outof) if name in known]
+    if len(named) > 1:
+        raise InputError(
+            "scanners that one thing carries, and that saw one sphere",
+            "{into} and {outof}",
+            "Ask for each of them in base.",
+            into=into,
+            outof=outof,
+        )
+    plain = ["laser" if name in known else name for name in (into, outof)]
+    return plain[0], plain[1], next(iter(named), None)
 
 
 def _named(session: Session, capture: str | None) -> Capture | None:

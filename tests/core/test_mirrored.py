@@ -95,6 +95,14 @@ def test_a_ball_that_the_table_turns_before_the_scanner_is_merged_from_single_pr
     assert abs(ball.radius_mm - _RADIUS_MM) < 0.1  # ± 0.04 mm of the diameter are assumed
 
 
+def test_the_guide_asks_for_no_pose_that_does_not_matter(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = _session({"direction": 1}).save(tmp_path / "gate")
+    assert main(["next", str(folder)]) == 0
+    assert "pose of turntable" not in capsys.readouterr().out
+
+
 def test_without_that_sense_the_axis_is_not_determined() -> None:
     result = _session({}).run("turntable")["turntable"]
     assert [one.code for one in result.findings if one.severity == "error"] == ["axis-mirrored"]

@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 import calib_core as cc
 from calib_core.frames import RigidTransform
@@ -34,6 +35,32 @@ def test_scanners_that_are_solved_together_are_told_to_each_other_both_ways() ->
     asked = session_frames(session, {"tcp": {"frames": [once]}}, asked=("laser:right", "laser:left")).asked
     assert asked is not None
     assert np.allclose(asked.covariance, np.outer(told, told), atol=1e-15)
+
+
+def test_a_scanner_is_asked_for_by_its_name_in_any_frame() -> None:
+    session = cc.simulate("scanners-on-flange-and-base", 1)[0].record
+    names = {one.on: name for name, one in (session.cell.scanners or {}).items()}
+    places = {
+        on: RigidTransform.of([0.1, 0.2, 0.3], [1.0, 2.0, 3.0 + n], on, "laser") for n, on in enumerate(names)
+    }
+    frames = [
+        {
+            "into": on,
+            "outof": "laser",
+            "scanner": name,
+            "matrix": places[on].to_rows(),
+            "covariance": np.eye(6).tolist(),
+        }
+        for on, name in names.items()
+    ]
+    for on, name in names.items():
+        told = session_frames(session, {"tcp": {"frames": frames}}, asked=(on, f"laser:{name}")).asked
+        assert told is not None
+        assert told.name == f"{on}_from_laser:{name}"
+        assert np.allclose(told.matrix, places[on].to_rows(), atol=1e-12)
+    both = (f"laser:{names['tool0']}", f"laser:{names['base']}")
+    with pytest.raises(cc.CalibrationError, match="Ask for each of them in base"):
+        session_frames(session, {"tcp": {"frames": frames}}, asked=both)
 
 
 def test_a_table_beside_several_scanners_has_no_block_as_one_of_them() -> None:

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.cell.carriers import ball_on_flange
+from calib_core.captures.content import pose_of
+from calib_core.cell.carriers import ball_on_flange, stands_apart
 from calib_core.cell.found import carriers_found
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
@@ -13,7 +14,6 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
 from calib_core.guidance.sphere_guess import SeenCenter, probable_place
 from calib_core.messages import Message, Names, message, plural, sentences
-from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, GuideNow, Measured
 from calib_core.stages.guide import GuideView
 from calib_core.stages.reviewed import as_sentence, review, suggested
@@ -275,10 +275,10 @@ def _poses(cell: Cell, captures: Sequence[Capture]) -> tuple[dict[str, RigidTran
     """Return the poses by capture, and the first capture whose pose cannot be read, with the reason."""
     poses: dict[str, RigidTransform] = {}
     for capture in captures:
-        if capture.pose is None:
+        if capture.pose is None and not stands_apart(cell, capture):
             return poses, (capture.id, "It has none.")
         try:
-            poses[capture.id] = parse_pose(cell.pose_convention, capture.pose)
+            poses[capture.id] = pose_of(cell, capture)
         except InputError as error:
             return poses, (capture.id, error.lack)
     return poses, None

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.captures.content import pose_of
+from calib_core.cell.carriers import stands_apart
 from calib_core.cell.found import known_scanner
 from calib_core.errors import InputError
 from calib_core.findings import has_code
@@ -12,7 +14,6 @@ from calib_core.findings.codes.turntable import PLAY_NOT_CHECKED
 from calib_core.guidance.advice import amount
 from calib_core.guidance.table_advice import TableAdvice, TableShot, table_advice
 from calib_core.messages import message, sentences
-from calib_core.poses.numbers import parse_pose
 from calib_core.records import Capture, Cell, GuideNow, Meter, Session
 from calib_core.stages.guide import GuideView
 from calib_core.stages.reviewed import review, suggested
@@ -188,14 +189,14 @@ def _fault(session: Session, captures: Sequence[Capture]) -> tuple[str, str, str
                 "The sphere goes round with the table: without its angle the capture says nothing about the axis."
             )
             return capture.id, "table's angle", why
-        if capture.pose is None:
+        if capture.pose is None and not stands_apart(session.cell, capture):
             return (
                 capture.id,
                 "robot's pose",
                 "Where the scanner saw the sphere from is told by the flange's pose.",
             )
         try:
-            parse_pose(session.cell.pose_convention, capture.pose)
+            pose_of(session.cell, capture)
         except InputError as error:
             return capture.id, "robot's pose", error.lack
     read = [abs(capture.table_deg or 0.0) for capture in captures]
