@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from calib_core.captures.content import sphere_of
+from calib_core.captures.content import pose_of, sphere_of
 from calib_core.captures.placement import Placement, placement_of
-from calib_core.cell.carriers import diameters_by_name, rides_on_axis, stands_still, tells_diameter
+from calib_core.cell.carriers import diameters_by_name, rides_on_axis, stands_apart, stands_still, tells_diameter
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.registry import stages
 from calib_core.records import ArmTable, Capture, CaptureResidual, Cell, Measured, Result, Session
-from calib_core.robots import parse_pose
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.steps import steps_that_show, table_stages, tool_stages
@@ -139,7 +138,6 @@ class SceneFacts:
 class _Placing:
     """What every capture is placed by; `most` is how many of its points are kept."""
 
-    pose_convention: str
     balls: tuple[Ball, ...]
     placement: Placement | None
     cell: Cell
@@ -154,8 +152,8 @@ class _Placing:
 def scene_facts(scene: SceneInput) -> SceneFacts:
     """Return a session placed in the base.
 
-    Captures without a usable pose of their own (a sweep's, or none at all) are left out.  Of all points of all
-    captures at most `MAX_POINTS` are kept, evenly thinned.
+    Captures without a usable pose of their own (a sweep's, or none where it matters) are left out.  Of all points of
+    all captures at most `MAX_POINTS` are kept, evenly thinned.
     """
     results, session = scene.results, scene.session
     mount_from_laser = scanner_on_flange(session, results)
@@ -166,7 +164,6 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
     optics = optics_facts(session, results)
     posed = _shown_captures(session, boards_told=optics is not None)
     placing = _Placing(
-        session.cell.pose_convention,
         balls,
         placement,
         session.cell,
@@ -247,7 +244,11 @@ def _shown_captures(session: Session, *, boards_told: bool) -> list[Capture]:
 
     scans = scan_groups([capture for capture in session.captures if capture.step == "scan"])
     first = {group.captures[0].id for group in scans}
-    posed = [c for c in session.captures if c.pose is not None and (c.step != "scan" or c.id in first)]
+    posed = [
+        c
+        for c in session.captures
+        if (c.pose is not None or stands_apart(session.cell, c)) and (c.step != "scan" or c.id in first)
+    ]
     others = [capture for capture in posed if capture.step not in steps_that_show("board")]
     return others if others or boards_told else posed
 
@@ -262,7 +263,7 @@ def _rows(results: Mapping[str, Result]) -> dict[str, CaptureResidual]:
 
 def _capture_facts(capture: Capture, placing: _Placing) -> CaptureFacts | None:
     try:
-        pose = parse_pose(placing.pose_convention, capture.pose or [], capture.id)
+        pose = pose_of(placing.cell, capture)
     except InputError:
         return None  # the page says what is wrong with it; here it has no place
     laser, still = None, stands_still(placing.cell, capture)

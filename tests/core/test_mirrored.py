@@ -11,6 +11,8 @@ import calib_core as cc
 from calib_core.library.opened import OpenSession, in_memory
 from calib_core.records import Session
 from server.cli import main
+from server.scenes.scene_input import SceneInput
+from server.scenes.scene_model import scene_facts
 
 _RADIUS_MM = 25.0
 _NOISE_MM = 0.03
@@ -101,6 +103,12 @@ def test_the_guide_asks_for_no_pose_that_does_not_matter(
     folder = _session({"direction": 1}).save(tmp_path / "gate")
     assert main(["next", str(folder)]) == 0
     assert "pose of turntable" not in capsys.readouterr().out
+
+
+def test_captures_whose_pose_does_not_matter_have_their_place_in_the_scene() -> None:
+    record = _session({"direction": 1}).record
+    facts = scene_facts(SceneInput(record, lambda _: np.zeros((0, 3))))
+    assert {one.id for one in facts.captures} == {one.id for one in record.captures}
 
 
 def test_without_that_sense_the_axis_is_not_determined() -> None:
