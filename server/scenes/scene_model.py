@@ -152,8 +152,8 @@ class _Placing:
 def scene_facts(scene: SceneInput) -> SceneFacts:
     """Return a session placed in the base.
 
-    Captures without a usable pose of their own (a sweep's, or none where it matters) are left out.  Of all points of
-    all captures at most `MAX_POINTS` are kept, evenly thinned.
+    Captures without a usable pose of their own (a sweep's, or none where it matters) are left out.  Of all points
+    of all captures at most `MAX_POINTS` are kept, evenly thinned.
     """
     results, session = scene.results, scene.session
     mount_from_laser = scanner_on_flange(session, results)
