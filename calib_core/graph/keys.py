@@ -33,6 +33,9 @@ _NULL_IN_KEYS = frozenset({
 _EMPTY_IS_UNTOLD = frozenset({"spheres", "sphere_distances", "axes", "known.frames", "axes_deg", "axes_mm"})
 """Fields that tell nothing where they are empty."""
 
+_ONCE_DEFAULT: Mapping[str, object] = {"merge.voxel_mm": 0.5}
+"""What stands in keys for a field that is not told, as it was its default; now the data choose."""
+
 _ALWAYS_KEPT = ("id", "step", "kind", "files")  # without which a capture is none
 
 
@@ -190,7 +193,8 @@ def _sha256(data: Any) -> str:
 
 def _told(cell: Cell, paths: Iterable[str]) -> dict[str, Any]:
     """Return the cell's fields at dotted names as JSON data, without those that are not told."""
-    values = {path: _value(cell, path) for path in paths}
+    found = {path: _value(cell, path) for path in paths}
+    values = {path: _ONCE_DEFAULT.get(path) if value is None else value for path, value in found.items()}
     return {path: value for path, value in values.items() if _is_told(path, value) or path in _NULL_IN_KEYS}
 
 

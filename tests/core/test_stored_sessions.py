@@ -61,7 +61,9 @@ def test_a_folder_is_fresh_and_solved_anew_gives_the_same(folder: Path) -> None:
     for stage, before in stored.items():
         now = json.loads(solved[stage].model_dump_json())
         assert now["verdict"] == before["verdict"], stage
-        if now["verdict"] != "fail":  # of a failed one a false cause was said, which hid what is not determined
+        # Of a failed one a false cause was said, which hid what is not determined; scans as coarse as those of the
+        # stored merge are compared since its revision 6, before it was said that none overlap.
+        if now["verdict"] != "fail" and stage != "merge":
             assert len(now["warnings"]) == len(before["warnings"]), (stage, now["warnings"])
         assert now["method_revision"] == STAGES.get(stage).method_revision >= before.get("method_revision", 1)
         if "residuals" in before:
