@@ -49,8 +49,7 @@ def balls_in_sight(cell: Cell, capture: Capture | None = None) -> list[Sphere]:
     told = cell.spheres or []
     if capture is None:
         return told
-    named = [ball for ball in told if ball.name == capture.mount]
-    if named and capture.step != "tcp":  # there the captures tell
+    if named := [ball for ball in told if ball.name == capture.mount]:
         return named
     ends = [ball.on or other_end(scanner_mount(cell, capture.scanner)) for ball in told]
     on_table = capture.step in steps_that_show("sphere-on-table")

@@ -13,6 +13,7 @@ _COLORS: tuple[Color, ...] = ("red", "green", "blue")
 _FAINT_SNR, _RIVALRY = 4.0, 0.98
 _NARROW_PX, _WIDEST_PX = 15, 61
 _WHOLE_WIDTHS, _WIDENINGS = 6.0, 3
+_GROWS = 1.25  # times: what grows wider than by this, the less is taken off, is no line but the ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,10 @@ def _among_wider(image: ImageArray, options: StripeOptions) -> list[StripeCenter
     for _ in range(_WIDENINGS):
         across = (1, most_px) if options.axis == "columns" else (most_px, 1)
         wider = cv2.morphologyEx(grey, cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_RECT, across))
-        for one in _found(np.ascontiguousarray(grey - wider, dtype=image.dtype), [options], None):
+        looked = _found(np.ascontiguousarray(grey - wider, dtype=image.dtype), [options], None)
+        if found and any(one.width_px > _GROWS * found[0].width_px for one in looked):
+            break
+        for one in looked:
             under = wider[np.rint(one.row_px).astype(int), np.rint(one.column_px).astype(int)]
             found.insert(0, replace(one, ground=under.astype(float)))
         needed_px = min(round(_WHOLE_WIDTHS * found[0].width_px) | 1, _WIDEST_PX) if found else 0

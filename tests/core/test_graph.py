@@ -166,7 +166,7 @@ CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
     "table_deg": (77.0, ("t1", "s1")),
     "axes_deg": ({"tilt": 12.0}, PLACED),
     "axes_mm": ({"rail": 350.0}, PLACED),
-    "mount": ("high", ("t1", "v1")),
+    "mount": ("high", SPHERES),
     "center_mm": ([1.0, 2.0, 3.0], SPHERES),
     "poses": ([POSE], PLACED),
     "timestamps_s": ([0.5], PLACED),
@@ -227,7 +227,7 @@ def test_a_solver_gets_what_its_key_was_made_of_and_nothing_else() -> None:
     given = Graph(session, str).session_for("tcp")
     assert [capture.id for capture in given.captures] == ["p1"]
     assert (given.cell.robot.brand, given.cell.robot.position_sigma_mm) == (None, 0.1)
-    assert given.cell.merge.voxel_mm == 0.5
+    assert given.cell.merge.voxel_mm is None
     assert {c.id for c in Graph(session, str).session_for("merge").captures} == {"p1", "t1", "s1"}
 
 

@@ -63,7 +63,7 @@ def test_a_full_disk_and_an_answer_that_became_overdue_are_told_once(
         add_webhook(db, "http://receiver.example", "", ["disk", "overdue"], None)
         session = create_session(db, {"cell": {**CELL["cell"], "id": "old"}}, None).id
         answer = {"cell": "old", "verdict": "pass", "solved": "2020-01-01T00:00:00.000Z", "inputs_sha256": {}}
-        add_release(db, session, {**answer, "faults": [], "equipment": []}, "qa", "")
+        add_release(db, session, {**answer, "faults": [], "equipment": []}, "qa", "", [])
 
     def told() -> list[str]:
         with store.read() as db:

@@ -90,7 +90,7 @@ def test_what_is_in_force_for_a_cell_stays(data: Path, capsys: Printed) -> None:
     store = Store(Settings(data=data), lambda _: None)
     with store.write() as db:
         answer = {"cell": "press-7", "verdict": "pass", "solved": None}
-        add_release(db, everything[0]["id"], answer, "Ada", "")
+        add_release(db, everything[0]["id"], answer, "Ada", "", [])
     store.close()
     left = told(data, capsys, "--days", "30")["sessions"]
     assert {one["id"] for one in everything} - {one["id"] for one in left} == {everything[0]["id"]}

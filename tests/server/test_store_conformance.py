@@ -186,7 +186,7 @@ def test_a_release_is_told_in_each_session_of_its_cell_by_id_or_name(
         first, second, third, _ = (create_session(db, record, None).id for record in records)
     published.clear()
     with store.write() as db:
-        add_release(db, first, {"cell": "line-7", "verdict": "pass"}, "Ada", "set up")
+        add_release(db, first, {"cell": "line-7", "verdict": "pass"}, "Ada", "set up", [])
     assert {event.session_id for event in published} == {first, second, third}
     with store.read() as db:
         assert {session["id"] for session in cell_history(db, "line-7")["sessions"]} == {first, second, third}

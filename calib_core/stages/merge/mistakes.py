@@ -36,6 +36,7 @@ _MUDDLED = 0.03  # of the surfaces one before the other, those that stand in a l
 _RUBBLE = 0.25
 _RUBBLE_OF_FEW, _FEW_PAIRS = 0.1, 0.1  # where of all patches fewer than these lie together
 _ASTRAY, _WITHOUT = 0.08, 0.4  # of one scan; of what all have, what is left to the others without it
+_PAIRED = 0.5  # of what a patch of the others pairs: a scan that fits pairs as they do, whatever stands before it
 _FEW_APART, _FEW_TOGETHER = 0.002, 0.005  # of all compared, those one before the other that say nothing
 _MOST_CHECKED = 3
 _MORE, _MORE_BY_STEPS, _MORE_BY_TWO = 1.4, 1.15, 1.04  # of the score, when a mistake is taken back
@@ -301,12 +302,18 @@ class Mistakes:
     # Scans elsewhere, and in metres
 
     def _astray(self, looked: Looked) -> list[int]:
-        """Return the few scans that stand in lines of sight, while the others hardly do once these are gone."""
+        """Return the few scans that stand in lines of sight, while the others hardly do once these are gone.
+
+        Such a scan pairs with little, too.
+        """
         out, rest = looked.outward, list(range(len(looked.used)))
+        patches = np.array([max(len(own), 1) for own in looked.patches.rows_of_scans()])
+        paired = looked.overlap.per_scan[:, 0] / patches
+        lonely = paired < _PAIRED * np.median(paired)
         all_of_it, found = impossible_among(out, rest), list[int]()
         while 3 * (len(found) + 1) < len(looked.used):
             worst = max(rest, key=lambda k: impossible_of_scan(out, k, rest))
-            if impossible_of_scan(out, worst, rest) < _ASTRAY:
+            if impossible_of_scan(out, worst, rest) < _ASTRAY or not lonely[worst]:
                 break
             found.append(worst)
             rest.remove(worst)
