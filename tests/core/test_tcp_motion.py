@@ -31,7 +31,7 @@ def test_rotation_about_one_axis_leaves_the_position_along_it_open(axis: str, op
     verdict, warnings = told(solution)
     assert verdict == "warn"
     said = {"x": "not determined along x:", "z": "not determined along z:"}.get(axis, "not determined along (")
-    across = {"x": "tilt the flange about y, z", "z": "tilt the flange about x, y"}.get(axis, "tilt the flange")
+    across = {"x": "Tilt the flange about y, z", "z": "Tilt the flange about x, y"}.get(axis, "Tilt the flange")
     assert any(said in w and across in w for w in warnings)
 
 
