@@ -13,7 +13,7 @@ _COLORS: tuple[Color, ...] = ("red", "green", "blue")
 _FAINT_SNR, _RIVALRY = 4.0, 0.98
 _NARROW_PX, _WIDEST_PX = 15, 61
 _WHOLE_WIDTHS, _WIDENINGS = 6.0, 3
-_GROWS = 1.25  # times: what grows wider than by this, the less is taken off, is no line but the ground
+_SAME_LINE, _NEAR_PX = 0.85, 3.0  # of a line's centres are there again, and so near, when less is taken off
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ def _among_wider(image: ImageArray, options: StripeOptions) -> list[StripeCenter
         across = (1, most_px) if options.axis == "columns" else (most_px, 1)
         wider = cv2.morphologyEx(grey, cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_RECT, across))
         looked = _found(np.ascontiguousarray(grey - wider, dtype=image.dtype), [options], None)
-        if found and any(one.width_px > _GROWS * found[0].width_px for one in looked):
-            break
+        if found and not any(_same_line(found[0], one) for one in looked):
+            break  # what comes up then is the ground
         for one in looked:
             under = wider[np.rint(one.row_px).astype(int), np.rint(one.column_px).astype(int)]
             found.insert(0, replace(one, ground=under.astype(float)))
@@ -82,6 +82,16 @@ def _among_wider(image: ImageArray, options: StripeOptions) -> list[StripeCenter
             break
         most_px = needed_px
     return found
+
+
+def _same_line(one: StripeCenters, other: StripeCenters) -> bool:
+    """Return whether nearly all centres of one are there in another, and hardly any beside them."""
+    (here, across), (there, beside) = (
+        (s.column_px, s.row_px) if s.axis == "columns" else (s.row_px, s.column_px) for s in (one, other)
+    )
+    at = dict(zip(np.rint(there).astype(int).tolist(), beside.tolist(), strict=True))
+    near = [abs(at.get(k, np.inf) - x) < _NEAR_PX for k, x in zip(np.rint(here).astype(int), across, strict=True)]
+    return sum(near) > _SAME_LINE * max(len(here), len(there))
 
 
 def _best_of(stripes: list[StripeCenters]) -> StripeCenters:
