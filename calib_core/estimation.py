@@ -134,7 +134,7 @@ def damped_step(hessian: FloatArray, gradient: FloatArray, damping: float) -> Fl
 
 def covariance_of(hessian: FloatArray) -> FloatArray:
     """Return the inverse of a Hessian (P, P), well scaled; unknown directions come out huge, not as NaN."""
-    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-290))  # so that 1e14 times its inverse is a number
     scaled = hessian / np.outer(scale, scale)
     try:  # a tenth of the time, where every direction is known
         low = np.linalg.cholesky(scaled)
