@@ -378,7 +378,8 @@ def as_corrected(
 
 def seen_point(data: ChainData, state: ChainState, used: np.ndarray) -> FloatArray:
     """Return where the first scanner saw the sphere on average, (3,), mm; in its plane of light, if any."""
-    data = data.chosen(used & (data.walk.scanner == 0))
+    own = data.walk.scanner == 0
+    data = data.chosen(used & own if (used & own).any() else own)
     seen = data.walk.seen(state.position).mean(axis=0)
     return seen * [1.0, 0.0, 1.0] if len(data.points) else seen
 
