@@ -139,7 +139,7 @@ def test_files_are_dropped_anywhere_on_the_page(open_page: Callable[..., Any], a
     listed = page.locator("sc-file-list tbody tr")
     expect(listed).to_have_count(3)
     expect(page.get_by_label("Take notes.docx for")).to_have_value("nothing")
-    expect(page.get_by_role("region", name="Files that came").first).to_contain_text("1 nothing")
+    expect(page.get_by_role("region", name="Files that came").first).to_contain_text("1 taken for nothing")
     assert page.locator(".toast").count() == 0
     assert watched.complaints == []
 
