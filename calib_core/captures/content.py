@@ -98,8 +98,7 @@ def sphere_of(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
             "session.json",
         )
     seen = {size for capture in captures for size in sizes_in_sight(cell, capture)}
-    # Measured centres do not depend on it.
-    own = SphereSize(cell.sphere_diameter_mm or 1.0, diameter_sigma_mm(cell))
+    own = SphereSize(cell.sphere_diameter_mm or 1.0, diameter_sigma_mm(cell))  # measured centres need none
     return max(seen or _told_sizes(cell, balls_in_sight(cell)) or {own}, key=lambda size: size.diameter_mm)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from calib_core.causes.apply import applied, changes_for
+from calib_core.errors import InputError
 from calib_core.records import Session
 from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.merge.trials import same_arrangement
@@ -166,3 +167,12 @@ def test_coarse_scans_of_a_large_object_fit_with_nothing_told(table: bool):
     _, fine = solve(record, files)
     assert (fine.verdict, fine.voxel_mm) == ("pass", 0.5)
     assert fine.overlap_pairs > 0.5 * result.overlap_pairs
+
+
+def test_scans_of_an_unknown_scanner_alone_are_refused_in_a_sentence():
+    record, files = deepcopy(given(False))
+    record["cell"]["scanners"] = {"left": {}}
+    for capture in record["captures"]:
+        capture["scanner"] = "right"
+    with pytest.raises(InputError, match="need at least one scan, got none"):
+        solve(record, files)

@@ -133,7 +133,7 @@ def plan_merge(given: StageInput) -> MergePlan:
     settings = given.session.cell.merge
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
     first = [scans[number] for number in range(min(_LOOKED_AT, len(scans)))]
-    spacing_mm = max(scan.spacing_mm for scan in first)
+    spacing_mm = max((scan.spacing_mm for scan in first), default=0.0)
     voxel_mm = settings.voxel_mm or _voxel_mm(spacing_mm)
     options = MergeOptions(
         voxel_mm,
@@ -145,7 +145,7 @@ def plan_merge(given: StageInput) -> MergePlan:
         patch_mm=max(PATCH_VOXELS * voxel_mm, _PATCH_SPACINGS * spacing_mm),
         most_bytes=int(1e6 * settings.memory_mb),
     )
-    origin_mm = _origin_mm(first[0], calibration.placement)
+    origin_mm = _origin_mm(first, calibration.placement)
     if any(origin_mm):
         calibration = replace(calibration, placement=replace(calibration.placement, origin_mm=origin_mm))
         scans = SessionScans(given.session, groups, calibration.placement, given.read)
@@ -159,13 +159,14 @@ def _voxel_mm(spacing_mm: float) -> float:
     return _USUAL_VOXEL_MM if spacing_mm < _COARSE * _USUAL_VOXEL_MM else float(f"{spacing_mm:.1g}")
 
 
-def _origin_mm(scan: Scan, placement: Placement) -> tuple[float, float, float]:
-    """Return where in base the scans are merged about: 0 unless the first lies far from it."""
-    if placement.base_from_turntable is not None:
-        return (0.0, 0.0, 0.0)
-    known = scan.points_in_laser_mm[np.isfinite(scan.points_in_laser_mm).all(axis=2)]
-    way = scan.turntable_from_laser[len(scan.turntable_from_laser) // 2]
-    return local_origin_mm(known @ way[:3, :3].T + way[:3, 3])
+def _origin_mm(scans: Sequence[Scan], placement: Placement) -> tuple[float, float, float]:
+    """Return where in base the scans are merged about: 0 unless the first of them with points lies far from it."""
+    for scan in scans if placement.base_from_turntable is None else ():
+        known = scan.points_in_laser_mm[np.isfinite(scan.points_in_laser_mm).all(axis=2)]
+        way = scan.turntable_from_laser[len(scan.turntable_from_laser) // 2]
+        if len(known):
+            return local_origin_mm(known @ way[:3, :3].T + way[:3, 3])
+    return (0.0, 0.0, 0.0)
 
 
 def _in_place(points_mm: NDArray[np.float32], origin_mm: FloatArray) -> NDArray[np.floating]:
