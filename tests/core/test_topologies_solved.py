@@ -222,3 +222,13 @@ def test_a_scanner_that_saw_the_table_alone_is_named() -> None:
         cc.CalibrationError, match="by each scanner that sees the sphere on an axis, got none by 'right'"
     ):
         session.run("turntable")
+
+
+def test_a_verification_asks_which_of_several_sizes_it_sees() -> None:
+    made = TopologyScenario("sizes", (ScannerOptions(),), (LARGE, MIDDLE, SMALL), (), told="names")
+    session, files, _ = simulate_topology(made, "drawn", 1)
+    last = {one.id for one in session.captures[-4:]}
+    captures = [one.model_copy(update={"step": "verify"}) if one.id in last else one for one in session.captures]
+    opened = in_memory(session.model_copy(update={"captures": captures}), files)
+    with pytest.raises(cc.CalibrationError, match="by its name in the capture's field 'mount'"):
+        opened.run("verify")

@@ -72,8 +72,8 @@ def solve(given: StageInput) -> VerifyResult:
     if "plate" in steps and "verify" not in steps:
         return _by_plate_alone(given, tool, axes, verified, doubts)
     of_sphere = [capture for capture in given.captures if capture.step == "verify"]
+    observed = observe_stage(replace(given, captures=of_sphere))  # which asks for names where sizes are open
     sphere = _of_one_size(given.session.cell, [capture for capture in of_sphere if not capture.excluded])
-    observed = observe_stage(replace(given, captures=of_sphere))
     observed = replace(observed, observations=on_axes(observed.observations, of_sphere, axes))
     tool = replace(tool, axis_moves=axis_moves(of_sphere, axes))
     same = [] if verified == "known" else _that_calibrated(given, of_sphere, observed.observations, axes)
