@@ -16,7 +16,7 @@ from tests.server import wrong_releases as by
 from tests.server.access import site_of
 from tests.server.wrong_releases import World, command, world
 from tests.verified import verified_session
-from tests.web.browsing import SharedProfile, watching
+from tests.web.browsing import SharedProfile, leave_out_the_scene, watching
 from tests.web.test_release import log_in
 
 pytestmark = pytest.mark.browser
@@ -162,6 +162,20 @@ OF_THE_SESSION = {"failed": "verify-fail", "stale": "stale", "wrong": "fail"}
 """What an archive by itself knows; the rest is its cell's, of which the command line releases nothing."""
 
 
+MAKES = {
+    "bumped": by.a_tool_that_was_bumped,
+    "failed": by.release_of_a_failed_verification,
+    "stale": by.a_stale_answer,
+    "wrong": by.an_answer_that_failed,
+}
+
+
+def made(here: World, cell: str) -> None:
+    """Make a cell's session, unless the way that makes it went before: tests run alone and in any process."""
+    if cell not in here.paths:
+        MAKES[cell](here)
+
+
 @pytest.fixture(scope="module")
 def here(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     with world(tmp_path_factory.mktemp("channels")) as made:
@@ -189,21 +203,23 @@ def test_it_is_refused_or_marked(way: Callable[[World], str], here: World, perso
         BY_PAGE[way](person)
 
 
-def test_who_only_captures_is_offered_no_approval(here: World, profile: SharedProfile) -> None:
-    profile.context.clear_cookies()  # of who was logged in before
-    page = profile.open(reduced_motion="reduce")
-    log_in(page, here.client, here.tokens["capture"], "/")
-    page.wait_for_url(f"{site_of(here.client)}/")
-    for cell, way in (("bumped", by.a_tool_that_was_bumped), ("failed", by.release_of_a_failed_verification)):
-        if cell not in here.paths:  # made by another process of the run
-            way(here)
-        approval = Person(page, here).result(cell)
-        expect(approval).to_contain_text("need the role release")
-        expect(approval.get_by_role("button")).to_have_count(0)
+def test_who_only_captures_is_offered_no_approval(here: World, browser: Browser) -> None:
+    # A profile of its own: at the shared one's pages somebody stays logged in, who would be sent away.
+    with browser.new_context(reduced_motion="reduce") as profile:
+        leave_out_the_scene(profile)
+        page = profile.new_page()
+        log_in(page, here.client, here.tokens["capture"], "/")
+        page.wait_for_url(f"{site_of(here.client)}/")
+        for cell in ("bumped", "failed"):
+            made(here, cell)
+            approval = Person(page, here).result(cell)
+            expect(approval).to_contain_text("need the role release")
+            expect(approval.get_by_role("button")).to_have_count(0)
 
 
 def test_an_archive_tells_what_it_knows_by_itself(here: World, tmp_path: Path) -> None:
     for cell, fault in OF_THE_SESSION.items():
+        made(here, cell)
         packed, path = tmp_path / f"{cell}.zip", here.failed if cell == "failed" else here.paths[cell]
         packed.write_bytes(here.client.get(f"{path}/archive", params={"scene": False}).raise_for_status().content)
         status, said = command("export", str(packed), "--format", "kuka")
