@@ -159,22 +159,26 @@ def update() -> None:
 
 
 def _page_catalogue(file: Path, language: str) -> Catalog:
-    """Return the page's texts by their names, with the translations of those whose English is as before."""
+    """Return the page's texts, each once, with the translations of those whose English is as before.
+
+    Left out is what the core's catalogues say; a name that needs other words has an entry by its name.
+    """
     known: dict[tuple[str | None, str], tuple[str, ...]] = {}
     if file.exists():
         with file.open("rb") as stream:
             for one in read_po(stream, locale=language):
                 key = one.id if isinstance(one.id, str) else one.id[0]
                 known[one.context, key] = (one.string,) if isinstance(one.string, str) else tuple(one.string or ())
-    texts = english(PAGE)
+    texts, core = english(PAGE), catalogue_of(language)
+    manys = {plural_of(name) for name in texts}
     made = _empty(language)
     for name, text in texts.items():
         many = texts.get(plural_of(name))
-        said = known.get((name, text), ("", "") if many else ("",))
-        if many:
-            made.add((text, many), said[: made.num_plurals], context=name)
-        elif not (name.endswith("many") and f"{name[:-4]}one" in texts):
-            made.add(text, said[0], context=name)
+        own = name if (name, text) in known else None
+        if name in manys or (own is None and text in core and (None, text) not in known):
+            continue
+        said = known.get((own, text), ("", "") if many else ("",))
+        made.add((text, many) if many else text, said[: made.num_plurals] if many else said[0], context=own)
     return made
 
 

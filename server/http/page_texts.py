@@ -1,13 +1,15 @@
 """The page's own texts: English in `texts/*.json`, other languages in `texts/*.po`; one JSON each.
 
-In a catalogue the name of a text is its context (`msgctxt`), so that two texts that English says alike may differ.
+A catalogue says each English text once, for all names that have it, and nothing that the core's catalogues say.
+Where a name needs other words than its English has elsewhere, it is the context of its own entry (`msgctxt`).
 Names that end in `one` and `many` are the plural forms of one text.
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
-from calib_core.findings.catalogues import entries
+from calib_core.findings.catalogues import catalogue, entries
 
 
 def english(folder: Path) -> dict[str, str]:
@@ -27,15 +29,28 @@ def plural_of(name: str) -> str:
 def texts_in(folder: Path, language: str) -> dict[str, str]:
     """Return all texts by name, in English where a language lacks one."""
     said = english(folder)
-    if language == "en":
-        return said
-    for one in entries((folder / f"{language}.po").read_text(encoding="utf-8")):
-        name = one.get("msgctxt")
-        if name and all(one["msgstr"]):
-            said[name] = one["msgstr"][0]
-            if "msgid_plural" in one:
-                said[plural_of(name)] = one["msgstr"][-1]
+    for name, forms in translations(folder, language).items():
+        said[name] = forms[0]
+        if plural_of(name) in said:
+            said[plural_of(name)] = forms[-1]
     return said
+
+
+def translations(folder: Path, language: str) -> dict[str, Sequence[str]]:
+    """Return a language's words by name: one, or as many forms as it has plurals."""
+    if language == "en":
+        return {}
+    content = (folder / f"{language}.po").read_text(encoding="utf-8")
+    own = {(one.get("msgctxt"), one["msgid"]): one["msgstr"] for one in entries(content) if all(one["msgstr"])}
+    core = catalogue(language).texts
+    texts = english(folder)
+    manys = {plural_of(name) for name in texts}
+    found = {
+        name: own.get((name, text)) or own.get((None, text)) or core.get(text)
+        for name, text in texts.items()
+        if name not in manys
+    }
+    return {name: forms for name, forms in found.items() if forms}
 
 
 def by_area(texts: dict[str, str]) -> dict[str, dict[str, str]]:
