@@ -3,7 +3,7 @@
 The command line prints it, REST sends it as problem details and the page shows it, all from the same fields.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Self
 
 from calib_core.messages import ENGLISH, Catalogue, Message, Value, filled, message, sentences
@@ -76,6 +76,10 @@ class CalibrationError(Exception):
         return type(self)(
             self.need, Message(f"{{got}} ({names})", {"got": self.got, **values}), self.to_do, self.where
         )
+
+    def after(self, first: Sequence[str]) -> Self:
+        """Return the same error with sentences before those on what to do: what was left out, and why."""
+        return type(self)(self.need, self.got, sentences((*first, self.to_do)), self.where) if first else self
 
     def adding(self, sentence: str) -> "CalibrationError":
         """Return the same error with a sentence more on what to do."""

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from calib_core.cell.axes import axes_of, carrier_of_axis, readings
+from calib_core.cell.axes import axes_needed, axes_of, carrier_of_axis, readings
 from calib_core.errors import InputError
 from calib_core.frames import FRAMES
 from calib_core.messages import message
@@ -192,10 +192,16 @@ def _read_in() -> tuple[str, ...]:
 
 
 def without_readings(cell: Cell, captures: Iterable[Capture]) -> Iterator[tuple[Capture, str]]:
-    """Give the captures that lack an axis's reading, each with the axis."""
+    """Give the captures that lack an axis's reading, each with the axis.
+
+    An axis that carries the object, which no tcp capture reads while others do, was left alone in all of them:
+    their sphere stands in base, as beside the one turntable.
+    """
+    captures = list(captures)
+    needed = axes_needed(cell) | {name for one in captures if one.step == "tcp" for name in readings(one)}
     for capture in captures:
         for axis in cell.axes or []:
-            if axis.name not in readings(capture):
+            if axis.name not in readings(capture) and (capture.step != "tcp" or axis.name in needed):
                 yield capture, axis.name
                 break
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
-from calib_core.errors import MeasurementError
+from calib_core.errors import MeasurementError, MotionError
+from calib_core.findings import sentence_of
 from calib_core.graph.registry import stages
 from calib_core.records import Capture, Finding, Result, Session
 from calib_core.records.callbacks import Progress, ReadFile, StoreFile
@@ -25,6 +26,11 @@ class Observed:
     observations: list[SphereObservation]
     failed: dict[str, MeasurementError]
     unused: list[Finding]
+
+    def explaining(self, error: MotionError) -> MotionError:
+        """Return an error about too few captures with why others are of no use."""
+        told = [sentence_of(one) for one in self.unused if self.failed.keys().isdisjoint(one.captures)]
+        return error.with_failures(self.failed).after(told)
 
 
 @dataclass(frozen=True, eq=False)

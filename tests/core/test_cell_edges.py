@@ -7,8 +7,9 @@ import pytest
 from calib_core.archive.folder import parse_json
 from calib_core.captures.contradictions import unfit
 from calib_core.cell.edges import Edge, Edges, edges_of
-from calib_core.errors import InputError
-from calib_core.records import Capture, parse_capture, parse_cell
+from calib_core.errors import InputError, MotionError
+from calib_core.records import Capture, parse_capture, parse_cell, parse_session
+from calib_core.stages.pipeline import solve_stage
 
 POSE = [900.0, 10.0, 700.0, 170.0, 5.0, 30.0]
 
@@ -167,3 +168,26 @@ def test_a_capture_that_does_not_read_an_axis_is_kept_and_not_used() -> None:
     captures = captures_of({"axes_deg": {"tilt": 1.0}}, {}, {"axes_deg": {"tilt": 9.0}})
     (finding,) = unfit(cell, captures)
     assert (finding.code, finding.captures) == ("capture-without-axis-reading", ["p1"])
+
+
+def test_an_axis_that_no_tcp_capture_reads_carries_not_their_sphere() -> None:
+    cell = parse_cell({"pose_convention": "kuka", "axes": [RAIL, TILT]})
+    own = {"axes_mm": {"rail": 100.0}}
+    table = {"step": "turntable", **own, "axes_deg": {"tilt": 1.0}}
+    assert unfit(cell, captures_of(own, own, table, table)) == []
+    found = unfit(cell, captures_of(own, {}, table, {**table, "axes_deg": None}))
+    assert [(one.captures, one.values["axis"]) for one in found] == [(["p1"], "rail"), (["p3"], "tilt")]
+    told = parse_cell(
+        {"pose_convention": "kuka", "axes": [RAIL, TILT], "spheres": [{"name": "sphere", "on": "tilt"}]}
+    )
+    (finding,) = unfit(told, captures_of(own, own, table))
+    assert (finding.captures, finding.values["axis"]) == (["p0", "p1"], "tilt")
+
+
+def test_too_few_captures_are_told_with_why_others_were_left_out() -> None:
+    read = [{**one.model_dump(mode="json", exclude_none=True)} for one in captures_of(*[{}] * 6)]
+    read[0]["axes_mm"] = {"rail": 1.0}
+    cell = {"pose_convention": "kuka", "sphere_diameter_mm": 40.0, "axes": [RAIL]}
+    session = parse_session({"format": "scancell-session/1", "cell": cell, "captures": read})
+    with pytest.raises(MotionError, match=r"got 1\. p1–p5 are not used: .* the axis rail stood\. Add the axis's"):
+        solve_stage(session, "tcp", {}.__getitem__)

@@ -95,6 +95,20 @@ def test_the_scripts_in_a_program_are_read_at_their_lines() -> None:
     assert (pose.line, pose.pose) == (5, pytest.approx((0.1, 0.2, 0.2, 0, 0, 0)))
 
 
+def test_a_variable_that_only_enters_a_calculation_is_no_place_of_the_robot() -> None:
+    rows = (
+        "feature = p[1,0,0,0,0,1]",
+        "global p1 = p[0.1,0.2,0.3,0,0,0]",
+        "global p2 = p[0.4,0.2,0.3,0,0,0]",
+        "movel(pose_trans(feature, p1), a=1)",
+        "movel(pose_trans(p2, p[0,0,0.1,0,0,0]), a=1)",
+        "movel(p2, a=1)",
+    )
+    read = read_controller_files({"a.script": "\n".join(rows).encode()})
+    assert [pose.name for pose in read.poses] == ["p2"]
+    assert [one.line for one in read.skipped] == [1, 2, 5]
+
+
 def installation(active: str = "Greifer", offset: str = "0.0, 0.0, 0.1, 0.0, 0.0, 0.0") -> bytes:
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <Installation directory="/programs" fileName="default">

@@ -27,6 +27,7 @@ _ASSIGNED = re.compile(
 _CALL = re.compile(
     r"\b(set_tcp|move[jlpc]|servoj|servoc|get_inverse_kin)\s*\(\s*(?:get_inverse_kin\s*\(\s*)?(\w+)\s*[,)]"
 )
+_CALCULATED = re.compile(r"\b(pose_\w+|interpolate_pose)\s*\(([^()\n]*)")
 _MOVES = ("movej", "movel", "movep", "movec", "servoj", "servoc", "servol", "get_inverse_kin")
 
 
@@ -60,7 +61,20 @@ class _Script:
         for _, kind, match in sorted(steps, key=lambda step: step[0]):
             {"literal": self._literal, "call": self._call, "joints": self._joints}[kind](match)
         self._mark_assigned()
+        self._leave_out_calculated()
         return self._found
+
+    def _leave_out_calculated(self) -> None:
+        """Leave out variables that only enter calculations: they are in a frame of their own, or are one."""
+        calls = {n.lower(): m for m in _CALCULATED.finditer(self._text) for n in re.findall(r"\w+", m[2])}
+        for taught in [p for p in self._found.poses if p.name.lower() in calls.keys() - self._moved]:
+            what = f"{calls[taught.name.lower()][1]}({taught.name})"
+            self._found.poses.remove(taught)
+            self._found.skip(
+                taught.line,
+                message("{what}: a pose in a calculation is no place of the robot", what=what),
+                taught.name,
+            )
 
     def _mark_assigned(self) -> None:
         """Say where the script changes a variable, so that its value here may not be the one moved to."""

@@ -186,7 +186,7 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
             seen = named
             solution = solve_tcp(seen, sphere, replace(options, distances=told_distances(cell)))
     except MotionError as error:
-        raise _of_balls(error, _balls_not_told_apart(cell, seen)).with_failures(observed.failed) from None
+        raise observed.explaining(_of_balls(error, _balls_not_told_apart(cell, seen))) from None
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.captures.frame_uncertainty import with_calibration_uncertainty
 

@@ -171,7 +171,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
             observations, options = named, replace(options, distances=told_distances(cell))
             solution = solve_turntable(observations, sphere, tool, options)
     except MotionError as error:
-        raise error.with_failures(observed.failed) from None
+        raise observed.explaining(error) from None
     return SolvedTable(solution, observations, unused)
 
 
