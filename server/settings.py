@@ -113,8 +113,7 @@ class Settings(BaseSettings):
         default=800, description="Open connections at once, pages and programs together."
     )
     max_connections_per_address: Annotated[int, Field(ge=1)] = Field(
-        default=200,
-        description="Those of one address that is no trusted proxy.",
+        default=200, description="Those of one address that is no trusted proxy."
     )
     head_timeout_s: Annotated[float, Field(gt=0)] = 20.0
     body_timeout_s: Annotated[float, Field(gt=0)] = 30.0

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, cast
 
 from calib_core.archive.keys import Keys, keys
 from calib_core.moment import now
@@ -13,7 +13,6 @@ from calib_core.records.findings import Finding
 _EXACT: Final = 2.0**53
 _CONTAINERS: Final = (list, dict)
 
-Provenance = Literal["solved", "imported", "replayed", "differs"]
 
 SOLVED: Final = "solved"
 IMPORTED: Final = "imported"

@@ -155,8 +155,7 @@ def _told_sizes(cell: Cell, balls: Iterable[Sphere]) -> set[SphereSize]:
     """Return the sizes of balls, the cell's where one has none of its own."""
     return {
         SphereSize(
-            diameter_mm,
-            diameter_sigma_mm(cell) if ball.diameter_sigma_mm is None else ball.diameter_sigma_mm,
+            diameter_mm, diameter_sigma_mm(cell) if ball.diameter_sigma_mm is None else ball.diameter_sigma_mm
         )
         for ball in balls
         if (diameter_mm := ball.diameter_mm or cell.sphere_diameter_mm) is not None

@@ -2,13 +2,7 @@
 
 from calib_core.captures.advice import arc_findings
 from calib_core.captures.capture_observation import Seen
-from calib_core.captures.content import (
-    diameter_in_sight_mm,
-    pose_of,
-    shows_board,
-    shows_sphere,
-    thinned,
-)
+from calib_core.captures.content import diameter_in_sight_mm, pose_of, shows_board, shows_sphere, thinned
 from calib_core.captures.figures import figures_of
 from calib_core.captures.lost_rays import lost_rays
 from calib_core.captures.measured import measured_of, not_seen
@@ -70,11 +64,7 @@ def _of_points(session: Session, capture: Capture, read: ReadFile) -> Measured:
     except MeasurementError as error:
         return _nothing_seen(session, capture, read, error)
     return measured_of(
-        capture,
-        [],
-        points=len(found.points),
-        without_ray=found.without_ray,
-        preview=thinned(found.points),
+        capture, [], points=len(found.points), without_ray=found.without_ray, preview=thinned(found.points)
     )
 
 

@@ -6,14 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from calib_core.captures.capture_observation import Doubts, Seen
-from calib_core.captures.content import (
-    diameter_in_sight_mm,
-    open_sizes,
-    own_size,
-    pose_of,
-    reading_of,
-    sphere_of,
-)
+from calib_core.captures.content import diameter_in_sight_mm, open_sizes, own_size, pose_of, reading_of, sphere_of
 from calib_core.captures.lost_rays import SeenPoints
 from calib_core.captures.observation_cache import seen_once
 from calib_core.captures.raw_frames import of_frames
@@ -79,12 +72,7 @@ def observe_capture(session: Session, capture: Capture, read: ReadFile) -> Spher
 
 
 def arc_observation(
-    cell: Cell,
-    capture: Capture,
-    pose: RigidTransform,
-    points_mm: FloatArray,
-    fit: ArcFit,
-    without_ray: int = 0,
+    cell: Cell, capture: Capture, pose: RigidTransform, points_mm: FloatArray, fit: ArcFit, without_ray: int = 0
 ) -> SphereObservation:
     """Return an arc, its points (N, 2) in L, and the pose it was seen from as the solvers take them.
 

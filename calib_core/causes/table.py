@@ -46,10 +46,7 @@ class _Tried:
 
 
 def table_causes(
-    captures: Sequence[Capture],
-    observations: Sequence[TableObservation],
-    sphere: SphereSize,
-    mounts: Mounts,
+    captures: Sequence[Capture], observations: Sequence[TableObservation], sphere: SphereSize, mounts: Mounts
 ) -> list[Finding]:
     """Return what would make captures of the sphere on the table fit far better: angles read otherwise.
 

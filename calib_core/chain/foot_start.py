@@ -75,10 +75,7 @@ def foot_axes(
 
 
 def feet_of(
-    observations: Sequence[SphereObservation],
-    sphere: SphereSize,
-    layout: Layout,
-    groups: Sequence[np.ndarray],
+    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
 ) -> tuple[tuple[AxisState, ...], float]:
     """Return how the axes under the robot lie by the scanner whose captures they bring together best; how well.
 

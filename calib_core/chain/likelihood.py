@@ -102,11 +102,7 @@ def pose_spread(levers: FloatArray, sigmas: Sigmas) -> FloatArray:
 
 
 def linearise(
-    data: ChainData,
-    state: ChainState,
-    spread: FloatArray,
-    precision: FloatArray,
-    shared: FloatArray | None = None,
+    data: ChainData, state: ChainState, spread: FloatArray, precision: FloatArray, shared: FloatArray | None = None
 ) -> ChainLinearisation:
     """Return the likelihood about a state, every capture's own centre settled.
 

@@ -38,10 +38,7 @@ _LEAST_AREA = 0.02  # of a triangle beside the square of its longest edge: flatt
 
 
 def with_found_angles(
-    observations: Sequence[TableObservation],
-    sphere: SphereSize,
-    mount_from_laser: Mounts,
-    direction: int = 1,
+    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: Mounts, direction: int = 1
 ) -> list[TableObservation]:
     """Return captures with the angles that their spheres' places tell, the first one's zero.
 

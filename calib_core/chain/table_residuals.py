@@ -56,10 +56,7 @@ class TableResiduals:
 
 
 def table_residuals(
-    observations: Sequence[TableObservation],
-    walk: Walk,
-    state: ChainState,
-    frame: TableFrame,
+    observations: Sequence[TableObservation], walk: Walk, state: ChainState, frame: TableFrame
 ) -> TableResiduals:
     """Return how captures of the table lie about a solution; each profile's side is the nearer one.
 

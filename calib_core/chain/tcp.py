@@ -36,20 +36,10 @@ from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, judge_from, with_doubted_priors, with_more_spread
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.scanner import corrected as without_errors
-from calib_core.chain.several_starts import (
-    main_balls,
-    moving_axes,
-    starts_of,
-    together,
-    with_other_balls,
-)
+from calib_core.chain.several_starts import main_balls, moving_axes, starts_of, together, with_other_balls
 from calib_core.chain.sides import likeliest_sides
 from calib_core.chain.start import centers_of
-from calib_core.chain.two_step import (
-    EQUAL_ORIENTATION_RAD,
-    TwoStepAnswer,
-    orientation_span,
-)
+from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD, TwoStepAnswer, orientation_span
 from calib_core.chain.undetermined import OpenDirection, open_directions
 from calib_core.chain.unmodelled import Unmodelled, unmodelled_of
 from calib_core.chain.warm_up import WarmUp, warm_up_of

@@ -111,10 +111,7 @@ def about(finding: Finding, captures: Sequence[str]) -> Finding:
     code = CODES[finding.code]
     found = finding.model_copy(update={"captures": list(captures), "each": each, "values": values})
     places = places_in(found)
-    texts = {
-        "text": code.said(places, captures, ENGLISH),
-        "to_do": code.told_to_do(places, captures, ENGLISH),
-    }
+    texts = {"text": code.said(places, captures, ENGLISH), "to_do": code.told_to_do(places, captures, ENGLISH)}
     return found.model_copy(update=texts)
 
 

@@ -248,10 +248,7 @@ class Format:
             "endings": list(self.endings),
             "kinds": list(self.kinds),
             "reads": self.read is not None or self.read_mesh is not None or "frame" in self.kinds,
-            "writes": [
-                *(["cloud"] if self.write_cloud else []),
-                *(["mesh"] if self.write_mesh else []),
-            ],
+            "writes": [*(["cloud"] if self.write_cloud else []), *(["mesh"] if self.write_mesh else [])],
             "proof": self.proof,
             "experimental": is_experimental(self.proof),
             "settings": self.settings.model_json_schema(),

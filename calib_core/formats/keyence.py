@@ -69,10 +69,7 @@ def read(data: bytes, name: str, settings: KeyenceSettings, kind: PointKind | No
     points = values[:, [0, chosen]].copy()
     points[np.isin(points, _INVALID).any(axis=1)] = np.nan
     told = settings.model_copy(update={"unit": "mm"})
-    columns = [
-        Column("x", 0, "column 1", None),
-        Column("z", 1, message("column {place}", place=chosen + 1), None),
-    ]
+    columns = [Column("x", 0, "column 1", None), Column("z", 1, message("column {place}", place=chosen + 1), None)]
     reading = points_of(points * settings.count_mm, columns, "profile", name, told)
     unit = f"{settings.count_mm * 1000:g} µm"
     return replace(

@@ -8,16 +8,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from calib_core.errors import CalibrationError, InputError, TooLargeError
-from calib_core.formats.format import (
-    Format,
-    Kind,
-    Match,
-    PointKind,
-    Reading,
-    Settings,
-    ending_of,
-    require_kind,
-)
+from calib_core.formats.format import Format, Kind, Match, PointKind, Reading, Settings, ending_of, require_kind
 from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.records.field_errors import input_error

@@ -255,10 +255,7 @@ def _solid(seen: Patches) -> tuple[float, float]:
 
 
 def outward(
-    seen: Patches,
-    views: Sequence[View],
-    tolerance_mm: float,
-    ball: Literal[1, -1] | None = None,
+    seen: Patches, views: Sequence[View], tolerance_mm: float, ball: Literal[1, -1] | None = None
 ) -> Outward:
     """Return which way is out.
 

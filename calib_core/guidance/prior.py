@@ -51,10 +51,7 @@ class Contradiction:
 
 
 def situation_of(
-    session: Session,
-    measured: Sequence[Measured],
-    results: Mapping[str, Mapping[str, Any]],
-    step: str = "tcp",
+    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]], step: str = "tcp"
 ) -> Situation | None:
     """Return what is known of tool, sphere and scanner, None where too little is for a pose to be chosen.
 
@@ -65,10 +62,7 @@ def situation_of(
 
 
 def known_of(
-    session: Session,
-    measured: Sequence[Measured],
-    results: Mapping[str, Mapping[str, Any]],
-    step: str = "tcp",
+    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]], step: str = "tcp"
 ) -> Situation | Contradiction | None:
     """Return what is known of tool, sphere and scanner, or that the captures contradict each other.
 

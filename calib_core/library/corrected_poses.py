@@ -50,10 +50,7 @@ class _Row:
 
 
 def corrected_poses(
-    opened: OpenSession,
-    path: str | Path,
-    brand: str | None = None,
-    told: Mapping[str, str] | None = None,
+    opened: OpenSession, path: str | Path, brand: str | None = None, told: Mapping[str, str] | None = None
 ) -> tuple[list[CorrectedPose], list[dict[str, Any]]]:
     """Return the poses of a file as they truly are, and what was skipped, by what a session found of the arm.
 

@@ -14,10 +14,7 @@ _LARGEST_BYTES = 256_000_000
 
 
 def read_poses(
-    *paths: str | Path,
-    brand: str | None = None,
-    as_written: bool = False,
-    told: Mapping[str, str] | None = None,
+    *paths: str | Path, brand: str | None = None, as_written: bool = False, told: Mapping[str, str] | None = None
 ) -> "ControllerFile":
     """Return poses, tools and frames of a controller's files, and what was skipped, as `scancell poses` prints it.
 

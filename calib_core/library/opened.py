@@ -41,11 +41,7 @@ class OpenSession:
     """
 
     def __init__(
-        self,
-        record: Session,
-        read: ReadFile,
-        results: Mapping[str, Any] | None = None,
-        folder: Path | None = None,
+        self, record: Session, read: ReadFile, results: Mapping[str, Any] | None = None, folder: Path | None = None
     ) -> None:
         self.record, self.read = record, read
         self.results = Results(results or {})

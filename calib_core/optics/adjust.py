@@ -332,10 +332,7 @@ def plane_start(bands: int) -> int:
 
 
 def shared_vector(
-    camera_matrix: FloatArray,
-    bands: FloatArray,
-    plane: FloatArray | None = None,
-    shape: BoardShape | None = None,
+    camera_matrix: FloatArray, bands: FloatArray, plane: FloatArray | None = None, shape: BoardShape | None = None
 ) -> FloatArray:
     """Return the shared parameters of a camera, bands (B, 14), a board, flat without a shape, a plane q (3,)."""
     focal = [camera_matrix[0, 0], camera_matrix[1, 1], camera_matrix[0, 2], camera_matrix[1, 2]]

@@ -93,10 +93,7 @@ class CameraModel:
 
     @classmethod
     def from_names(
-        cls,
-        camera_matrix: ArrayLike,
-        distortion: Mapping[str, float],
-        image_size: tuple[int, int] = (0, 0),
+        cls, camera_matrix: ArrayLike, distortion: Mapping[str, float], image_size: tuple[int, int] = (0, 0)
     ) -> "CameraModel":
         """Return a camera from coefficients by name (`COEFFICIENTS`); those left out are zero.
 

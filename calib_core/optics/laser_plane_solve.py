@@ -15,13 +15,7 @@ from calib_core.errors import MotionError
 from calib_core.findings import Finding
 from calib_core.findings.codes.laser_plane import CAMERA_HELD
 from calib_core.frames import RigidTransform
-from calib_core.optics.adjust import (
-    BoardShape,
-    Corners,
-    State,
-    fit_poses,
-    shared_vector,
-)
+from calib_core.optics.adjust import BoardShape, Corners, State, fit_poses, shared_vector
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_lines import LEAST_POINTS, OnBoard, Trace, find_traces
 from calib_core.optics.camera_model import CameraModel
@@ -40,7 +34,6 @@ from calib_core.optics.stripe import StripeCenters
 from calib_core.optics.stripe_light import drawn_px
 
 FloatArray = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _POSE_HUBER = 2.0
 _LEAST_CORNER_SIGMA_PX = 0.003

@@ -125,10 +125,7 @@ class StripeCenters:
 
 
 def find_stripe(
-    image: ImageArray,
-    options: StripeOptions | None = None,
-    *,
-    dark: ImageArray | None = None,
+    image: ImageArray, options: StripeOptions | None = None, *, dark: ImageArray | None = None
 ) -> StripeCenters:
     """Find the laser stripe's centres in a frame.
 
@@ -234,10 +231,7 @@ def _shapes(box_width_px: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _no_stripe(
-    image: ImageArray,
-    saturation: float,
-    codes: NDArray[np.uint8],
-    options: StripeOptions,
+    image: ImageArray, saturation: float, codes: NDArray[np.uint8], options: StripeOptions
 ) -> MeasurementError:
     """Return the error that says why no stripe was measured."""
     from calib_core.kernels import stripe as kernel

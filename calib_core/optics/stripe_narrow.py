@@ -21,11 +21,7 @@ _SAMPLING_PX, _SAMPLED_WIDTH_PX, _SAMPLING_FALL_PX = 0.006, 0.6, 0.06
 
 
 def narrow_sigmas(
-    image: NDArray[np.uint8 | np.uint16],
-    columns: FloatArray,
-    rows: FloatArray,
-    width_px: float,
-    variance: float,
+    image: NDArray[np.uint8 | np.uint16], columns: FloatArray, rows: FloatArray, width_px: float, variance: float
 ) -> FloatArray:
     """Return the standard deviation (N,) of centres, px: the bound at the noise that is there, and the sampling.
 

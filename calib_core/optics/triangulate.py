@@ -162,9 +162,7 @@ def triangulate_stripe(calibration: ProfileCalibration, stripe: StripeCenters) -
 
 
 def stripe_in_frame(
-    image: NDArray[np.uint8 | np.uint16],
-    calibration: ProfileCalibration,
-    options: StripeOptions | None = None,
+    image: NDArray[np.uint8 | np.uint16], calibration: ProfileCalibration, options: StripeOptions | None = None
 ) -> Triangulated:
     """Return the points of L that a frame of the stripe shows, and how many of its centres have no ray.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -21,7 +21,6 @@ TakenFor = Literal[
 `centers` are a laser tracker's points: each is a measurement of its own.
 """
 
-TAKEN_FOR: tuple[TakenFor, ...] = get_args(TakenFor)
 TAKEN_FOR_WORDS: dict[TakenFor, str] = templates(
     {
         "profiles": "profiles",

@@ -345,9 +345,7 @@ class Session(WrittenRecord):
         for capture in self.captures:
             if capture.id in seen:
                 raise mismatch(
-                    "capture ids that differ",
-                    message("'{name}' twice", name=capture.id),
-                    "Rename or remove one.",
+                    "capture ids that differ", message("'{name}' twice", name=capture.id), "Rename or remove one."
                 )
             seen.add(capture.id)
         return self

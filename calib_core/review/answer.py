@@ -149,11 +149,7 @@ def answer_as_read(
 
 
 def answer_of_folder(
-    session: Session,
-    results: Mapping[str, Mapping[str, Any]],
-    read: ReadFile,
-    date: str = "",
-    **beside: Any,
+    session: Session, results: Mapping[str, Mapping[str, Any]], read: ReadFile, date: str = "", **beside: Any
 ) -> SessionAnswer | None:
     """Return the answer of a session whose files can be read; None where neither chain nor tcp is solved.
 

@@ -30,15 +30,7 @@ from calib_core.review.between_sessions import (
     like_last,
     together,
 )
-from calib_core.review.drift_figures import (
-    axes,
-    axis_direction,
-    axis_point,
-    table_of,
-    tool_point,
-    turns,
-    verified,
-)
+from calib_core.review.drift_figures import axes, axis_direction, axis_point, table_of, tool_point, turns, verified
 from calib_core.review.drift_trend import (
     ByTemperature,
     DriftTrend,

@@ -142,11 +142,7 @@ def by_temperature(measured: Sequence[Measured]) -> ByTemperature | None:
             continue
         slope, uncertainty, chance = _slope([one for one, _ in told], values - values.mean())
         return ByTemperature(
-            of=name,
-            per_k=slope,
-            uncertainty=uncertainty,
-            chance=chance,
-            found=chance < _FALSE_BY_TEMPERATURE,
+            of=name, per_k=slope, uncertainty=uncertainty, chance=chance, found=chance < _FALSE_BY_TEMPERATURE
         )
     return None
 

@@ -47,10 +47,7 @@ _EQUAL_COVARIANCE: Final = 1e-4
 
 
 def replayed(
-    session: Session,
-    read: ReadFile,
-    results: Mapping[str, Mapping[str, Any]],
-    progress: Progress | None = None,
+    session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]], progress: Progress | None = None
 ) -> dict[str, dict[str, Any]]:
     """Return results, given as JSON data, with those of the answer solved anew whose provenance no seal proves.
 

@@ -32,10 +32,7 @@ class Quaternion(Brand):
 
     name = "quaternion"
     title = "Position and quaternion"
-    conventions = (
-        QUATERNION_XYZW,
-        QUATERNION_WXYZ,
-    )
+    conventions = (QUATERNION_XYZW, QUATERNION_WXYZ)
     rank = 1
 
 

@@ -103,11 +103,7 @@ def frame_in(
     return found[0].convention, list(found[0].pose)
 
 
-def read_back(
-    numbers: Sequence[float],
-    convention: str,
-    expected: RigidTransform,
-) -> ReadBack:
+def read_back(numbers: Sequence[float], convention: str, expected: RigidTransform) -> ReadBack:
     """Compare a tool's numbers, as they stand in the controller, with the tool that they should be.
 
     Parameters

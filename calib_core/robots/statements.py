@@ -34,12 +34,7 @@ class Rule:
 
 
 def find_by_rules(
-    data: bytes,
-    name: str,
-    convention: str,
-    rules: Sequence[Rule],
-    comment: str,
-    heads: str,
+    data: bytes, name: str, convention: str, rules: Sequence[Rule], comment: str, heads: str
 ) -> Found:
     """Return what stands in a program.
 

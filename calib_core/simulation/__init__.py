@@ -20,12 +20,7 @@ from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, sim
 from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
 from calib_core.simulation.topology_cell import TopologyScenario, simulate_topology
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
-from calib_core.simulation.verify_cell import (
-    VERIFY_SCENARIOS,
-    VerifyScenario,
-    verify_options,
-    with_verification,
-)
+from calib_core.simulation.verify_cell import VERIFY_SCENARIOS, VerifyScenario, verify_options, with_verification
 from calib_core.simulation.whole_cell import WHOLE_SCENARIOS, WholeScenario, with_scans
 from calib_core.simulation.writing import session_files, session_record
 
@@ -91,12 +86,7 @@ def require_scenario(scenario: str) -> None:
     """Raise InputError, which names all of them, if no scenario has this name."""
     names = [name for scenarios in _ALL for name in scenarios]
     if scenario not in names:
-        raise InputError(
-            "a scenario among {names}",
-            repr(scenario),
-            "Name one of these.",
-            names=", ".join(names),
-        )
+        raise InputError("a scenario among {names}", repr(scenario), "Name one of these.", names=", ".join(names))
 
 
 def simulate_tcp(seed: int, options: TcpScenario, name: str = "tcp") -> SimulatedSession:

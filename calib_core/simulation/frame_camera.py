@@ -57,10 +57,7 @@ class SimulatedCamera:
         s = x * x + y * y
         ratio = (1 + k[0] * s + k[1] * s**2 + k[2] * s**3) / (1 + k[3] * s + k[4] * s**2 + k[5] * s**3)
         return np.stack(
-            [
-                x * ratio + 2 * p1 * x * y + p2 * (s + 2 * x * x),
-                y * ratio + p1 * (s + 2 * y * y) + 2 * p2 * x * y,
-            ],
+            [x * ratio + 2 * p1 * x * y + p2 * (s + 2 * x * x), y * ratio + p1 * (s + 2 * y * y) + 2 * p2 * x * y],
             axis=-1,
         )
 

@@ -54,10 +54,7 @@ def simulate_part(options: PartScenario, name: str, seed: int) -> tuple[Session,
             "orientation_sigma_deg": float(np.rad2deg(options.orientation_sigma_rad)),
         },
         "turntable": {"direction": 1, "angle_sigma_deg": float(np.rad2deg(options.angle_sigma_rad))},
-        "known": {
-            ON_FLANGE: mount_from_laser.tolist(),
-            "base_from_turntable": base_from_turntable.tolist(),
-        },
+        "known": {ON_FLANGE: mount_from_laser.tolist(), "base_from_turntable": base_from_turntable.tolist()},
     }
     record = {"format": "scancell-session/1", "name": f"simulated {name}, seed {seed}", "cell": cell}
     session = Session.model_validate({**record, "captures": captures})

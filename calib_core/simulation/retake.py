@@ -8,14 +8,7 @@ from calib_core.errors import ConflictError
 from calib_core.records import Capture
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, one_more_frame
 from calib_core.simulation.motion import turn
-from calib_core.simulation.profile_cell import (
-    Shot,
-    World,
-    commanded_pose,
-    draw_centers,
-    shot_from,
-    true_pose,
-)
+from calib_core.simulation.profile_cell import Shot, World, commanded_pose, draw_centers, shot_from, true_pose
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.writing import shot_files, shot_record
 

@@ -241,11 +241,7 @@ def _middle_of_ways(world: TopologyWorld, rng: np.random.Generator) -> FloatArra
 
 
 def _mounted(
-    scanner: ScannerOptions,
-    place: int,
-    on_flange: FloatArray,
-    middle: FloatArray | None,
-    rng: np.random.Generator,
+    scanner: ScannerOptions, place: int, on_flange: FloatArray, middle: FloatArray | None, rng: np.random.Generator
 ) -> FloatArray:
     """Return carrier_from_laser (4, 4) of a cell's scanner, the first one in `place` 0."""
     if scanner.on == "tool0":

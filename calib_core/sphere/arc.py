@@ -11,18 +11,8 @@ from calib_core.frames import FloatArray
 from calib_core.messages import plural
 from calib_core.sphere.arc_candidates import arc_candidates
 from calib_core.sphere.circle import CUT_IN_SIGMAS as CUT
-from calib_core.sphere.circle import (
-    BoolArray,
-    circle_step,
-    distances_to_circle,
-    median_of,
-)
-from calib_core.sphere.diagnosis import (
-    SMALLEST_CIRCLE,
-    points_as_rows,
-    radius_mismatch,
-    require_diameter,
-)
+from calib_core.sphere.circle import BoolArray, circle_step, distances_to_circle, median_of
+from calib_core.sphere.diagnosis import SMALLEST_CIRCLE, points_as_rows, radius_mismatch, require_diameter
 from calib_core.sphere.found_arc import (
     LEAST_POINTS,
     LEAST_TOLD,

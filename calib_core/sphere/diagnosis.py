@@ -51,9 +51,7 @@ def require_diameter(diameter_mm: float | None) -> None:
     """Raise MeasurementError unless the diameter is None or a positive finite number."""
     if diameter_mm is not None and not (np.isfinite(diameter_mm) and diameter_mm > 0):
         raise MeasurementError(
-            "a positive diameter in mm",
-            f"{diameter_mm}",
-            "Give the diameter from the sphere's certificate.",
+            "a positive diameter in mm", f"{diameter_mm}", "Give the diameter from the sphere's certificate."
         )
 
 

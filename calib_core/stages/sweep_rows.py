@@ -19,14 +19,7 @@ _ROOT_MEAN_SQUARES = (
     "mahalanobis",
 )
 _OF_ONE_PROFILE = ("shift_without_mm", "turn_without_deg", "growth_without")
-_MEANS = (
-    "center_offset_in_base_mm",
-    "center_in_base_mm",
-    "radial_mm",
-    "tangential_mm",
-    "axial_mm",
-    "angle_deg",
-)
+_MEANS = ("center_offset_in_base_mm", "center_in_base_mm", "radial_mm", "tangential_mm", "axial_mm", "angle_deg")
 
 
 def one_row_each(rows: Sequence[TcpResidual | TurntableResidual]) -> dict[str, TcpResidual | TurntableResidual]:

@@ -32,8 +32,7 @@ class TokenRequest(BaseModel):
     """A token to be made: for whom, what it is good for, and for how long (left out: until it is revoked)."""
 
     model_config = ConfigDict(
-        extra="forbid",
-        json_schema_extra={"examples": [{"name": "robot cell 4", "role": "capture", "days": 365}]},
+        extra="forbid", json_schema_extra={"examples": [{"name": "robot cell 4", "role": "capture", "days": 365}]}
     )
 
     name: str = Field(max_length=200)

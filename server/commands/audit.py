@@ -62,10 +62,5 @@ def _of_server(options: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 COMMAND = Command(
-    "audit",
-    "print who did what on a server, the newest first",
-    "workbench",
-    _arguments,
-    _run,
-    uses_server=True,
+    "audit", "print who did what on a server, the newest first", "workbench", _arguments, _run, uses_server=True
 )

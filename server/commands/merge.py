@@ -23,10 +23,7 @@ _NOWHERE = [1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0]
 def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="scans: E57, PTX, PLY, PCD, XYZ …")
     parser.add_argument(
-        "--poses",
-        type=Path,
-        metavar="FILE",
-        help="a list of poses, one a scan in the files' order",
+        "--poses", type=Path, metavar="FILE", help="a list of poses, one a scan in the files' order"
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="writes result, cloud and mesh here")
     edge = "edge of a voxel (default 0.5, or the points' spacing)"

@@ -24,9 +24,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
 
     parser.add_argument(
-        "--program",
-        metavar="BRAND",
-        help="the set as a robot's program: slow, approached from outside",
+        "--program", metavar="BRAND", help="the set as a robot's program: slow, approached from outside"
     )
     parser.add_argument(
         "--out",

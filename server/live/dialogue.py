@@ -69,12 +69,7 @@ def next_message(received: bytes) -> tuple[str, bytes] | None:
         found = re.search(rb"[\r\n]", text)
         end = found.start() if found else 0
     if max(end, 0 if end else len(text)) > LONGEST_MESSAGE:
-        raise InputError(
-            "at most {longest} characters",
-            "more",
-            "Send one at a time.",
-            longest=LONGEST_MESSAGE,
-        )
+        raise InputError("at most {longest} characters", "more", "Send one at a time.", longest=LONGEST_MESSAGE)
     return (text[:end].decode("ascii", errors="replace"), text[end:]) if end else None
 
 

@@ -1,7 +1,6 @@
 """A port for robot programs: plain TCP, off by default, bound to one session, with the rights and log of REST."""
 
 import asyncio
-import logging
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -37,8 +36,6 @@ from server.store.captures import capture_ids
 from server.store.database import Store
 from server.store.models import CaptureRow
 from server.store.sessions import session_row
-
-log = logging.getLogger("scancell")
 
 _MOST_PEERS = 4
 _FIRST_LINE_S, _NEXT_LINE_S = 10.0, 3600.0
@@ -127,12 +124,7 @@ class RobotPorts:
             server = await asyncio.start_server(serve, settings.host, settings.port, limit=4 * LONGEST_MESSAGE)
         except OSError as error:
             got = message("none to be had ({strerror})", strerror=error.strerror or error)
-            raise InputError(
-                "an address to serve on",
-                got,
-                "Choose another port or host.",
-                "port",
-            ) from None
+            raise InputError("an address to serve on", got, "Choose another port or host.", "port") from None
         port = self._open[session_id] = OpenPort(session_id, settings, server)
 
     async def close(self, session_id: str) -> None:

@@ -69,8 +69,7 @@ _RECORD_EXAMPLE = (
 async def add(
     session_id: SessionId,
     record: Annotated[
-        str,
-        Form(description="The capture's record, as JSON.", max_length=1_000_000, examples=[_RECORD_EXAMPLE]),
+        str, Form(description="The capture's record, as JSON.", max_length=1_000_000, examples=[_RECORD_EXAMPLE])
     ],
     idempotency: IdempotencyDep,
     memory: UploadMemoryDep,

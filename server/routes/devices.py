@@ -203,10 +203,7 @@ def measure_clocks(session_id: ExistingSession, _: IdempotencyDep, cells: LiveCe
     before = live.clocks.offset
     found, clocks = live.clock_offset()
     return MeasuredClocks(
-        **asdict(found),
-        clocks=clocks,
-        shift_at_100_mm_s_mm=found.shift_mm(100.0),
-        warning=_drift(before, found),
+        **asdict(found), clocks=clocks, shift_at_100_mm_s_mm=found.shift_mm(100.0), warning=_drift(before, found)
     )
 
 

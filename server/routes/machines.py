@@ -244,8 +244,7 @@ async def read_controller(
     brand: Word = "",
     as_written: Annotated[bool, Form(description="Take poses whose tool or frame is unknown.")] = False,
     told: Annotated[
-        str,
-        Form(max_length=5000, description="What the files do not say, as JSON.", examples=['{"unit": "mm"}']),
+        str, Form(max_length=5000, description="What the files do not say, as JSON.", examples=['{"unit": "mm"}'])
     ] = "{}",
 ) -> Response:
     """Return poses, tools and frames of a controller's files, before they are used; stores nothing."""

@@ -47,8 +47,7 @@ async def export_into_backup(
     store: StoreDep,
     memory: UploadMemoryDep,
     settings: Annotated[
-        str,
-        Form(max_length=5000, description="The export's settings, as JSON.", examples=['{"tool": 3}']),
+        str, Form(max_length=5000, description="The export's settings, as JSON.", examples=['{"tool": 3}'])
     ] = "{}",
     allow: Annotated[str, Form(max_length=MOST_TEXT, description="Names of faults, with commas between.")] = "",
 ) -> Response:

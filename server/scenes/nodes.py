@@ -84,11 +84,7 @@ def many_axes(name: str, poses: Sequence[RigidTransform], length_mm: float, inst
 
 
 def many_arrowheads(
-    name: str,
-    poses: Sequence[RigidTransform],
-    length_mm: float,
-    colors: Sequence[Rgb],
-    instances: tuple[str, ...],
+    name: str, poses: Sequence[RigidTransform], length_mm: float, colors: Sequence[Rgb], instances: tuple[str, ...]
 ) -> Node:
     """Return pyramids that point along z, a colour each, as one node: far fewer triangles than `many_axes`."""
     places = [_place(pose) for pose in poses]
@@ -124,12 +120,7 @@ def lines(name: str, segments_mm: FloatArray, color: Rgb, width_px: float = 2.0)
     return Node(
         name,
         "add_line_segments",
-        {
-            "points": _metres(segments_mm),
-            "colors": color,
-            "thickness": width_px,
-            "thickness_units": "screen",
-        },
+        {"points": _metres(segments_mm), "colors": color, "thickness": width_px, "thickness_units": "screen"},
     )
 
 

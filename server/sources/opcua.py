@@ -77,13 +77,7 @@ class OpcUa:
         times: list[float] = []
         for (name, node), value in zip(self._places, found, strict=True):
             if not value.StatusCode.is_good() or value.Value is None or value.Value.Value is None:
-                raise InputError(
-                    "a good value of every node",
-                    "none of {node}",
-                    "Check its id.",
-                    node,
-                    node=node,
-                )
+                raise InputError("a good value of every node", "none of {node}", "Check its id.", node, node=node)
             numbers = value.Value.Value
             told.setdefault(name, []).extend(numbers if isinstance(numbers, list) else [numbers])
             if name in ("pose", "joints", "table") and value.SourceTimestamp is not None:

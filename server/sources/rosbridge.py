@@ -17,11 +17,7 @@ _WAIT_S = 0.5
 _LARGEST = 1024 * 1024
 _DEG = 57.29577951308232
 _MOST_LINKS = 50
-_TYPES = {
-    "pose": "geometry_msgs/PoseStamped",
-    "joints": "sensor_msgs/JointState",
-    "tf": "tf2_msgs/TFMessage",
-}
+_TYPES = {"pose": "geometry_msgs/PoseStamped", "joints": "sensor_msgs/JointState", "tf": "tf2_msgs/TFMessage"}
 
 
 class RosbridgeSettings(Settings):

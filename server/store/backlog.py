@@ -40,8 +40,7 @@ def first_waiting(db: Transaction, limit: int) -> list[Waiting]:
         select(WaitingRow.number, SessionRow, CaptureRow)
         .join(SessionRow, SessionRow.id == WaitingRow.session_id)
         .join(
-            CaptureRow,
-            (CaptureRow.session_id == WaitingRow.session_id) & (CaptureRow.id == WaitingRow.capture_id),
+            CaptureRow, (CaptureRow.session_id == WaitingRow.session_id) & (CaptureRow.id == WaitingRow.capture_id)
         )
         .order_by(WaitingRow.number)
         .limit(limit)

@@ -78,11 +78,7 @@ def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> D
     """
     if fault not in ACKNOWLEDGED:
         raise InputError(
-            "one of {names}",
-            f"'{fault[:40]}'",
-            "Name one of these.",
-            "fault",
-            names=", ".join(ACKNOWLEDGED),
+            "one of {names}", f"'{fault[:40]}'", "Name one of these.", "fault", names=", ".join(ACKNOWLEDGED)
         )
     cell_history(db, cell)
     found = open_steps(db, cell) if fault == "drift" else _changes(db, cell) - _changes_acknowledged(db, cell)

@@ -10,12 +10,12 @@ import numpy as np
 from harness import Row
 
 from calib_core.frames import FloatArray
-from calib_core.fusion.certainty import sphere_covariance
 from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.sphere.cloud import fit_sphere
 from calib_core.stages.merge.solve import plan_merge
 from calib_core.stages.pipeline import stage_input
+from tests.merged_sphere import sphere_covariance
 
 
 @dataclass(frozen=True, eq=False)

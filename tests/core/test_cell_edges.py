@@ -6,10 +6,10 @@ import pytest
 
 from calib_core.archive.folder import parse_json
 from calib_core.captures.contradictions import unfit
-from calib_core.cell.edges import Edge, Edges, edges_of
 from calib_core.errors import InputError, MotionError
 from calib_core.records import Capture, parse_capture, parse_cell, parse_session
 from calib_core.stages.pipeline import solve_stage
+from tests.cell_edges import Edge, Edges, edges_of
 
 POSE = [900.0, 10.0, 700.0, 170.0, 5.0, 30.0]
 

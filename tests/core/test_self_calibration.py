@@ -8,7 +8,6 @@ import numpy as np
 from scipy import stats
 
 from calib_core.frames import RigidTransform
-from calib_core.fusion.certainty import sphere_covariance
 from calib_core.fusion.overlap import PoseErrors
 from calib_core.fusion.solve import MergeOptions, MergeSolution, solve_merge
 from calib_core.records import MergeSettings
@@ -17,6 +16,7 @@ from calib_core.sphere.cloud import fit_sphere
 from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.pipeline import solve_stage
 from tests.core.test_session_merge import session, solve
+from tests.merged_sphere import sphere_covariance
 
 sphere_scans = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("sphere_scans.py"))))
 

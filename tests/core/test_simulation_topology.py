@@ -8,11 +8,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from calib_core.cell.axes import frame_of, readings
-from calib_core.cell.edges import Edges, edges_of
 from calib_core.frames import FloatArray, rotation_from_vector
 from calib_core.records import Capture
 from calib_core.simulation import TOPOLOGY_SCENARIOS, SimulatedSession, TopologyScenario, simulate
 from calib_core.simulation.topology_cell import simulate_topology
+from tests.cell_edges import Edges, edges_of
 from tests.topologies import topologies
 
 

@@ -109,10 +109,7 @@ POSE_READING = Code(
         "{said}.",
         "alone": "The captures fit together, to {after_mm:.2f} mm, if the poses are {said}.",
     },
-    to_do={
-        "convention": "Set the cell's pose convention to '{convention}'.",
-        "convert": "Convert them.",
-    },
+    to_do={"convention": "Set the cell's pose convention to '{convention}'.", "convert": "Convert them."},
     by="compared",
     by_to_do="way",
     title="Poses are {said}",

@@ -335,10 +335,7 @@ BOARD_PITCH = Code(
         "told": "The frames' lengths rest on the board's pitch, {pitch_mm:g} mm: sphere and robot motions fit together "
         "at {factor:.3f} times these lengths, so the pitch looks like {likely_mm} mm, you said {pitch_mm:g} mm.",
     },
-    to_do={
-        "open": "Check cell.board.pitch_mm.",
-        "told": "Check cell.board.pitch_mm and cell.sphere_diameter_mm.",
-    },
+    to_do={"open": "Check cell.board.pitch_mm.", "told": "Check cell.board.pitch_mm and cell.sphere_diameter_mm."},
     by="likely",
     meaning="Lengths of frames come from the board. The sphere and the robot tell them too.",
     decided="With another pitch the sphere's centres lie less than half as far apart.",

@@ -5,13 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.captures.boards import (
-    board_in,
-    board_of,
-    frames_not_used,
-    likeliest_failure,
-    relative_pitch_sigma,
-)
+from calib_core.captures.boards import board_in, board_of, frames_not_used, likeliest_failure, relative_pitch_sigma
 from calib_core.captures.contradictions import EXCLUDED, not_a_frame
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
@@ -251,10 +245,7 @@ def views_not_used(
 
 
 def _rows(
-    given: "StageInput",
-    solution: CameraSolution,
-    views: dict[str, BoardView],
-    reasons: dict[str, str],
+    given: "StageInput", solution: CameraSolution, views: dict[str, BoardView], reasons: dict[str, str]
 ) -> list[CameraResidual]:
     place = {name: index for index, name in enumerate(views)}
     rows: list[CameraResidual] = []

@@ -21,7 +21,6 @@ from calib_core.stages.turntable.result import table_fields, table_rows, varianc
 METHOD = (
     "joint maximum likelihood over all points of both kinds of captures, errors of poses and angles integrated out"
 )
-_OF_TOOL = ToolResult.model_fields.keys() - Result.model_fields.keys() - {"axes"}
 _CHI2_6_RARE, _CHI2_5_RARE = 22.5, 20.5  # 99.9 %
 
 
@@ -106,6 +105,5 @@ def disagreements(solution: ChainSolution) -> list[Finding]:
 
 def _differs(code: Code, difference: FloatArray) -> Finding:
     return code(
-        shift_mm=float(np.linalg.norm(difference[3:])),
-        turn_deg=float(np.rad2deg(np.linalg.norm(difference[:3]))),
+        shift_mm=float(np.linalg.norm(difference[3:])), turn_deg=float(np.rad2deg(np.linalg.norm(difference[:3])))
     )

@@ -44,8 +44,7 @@ def evidence(session: Session, result: LaserPlaneResult) -> list[AnyBlock]:
             text=direction_text(plane.normal, math.radians(result.normal_sigma_deg)),
         ),
         Figure(
-            label="Distance from the camera",
-            quantity=quantity(plane.distance_mm, "mm", result.distance_sigma_mm),
+            label="Distance from the camera", quantity=quantity(plane.distance_mm, "mm", result.distance_sigma_mm)
         ),
         Figure(label="Stripes off the plane, RMS", quantity=rms(result.plane_rms_mm, "mm")),
         *([_stripes(rows)] if rows else []),

@@ -25,12 +25,7 @@ from calib_core.optics.laser_plane import (
     rotation_sigma_deg,
 )
 from calib_core.optics.laser_plane_joint import CameraUncertainty
-from calib_core.optics.laser_plane_solve import (
-    PlaneSolution,
-    PlaneView,
-    ViewFigures,
-    solve_plane,
-)
+from calib_core.optics.laser_plane_solve import PlaneSolution, PlaneView, ViewFigures, solve_plane
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import (
     LaserPlaneResidual,

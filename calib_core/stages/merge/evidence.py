@@ -63,16 +63,14 @@ def _apart(result: MergeResult) -> list[AnyBlock]:
             quantity=rms(result.overlap_rms_mm, "mm"),
         ),
         Figure(
-            label="Expected from noise and calibration, RMS",
-            quantity=rms(result.expected_overlap_rms_mm, "mm"),
+            label="Expected from noise and calibration, RMS", quantity=rms(result.expected_overlap_rms_mm, "mm")
         ),
     ]
     if result.registered_overlap_rms_mm is not None:
         blocks += [
             Figure(label="After registration, RMS", quantity=rms(result.registered_overlap_rms_mm, "mm")),
             Figure(
-                label="Registration moved the scans by, RMS",
-                quantity=rms(result.registration_shift_rms_mm, "mm"),
+                label="Registration moved the scans by, RMS", quantity=rms(result.registration_shift_rms_mm, "mm")
             ),
         ]
     blocks.append(Figure(label="Places compared", quantity=fixed(result.overlap_pairs, 0)))

@@ -40,11 +40,7 @@ class Compared:
 
 
 def compared(
-    given: StageInput,
-    solution: MergeSolution,
-    voxel_mm: float,
-    base_from_cloud: FloatArray,
-    origin_mm: FloatArray,
+    given: StageInput, solution: MergeSolution, voxel_mm: float, base_from_cloud: FloatArray, origin_mm: FloatArray
 ) -> Compared:
     """Return the merged part beside the nominal that the cell names; nothing where it names none.
 

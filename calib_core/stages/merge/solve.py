@@ -209,11 +209,7 @@ def has_error(findings: Sequence[Finding]) -> bool:
 
 
 def _result(
-    given: StageInput,
-    plan: MergePlan,
-    solution: MergeSolution,
-    mistakes: Sequence[Finding],
-    against: Compared,
+    given: StageInput, plan: MergePlan, solution: MergeSolution, mistakes: Sequence[Finding], against: Compared
 ) -> MergeResult:
     apart, calibration = solution.overlap, plan.calibration
     findings = [

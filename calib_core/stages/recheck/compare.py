@@ -132,11 +132,7 @@ def compared(
     _, _, left_of_sphere = _fitted(by_center, differences, weights)
     _, _, left_of_turn = _fitted(by_tool, differences, weights)
     freedom = 3 * len(differences)
-    chances = [
-        chance_of(whole - left_of_tool, 3),
-        chance_of(whole - left_of_sphere, 3),
-        chance_of(whole, freedom),
-    ]
+    chances = [chance_of(whole - left_of_tool, 3), chance_of(whole - left_of_sphere, 3), chance_of(whole, freedom)]
     changed: Changed = "nothing"
     bump: Bump | None = None
     if min(chances) < _FALSE_ALARM:

@@ -166,12 +166,7 @@ def doubts_about_two_steps(solution: TcpSolution) -> list[Finding]:
     shift_mm = float(np.linalg.norm(joint.apply(there) - two_step.apply(there)))
     if distance <= _CHI2_6_RARE or shift_mm <= solution.stated_mm:
         return []
-    return [
-        codes.TWO_STEPS_DIFFER(
-            shift_mm=shift_mm,
-            turn_deg=float(np.rad2deg(np.linalg.norm(difference[:3]))),
-        )
-    ]
+    return [codes.TWO_STEPS_DIFFER(shift_mm=shift_mm, turn_deg=float(np.rad2deg(np.linalg.norm(difference[:3]))))]
 
 
 def _doubts_about_noise(solution: TcpSolution) -> list[Finding]:

@@ -12,10 +12,7 @@ from calib_core.stages.tcp.balls import with_told_names
 
 
 def balls_of_mountings(
-    arcs: Sequence[TableObservation],
-    sphere: SphereSize,
-    tool: KnownTool,
-    options: TurntableOptions,
+    arcs: Sequence[TableObservation], sphere: SphereSize, tool: KnownTool, options: TurntableOptions
 ) -> list[TableObservation] | None:
     """Return arcs with a mounting for each ball, None where one ball in each explains them.
 

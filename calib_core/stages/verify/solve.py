@@ -182,10 +182,7 @@ def _centers(found: Mapping[str, list[float]]) -> dict[str, Any]:
 
 
 def _that_calibrated(
-    given: StageInput,
-    held_out: Sequence[Capture],
-    seen: Sequence[SphereObservation],
-    axes: Placement | None,
+    given: StageInput, held_out: Sequence[Capture], seen: Sequence[SphereObservation], axes: Placement | None
 ) -> list[Finding]:
     """Return which captures of the verification are those of the calibration."""
     verifying, steps = {c.id for c in held_out}, steps_that_show("sphere", "sphere-on-table")

@@ -65,11 +65,7 @@ def demo(options: argparse.Namespace) -> int:
 
 
 def _add(
-    sheet: Sheet,
-    result: Result,
-    results: Mapping[str, Result],
-    truth: dict[str, Any],
-    made: Mapping[str, bytes],
+    sheet: Sheet, result: Result, results: Mapping[str, Result], truth: dict[str, Any], made: Mapping[str, bytes]
 ) -> None:
     match result:
         case TcpResult():

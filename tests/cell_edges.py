@@ -1,4 +1,4 @@
-"""The edges of a cell, listed from its record: the one place where a cell's topology is decided.
+"""The edges of a cell, listed from its record: what the simulator is checked by, apart from how solvers walk them.
 
 From base outwards: the axes, the robot's pose, the mount of each scanner on the flange or in base, and the place
 of each ball on what carries it.  The frame that an axis moves bears the axis's name; that of the axis `table` is
