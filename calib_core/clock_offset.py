@@ -91,11 +91,9 @@ def clock_offset(
             inside=int(inside.sum()),
             largest_s=largest_s,
         )
+        need = "{least_exposures} exposures with the sphere"
         raise MeasurementError(
-            "{least_exposures} exposures with the sphere",
-            got,
-            "Move back and forth for longer, the sphere in view.",
-            least_exposures=_LEAST_EXPOSURES,
+            need, got, "Move back and forth for longer, the sphere in view.", least_exposures=_LEAST_EXPOSURES
         )
     seen_s, measured = seen_s[inside], measured[inside]
     track = CubicSpline(at_s, way_mm)
@@ -126,12 +124,8 @@ def _way(positions_mm: FloatArray) -> FloatArray:
     way: FloatArray = away @ np.linalg.svd(away, full_matrices=False)[2][0]
     if np.ptp(way) < _LEAST_WAY_MM:
         got = message("{way:.1f} mm", way=np.ptp(way))
-        raise MotionError(
-            "a move over at least {least_way_mm:g} mm",
-            got,
-            "Move back and forth for longer, the sphere in view.",
-            least_way_mm=_LEAST_WAY_MM,
-        )
+        to_do = "Move back and forth for longer, the sphere in view."
+        raise MotionError("a move over at least {least_way_mm:g} mm", got, to_do, least_way_mm=_LEAST_WAY_MM)
     middle = way - (way.max() + way.min()) / 2
     if np.count_nonzero(np.diff(np.sign(middle[np.abs(middle) > np.ptp(way) / 4]))) < 2:
         raise MotionError("a move back and forth", "one way alone", "Go there and back at least twice.")

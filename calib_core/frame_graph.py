@@ -128,14 +128,9 @@ class FrameGraph:
             if found is not None:
                 return found
         linked = ", ".join(dict.fromkeys(edge.name for edge in self.edges)) or "no transform"
-        raise ConflictError(
-            "transforms that lead from {outof} to {into}",
-            "{linked} alone",
-            "Solve the stages between them.",
-            outof=outof,
-            into=into,
-            linked=linked,
-        )
+        need = "transforms that lead from {outof} to {into}"
+        to_do = "Solve the stages between them."
+        raise ConflictError(need, "{linked} alone", to_do, outof=outof, into=into, linked=linked)
 
 
 def _known_frame(name: str) -> Frame:

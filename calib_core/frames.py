@@ -283,19 +283,13 @@ def _require_rigid(matrix: FloatArray, tolerance: float) -> None:
         abs(yx * zx + yy * zy + yz * zz),
     )
     if error > tolerance:
-        raise InputError(
-            "a rotation in the upper left 3×3 (orthonormal rows)",
-            "rows that are off by {error:.2g}",
-            "Check that the numbers are given row by row and that nothing was scaled.",
-            error=error,
-        )
+        need = "a rotation in the upper left 3×3 (orthonormal rows)"
+        to_do = "Check that the numbers are given row by row and that nothing was scaled."
+        raise InputError(need, "rows that are off by {error:.2g}", to_do, error=error)
     if xx * (yy * zz - yz * zy) + xy * (yz * zx - yx * zz) + xz * (yx * zy - yy * zx) < 0:
         raise InputError(
             "a right-handed rotation", "a mirrored one (determinant −1)", "Check the signs of the axes."
         )
     if max(abs(last[0]), abs(last[1]), abs(last[2]), abs(last[3] - 1)) > tolerance:
-        raise InputError(
-            "a last row of 0 0 0 1",
-            " ".join(f"{v:g}" for v in last),
-            "Give the matrix row by row; if it is given by columns, transpose it.",
-        )
+        to_do = "Give the matrix row by row; if it is given by columns, transpose it."
+        raise InputError("a last row of 0 0 0 1", " ".join(f"{v:g}" for v in last), to_do)

@@ -56,12 +56,8 @@ def interpolate_poses(
     order = np.argsort(at)
     at, ordered = at[order], [track[i] for i in order]
     if not (np.isfinite(at).all() and np.isfinite(wanted).all() and (np.diff(at) > 0).all()):
-        raise InputError(
-            "finite times, each pose of the track at its own",
-            "NaN or a time that stands twice",
-            "Correct it.",
-            where,
-        )
+        need = "finite times, each pose of the track at its own"
+        raise InputError(need, "NaN or a time that stands twice", "Correct it.", where)
     outside = (wanted < at[0] - _SLACK_S) | (wanted > at[-1] + _SLACK_S)
     if outside.any():
         first = float(wanted[outside][0])

@@ -68,14 +68,9 @@ class Registry(Generic[Entry]):
         """Return an entry by its name; raises InputError, which lists the names, where there is none."""
         entry = self._entries.get(name)
         if entry is None:
-            raise InputError(
-                "{what} among {entries}",
-                f"'{name}'",
-                "Name one of these.",
-                where,
-                what=self._what,
-                entries=", ".join(self._entries),
-            )
+            need = "{what} among {entries}"
+            to_do = "Name one of these."
+            raise InputError(need, f"'{name}'", to_do, where, what=self._what, entries=", ".join(self._entries))
         return entry
 
     @cached_property

@@ -16,13 +16,9 @@ def arm_of(arm: str | ArmTable) -> ArmTable:
         return arm
     known = NAMED_ARMS.get(arm.lower())
     if known is None:
-        raise InputError(
-            "an arm known by its name, {named_arms}",
-            f"'{arm}'",
-            "Name one of these, or give the arm's Denavit-Hartenberg table.",
-            "cell.robot.arm",
-            named_arms=", ".join(NAMED_ARMS),
-        )
+        need = "an arm known by its name, {named_arms}"
+        to_do = "Name one of these, or give the arm's Denavit-Hartenberg table."
+        raise InputError(need, f"'{arm}'", to_do, "cell.robot.arm", named_arms=", ".join(NAMED_ARMS))
     return known
 
 
@@ -134,13 +130,8 @@ def _reading(
     value = readings[place] if place < len(readings) else None
     if value is None:
         name = "joints_mm" if prismatic else "joints_deg"
-        raise InputError(
-            "a reading of each joint of the arm in {name}",
-            "none of joint {place}",
-            "Add it.",
-            name=name,
-            place=place + 1,
-        )
+        need = "a reading of each joint of the arm in {name}"
+        raise InputError(need, "none of joint {place}", "Add it.", name=name, place=place + 1)
     return float(value)
 
 

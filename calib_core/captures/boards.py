@@ -29,12 +29,8 @@ _DARK_SHARE = 0.15  # of the brightest pixel: a frame whose median is below show
 def board_of(cell: Cell) -> Board:
     """Return the cell's board; raises InputError where it names none."""
     if cell.board is None:
-        raise InputError(
-            "the calibration board",
-            "nothing",
-            'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.',
-            "cell.board",
-        )
+        to_do = 'Add it, for example {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 25}.'
+        raise InputError("the calibration board", "nothing", to_do, "cell.board")
     return cell.board
 
 
@@ -116,11 +112,10 @@ def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:
         If there is no stripe.
     """
     if len(capture.files) > 2:
+        need = "one or two frames in a laser-plane capture, the board lit and the stripe on it"
+        to_do = "Give each pose of the board its own capture."
         raise InputError(
-            "one or two frames in a laser-plane capture, the board lit and the stripe on it",
-            plural("{count} file", "{count} files", by="count", count=len(capture.files)),
-            "Give each pose of the board its own capture.",
-            capture.id,
+            need, plural("{count} file", "{count} files", by="count", count=len(capture.files)), to_do, capture.id
         )
     return seen_once(StripeCenters, capture.files, read, None, lambda: _stripe(capture, read))
 

@@ -22,12 +22,8 @@ def camera_of(session: Session, read: ReadFile) -> tuple[CameraModel, CameraResu
 def require_captures_of(session: Session, stage: StageName, what: str, known: str) -> None:
     """Raise InputError where a session has no captures that a stage takes, of which frames need the result."""
     if not any(not capture.excluded for capture in stage_captures(session, stage)):
+        got = "neither {known} nor captures with step '{stage}'"
+        to_do = "Capture the board for '{stage}', or bring {known}."
         raise InputError(
-            "{what} to turn frames into points",
-            "neither {known} nor captures with step '{stage}'",
-            "Capture the board for '{stage}', or bring {known}.",
-            "session.json",
-            what=what,
-            known=known,
-            stage=stage,
+            "{what} to turn frames into points", got, to_do, "session.json", what=what, known=known, stage=stage
         )

@@ -84,14 +84,9 @@ class Placement:
             return self.mount_from_laser
         name = scanner_name(self.cell, capture)
         if name not in self.mounts:
-            raise InputError(
-                "where the scanner '{scanner}' is, since a scan is of it",
-                "only {known}",
-                "Capture the sphere with this scanner, too, or exclude its scans.",
-                capture.id,
-                scanner=name,
-                known=", ".join(self.mounts),
-            )
+            need = "where the scanner '{scanner}' is, since a scan is of it"
+            to_do = "Capture the sphere with this scanner, too, or exclude its scans."
+            raise InputError(need, "only {known}", to_do, capture.id, scanner=name, known=", ".join(self.mounts))
         return self.mounts[name]
 
     @property
@@ -140,12 +135,8 @@ class Placement:
         if self.base_from_turntable is None:
             return stands.inverse()
         if capture.table_deg is None:
-            raise InputError(
-                "the table's angle in the scan's field 'table_deg'",
-                "none",
-                "Read it from the table and add it; 0 where the table was not turned.",
-                capture.id,
-            )
+            to_do = "Read it from the table and add it; 0 where the table was not turned."
+            raise InputError("the table's angle in the scan's field 'table_deg'", "none", to_do, capture.id)
         angle = self.direction * self.scale * float(np.deg2rad(capture.table_deg))
         back = RigidTransform.of([0.0, 0.0, -angle], [0.0, 0.0, 0.0], "turntable", "turntable")
         return back @ self.base_from_turntable.inverse()
@@ -221,12 +212,9 @@ def _carrier(cell: Cell, captures: Sequence[Capture]) -> str:
 
 def _placed(edge: MovedAxis, found: Mapping[str, Any]) -> PlacedAxis:
     if found["axis_point_mm"] and not np.isfinite(np.array(found["axis_point_mm"], dtype=float)).all():
-        raise InputError(
-            "the place of the axis '{axis}'",
-            "one that the captures leave open",
-            "Turn the flange between captures of the sphere, then solve again.",
-            axis=edge.name,
-        )
+        need = "the place of the axis '{axis}'"
+        to_do = "Turn the flange between captures of the sphere, then solve again."
+        raise InputError(need, "one that the captures leave open", to_do, axis=edge.name)
     direction = np.array(found["axis_direction"], dtype=float)
     point = np.array(found["axis_point_mm"] or [0.0, 0.0, 0.0], dtype=float)
     frame = RigidTransform.of(with_third(direction / np.linalg.norm(direction)), point, "base", "turntable")

@@ -77,12 +77,9 @@ def _require_unit(cell: Cell, captures: Sequence[Capture]) -> None:
             far=far,
         )
     if convention.form == "rotation-vector" and np.linalg.norm(numbers[:, 3:], axis=1).max() > 1.1 * _TURN_RAD:
-        raise InputError(
-            "rotation vectors in radians",
-            "one of more than a full turn: it looks like degrees",
-            "Multiply rx ry rz by π/180.",
-            where,
-        )
+        need = "rotation vectors in radians"
+        to_do = "Multiply rx ry rz by π/180."
+        raise InputError(need, "one of more than a full turn: it looks like degrees", to_do, where)
 
 
 def angles_look_like_radians(cell: Cell, captures: Sequence[Capture]) -> bool:

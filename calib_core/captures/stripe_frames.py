@@ -42,12 +42,9 @@ def see_profile_frame(session: Session, capture: Capture, read: ReadFile) -> See
         If no stripe is seen.
     """
     if len(capture.files) != 1:
-        raise InputError(
-            "one frame in a capture of the sphere",
-            plural("{count} file", "{count} files", by="count", count=len(capture.files)),
-            "Give each its own capture.",
-            capture.id,
-        )
+        got = plural("{count} file", "{count} files", by="count", count=len(capture.files))
+        to_do = "Give each its own capture."
+        raise InputError("one frame in a capture of the sphere", got, to_do, capture.id)
     frame, calibration = read_frame(capture, read), calibration_of(session, read)
     try:
         found = stripe_in_frame(frame, calibration)

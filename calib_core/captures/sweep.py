@@ -36,12 +36,8 @@ def sweep_poses(cell: Cell, capture: Capture) -> list[RigidTransform]:
             for place, numbers in enumerate(capture.poses)
         ]
     if capture.timestamps_s is None or capture.pose_track is None:
-        raise InputError(
-            "'poses', or 'timestamps_s' with 'pose_track', in a sweep",
-            "neither",
-            "Add the robot's pose for each file, or the times and the track to interpolate in.",
-            capture.id,
-        )
+        to_do = "Add the robot's pose for each file, or the times and the track to interpolate in."
+        raise InputError("'poses', or 'timestamps_s' with 'pose_track', in a sweep", "neither", to_do, capture.id)
     _require_count(len(capture.timestamps_s), count, "timestamps_s", capture)
     track = [
         parse_pose(cell.pose_convention, sample.pose, f"{capture.id}: pose_track[{place}]")
@@ -93,11 +89,6 @@ def sweep_profile(
 
 def _require_count(got: int, files: int, field: str, capture: Capture) -> None:
     if got != files:
-        raise InputError(
-            "as many {field} as files, {files}",
-            f"{got}",
-            "Give one for each, in their order.",
-            capture.id,
-            field=field,
-            files=files,
-        )
+        need = "as many {field} as files, {files}"
+        to_do = "Give one for each, in their order."
+        raise InputError(need, f"{got}", to_do, capture.id, field=field, files=files)

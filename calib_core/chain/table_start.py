@@ -171,12 +171,9 @@ def _require_motion(readings: TableReadings, centers: FloatArray) -> None:
         spread = nearest_side(places.reshape(-1, 3), places)
         distances.append(float(np.median(spread, axis=1).min()))
     if distances and max(distances) < _STILL_MM:
-        raise MotionError(
-            "a sphere that moves when the table turns",
-            "one that stays within {most:.2f} mm: it stands on the axis, or the table did not turn",
-            "Mount it well off the axis (80 mm or more) and check that the table turns between captures.",
-            most=max(distances),
-        )
+        got = "one that stays within {most:.2f} mm: it stands on the axis, or the table did not turn"
+        to_do = "Mount it well off the axis (80 mm or more) and check that the table turns between captures."
+        raise MotionError("a sphere that moves when the table turns", got, to_do, most=max(distances))
 
 
 def _require_one_place(

@@ -326,12 +326,9 @@ def _by_paper(tool: KnownTool) -> Mounts:
 
 def _require_captures(observations: Sequence[TableObservation]) -> None:
     if len(observations) < _LEAST_CAPTURES:
-        raise MotionError(
-            "at least {least_captures} captures of the sphere on the turntable (better 8 at each of 2 heights)",
-            str(len(observations)),
-            "Turn the table by 45° and capture the sphere again, all around; then do so at a second height.",
-            least_captures=_LEAST_CAPTURES,
-        )
+        need = "at least {least_captures} captures of the sphere on the turntable (better 8 at each of 2 heights)"
+        to_do = "Turn the table by 45° and capture the sphere again, all around; then do so at a second height."
+        raise MotionError(need, str(len(observations)), to_do, least_captures=_LEAST_CAPTURES)
 
 
 def _with_still_robot(observations: Sequence[TableObservation], options: TurntableOptions) -> TurntableOptions:

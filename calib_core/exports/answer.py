@@ -83,12 +83,9 @@ class Answer:
     def tool(self) -> RigidTransform:
         """The scanner's pose on the flange; raises ConflictError where it stands still: it is no tool then."""
         if self.mount_from_laser.into != "tool0":
-            raise ConflictError(
-                "a scanner on the flange, which a controller knows as a tool",
-                "one that stands still: base_from_laser",
-                "Export it as a user frame of its brand, or as json, csv or for ROS.",
-                self.stage,
-            )
+            need = "a scanner on the flange, which a controller knows as a tool"
+            to_do = "Export it as a user frame of its brand, or as json, csv or for ROS."
+            raise ConflictError(need, "one that stands still: base_from_laser", to_do, self.stage)
         return self.mount_from_laser
 
     tool0_from_laser = tool  # by the name of the field, for exports of others
@@ -165,12 +162,9 @@ class Answer:
     def require_placed(self) -> None:
         """Raise ConflictError where the motions leave open where scanner and table are."""
         if self.is_open:
-            raise ConflictError(
-                "a scanner whose position on the flange is determined",
-                "one whose position the motions leave open",
-                "Tilt the flange by 10 to 30° about two axes and capture again, or measure the position.",
-                self.stage,
-            )
+            need = "a scanner whose position on the flange is determined"
+            to_do = "Tilt the flange by 10 to 30° about two axes and capture again, or measure the position."
+            raise ConflictError(need, "one whose position the motions leave open", to_do, self.stage)
 
 
 def _worst(covariance: FloatArray) -> float:

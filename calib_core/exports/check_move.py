@@ -101,13 +101,8 @@ def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
     if free_mm < _LEAST_FREE_MM:
         got = message("one {free_mm:.0f} mm from the sphere's surface", free_mm=free_mm)
         to_do = message("Look at the captures: the scanner would touch the sphere.")
-        raise InputError(
-            "a scanner's origin {least_free_mm:g} mm off the sphere",
-            got,
-            to_do,
-            answer.stage,
-            least_free_mm=_LEAST_FREE_MM,
-        )
+        need = "a scanner's origin {least_free_mm:g} mm off the sphere"
+        raise InputError(need, got, to_do, answer.stage, least_free_mm=_LEAST_FREE_MM)
     away = -point / np.linalg.norm(point)  # from the sphere to the scanner's origin, in L
     targets = tuple(
         CheckTarget(name, target, _placed(rotation, center + rotation @ away * settings.approach_mm, point))

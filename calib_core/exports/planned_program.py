@@ -47,23 +47,15 @@ def planned_program(session: Session, plan: PoseList, brand: str) -> PlannedProg
     """
     entry = next((e for e in all_exports() if isinstance(e, MoveExport) and e.brand == brand), None)
     if entry is None:
-        raise InputError(
-            "a brand among {program_brands}",
-            f"'{brand}'",
-            "Name one of these.",
-            "brand",
-            program_brands=", ".join(program_brands()),
-        )
+        need = "a brand among {program_brands}"
+        to_do = "Name one of these."
+        raise InputError(need, f"'{brand}'", to_do, "brand", program_brands=", ".join(program_brands()))
     approaches = [pose.approach_numbers for pose in plan.poses]
     stops: list[Stop] = []
     for number, (pose, approach) in enumerate(zip(plan.poses, approaches, strict=True), start=1):
         if approach is None:
-            raise ConflictError(
-                "a tool that is known to ± 10 mm",
-                "one that is known less well",
-                "Drive to the first poses by hand, or give `cell.nominal.tool_sigma_mm` from a drawing.",
-                "planned",
-            )
+            to_do = "Drive to the first poses by hand, or give `cell.nominal.tool_sigma_mm` from a drawing."
+            raise ConflictError("a tool that is known to ± 10 mm", "one that is known less well", to_do, "planned")
         title = f"pose {number}"
         if pose.higher_mm:
             title += f", fix the sphere {pose.higher_mm:+.0f} mm higher first"

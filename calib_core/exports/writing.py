@@ -155,12 +155,10 @@ def marked(content: str | bytes, answer: Answer, entry: Export) -> str | bytes:
     try:
         text = data.decode()
     except UnicodeDecodeError:
+        need = "an answer without faults for a format that is no text and does not mark it"
+        to_do = "Mend the answer, or choose another format."
         raise ConflictError(
-            "an answer without faults for a format that is no text and does not mark it",
-            "one with {faults}",
-            "Mend the answer, or choose another format.",
-            entry.name,
-            faults=", ".join(answer.all_faults),
+            need, "one with {faults}", to_do, entry.name, faults=", ".join(answer.all_faults)
         ) from None
     return "".join(f"{entry.comment} {line}\n" for line in _faults_told(answer)) + text
 

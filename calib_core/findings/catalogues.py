@@ -26,11 +26,8 @@ def catalogue(language: str) -> Catalogue:
     if language == "en":
         return ENGLISH
     if language not in LANGUAGES:
-        raise InputError(
-            message("a language among {names}", names=", ".join(LANGUAGES)),
-            f"'{language}'",
-            message("Name one of these."),
-        )
+        to_do = message("Name one of these.")
+        raise InputError(message("a language among {names}", names=", ".join(LANGUAGES)), f"'{language}'", to_do)
     texts: dict[str, list[str]] = {}
     rule = "0"
     for content in _contents(language):

@@ -63,9 +63,6 @@ CODES: Final[Mapping[str, Code]] = _Table()
 def code_named(name: str) -> Code:
     """Return a code; raises NotFoundError where there is none of this name."""
     if name not in CODES:
-        raise NotFoundError(
-            message("a code of a finding"),
-            f"'{name}'",
-            message("Run `scancell findings`, or GET findings, for the list."),
-        )
+        to_do = message("Run `scancell findings`, or GET findings, for the list.")
+        raise NotFoundError(message("a code of a finding"), f"'{name}'", to_do)
     return CODES[name]

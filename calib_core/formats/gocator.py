@@ -98,26 +98,16 @@ def _sections(text: str, where: str) -> list[_Section]:
         elif name:
             lines.append(line)
     if name:
-        raise InputError(
-            "the line 'End' of the section {name}",
-            "the end of the file",
-            "Copy or export it again.",
-            where,
-            name=name,
-        )
+        to_do = "Copy or export it again."
+        raise InputError("the line 'End' of the section {name}", "the end of the file", to_do, where, name=name)
     return found
 
 
 def _profile(section: _Section, where: str, settings: GocatorSettings, kind: PointKind | None) -> Reading:
     place = next((k for k, line in enumerate(section.lines) if "Axis" in _fields(line)), None)
     if place is None:
-        raise InputError(
-            "a column named Axis in the section {section}",
-            "none",
-            "Copy or export it again.",
-            where,
-            section=section.name,
-        )
+        need = "a column named Axis in the section {section}"
+        raise InputError(need, "none", "Copy or export it again.", where, section=section.name)
     header = _fields(section.lines[place])
     rows = _rows(section, place, header, where)
     rows = _of(rows, "Source", settings.source, where)
@@ -164,15 +154,9 @@ def _rows(section: _Section, place: int, header: list[str], where: str) -> list[
             text = fields[header.index(named)] if named in header[:axis_at] else "0"
             value = number_of(text)
             if value is None:
-                raise InputError(
-                    "a number under {named}",
-                    "{bad!r} in line {line}",
-                    "Correct it.",
-                    where,
-                    named=named,
-                    bad=text,
-                    line=number,
-                )
+                need = "a number under {named}"
+                to_do = "Correct it."
+                raise InputError(need, "{bad!r} in line {line}", to_do, where, named=named, bad=text, line=number)
             row[named] = value
         rows.append(row)
     return rows
@@ -222,13 +206,8 @@ def _surface(section: _Section, where: str, settings: GocatorSettings) -> Readin
     lines = section.lines[2:]  # behind the attributes
     head = grid_head(lines)
     if head is None:
-        raise InputError(
-            "a line of x values in the section {section}",
-            "none",
-            "Copy or export it again.",
-            where,
-            section=section.name,
-        )
+        to_do = "Copy or export it again."
+        raise InputError("a line of x values in the section {section}", "none", to_do, where, section=section.name)
     first = section.first_line + 2 + head.place + 1
     table = parse_table("\n".join(lines[head.place + 1 :]), where, _EXAMPLE, first)
     told = Settings(unit=settings.unit)

@@ -127,13 +127,8 @@ def _require_plausible(data: bytes, name: str) -> bool:
     header_size, first_point, records = struct.unpack_from("<HII", data, 94)
     packed = bool(data[104] & 0xC0)
     if not _HEADER <= header_size <= first_point <= len(data):
-        raise InputError(
-            "a whole LAS or LAZ file",
-            "points that begin at byte {first_point}",
-            _TO_DO,
-            name,
-            first_point=first_point,
-        )
+        need = "a whole LAS or LAZ file"
+        raise InputError(need, "points that begin at byte {first_point}", _TO_DO, name, first_point=first_point)
     if records * _RECORD_HEAD > first_point - header_size:
         raise InputError(
             "a whole LAS or LAZ file", "{records} records before the points", _TO_DO, name, records=records

@@ -44,14 +44,8 @@ def read(data: bytes, name: str, settings: OpenCvSettings, kind: PointKind | Non
     nodes = _nodes(decode_text(data, name, _EXAMPLE), name)
     if settings.node is not None and settings.node not in nodes:
         there = ", ".join(list(nodes)[:20]) or "none"
-        raise InputError(
-            "points under '{node}'",
-            "points under {there}",
-            "Name one of these.",
-            name,
-            node=settings.node,
-            there=there,
-        )
+        need = "points under '{node}'"
+        raise InputError(need, "points under {there}", "Name one of these.", name, node=settings.node, there=there)
     fitting = {settings.node: nodes[settings.node]} if settings.node else _likeliest(nodes)
     if len(fitting) != 1:
         got = f"{len(fitting)}: {', '.join(list(fitting)[:20])}" if fitting else message("none")

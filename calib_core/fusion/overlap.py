@@ -274,14 +274,9 @@ def overlap(seen: Patches, errors: PoseErrors | None = None) -> Overlap:
     count = len(seen.names)
     e = errors or PoseErrors.none(count)
     if len(e.common) != count or len(e.own) != count:
-        raise InputError(
-            "the errors of {count} scans",
-            "those of {count_other}",
-            "Give one for each, in their order.",
-            "errors",
-            count=count,
-            count_other=len(e.own),
-        )
+        need = "the errors of {count} scans"
+        to_do = "Give one for each, in their order."
+        raise InputError(need, "those of {count_other}", to_do, "errors", count=count, count_other=len(e.own))
     totals = np.zeros((count, _TOTALS))
     cut = 0.5 * seen.size_mm
     rows = (seen.bounds, seen.scans, seen.points_mm, seen.normals, seen.variances_mm2)

@@ -57,31 +57,20 @@ class Scan:
                 self.name,
             )
         if poses.shape not in ((len(points), 4, 4), (1, 4, 4)):
+            need = "one pose for the scan or one for each of its {count} profiles"
+            to_do = "Give as many poses as profiles: a profile or a pose is missing."
             raise InputError(
-                "one pose for the scan or one for each of its {count} profiles",
-                "{count_other} poses",
-                "Give as many poses as profiles: a profile or a pose is missing.",
-                self.name,
-                count=len(points),
-                count_other=len(poses),
+                need, "{count_other} poses", to_do, self.name, count=len(points), count_other=len(poses)
             )
         if not np.isfinite(poses).all():
             raise InputError("finite poses", "NaN or infinity", "Check where the poses come from.", self.name)
         if not (np.isfinite(self.point_sigma_mm) and self.point_sigma_mm > 0):
-            raise InputError(
-                "a positive point_sigma_mm",
-                f"{self.point_sigma_mm}",
-                "State the scanner's noise in mm.",
-                self.name,
-            )
+            to_do = "State the scanner's noise in mm."
+            raise InputError("a positive point_sigma_mm", f"{self.point_sigma_mm}", to_do, self.name)
         if not np.isfinite(points).all(axis=2).any():
-            raise InputError(
-                "a scan with points",
-                "{count} blanks: nothing came back to the scanner",
-                "Take the scan again, or exclude it.",
-                self.name,
-                count=points.shape[0] * points.shape[1],
-            )
+            got = "{count} blanks: nothing came back to the scanner"
+            to_do = "Take the scan again, or exclude it."
+            raise InputError("a scan with points", got, to_do, self.name, count=points.shape[0] * points.shape[1])
 
     @property
     def spacing_mm(self) -> float:

@@ -179,13 +179,8 @@ def _given(root: Path) -> list[GivenFile]:
             left -= len(data)
             given.append(GivenFile(shown, data, size))
         if len(given) > _MOST_FILES:
-            raise InputError(
-                "at most {most_files} files",
-                "more",
-                "Name the session's folder.",
-                str(root),
-                most_files=_MOST_FILES,
-            )
+            to_do = "Name the session's folder."
+            raise InputError("at most {most_files} files", "more", to_do, str(root), most_files=_MOST_FILES)
     return given
 
 

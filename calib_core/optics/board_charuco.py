@@ -106,12 +106,9 @@ def _detect(grey: NDArray[np.uint8], board: Board, legacy: bool) -> _Detected:
 def markers_of(board: Board) -> tuple[float, Any]:
     """Return the side of a ChArUco board's markers, mm, and their dictionary; raises InputError without them."""
     if board.marker_mm is None or board.dictionary is None:
-        raise InputError(
-            "marker_mm and dictionary of a ChArUco board",
-            "a board without them",
-            "Add both to cell.board, as printed on the board (dictionary: for example DICT_5X5_100).",
-            "cell.board",
-        )
+        need = "marker_mm and dictionary of a ChArUco board"
+        to_do = "Add both to cell.board, as printed on the board (dictionary: for example DICT_5X5_100)."
+        raise InputError(need, "a board without them", to_do, "cell.board")
     return board.marker_mm, _dictionary_named(board.dictionary)
 
 
@@ -123,13 +120,8 @@ def _dictionary_named(name: str):
     code = getattr(cv2.aruco, full, None)
     if code is None:
         known = sorted(n for n in dir(cv2.aruco) if n.startswith("DICT_"))
-        raise InputError(
-            "a marker dictionary among {known}",
-            repr(name),
-            "Name the one printed.",
-            "cell.board",
-            known=", ".join(known),
-        )
+        need = "a marker dictionary among {known}"
+        raise InputError(need, repr(name), "Name the one printed.", "cell.board", known=", ".join(known))
     return cv2.aruco.getPredefinedDictionary(code)
 
 

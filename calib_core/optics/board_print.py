@@ -59,15 +59,9 @@ def board_sheet(board: Board, paper: str | None = None) -> BoardSheet:
     sheets = [sheet for width_mm, height_mm in named for sheet in ((width_mm, height_mm), (height_mm, width_mm))]
     fitting = [size for size in sheets if size[0] >= room[0] and size[1] >= room[1]]
     if not fitting:
-        raise InputError(
-            "a sheet of at least {width:.0f} × {height:.0f} mm",
-            "{paper}",
-            "Take a larger sheet, fewer columns and rows, or a smaller pitch.",
-            "cell.board",
-            width=room[0],
-            height=room[1],
-            paper=paper or "A0",
-        )
+        need = "a sheet of at least {width:.0f} × {height:.0f} mm"
+        to_do = "Take a larger sheet, fewer columns and rows, or a smaller pitch."
+        raise InputError(need, "{paper}", to_do, "cell.board", width=room[0], height=room[1], paper=paper or "A0")
     size = fitting[0]
     left, top = (size[0] - width) / 2, (size[1] - height - 4 * _TEXT_MM) / 2
     below = top + height + 2 * _TEXT_MM
@@ -162,14 +156,9 @@ def _markers(board: Board) -> list[tuple[float, ...]]:
     marker_mm, words = markers_of(board)
     white = [(c, r) for r in range(board.rows) for c in range(board.columns) if (c + r) % 2]
     if len(white) > len(words.bytesList):
-        raise InputError(
-            "a dictionary of at least {count} markers",
-            "{dictionary}",
-            "Name a larger one, or take fewer columns and rows.",
-            "cell.board",
-            count=len(white),
-            dictionary=board.dictionary,
-        )
+        need = "a dictionary of at least {count} markers"
+        to_do = "Name a larger one, or take fewer columns and rows."
+        raise InputError(need, "{dictionary}", to_do, "cell.board", count=len(white), dictionary=board.dictionary)
     cells = int(words.markerSize) + 2
     cell_mm = marker_mm / cells
     found: list[tuple[float, ...]] = []

@@ -61,13 +61,9 @@ def grey_eight_bit(image: NDArray[Any]) -> Grey:
     import cv2
 
     if image.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16)) or image.ndim not in (2, 3) or image.size == 0:
-        raise InputError(
-            "a grey or colour image of 8 or 16 bit",
-            "{dtype} of shape {frame}",
-            "Save it as PNG or TIFF of 8 or 16 bit.",
-            dtype=image.dtype,
-            frame=image.shape,
-        )
+        need = "a grey or colour image of 8 or 16 bit"
+        to_do = "Save it as PNG or TIFF of 8 or 16 bit."
+        raise InputError(need, "{dtype} of shape {frame}", to_do, dtype=image.dtype, frame=image.shape)
     if image.ndim == 3:
         image = cv2.cvtColor(np.ascontiguousarray(image[:, :, :3]), cv2.COLOR_RGB2GRAY)
     if image.dtype == np.uint16:  # 10, 12 or 14 of its bits may be used: the frame's own range says
@@ -102,11 +98,8 @@ def refuse_flat_image(grey: Grey) -> None:
     if bright - dark >= _LEAST_CONTRAST:
         return
     if dark >= 250:
-        raise MeasurementError(
-            "a frame that shows the board",
-            "a saturated frame, white all over",
-            "Shorten the exposure or dim the laser or the lamps.",
-        )
+        to_do = "Shorten the exposure or dim the laser or the lamps."
+        raise MeasurementError("a frame that shows the board", "a saturated frame, white all over", to_do)
     got = (
         message("a black frame")
         if bright < 30

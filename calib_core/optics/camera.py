@@ -294,10 +294,6 @@ def _tell_nobody(_fraction: float, _what: str) -> None:
 
 def _require_views(count: int) -> None:
     if count < FEWEST_VIEWS:
-        raise MotionError(
-            "at least {fewest_views} views of the board, better 15",
-            "{count} of use",
-            "Take more views, the board tilted differently in each, all over the image.",
-            fewest_views=FEWEST_VIEWS,
-            count=count,
-        )
+        need = "at least {fewest_views} views of the board, better 15"
+        to_do = "Take more views, the board tilted differently in each, all over the image."
+        raise MotionError(need, "{count} of use", to_do, fewest_views=FEWEST_VIEWS, count=count)

@@ -71,11 +71,9 @@ def focal_lengths(homography: FloatArray, image_size: tuple[int, int]) -> tuple[
         inverse_squares = np.full(2, float(together @ right) / max(float(together @ together), 1e-300))
     largest = 50.0 * max(image_size)
     if not inverse_squares[0] > largest**-2:
-        raise MotionError(
-            "views in which the board is tilted, at best by 20 to 45 degrees about different axes",
-            "boards that all face the camera squarely, or points that fit no camera",
-            "Take more views with the board tilted.",
-        )
+        need = "views in which the board is tilted, at best by 20 to 45 degrees about different axes"
+        to_do = "Take more views with the board tilted."
+        raise MotionError(need, "boards that all face the camera squarely, or points that fit no camera", to_do)
     fx, fy = 1.0 / np.sqrt(inverse_squares)
     return float(fx), float(fy)
 

@@ -129,12 +129,9 @@ def solve_hand_eye(
         If there are too few frames, or all turns are about one axis.
     """
     if len(base_from_tool0) < _LEAST_FRAMES:
-        raise MotionError(
-            "frames of the lit, fixed board from at least {least_frames} robot poses",
-            f"{len(base_from_tool0)}",
-            "Take the lit board from more robot poses, turned differently.",
-            least_frames=_LEAST_FRAMES,
-        )
+        need = "frames of the lit, fixed board from at least {least_frames} robot poses"
+        to_do = "Take the lit board from more robot poses, turned differently."
+        raise MotionError(need, f"{len(base_from_tool0)}", to_do, least_frames=_LEAST_FRAMES)
     position = USUAL_POSITION_SIGMA_MM if position_sigma_mm is None else max(position_sigma_mm, 1e-4)
     turning = USUAL_ORIENTATION_SIGMA_RAD if orientation_sigma_rad is None else max(orientation_sigma_rad, 1e-6)
     usual = np.array([position, turning])
@@ -168,11 +165,9 @@ def require_two_axes(robots: Sequence[RigidTransform]) -> None:
     turns_rad = np.array([(robots[0].inverse() @ robot).rotation_vector_rad for robot in robots[1:]])
     spread = np.linalg.svd(turns_rad, compute_uv=False) / np.sqrt(len(turns_rad))
     if spread[0] < _LEAST_TURN_RAD or spread[1] < _LEAST_SECOND_AXIS * spread[0]:
-        raise MotionError(
-            "frames of the lit, fixed board at robot poses turned about axes that are not parallel",
-            "turns about one axis, or none",
-            "Take the lit board with the flange turned by 20° about different axes.",
-        )
+        need = "frames of the lit, fixed board at robot poses turned about axes that are not parallel"
+        to_do = "Take the lit board with the flange turned by 20° about different axes."
+        raise MotionError(need, "turns about one axis, or none", to_do)
 
 
 def _start(robots: Sequence[RigidTransform], boards: Sequence[RigidTransform], camera_size: int) -> State:

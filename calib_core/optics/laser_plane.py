@@ -93,11 +93,8 @@ def oriented_plane(normal: ArrayLike, distance_mm: float) -> tuple[FloatArray, f
         raise InputError("a plane's normal of three finite numbers and its distance", str(normal), "Correct it.")
     n, d = n / length, distance_mm / length
     if abs(d) < 1e-6:
-        raise InputError(
-            "a plane of light beside the camera's centre",
-            "one that runs through it",
-            "Check the plane: such a laser would give the camera no parallax.",
-        )
+        to_do = "Check the plane: such a laser would give the camera no parallax."
+        raise InputError("a plane of light beside the camera's centre", "one that runs through it", to_do)
     return (n, d) if d > 0 else (-n, -d)
 
 
@@ -169,12 +166,9 @@ def fit_plane(lines: Sequence[BoardLine]) -> PlaneFit:
     """
     usable = [line for line in lines if len(line.points_in_camera_mm) >= _LEAST_POINTS_PER_LINE]
     if len(usable) < 2:
-        raise MotionError(
-            "the stripe on at least two boards, better five at different distances",
-            "{count} with a measurable line on the board",
-            "Capture the board with the stripe on it at other distances and tilts.",
-            count=len(usable),
-        )
+        need = "the stripe on at least two boards, better five at different distances"
+        to_do = "Capture the board with the stripe on it at other distances and tilts."
+        raise MotionError(need, "{count} with a measurable line on the board", to_do, count=len(usable))
     points = np.concatenate([line.points_in_camera_mm for line in lines])
     counts = np.array([len(line.points_in_camera_mm) for line in lines])
     sigma = np.concatenate([line.sigma_mm for line in lines])
@@ -278,12 +272,9 @@ def _weighted_plane(points: FloatArray, weight: FloatArray) -> tuple[FloatArray,
 def _require_width(length_mm: float, width_mm: float, scale_mm: float) -> None:
     if width_mm > max(0.01 * length_mm, 3.0 * scale_mm):
         return
-    raise MotionError(
-        "the stripe on boards at different distances",
-        "lines that all lie within {width_mm:.2f} mm of one straight line, through which many planes run",
-        "Capture the board nearer and farther away, and tilted.",
-        width_mm=2 * width_mm,
-    )
+    got = "lines that all lie within {width_mm:.2f} mm of one straight line, through which many planes run"
+    to_do = "Capture the board nearer and farther away, and tilted."
+    raise MotionError("the stripe on boards at different distances", got, to_do, width_mm=2 * width_mm)
 
 
 def _largest_angle_deg(lines: Sequence[BoardLine]) -> float:

@@ -69,12 +69,8 @@ def view_of(
     if dark is not None:
         _require_image(dark, "dark frame")
         if dark.shape != image.shape or dark.dtype != image.dtype:
-            raise InputError(
-                "a dark frame like the lit one, {image}",
-                _words(dark),
-                "Take both frames with the same camera settings.",
-                image=_words(image),
-            )
+            to_do = "Take both frames with the same camera settings."
+            raise InputError("a dark frame like the lit one, {image}", _words(dark), to_do, image=_words(image))
         image, level, zero = _difference(image, dark, level)
     channels = _channels(image, color)
     if len(channels) == 1 and axis is None and channels[0].flags.c_contiguous:
@@ -147,29 +143,14 @@ def _narrow(saturated: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _require_image(image: ImageArray, where: str) -> None:
     if image.dtype != np.uint8 and image.dtype != np.uint16:
-        raise InputError(
-            "an image of 8 or 16 bit",
-            "numbers of type {dtype}",
-            "Save it as PNG or TIFF of 8 or 16 bit.",
-            where,
-            dtype=image.dtype,
-        )
+        to_do = "Save it as PNG or TIFF of 8 or 16 bit."
+        raise InputError("an image of 8 or 16 bit", "numbers of type {dtype}", to_do, where, dtype=image.dtype)
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
-        raise InputError(
-            "a grey or a three-colour image",
-            "an array of shape {shape}",
-            "Give one frame.",
-            where,
-            shape=image.shape,
-        )
+        need = "a grey or a three-colour image"
+        raise InputError(need, "an array of shape {shape}", "Give one frame.", where, shape=image.shape)
     if min(image.shape[:2]) < _SMALLEST_PX or max(image.shape[:2]) > _LARGEST_PX:
-        raise InputError(
-            "an image at least {smallest_px:g} pixels high and wide",
-            _words(image),
-            "Give the whole frame.",
-            where,
-            smallest_px=_SMALLEST_PX,
-        )
+        need = "an image at least {smallest_px:g} pixels high and wide"
+        raise InputError(need, _words(image), "Give the whole frame.", where, smallest_px=_SMALLEST_PX)
 
 
 def _words(image: ImageArray) -> str:

@@ -31,12 +31,8 @@ def convention_named(name: str) -> Convention:
         That lists the names, if there is none of this name.
     """
     if name not in CONVENTIONS:
-        raise InputError(
-            "one of the pose conventions {conventions}",
-            repr(name),
-            "Name the controller's convention.",
-            conventions=", ".join(CONVENTIONS),
-        )
+        need = "one of the pose conventions {conventions}"
+        raise InputError(need, repr(name), "Name the controller's convention.", conventions=", ".join(CONVENTIONS))
     return CONVENTIONS[name]
 
 
@@ -72,13 +68,9 @@ def parse_pose(convention: str, numbers: Sequence[float], where: str = "") -> Ri
     values = np.array([float(v) for v in numbers])
     if not np.isfinite(values).all():
         bad = known.numbers.split()[int(np.argmin(np.isfinite(values)))]
-        raise InputError(
-            "a pose of finite numbers ({numbers})",
-            f"{bad} = {values[~np.isfinite(values)][0]}",
-            "Read the pose from the controller again.",
-            where,
-            numbers=known.numbers,
-        )
+        need = "a pose of finite numbers ({numbers})"
+        to_do = "Read the pose from the controller again."
+        raise InputError(need, f"{bad} = {values[~np.isfinite(values)][0]}", to_do, where, numbers=known.numbers)
     try:
         return _read(convention, values.tobytes())
     except InputError as error:

@@ -173,13 +173,9 @@ def _fields(line: str) -> list[str]:
 
 def _value(field: str, unit: Unit | None, line: int, where: str) -> float:
     if not NUMBER.match(field):
+        need = "numbers ({example})"
+        to_do = "Correct this line."
         raise InputError(
-            "numbers ({example})",
-            "{word} in line {number}",
-            "Correct this line.",
-            where,
-            example="x,y,z",
-            word=shown_line(field),
-            number=line,
+            need, "{word} in line {number}", to_do, where, example="x,y,z", word=shown_line(field), number=line
         )
     return float(field) * (1.0 if unit is None else MM_PER_UNIT[unit])

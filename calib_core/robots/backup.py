@@ -48,13 +48,8 @@ def read_controller_files(
     named = brand or ("table" if told.columns or told.convention else None)
     chosen = (BRANDS.get(named, "brand") if named else brand_of(opened, where)).telling(told)
     if not chosen.reads:
-        raise InputError(
-            "a brand with a reader: {readers}",
-            f"'{chosen.name}'",
-            "Name one of these.",
-            "brand",
-            readers=_readers(),
-        )
+        need = "a brand with a reader: {readers}"
+        raise InputError(need, f"'{chosen.name}'", "Name one of these.", "brand", readers=_readers())
     alone = len(opened) == 1
     found: list[Found] = []
     for name, data in sorted(opened.items()):

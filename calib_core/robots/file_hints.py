@@ -48,13 +48,8 @@ class Told:
                     "one of {names}", f"'{name}'", "Say it as NAME=VALUE.", "told", names=", ".join(names)
                 )
             if len(word) > _LONGEST:
-                raise InputError(
-                    "at most {longest} characters",
-                    f"{len(word)}",
-                    "Shorten it.",
-                    f"told: {name}",
-                    longest=_LONGEST,
-                )
+                need = "at most {longest} characters"
+                raise InputError(need, f"{len(word)}", "Shorten it.", f"told: {name}", longest=_LONGEST)
         if words.get("unit", "mm") not in _UNITS:
             raise InputError("mm or m", f"'{words['unit']}'", "Name one of these.", "told: unit")
         plain = {name: word for name, word in words.items() if word and name != "columns"}

@@ -238,14 +238,9 @@ def _looked_up(
         return None, message(
             "Taken as written, with {what} {number}, which the file does not define.", what=what, number=number
         )
-    raise InputError(
-        "",
-        "taught with {what} {number}, which the file does not define",
-        "Give the file that defines it as well ({definitions}), or record the flange in the base.",
-        what=what,
-        number=number,
-        definitions=brand.definitions,
-    )
+    got = "taught with {what} {number}, which the file does not define"
+    to_do = "Give the file that defines it as well ({definitions}), or record the flange in the base."
+    raise InputError("", got, to_do, what=what, number=number, definitions=brand.definitions)
 
 
 def _key(number: Reference, group: int = 1) -> str:

@@ -46,13 +46,8 @@ def source_of(data: bytes, name: str) -> Source:
         If it is no text, or too large to be a controller's file.
     """
     if len(data) > _LARGEST_BYTES:
-        raise InputError(
-            "a controller's file of at most 64 MB",
-            "{count:.0f} MB",
-            "Give one file.",
-            name,
-            count=len(data) / 1000000.0,
-        )
+        need = "a controller's file of at most 64 MB"
+        raise InputError(need, "{count:.0f} MB", "Give one file.", name, count=len(data) / 1000000.0)
     text = decoded(data)
     if "\0" in text:
         to_do = message("Give the file as text, as the controller's backup or its editor writes it.")

@@ -128,11 +128,8 @@ def _sample(points: FloatArray) -> FloatArray:
         sample = points if len(points) <= _SAMPLE_POINTS else points[_stretches(len(points), _SAMPLE_POINTS)]
         finite = np.ones(len(sample), dtype=bool)
     if np.isinf(sample).any():
-        raise MeasurementError(
-            "finite numbers, or NaN where nothing came back",
-            "infinity in the cloud",
-            "Write blanks or NaN where the scanner saw nothing.",
-        )
+        to_do = "Write blanks or NaN where the scanner saw nothing."
+        raise MeasurementError("finite numbers, or NaN where nothing came back", "infinity in the cloud", to_do)
     sample = sample[finite]
     if len(sample) < LEAST_POINTS:
         raise MeasurementError(

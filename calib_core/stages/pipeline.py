@@ -41,13 +41,9 @@ def run(
     """
     if stage != "all":
         if stage not in STAGES.names():
-            raise InputError(
-                "a stage among all, {stages}",
-                f"'{stage}'",
-                "Name one of these.",
-                "stage",
-                stages=", ".join(s.name for s in stages()),
-            )
+            need = "a stage among all, {stages}"
+            to_do = "Name one of these."
+            raise InputError(need, f"'{stage}'", to_do, "stage", stages=", ".join(s.name for s in stages()))
         return {stage: solve_stage(session, stage, read, progress, store)}
     results: dict[str, Result] = {}
     kept = Kept(results=results)
@@ -144,13 +140,9 @@ def stage_input(
     """
     entry = STAGES.get(stage, "stage")
     if entry.is_brought(session):
-        raise InputError(
-            "a stage to solve, not '{stage}'",
-            "its result in cell.known",
-            "Remove it from cell.known to solve it.",
-            "cell.known",
-            stage=stage,
-        )
+        need = "a stage to solve, not '{stage}'"
+        to_do = "Remove it from cell.known to solve it."
+        raise InputError(need, "its result in cell.known", to_do, "cell.known", stage=stage)
     _require_captures(stage_captures(session, stage), entry)
     if stage not in optics_stages():
         require_consistent(session.cell, session.captures)

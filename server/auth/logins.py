@@ -106,11 +106,8 @@ class Logins:
         """
         row = self._row(db, token)
         if row is None:
-            raise LoginError(
-                "a good token",
-                "one that is unknown, expired or revoked",
-                "Check that all of it was pasted, or ask an admin of this server for a new one.",
-            )
+            to_do = "Check that all of it was pasted, or ask an admin of this server for a new one."
+            raise LoginError("a good token", "one that is unknown, expired or revoked", to_do)
         cookie = new_cookie()
         add_login(db, self._digest(cookie), row, lifetime)
         return _identity(row, "cookie"), cookie

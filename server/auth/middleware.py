@@ -85,12 +85,8 @@ class AuthMiddleware:
                 identity = found
             elif look_up == logins.by_token:
                 _refusals(scope).wrong_secret(act.address)
-                raise LoginError(
-                    "a good token",
-                    "one that is unknown, expired or revoked",
-                    "Ask an admin of this server for a new one.",
-                    "Authorization",
-                )
+                to_do = "Ask an admin of this server for a new one."
+                raise LoginError("a good token", "one that is unknown, expired or revoked", to_do, "Authorization")
         act.who, act.role, act.token_id = identity.name, identity.role.word, identity.token_id
         return identity
 
@@ -158,31 +154,20 @@ def _require(identity: Identity, scope: Scope, act: Act) -> None:
     if identity.role >= needed:
         _require_own_page(identity, scope)
     elif identity.role == Role.NOBODY:
-        raise LoginError(
-            "a login",
-            "a request without one",
-            "Log in at /login, or send a token: Authorization: Bearer scancell_…",
-            "request",
-        )
+        to_do = "Log in at /login, or send a token: Authorization: Bearer scancell_…"
+        raise LoginError("a login", "a request without one", to_do, "request")
     else:
-        raise ForbiddenError(
-            "the role {word}",
-            f"{identity.role.word} ({identity.name})",
-            "Ask an admin of this server for a token that may do this.",
-            "request",
-            word=needed.word,
-        )
+        need = "the role {word}"
+        to_do = "Ask an admin of this server for a token that may do this."
+        raise ForbiddenError(need, f"{identity.role.word} ({identity.name})", to_do, "request", word=needed.word)
 
 
 def _require_own_page(identity: Identity, scope: Scope) -> None:
     """Refuse what a cookie would change for a page that does not say whose it is."""
     if identity.by == "cookie" and not is_safe(scope) and "origin" not in Headers(scope=scope):
-        raise ForbiddenError(
-            "a request from this server's own pages",
-            "a login's cookie without an Origin",
-            "Programs send a token instead: Authorization: Bearer scancell_…",
-            "Origin",
-        )
+        need = "a request from this server's own pages"
+        to_do = "Programs send a token instead: Authorization: Bearer scancell_…"
+        raise ForbiddenError(need, "a login's cookie without an Origin", to_do, "Origin")
 
 
 def _act(scope: Scope) -> Act:

@@ -34,13 +34,8 @@ def apply_changes(db: Transaction, stored: StoredSession, changes: Changes) -> D
     for name, patch in changes.captures.items():
         fixed = [field for field in FIXED if field in patch]
         if fixed:
-            raise InputError(
-                "the '{name}' that the capture came with",
-                "something else",
-                "Upload it again.",
-                name,
-                name=fixed[0],
-            )
+            need = "the '{name}' that the capture came with"
+            raise InputError(need, "something else", "Upload it again.", name, name=fixed[0])
     session, undo = applied(stored.session, changes)
     of_cell = require_usable(stored.session, session)
     row = locked_session(db, stored.id)

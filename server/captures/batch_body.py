@@ -128,13 +128,8 @@ class _Body:
             length = len(self._held) - self._place
             if length > _MAX_LINE_BYTES:
                 to_do = message("Check the `sizes` of the capture before.")
-                raise InputError(
-                    "a line of at most {max_line_bytes} bytes",
-                    "a longer one",
-                    to_do,
-                    where,
-                    max_line_bytes=_MAX_LINE_BYTES,
-                )
+                need = "a line of at most {max_line_bytes} bytes"
+                raise InputError(need, "a longer one", to_do, where, max_line_bytes=_MAX_LINE_BYTES)
             if not await self._more():
                 return len(self._held)
             searched = self._place + length

@@ -50,14 +50,8 @@ def _of_one_cell(paths: Sequence[Path]) -> list["SolvedSession"]:
     cells = list(dict.fromkeys(cell for _, cell in found if cell))
     if len(cells) > 1:
         to_do = message("Name sessions of one cell: drift of two cells says nothing.")
-        raise InputError(
-            "sessions whose cell.id is the same",
-            "'{one}' and '{other}'",
-            to_do,
-            "SESSION",
-            one=cells[0],
-            other=cells[1],
-        )
+        need = "sessions whose cell.id is the same"
+        raise InputError(need, "'{one}' and '{other}'", to_do, "SESSION", one=cells[0], other=cells[1])
     return [session for session, _ in found]
 
 

@@ -104,12 +104,9 @@ def _check_origin(headers: Headers, host: str) -> None:
     origin = headers.get("origin")
     foreign = origin is not None and not is_same_origin(origin, host)
     if foreign or headers.get("sec-fetch-site") in ("cross-site", "same-site"):
-        raise ForbiddenError(
-            "a request from this server's own pages",
-            "one from {origin}",
-            "Open the workbench itself; programs leave the Origin header out.",
-            origin=origin or "another site",
-        )
+        need = "a request from this server's own pages"
+        to_do = "Open the workbench itself; programs leave the Origin header out."
+        raise ForbiddenError(need, "one from {origin}", to_do, origin=origin or "another site")
 
 
 def _with_headers(scope: Scope, send: Send) -> Send:

@@ -71,13 +71,9 @@ def named_files(record: dict[str, Any], uploads: list[tuple[str, bytes]]) -> dic
     if len(set(names)) != len(names):
         raise InputError("names that differ", "one that stands twice", "Name it once.", where)
     if len(names) != len(uploads):
-        raise InputError(
-            "as many files as the record names: {count}",
-            f"{len(uploads)}",
-            "Send each file of the record's `files` as a part named `files`.",
-            where,
-            count=len(names),
-        )
+        need = "as many files as the record names: {count}"
+        to_do = "Send each file of the record's `files` as a part named `files`."
+        raise InputError(need, f"{len(uploads)}", to_do, where, count=len(names))
     by_last_part = {PurePosixPath(name).name: content for name, content in uploads}
     if set(by_last_part) == {PurePosixPath(name).name for name in names} and len(by_last_part) == len(names):
         return {name: by_last_part[PurePosixPath(name).name] for name in names}

@@ -256,13 +256,8 @@ class Jobs:
             cancelled = update_job(db, job_id, "cancelled", "cancelled")
             job = job_data(job_row(db, job_id))
         if not cancelled and job["status"] != "cancelled":
-            raise ConflictError(
-                "a job that waits or runs",
-                "one that is {job}",
-                "There is nothing to cancel.",
-                job_id,
-                job=job["status"],
-            )
+            to_do = "There is nothing to cancel."
+            raise ConflictError("a job that waits or runs", "one that is {job}", to_do, job_id, job=job["status"])
         self.end(job_id)
         return job
 

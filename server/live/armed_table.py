@@ -84,14 +84,8 @@ class ArmedTable:
         """
         low, high = self.arming.low_deg, self.arming.high_deg
         if not low <= table_deg <= high:
-            raise InputError(
-                "an angle from {low:g}° to {high:g}°",
-                f"{table_deg:g}°",
-                "Stay within the limits.",
-                "table_deg",
-                low=low,
-                high=high,
-            )
+            need = "an angle from {low:g}° to {high:g}°"
+            raise InputError(need, f"{table_deg:g}°", "Stay within the limits.", "table_deg", low=low, high=high)
         if not self._turning.acquire(blocking=False):
             raise ConflictError("a table at rest", "one that turns", "Wait, or stop it.", "table_deg")
         try:

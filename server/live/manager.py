@@ -262,10 +262,6 @@ def require_live(cells: LiveCells, session_id: str) -> LiveCell:
     """Return a session's live cell; raises ConflictError where no device is connected."""
     live = cells.live(session_id)
     if live is None:
-        raise ConflictError(
-            "a device that is connected for this session",
-            "none",
-            "Connect one in the session's devices.",
-            "devices",
-        )
+        to_do = "Connect one in the session's devices."
+        raise ConflictError("a device that is connected for this session", "none", to_do, "devices")
     return live

@@ -229,20 +229,12 @@ def _times(readings: tuple[Frame, ...] | tuple[Sample, ...], by_device: bool) ->
 def _require_offset(speed_mm_s: float, clocks: MeasuredClocks, same_clocks: bool) -> None:
     offset, drift_s = clocks.offset, clocks.watch.drift_s
     if offset is None or not same_clocks:
-        raise ConflictError(
-            "the offset between the clocks, for a move at {speed_mm_s:.0f} mm/s",
-            "none",
-            "Measure the clocks' offset first, or capture at standstill.",
-            "clock-offset",
-            speed_mm_s=speed_mm_s,
-        )
+        need = "the offset between the clocks, for a move at {speed_mm_s:.0f} mm/s"
+        to_do = "Measure the clocks' offset first, or capture at standstill."
+        raise ConflictError(need, "none", to_do, "clock-offset", speed_mm_s=speed_mm_s)
     if clocks.watch.is_unsure:
-        raise ConflictError(
-            "clocks that were watched for three seconds since a device was away",
-            "fewer",
-            "Record again.",
-            "clock-offset",
-        )
+        need = "clocks that were watched for three seconds since a device was away"
+        raise ConflictError(need, "fewer", "Record again.", "clock-offset")
     if abs(drift_s) >= LEAST_DRIFT_S and abs(drift_s) * speed_mm_s > MOST_SHIFT_MM:
         raise ConflictError(
             "clocks that stand to each other as when their offset was measured",

@@ -67,11 +67,8 @@ class SessionNow:
         parts = known.model_dump_json(include={"camera", "laser_plane"})
         if self._calibration is None or self._calibration[0] != parts:
             if known.laser_plane is None:
-                raise InputError(
-                    "the plane of light, to make points of the stripe",
-                    "none",
-                    "Calibrate camera and laser plane first, or give them in the cell.",
-                )
+                to_do = "Calibrate camera and laser plane first, or give them in the cell."
+                raise InputError("the plane of light, to make points of the stripe", "none", to_do)
             self._calibration = parts, calibration_of(self._session, _no_file)
         return self._calibration[1]
 

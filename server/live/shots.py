@@ -28,13 +28,9 @@ def require_agreement(shot: Shot, rest: Rest) -> None:
     if shot.pose is None or own is None or is_resting([own, shot.pose], _POSES_AGREE_MM, _POSES_AGREE_RAD):
         return
     apart_mm = float(np.linalg.norm(own.translation_mm - shot.pose.translation_mm))
-    raise ConflictError(
-        "one pose from the robot's program and its source",
-        "two that are {apart_mm:.1f} mm apart",
-        "Send the flange's pose in the base: tool 0, base 0.",
-        "pose",
-        apart_mm=apart_mm,
-    )
+    need = "one pose from the robot's program and its source"
+    to_do = "Send the flange's pose in the base: tool 0, base 0."
+    raise ConflictError(need, "two that are {apart_mm:.1f} mm apart", to_do, "pose", apart_mm=apart_mm)
 
 
 def require_good(rest: Rest) -> None:

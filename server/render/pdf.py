@@ -116,13 +116,8 @@ def pdf_of(
                 "a browser that prints", "{program}, which wrote no PDF", instead, where, program=program
             )
         if target.stat().st_size > _LARGEST_BYTES:
-            raise InputError(
-                "a PDF of {largest_bytes} bytes at most",
-                "a larger one",
-                instead,
-                where,
-                largest_bytes=_LARGEST_BYTES,
-            )
+            need = "a PDF of {largest_bytes} bytes at most"
+            raise InputError(need, "a larger one", instead, where, largest_bytes=_LARGEST_BYTES)
         return target.read_bytes()
 
 

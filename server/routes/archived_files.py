@@ -69,24 +69,14 @@ def get_kept(
         kept = archived_files(db, session_id)
     if name not in kept:
         there = ", ".join(sorted(kept)) or "none"
-        raise NotFoundError(
-            "a file that the session's archive held ({there})",
-            repr(name[:80]),
-            "List them first.",
-            session_id,
-            there=there,
-        )
+        need = "a file that the session's archive held ({there})"
+        raise NotFoundError(need, repr(name[:80]), "List them first.", session_id, there=there)
     file = store.blobs.open(kept[name].sha256)
     if show:
         if name != REPORT_FILE or kept[name].size > _MOST_SHOWN_BYTES:
             file.close()
-            raise InputError(
-                "{report_file} to be shown",
-                repr(name[:80]),
-                "Leave `show` out and save it.",
-                "show",
-                report_file=REPORT_FILE,
-            )
+            to_do = "Leave `show` out and save it."
+            raise InputError("{report_file} to be shown", repr(name[:80]), to_do, "show", report_file=REPORT_FILE)
         with file:
             page = file.read().decode("utf-8", errors="replace")
         shown = _PAGE.format(name=REPORT_FILE, page=escape(page))

@@ -19,14 +19,9 @@ def size_of(files: list[UploadFile]) -> int:
     size = sum(file.size or 0 for file in files)
     if size > _MOST_BYTES or len(files) > _MOST_FILES:
         to_do = message("Send the files with programs, tools and frames alone.")
+        need = "at most {most_files} files and 256 MB"
         raise TooLargeError(
-            "at most {most_files} files and 256 MB",
-            "{count}, {size} bytes",
-            to_do,
-            "files",
-            most_files=_MOST_FILES,
-            count=len(files),
-            size=size,
+            need, "{count}, {size} bytes", to_do, "files", most_files=_MOST_FILES, count=len(files), size=size
         )
     return size
 

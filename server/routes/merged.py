@@ -181,13 +181,10 @@ def _deviation(stored: StoredSession, merged: MergedScans, against: Against) -> 
 def _require_millimetres(extent_mm: float, merge: MergeResult) -> None:
     scanned_mm = float(np.linalg.norm(np.subtract(merge.high_mm, merge.low_mm)))
     if extent_mm < _METRES * scanned_mm or extent_mm > scanned_mm / _METRES:
+        need = "a reference of about the size of what was scanned ({scanned_mm:.0f} mm across)"
+        to_do = "Export it in millimetres."
         raise InputError(
-            "a reference of about the size of what was scanned ({scanned_mm:.0f} mm across)",
-            "one of {extent_mm:.3g} mm",
-            "Export it in millimetres.",
-            "file",
-            scanned_mm=scanned_mm,
-            extent_mm=extent_mm,
+            need, "one of {extent_mm:.3g} mm", to_do, "file", scanned_mm=scanned_mm, extent_mm=extent_mm
         )
 
 

@@ -82,13 +82,8 @@ async def say(session_id: ExistingSession, request: Request, ports: RobotPortsDe
     """Take one line or XML element of a robot's program and answer with one, as its TCP port does."""
     body = await request.body()
     if len(body) > LONGEST_MESSAGE:
-        raise TooLargeError(
-            "at most {max_bytes} bytes",
-            f"{len(body)}",
-            "Send one at a time.",
-            "request",
-            max_bytes=LONGEST_MESSAGE,
-        )
+        need = "at most {max_bytes} bytes"
+        raise TooLargeError(need, f"{len(body)}", "Send one at a time.", "request", max_bytes=LONGEST_MESSAGE)
     act = acting_now(request.client.host if request.client else "")
     answer, xml = await ports.answer(session_id, body.decode("ascii", errors="replace"), act)
     return Response(answer.to_bytes(xml), media_type="application/xml" if xml else "text/plain")

@@ -152,13 +152,8 @@ def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Resp
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
     if stage not in stored.results:
-        raise NotFoundError(
-            "a stage that was solved",
-            "'{stage}', which was not",
-            "POST …/solve/{stage} first.",
-            "stage",
-            stage=stage,
-        )
+        to_do = "POST …/solve/{stage} first."
+        raise NotFoundError("a stage that was solved", "'{stage}', which was not", to_do, "stage", stage=stage)
     return JSONResponse(_as_read(stored, stored.results_with_stale())[stage])
 
 

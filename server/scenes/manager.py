@@ -108,12 +108,8 @@ class SceneManager:
         """Return what a scene is drawn from, whether it is open or not; raises NotFoundError."""
         scene = self._load(session_id)
         if scene is None:
-            raise NotFoundError(
-                "a session",
-                "the id '{session_id}', which none has",
-                "Take one of those that are listed.",
-                session_id=session_id,
-            )
+            to_do = "Take one of those that are listed."
+            raise NotFoundError("a session", "the id '{session_id}', which none has", to_do, session_id=session_id)
         return scene
 
     def live(self, session_id: str) -> LiveScene | None:

@@ -91,12 +91,9 @@ class Viewers:
         try:
             return client.get_render(height_px, width_px, transport_format="png", timeout=_PICTURE_S)
         except (RuntimeError, TimeoutError):
-            raise NotFoundError(
-                "a scene that somebody looks at",
-                "one that drew nothing in time",
-                "Bring the page with the scene to the front, then ask again.",
-                "viewer",
-            ) from None
+            need = "a scene that somebody looks at"
+            to_do = "Bring the page with the scene to the front, then ask again."
+            raise NotFoundError(need, "one that drew nothing in time", to_do, "viewer") from None
 
     def make_clickable(self, name: str, handle: Any, instances: tuple[str, ...] = ()) -> None:
         """Let a node that belongs to a capture be picked by a click."""
@@ -137,13 +134,8 @@ class Viewers:
         for client in self._server.get_clients().values():
             if self.name_of(client) == viewer:
                 return client
-        raise NotFoundError(
-            "a page that looks at this scene",
-            "'{viewer}', which does not",
-            "Open the scene first.",
-            "viewer",
-            viewer=viewer,
-        )
+        need = "a page that looks at this scene"
+        raise NotFoundError(need, "'{viewer}', which does not", "Open the scene first.", "viewer", viewer=viewer)
 
     def name_of(self, client: "ClientHandle") -> str:
         """Return the name that a page gave itself, empty where it has none."""

@@ -57,13 +57,8 @@ class FanucCurpos:
         if answer.length:
             raise ConnectionError(message("the controller's answer breaks off"))
         if answer.status != 200:
-            raise InputError(
-                "the file {name}",
-                "the answer {status}",
-                "Unlock it in the controller's HTTP.",
-                name=_PATH,
-                status=answer.status,
-            )
+            to_do = "Unlock it in the controller's HTTP."
+            raise InputError("the file {name}", "the answer {status}", to_do, name=_PATH, status=answer.status)
         return self._sample(content.decode("latin-1"))
 
     def _sample(self, text: str) -> Sample:
@@ -71,14 +66,8 @@ class FanucCurpos:
         groups = parse_curpos(text)
         if chosen.group not in groups:
             got = message("groups {groups}", groups=", ".join(map(str, groups)) or "none")
-            raise InputError(
-                "motion group {group} in {path}",
-                got,
-                "Name another group or axis.",
-                "group",
-                group=chosen.group,
-                path=_PATH,
-            )
+            need = "motion group {group} in {path}"
+            raise InputError(need, got, "Name another group or axis.", "group", group=chosen.group, path=_PATH)
         told = groups[chosen.group]
         tool = int(told["tool"][0]) if told["tool"] else None
         joints = told["joints"]

@@ -99,14 +99,8 @@ def capture_of(
         if "pose" in record or Path(note).suffix == ".json":
             break
     if "pose" not in record and record["step"] not in steps_that_show("board") and record["kind"] != "center":
-        raise InputError(
-            "the pose of this file",
-            "none",
-            "Write {name}.txt with the pose line, or a line that begins with {name_other} in poses.txt.",
-            name,
-            name=Path(name).stem,
-            name_other=name,
-        )
+        to_do = "Write {name}.txt with the pose line, or a line that begins with {name_other} in poses.txt."
+        raise InputError("the pose of this file", "none", to_do, name, name=Path(name).stem, name_other=name)
     wanted = str(record.pop("id", "")) or Path(name).stem
     capture_id = _free_id(wanted, taken)
     file = f"captures/{capture_id}{Path(name).suffix.lower()}"
@@ -132,12 +126,9 @@ def _said(folder: Path, note: str, name: str, session: Session) -> dict[str, Any
     """Return the fields of the record that a note gives, none where it says nothing of this file."""
     content = (folder / note).read_bytes()
     if len(content) > _MAX_NOTE_BYTES:
-        raise InputError(
-            "a short note",
-            plural("{count} byte", "{count} bytes", by="count", count=len(content)),
-            "Keep pose lines alone in it.",
-            note,
-        )
+        got = plural("{count} byte", "{count} bytes", by="count", count=len(content))
+        to_do = "Keep pose lines alone in it."
+        raise InputError("a short note", got, to_do, note)
     text = content.decode("utf-8-sig", errors="replace")
     if Path(note).suffix == ".json":
         return _fields(text, note)

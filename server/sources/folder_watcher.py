@@ -217,11 +217,8 @@ class Watcher:
 
     def _inside(self, folder: str) -> Path:
         if self._root is None:
-            raise ConflictError(
-                "a server that watches folders",
-                "one that watches none",
-                "Start it with SCANCELL_WATCH_ROOT set to the folder below which sessions may watch.",
-            )
+            to_do = "Start it with SCANCELL_WATCH_ROOT set to the folder below which sessions may watch."
+            raise ConflictError("a server that watches folders", "one that watches none", to_do)
         path = (self._root / folder).resolve()
         if not path.is_relative_to(self._root) or not path.is_dir():
             raise _not_there(folder)

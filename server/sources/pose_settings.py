@@ -52,14 +52,9 @@ def axis_number(axis: str | None, values: Sequence[float]) -> float | None:
         return None
     place = int(axis[1:]) - 1
     if place >= len(values):
-        raise InputError(
-            "the external axis {axis}",
-            "{count} external axes",
-            "Name another.",
-            "table_axis",
-            axis=axis,
-            count=len(values),
-        )
+        need = "the external axis {axis}"
+        to_do = "Name another."
+        raise InputError(need, "{count} external axes", to_do, "table_axis", axis=axis, count=len(values))
     return values[place]
 
 

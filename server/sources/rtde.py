@@ -60,11 +60,9 @@ class Rtde:
             return None
         counts = [_NUMBERS[type_] for type_ in self._types]
         if len(payload) != 1 + 8 * sum(counts):
-            raise InputError(
-                "a package as it was agreed",
-                plural("{count} byte", "{count} bytes", by="count", count=len(payload)),
-                "Restart the controller's RTDE.",
-            )
+            need = "a package as it was agreed"
+            to_do = "Restart the controller's RTDE."
+            raise InputError(need, plural("{count} byte", "{count} bytes", by="count", count=len(payload)), to_do)
         numbers = struct.unpack(f">{sum(counts)}d", payload[1:])
         told: dict[str, tuple[float, ...]] = {}
         at = 0

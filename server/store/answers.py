@@ -24,13 +24,9 @@ def stored_answer(db: Transaction, scope: str, key: str, fingerprint: str) -> An
     """
     row = db.get(AnswerRow, (scope, key))
     if row is not None and row.fingerprint != fingerprint:
-        raise ConflictError(
-            "a new Idempotency-Key for new content",
-            "'{key}', which was sent with other content before",
-            "Send a fresh key with each new request; repeat a key only with the very same content.",
-            "Idempotency-Key",
-            key=key,
-        )
+        got = "'{key}', which was sent with other content before"
+        to_do = "Send a fresh key with each new request; repeat a key only with the very same content."
+        raise ConflictError("a new Idempotency-Key for new content", got, to_do, "Idempotency-Key", key=key)
     return row
 
 

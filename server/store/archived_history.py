@@ -84,13 +84,9 @@ def read_history(bag: Bag) -> ArchivedHistory:
     for number, result in enumerate(history.results):
         place = f"{where}: results[{number}]"
         if result.stage not in stage_names():
-            raise InputError(
-                "a stage among {stage_names}",
-                repr(result.stage[:60]),
-                "Pack the session again.",
-                place,
-                stage_names=", ".join(stage_names()),
-            )
+            need = "a stage among {stage_names}"
+            to_do = "Pack the session again."
+            raise InputError(need, repr(result.stage[:60]), to_do, place, stage_names=", ".join(stage_names()))
         if result.record is not None:
             require_result(result.stage, result.record, place)
         if result.solved_from is not None:

@@ -244,12 +244,9 @@ def _manifest(source: Path) -> dict[str, Any]:
         raise InputError("a backup with {manifest}", "none", to_do, str(source), manifest=MANIFEST)
     manifest = parse_json(file.read_bytes(), str(file))
     if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
+        need = "a backup of the form {format}"
         raise InputError(
-            "a backup of the form {format}",
-            "something else",
-            "Use the version that wrote it, or a later one.",
-            str(file),
-            format=_FORMAT,
+            need, "something else", "Use the version that wrote it, or a later one.", str(file), format=_FORMAT
         )
     return manifest
 

@@ -92,13 +92,9 @@ def file_digest(db: Transaction, session_id: str, capture_id: str, name: str) ->
     digests = _digests(db, session_id, capture_id)
     matching = [n for n in digests if n == name] or [n for n in digests if n.rsplit("/", 1)[-1] == name]
     if len(matching) != 1:
-        raise NotFoundError(
-            "one of this capture's files: {digests}",
-            repr(name),
-            "Take a name from the capture's `files`.",
-            capture_id,
-            digests=", ".join(sorted(digests)) or "none",
-        )
+        need = "one of this capture's files: {digests}"
+        to_do = "Take a name from the capture's `files`."
+        raise NotFoundError(need, repr(name), to_do, capture_id, digests=", ".join(sorted(digests)) or "none")
     return digests[matching[0]]
 
 

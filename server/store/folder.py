@@ -44,12 +44,8 @@ def folder_lock(folder: Path) -> Generator[None]:
         ) from None
     try:
         if not try_lock(handle):
-            raise ConflictError(
-                "a data folder that no other server uses",
-                "one in use",
-                "End the other server, or choose another folder with --data.",
-                str(folder),
-            )
+            to_do = "End the other server, or choose another folder with --data."
+            raise ConflictError("a data folder that no other server uses", "one in use", to_do, str(folder))
         yield
     finally:
         os.close(handle)

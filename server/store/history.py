@@ -76,13 +76,8 @@ def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment
     """
     items = timeline(db, session_id)
     if not 0 <= place < len(items):
-        raise NotFoundError(
-            "a place on the time line from 0 to {count}",
-            f"{place}",
-            "Read the time line.",
-            "place",
-            count=len(items) - 1,
-        )
+        need = "a place on the time line from 0 to {count}"
+        raise NotFoundError(need, f"{place}", "Read the time line.", "place", count=len(items) - 1)
     stored = load_session(db, blobs, session_id)
     if place == len(items) - 1:
         return Moment(place, stored, latest_numbers(db, session_id))

@@ -144,13 +144,8 @@ def require_revision(row: SessionRow | CaptureRow, if_match: str | None) -> None
         and if_match.strip() != "*"
         and etag(row) not in {p.strip() for p in if_match.split(",")}
     ):
-        raise OutdatedError(
-            "the stored revision {row} in If-Match",
-            if_match[:80],
-            "Read it again, make the change there, and send it with the new ETag.",
-            row.id,
-            row=etag(row),
-        )
+        to_do = "Read it again, make the change there, and send it with the new ETag."
+        raise OutdatedError("the stored revision {row} in If-Match", if_match[:80], to_do, row.id, row=etag(row))
 
 
 def etag(row: SessionRow | CaptureRow) -> str:

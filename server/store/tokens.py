@@ -74,12 +74,9 @@ def revoke_token(db: Transaction, token_id: str, but_not: str | None = None) -> 
     """
     row = token_row(db, token_id)
     if token_id == but_not:
-        raise ConflictError(
-            "another token than the one in use",
-            "the token that this request was made with",
-            "Revoke it with another admin's token, or by `scancell token revoke` on the server.",
-            "token",
-        )
+        need = "another token than the one in use"
+        to_do = "Revoke it with another admin's token, or by `scancell token revoke` on the server."
+        raise ConflictError(need, "the token that this request was made with", to_do, "token")
     row.revoked = row.revoked or now()
     db.execute(delete(LoginRow).where(LoginRow.token_id == token_id))
 

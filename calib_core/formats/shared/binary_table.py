@@ -25,33 +25,17 @@ def require_count(count: int, available: int, where: str, unit: str = "points") 
         If it is beyond `MAX_POINTS`.
     """
     if count > MAX_POINTS:
-        raise TooLargeError(
-            "at most {max_points} {unit}",
-            "{count} announced",
-            "Thin the points.",
-            where,
-            max_points=MAX_POINTS,
-            unit=unit,
-            count=count,
-        )
+        need = "at most {max_points} {unit}"
+        to_do = "Thin the points."
+        raise TooLargeError(need, "{count} announced", to_do, where, max_points=MAX_POINTS, unit=unit, count=count)
     if count < 1:
-        raise InputError(
-            "at least one of its {unit}",
-            "{count} announced",
-            "Copy or export it again.",
-            where,
-            unit=unit,
-            count=count,
-        )
+        to_do = "Copy or export it again."
+        raise InputError("at least one of its {unit}", "{count} announced", to_do, where, unit=unit, count=count)
     if available < count:
+        need = "the {count} {unit} that the header announces"
+        to_do = "Copy or export it again."
         raise InputError(
-            "the {count} {unit} that the header announces",
-            "{available} in the file",
-            "Copy or export it again.",
-            where,
-            count=count,
-            unit=unit,
-            available=available,
+            need, "{available} in the file", to_do, where, count=count, unit=unit, available=available
         )
 
 

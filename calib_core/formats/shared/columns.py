@@ -100,13 +100,8 @@ def _require_announced(table: TextTable, where: str) -> None:
     """Refuse a table whose first line announces another number of points than follow: it was cut off."""
     first = table.preamble[0].strip() if table.preamble else ""
     if first.isdecimal() and int(first) != len(table.values):
-        raise InputError(
-            "the {first} points that the first line announces",
-            f"{len(table.values)}",
-            "Copy or export it again.",
-            where,
-            first=int(first),
-        )
+        need = "the {first} points that the first line announces"
+        raise InputError(need, f"{len(table.values)}", "Copy or export it again.", where, first=int(first))
 
 
 def _without_empty_end(table: TextTable) -> tuple[FloatArray, tuple[str, ...]]:
@@ -119,13 +114,8 @@ def _without_empty_end(table: TextTable) -> tuple[FloatArray, tuple[str, ...]]:
 
 def _told(told: list[str], width: int, where: str) -> list[Column]:
     if len(told) != width:
-        raise InputError(
-            "a name for each of {width} columns in the setting 'columns'",
-            f"{len(told)}",
-            "Name them all; '-' for one to be left aside.",
-            where,
-            width=width,
-        )
+        need = "a name for each of {width} columns in the setting 'columns'"
+        raise InputError(need, f"{len(told)}", "Name them all; '-' for one to be left aside.", where, width=width)
     return _by_name(told, (), where, None)
 
 

@@ -50,14 +50,9 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
     except InputError as error:
         raise (error.at(where) if where else error) from None
     if width <= 0 or height <= 0:
-        raise InputError(
-            "an image",
-            "a header that says {width}×{height} pixels",
-            "Copy or export it again.",
-            where,
-            width=width,
-            height=height,
-        )
+        got = "a header that says {width}×{height} pixels"
+        to_do = "Copy or export it again."
+        raise InputError("an image", got, to_do, where, width=width, height=height)
     if width * height > most_pixels:
         raise TooLargeError(
             "an image of at most {most_pixels:g} megapixels",
@@ -94,13 +89,8 @@ def decode_image(data: bytes, where: str = "", most_pixels: int = MOST_PIXELS) -
 
 def _as_grey_or_rgb(image: NDArray[Any], where: str) -> ImageArray:
     if image.dtype.name not in ("uint8", "uint16"):
-        raise InputError(
-            "an image of 8 or 16 bit",
-            "values of type {dtype}",
-            "Save it as PNG or TIFF of 8 or 16 bit.",
-            where,
-            dtype=image.dtype,
-        )
+        to_do = "Save it as PNG or TIFF of 8 or 16 bit."
+        raise InputError("an image of 8 or 16 bit", "values of type {dtype}", to_do, where, dtype=image.dtype)
     if image.ndim == 3:
         image = image[:, :, 0] if image.shape[2] < 3 else image[:, :, 2::-1]
     result = np.ascontiguousarray(image)

@@ -134,14 +134,9 @@ def _require_same_separator(line: str, head: Head, where: str, number: int) -> N
     """Refuse rows cut by commas under a header cut by ; or tabs: these are decimal commas of a row cut off."""
     style = style_of(line)
     if head.style.separator == "," and style.separator in (";", "\t") and any(map(_is_axis, style.fields(line))):
-        raise InputError(
-            "rows cut by {separator!r}, like the header in line {number}",
-            "commas alone",
-            "Copy or export it again.",
-            where,
-            separator=style.separator,
-            number=number,
-        )
+        need = "rows cut by {separator!r}, like the header in line {number}"
+        to_do = "Copy or export it again."
+        raise InputError(need, "commas alone", to_do, where, separator=style.separator, number=number)
 
 
 def _is_axis(name: str) -> bool:

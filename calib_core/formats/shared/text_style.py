@@ -40,13 +40,8 @@ def decode_text(data: bytes, where: str, example: str) -> str:
         )
     text = _decoded(data)
     if text is None:
-        raise InputError(
-            "lines of numbers as text ({example})",
-            "bytes that are no text",
-            "Export it as text.",
-            where,
-            example=example,
-        )
+        need = "lines of numbers as text ({example})"
+        raise InputError(need, "bytes that are no text", "Export it as text.", where, example=example)
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 

@@ -82,13 +82,8 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     lines = first_lines(text)
     head = head_of(lines)
     if head is None:
-        raise InputError(
-            "lines of numbers ({example})",
-            "no line with a number",
-            "Copy or export it again.",
-            where,
-            example=example,
-        )
+        to_do = "Copy or export it again."
+        raise InputError("lines of numbers ({example})", "no line with a number", to_do, where, example=example)
     header = header_of(lines[: head.start], head, where, first_line)
     offset = sum(len(line) + 1 for line in lines[: head.start])
     body = text[offset:]
@@ -105,13 +100,8 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
         _require_empty_end(values, where, first_line + head.start)
         header = replace(header, names=(*header.names, ""))
     if not len(values):
-        raise InputError(
-            "lines of numbers ({example})",
-            "no line with a number",
-            "Copy or export it again.",
-            where,
-            example=example,
-        )
+        to_do = "Copy or export it again."
+        raise InputError("lines of numbers ({example})", "no line with a number", to_do, where, example=example)
     return TextTable(values, header.names, header.units, header.preamble, first_line + head.start)
 
 
@@ -135,13 +125,8 @@ def _require_one_decimal_mark(body: str, where: str, first_line: int) -> None:
         return
     place = min(body.find(","), body.find(".")), max(body.find(","), body.find("."))
     line = body.count("\n", 0, place[1]) + first_line
-    raise InputError(
-        "decimal points or decimal commas",
-        "both, first in line {line}",
-        "Export the file again with one of them.",
-        where,
-        line=line,
-    )
+    to_do = "Export the file again with one of them."
+    raise InputError("decimal points or decimal commas", "both, first in line {line}", to_do, where, line=line)
 
 
 def _blocks(text: str) -> Iterator[str]:
@@ -211,14 +196,10 @@ def _parse_with_care(lines: list[str], head: Head, before: int, where: str, exam
             elif word.lower() in BLANK_WORDS:
                 row.append(np.nan)
             else:
+                got = "{word} in line {number}"
+                to_do = "Correct this line."
                 raise InputError(
-                    "numbers ({example})",
-                    "{word} in line {number}",
-                    "Correct this line.",
-                    where,
-                    example=example,
-                    word=shown_line(word),
-                    number=number,
+                    "numbers ({example})", got, to_do, where, example=example, word=shown_line(word), number=number
                 )
         rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, head.width)

@@ -187,11 +187,7 @@ def faces_of(triangles: ArrayLike, points: int) -> NDArray[np.int32]:
             "triangles of three corners", "an array of shape {shape}", "Mesh the cloud first.", shape=faces.shape
         )
     if faces.min() < 0 or faces.max() >= points:
-        raise InputError(
-            "corners among {points} points",
-            "number {faces}",
-            "Give mesh and points together.",
-            points=points,
-            faces=faces.max(),
-        )
+        need = "corners among {points} points"
+        to_do = "Give mesh and points together."
+        raise InputError(need, "number {faces}", to_do, points=points, faces=faces.max())
     return faces.astype("<i4")

@@ -86,14 +86,9 @@ def _documents(source: Source, found: Found) -> Iterator[_Node]:
             line = at + 1 + (mark.line if mark else 0)
             problem = getattr(error, "problem", None) or str(error)
             if len(whole) == 1:
-                raise InputError(
-                    "messages as YAML",
-                    "{word} in line {number}",
-                    "Save them again.",
-                    source.name,
-                    word=problem,
-                    number=line,
-                ) from None
+                got = "{word} in line {number}"
+                to_do = "Save them again."
+                raise InputError("messages as YAML", got, to_do, source.name, word=problem, number=line) from None
             cut = " Is the file cut?" if place == len(whole) - 1 else ""
             found.skip(line, message("a message that is no YAML: {problem}.{cut}", problem=problem, cut=cut))
 

@@ -39,12 +39,9 @@ def solve(given: StageInput) -> HandEyeResult:
     """
     board = given.session.cell.board
     if board is None or not board.fixed:
-        raise InputError(
-            "a board that stands still in the base (cell.board.fixed)",
-            "none" if board is None else "one that is moved by hand",
-            "Fix it, set cell.board.fixed, and take its frames with the robot's poses.",
-            "cell.board.fixed",
-        )
+        need = "a board that stands still in the base (cell.board.fixed)"
+        to_do = "Fix it, set cell.board.fixed, and take its frames with the robot's poses."
+        raise InputError(need, "none" if board is None else "one that is moved by hand", to_do, "cell.board.fixed")
     camera, solved = camera_of(given.session, given.read)
     given.progress(0.3, "Finding the board in the frames")
     views = PlaneViews(given.session, camera, given.read)

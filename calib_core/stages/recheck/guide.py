@@ -49,12 +49,8 @@ def recheck_plan(session: Session, results: Mapping[str, Mapping[str, Any]]) -> 
         c for c in session.captures if c.step == "tcp" and c.id in used and not c.excluded and c.pose is not None
     ]
     if not candidates:
-        raise MotionError(
-            "a calibration that was solved from captures of this session",
-            "none",
-            "Solve the TCP first; a tool that was brought is verified instead.",
-            "captures",
-        )
+        to_do = "Solve the TCP first; a tool that was brought is verified instead."
+        raise MotionError("a calibration that was solved from captures of this session", "none", to_do, "captures")
     again = [c for c in session.captures if c.step == "recheck" and not c.excluded and c.pose is not None]
     poses = base_from_tool0_by_capture(session.cell, [*candidates, *again])
     chosen = _furthest_apart([poses[c.id] for c in candidates])

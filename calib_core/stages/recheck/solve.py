@@ -72,11 +72,10 @@ def solve(given: StageInput) -> RecheckResult:
     pairs, alone = _paired([stop for stop in stops if stop.seen.capture in own], then)
     if not pairs:
         lost = [reason for name, reason in reasons_of(observed.unused).items() if name in own]
+        need = "captures with step 'recheck' from poses of the calibration"
+        to_do = "Drive to poses of the calibration again and capture the sphere there, still in its place."
         raise MotionError(
-            "captures with step 'recheck' from poses of the calibration",
-            lost[0] if lost else "none within 20 mm and 3° of one that was used",
-            "Drive to poses of the calibration again and capture the sphere there, still in its place.",
-            "captures",
+            need, lost[0] if lost else "none within 20 mm and 3° of one that was used", to_do, "captures"
         )
     rounds = sorted({pair.round for pair in pairs})
     parts = answer.variance_components
