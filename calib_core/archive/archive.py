@@ -276,9 +276,8 @@ def read_archive(bag: Bag) -> ArchivedSession:
         for name in capture.files:
             if plain_name(name) not in there:
                 place = f"{bag.where}: {SESSION_FILE}: captures[{capture.id}]"
-                raise InputError(
-                    "the file {name}", "none", "Copy it there and pack again.", place, name=ascii(name)[:80]
-                )
+                to_do = "Copy it there and pack again."
+                raise InputError("the file {name}", "none", to_do, place, name=ascii(name)[:80])
     results: dict[str, dict[str, Any]] = {}
     for name in bag.payload:
         path = PurePosixPath(name)
@@ -315,9 +314,8 @@ def _result(bag: Bag, name: str, stage: str) -> dict[str, Any]:
 def _json_object(bag: Bag, name: str) -> dict[str, Any]:
     where = f"{bag.where}: {name}"
     if name not in bag.payload:
-        raise InputError(
-            "an archive of a session, with data/{name}", "none", "Name another.", bag.where, name=name
-        )
+        to_do = "Name another."
+        raise InputError("an archive of a session, with data/{name}", "none", to_do, bag.where, name=name)
     require_file_size(bag.size(name), where, MAX_SESSION_BYTES)
     data = parse_json(bag.read(name), where)
     require_plain(data, where)

@@ -250,9 +250,8 @@ def _base(files: ZipFiles) -> str:
     found = sorted((base for base in bases if base.count("/") <= 1), key=len)
     if not found:
         got = message("none among {count} files", count=len(files.names))
-        raise InputError(
-            "a bag, with {declaration}", got, "Name an archive of a session.", files.where, declaration=DECLARATION
-        )
+        to_do = "Name an archive of a session."
+        raise InputError("a bag, with {declaration}", got, to_do, files.where, declaration=DECLARATION)
     outside = [name for name in files.names if not name.startswith(found[0])]
     if outside:
         got = message("{outside} outside of {found}", outside=ascii(outside[0])[:80], found=found[0])

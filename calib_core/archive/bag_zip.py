@@ -146,9 +146,8 @@ def _damage_told(where: str) -> Generator[None]:
         yield
     except _DAMAGE as error:
         got = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(
-            "a whole zip archive", "one that cannot be read ({found})", _COPY_AGAIN, where, found=got
-        ) from None
+        need = "a whole zip archive"
+        raise InputError(need, "one that cannot be read ({found})", _COPY_AGAIN, where, found=got) from None
 
 
 def _require_directory(file: IO[bytes], where: str, limits: ArchiveLimits) -> None:

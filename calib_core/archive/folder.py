@@ -56,9 +56,8 @@ def load_session(path: Path) -> tuple[Session, ReadFile]:
     file = folder / SESSION_FILE
     data = parse_json(read_bytes(file, message("Write the session's record."), MAX_SESSION_BYTES), str(file))
     if not isinstance(data, dict):
-        raise InputError(
-            "a JSON object", "a {name}", "Write the session's record.", str(file), name=type(data).__name__
-        )
+        to_do = "Write the session's record."
+        raise InputError("a JSON object", "a {name}", to_do, str(file), name=type(data).__name__)
     record = to_present_format(cast("dict[str, Any]", data), str(file))
     record = _with_arm(record, folder)
     session = parse_session(record, str(file))
@@ -104,9 +103,8 @@ def folder_of(path: Path) -> Path:
         return path.parent
     need = message("a session folder with {session_file} in it", session_file=SESSION_FILE)
     if path.suffix.lower() == ".zip" and path.is_file():
-        raise InputError(
-            need, "an archive, a .zip file", "Unpack it, and name the session folder inside.", str(path)
-        )
+        to_do = "Unpack it, and name the session folder inside."
+        raise InputError(need, "an archive, a .zip file", to_do, str(path))
     got = message("something else") if path.exists() else message("nothing there")
     raise InputError(need, got, "Name the session's folder.", str(path))
 
@@ -117,9 +115,8 @@ def parse_json(data: bytes, where: str) -> Any:
     try:
         text = data.decode("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(
-            "JSON (UTF-8 text)", "a byte that is no text at {start}", to_do, where, start=error.start
-        ) from None
+        need = "JSON (UTF-8 text)"
+        raise InputError(need, "a byte that is no text at {start}", to_do, where, start=error.start) from None
     if not text.strip():
         raise InputError("JSON", "an empty file", "Copy or export it again.", where)
     try:
@@ -157,9 +154,8 @@ def save_session(folder: Path, session: Session, files: Mapping[str, bytes | Pat
     for name, content in contents.items():
         path = folder / name
         if path.exists() and not (path.is_file() and path.read_bytes() == _held(content)):
-            raise ConflictError(
-                "a folder without a session", "{name} there", "Choose another folder.", str(folder), name=name
-            )
+            to_do = "Choose another folder."
+            raise ConflictError("a folder without a session", "{name} there", to_do, str(folder), name=name)
     for name, content in contents.items():
         write_atomically(folder / name, _held(content))
 
@@ -310,6 +306,5 @@ def read_bytes(path: Path, to_do: str, limit_bytes: int = MAX_FILE_BYTES) -> byt
         return path.read_bytes()
     except OSError as error:
         got = error.strerror or type(error).__name__
-        raise InputError(
-            "a file that can be read", got, "Check its permissions and the disk.", str(path)
-        ) from None
+        need = "a file that can be read"
+        raise InputError(need, got, "Check its permissions and the disk.", str(path)) from None

@@ -38,9 +38,8 @@ def to_present_format(record: Mapping[str, Any], where: str) -> Data:
     if present["format"] != FORMAT:
         known = ", ".join([*_STEPS, FORMAT])
         to_do = message("Use a version of scancell that knows it, or correct the field.")
-        raise InputError(
-            "a format among {known}", repr(present["format"])[:80], to_do, f"{where}: format", known=known
-        )
+        need = "a format among {known}"
+        raise InputError(need, repr(present["format"])[:80], to_do, f"{where}: format", known=known)
     return present
 
 

@@ -91,9 +91,8 @@ def requested(name: str, wanted: str | None) -> tuple[str, str]:
     wanted = (wanted or ending).lower()
     known = media_types()
     if wanted not in known:
-        raise NotFoundError(
-            "a format among {known}", repr(wanted[:40]), "Name one of these.", "format", known=", ".join(known)
-        )
+        to_do = "Name one of these."
+        raise NotFoundError("a format among {known}", repr(wanted[:40]), to_do, "format", known=", ".join(known))
     return f"{CLOUD_FOLDER}/{stem}.ply", wanted
 
 

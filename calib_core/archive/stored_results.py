@@ -66,9 +66,8 @@ def truth_of(folder: Path) -> dict[str, Any] | None:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(
-            "a truth as JSON", str(error), "Remove the file, or simulate again.", TRUTH_FILE
-        ) from None
+        to_do = "Remove the file, or simulate again."
+        raise InputError("a truth as JSON", str(error), to_do, TRUTH_FILE) from None
     if not isinstance(data, dict):
         raise InputError("a JSON object", type(data).__name__, "Remove the file, or simulate again.", TRUTH_FILE)
     return data

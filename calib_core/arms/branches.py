@@ -134,12 +134,8 @@ class _Geometry:
 
 
 def _unlike() -> InputError:
-    return InputError(
-        "an arm whose last three axes meet in a point and whose second and third are parallel",
-        "something else",
-        "Record the joints with the poses.",
-        "cell.robot.arm",
-    )
+    need = "an arm whose last three axes meet in a point and whose second and third are parallel"
+    return InputError(need, "something else", "Record the joints with the poses.", "cell.robot.arm")
 
 
 def _meeting(points: FloatArray, axes: FloatArray) -> FloatArray | None:

@@ -162,7 +162,6 @@ def joint_readings(arm: ArmTable, deg: Sequence[float | None], mm: Sequence[floa
     every = [mm if joint.kind == "prismatic" else deg for joint in arm.joints]
     found = [row[n] if n < len(row) else None for n, row in enumerate(every)]
     if None in found:
-        raise InputError(
-            "a reading of each joint of the arm", "none of joint {place}", "Add it.", place=found.index(None) + 1
-        )
+        need = "a reading of each joint of the arm"
+        raise InputError(need, "none of joint {place}", "Add it.", place=found.index(None) + 1)
     return found

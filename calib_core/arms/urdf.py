@@ -56,9 +56,8 @@ def arm_from_urdf(data: bytes, name: str, base: str | None = None, tip: str | No
     if is_ur_calibration(data):
         return arm_from_ur_calibration(data, name)
     if len(data) > MAX_BYTES:
-        raise TooLargeError(
-            "a URDF of at most 5 MB", "{count:.1f} MB", "Leave its meshes out.", name, count=len(data) / 1000000.0
-        )
+        to_do = "Leave its meshes out."
+        raise TooLargeError("a URDF of at most 5 MB", "{count:.1f} MB", to_do, name, count=len(data) / 1000000.0)
     joints = _joints(elements(data, name), name)
     by_child = {joint.child: joint for joint in joints.values()}
     links = {joint.parent for joint in by_child.values()} | by_child.keys()
@@ -99,9 +98,8 @@ def _table(to_base: list[_Joint], to_tip: list[_Joint], source: str, name: str) 
         )
         place = turned.T
     if len(found) > 12:
-        raise InputError(
-            "at most 12 joints", f"{len(found)}", "Name the links at the arm's base and flange.", name
-        )
+        need = "at most 12 joints"
+        raise InputError(need, f"{len(found)}", "Name the links at the arm's base and flange.", name)
     return ArmTable(joints=found, last_from_tool0=place.tolist(), source=source)
 
 
@@ -119,9 +117,8 @@ def _joints(rows: list[Element], name: str) -> dict[str, _Joint]:
             joint = _joint(row, inside.get(id(row), {}), name)
             found[joint.name] = joint
     if not found or len(found) > _MOST_LINKS:
-        raise InputError(
-            "a URDF with joints", "{count} of them", "Give the arm's own description.", name, count=len(found)
-        )
+        to_do = "Give the arm's own description."
+        raise InputError("a URDF with joints", "{count} of them", to_do, name, count=len(found))
     return found
 
 
@@ -129,13 +126,11 @@ def _joint(row: Element, inside: dict[str, Mapping[str, str]], name: str) -> _Jo
     own, kind = row.attributes.get("name", ""), row.attributes.get("type", "")
     where = f"{name}, line {row.line}, joint {own}"
     if kind not in (*_MOVES, "fixed"):
-        raise InputError(
-            "a joint that is fixed, revolute, continuous or prismatic", f"'{kind}'", "Leave it out.", where
-        )
+        to_do = "Leave it out."
+        raise InputError("a joint that is fixed, revolute, continuous or prismatic", f"'{kind}'", to_do, where)
     if "mimic" in inside and kind != "fixed":
-        raise InputError(
-            "joints that move by themselves", "one that mimics another", "Give its table instead.", where
-        )
+        to_do = "Give its table instead."
+        raise InputError("joints that move by themselves", "one that mimics another", to_do, where)
     origin = inside.get("origin", {})
     roll, pitch, yaw = _three(origin.get("rpy", "0 0 0"), where)
     frame = np.eye(4)
@@ -188,9 +183,8 @@ def _z_along(axis: FloatArray) -> FloatArray:
 
 def _link(named: str | None, usual: tuple[str, ...], links: set[str], name: str) -> str | None:
     if named is not None and named not in links:
-        raise InputError(
-            "a link '{named}'", ", ".join(sorted(links)[:12]), "Name one of these.", name, named=named
-        )
+        to_do = "Name one of these."
+        raise InputError("a link '{named}'", ", ".join(sorted(links)[:12]), to_do, name, named=named)
     return named or next((link for link in usual if link in links), None)
 
 

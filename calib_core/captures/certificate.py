@@ -82,9 +82,8 @@ def read_certificate(data: bytes, where: str = "certificate", *, of_sphere: bool
     diameters = [one for real in reals if (one := _diameter(real, found, where)) is not None]
     if not diameters and of_sphere:
         to_do = message("Type the diameter and its standard uncertainty instead.")
-        raise InputError(
-            "a diameter in a unit of length", "{count} other quantities", to_do, where, count=len(reals)
-        )
+        need = "a diameter in a unit of length"
+        raise InputError(need, "{count} other quantities", to_do, where, count=len(reals))
     equipment = _equipment(found, next(iter(numbers), ""), "sphere" if diameters else "")
     equipment = equipment.model_copy(update=_expansion(reals, found, where))
     return Certificate(identifier=next(iter(numbers), ""), diameters=diameters, equipment=equipment)
@@ -180,9 +179,8 @@ def _diameter(real: Element, every: Sequence[Element], where: str) -> CertifiedD
     inside = [e for e in every if any(parent is real for parent in e.path)]
     value = _number(own["value"], where) * factor
     if value <= 0:
-        raise InputError(
-            "a positive diameter in mm", "{value:g} mm", "Look at the certificate.", _at(real, where), value=value
-        )
+        to_do = "Look at the certificate."
+        raise InputError("a positive diameter in mm", "{value:g} mm", to_do, _at(real, where), value=value)
     sigma, coverage = _sigma(inside, where)
     return CertifiedDiameter(
         name=words.partition("\n")[0],

@@ -17,9 +17,8 @@ POSES: Final = "poses"
 def for_poses(answer: Answer, poses: str) -> Answer:
     """Return an answer whose frames are the best with such poses; raises InputError where there are none such."""
     if poses not in ("controller", "corrected"):
-        raise InputError(
-            "poses 'controller' or 'corrected'", "'{poses}'", "Name one of these.", POSES, poses=poses
-        )
+        to_do = "Name one of these."
+        raise InputError("poses 'controller' or 'corrected'", "'{poses}'", to_do, POSES, poses=poses)
     model = answer.results.get(answer.stage, {}).get("arm_model")
     if poses == "corrected" or not model or not model.get("applied"):
         return answer

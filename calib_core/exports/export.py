@@ -94,9 +94,8 @@ def write_export(
         content = marked(entry.write(answer, chosen), answer, entry)
     elif entry.patch is None:
         able = ", ".join(e.name for e in all_exports() if e.patch)
-        raise InputError(
-            "an export that can change a backup: {able}", f"'{name}'", "Name one of these.", "into", able=able
-        )
+        to_do = "Name one of these."
+        raise InputError("an export that can change a backup: {able}", f"'{name}'", to_do, "into", able=able)
     else:
         content = entry.patch(backup, answer, chosen)
     return (content.encode() if isinstance(content, str) else content), entry

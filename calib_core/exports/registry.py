@@ -28,7 +28,6 @@ def export_named(name: str, others: tuple[str, ...] = ()) -> Export:
     found = next((export for export in all_exports() if export.name == name), None)
     if found is None:
         names = ", ".join([*(export.name for export in all_exports()), *others])
-        raise InputError(
-            "an export format among {names}", f"'{name}'", "Name one of these.", "format", names=names
-        )
+        to_do = "Name one of these."
+        raise InputError("an export format among {names}", f"'{name}'", to_do, "format", names=names)
     return found

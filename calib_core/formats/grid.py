@@ -117,9 +117,8 @@ def axes_grid(
     bad = np.flatnonzero(~np.isfinite(y))
     if len(bad):
         line = first_line + int(bad[0])
-        raise InputError(
-            "y in the first column", "none in line {line}", "Copy or export it again.", where, line=line
-        )
+        to_do = "Copy or export it again."
+        raise InputError("y in the first column", "none in line {line}", to_do, where, line=line)
     told = told.model_copy(update={"missing": settings.missing})
     if settings.x_along == "columns":
         return grid_with_axes(y, head.x, z.T, where, told)

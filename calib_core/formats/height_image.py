@@ -44,9 +44,8 @@ def read(data: bytes, name: str, settings: HeightImageSettings, kind: PointKind 
         heights = decode_image(data, name, _MOST_PIXELS)
     if heights.ndim != 2 or heights.dtype == np.uint8:
         got = message("colours") if heights.ndim != 2 else message("8 bit")
-        raise InputError(
-            "an image of heights, grey with 16 bit or floating point", got, "Export the heights.", name
-        )
+        to_do = "Export the heights."
+        raise InputError("an image of heights, grey with 16 bit or floating point", got, to_do, name)
     if settings.rows is not None and settings.rows > len(heights):
         raise InputError("{rows} rows", f"{len(heights)}", "Correct it.", name, rows=settings.rows)
     return grid_of(heights[: settings.rows], settings, name)
@@ -63,9 +62,8 @@ def _float_tiff(data: bytes, name: str) -> NDArray[Any] | None:
                 return None
             if page.imagewidth * page.imagelength * max(1, page.samplesperpixel) > _MOST_PIXELS:
                 got = f"{page.imagewidth}×{page.imagelength}"
-                raise InputError(
-                    "an image of at most {most_pixels} pixels", got, "Crop it.", name, most_pixels=_MOST_PIXELS
-                )
+                need = "an image of at most {most_pixels} pixels"
+                raise InputError(need, got, "Crop it.", name, most_pixels=_MOST_PIXELS)
             return np.asarray(page.asarray())
     except InputError:
         raise

@@ -32,9 +32,8 @@ def read(data: bytes, name: str, settings: NpySettings, kind: PointKind | None) 
         return reading_of_values(array, names, name, settings, kind)
     if array.ndim == 2 and min(array.shape) > 1 and kind != "profile":
         return grid_of(array, settings, name)
-    raise InputError(
-        need, "an array of shape {shape}", "Save it with numpy.save in one of these.", name, shape=array.shape
-    )
+    to_do = "Save it with numpy.save in one of these."
+    raise InputError(need, "an array of shape {shape}", to_do, name, shape=array.shape)
 
 
 FORMAT = Format(

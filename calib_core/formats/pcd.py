@@ -44,9 +44,8 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
         return reading
     if size[0] * size[1] != len(points):
         got = plural("{count} point", "{count} points", by="count", count=len(points))
-        raise InputError(
-            "{width} rows of {height} points", got, "Copy or export it again.", name, width=size[0], height=size[1]
-        )
+        to_do = "Copy or export it again."
+        raise InputError("{width} rows of {height} points", got, to_do, name, width=size[0], height=size[1])
     return replace(reading, grid=size)
 
 

@@ -28,9 +28,8 @@ def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tup
     """
     if len(data) > _LARGEST_BYTES:
         to_do = message("Record the poses' topics alone: ros2 bag record /tf /tf_static.")
-        raise InputError(
-            "a recording of at most 256 MB", "{count:.0f} MB", to_do, name, count=len(data) / 1000000.0
-        )
+        need = "a recording of at most 256 MB"
+        raise InputError(need, "{count:.0f} MB", to_do, name, count=len(data) / 1000000.0)
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
@@ -48,9 +47,8 @@ def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tup
                         ", ".join(sorted(f"{c.topic} ({c.msgtype})" for c in reader.connections)[:8]) or "none"
                     )
                     to_do = message("Record topics of the types {types}.", types=", ".join(sorted(types)))
-                    raise InputError(
-                        "a recording with poses or transforms", "the topics {topics}", to_do, name, topics=topics
-                    )
+                    need = "a recording with poses or transforms"
+                    raise InputError(need, "the topics {topics}", to_do, name, topics=topics)
                 for count, (connection, time_ns, raw) in enumerate(reader.messages(wanted)):
                     if count >= _MOST_MESSAGES:
                         to_do = message("Cut the recording: ros2 bag convert.")
@@ -65,6 +63,5 @@ def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tup
             raise
         except Exception as error:  # the library's readers raise whatever a damaged byte leads to
             got = " ".join(str(error).split())[:160] or type(error).__name__
-            raise InputError(
-                "a whole recording", got, "Copy it again; ros2 bag reindex may mend it.", name
-            ) from None
+            need = "a whole recording"
+            raise InputError(need, got, "Copy it again; ros2 bag reindex may mend it.", name) from None

@@ -152,9 +152,8 @@ def by_datum_points(
         scaled = system * np.array([1.0 / nominal.extent_mm] * 3 + [1.0] * 3)
         if np.linalg.cond(scaled) > _WORST_CONDITION:
             to_do = message("Pick three on the first surface, two on the second, one on the third.")
-            raise MeasurementError(
-                "six places that hold the part in all directions", "fewer", to_do, "datum_points_mm"
-            )
+            need = "six places that hold the part in all directions"
+            raise MeasurementError(need, "fewer", to_do, "datum_points_mm")
         step: FloatArray = np.linalg.solve(system, [float(np.mean(one)) for one in touched]).astype(float)
         pose = _stepped(pose, step, centre)
         if np.abs(step[3:]).max() < _LEAST_MM:

@@ -70,9 +70,8 @@ class Nominal:
         o3d = open3d()
         faces = np.ascontiguousarray(triangles, dtype=np.uint32)
         if not len(faces):
-            raise InputError(
-                "a mesh with triangles", "none", "Export the reference as a mesh, not as a cloud.", "mesh"
-            )
+            to_do = "Export the reference as a mesh, not as a cloud."
+            raise InputError("a mesh with triangles", "none", to_do, "mesh")
         corners = np.asarray(corners_mm, dtype=np.float64)
         self.middle_mm: FloatArray = corners.mean(axis=0)  # single precision holds well about the middle
         self.corners_mm: FloatArray = corners

@@ -228,9 +228,8 @@ class VoxelGrid:
         self, points: SingleArray, poses: FloatArray, weights: SingleArray, normals: SingleArray, where: str
     ) -> None:
         if points.ndim != 3 or points.shape[2] != 3:
-            raise InputError(
-                "rows of points (P, C, 3)", "shape {frame}", "Reshape the scan.", where, frame=points.shape
-            )
+            to_do = "Reshape the scan."
+            raise InputError("rows of points (P, C, 3)", "shape {frame}", to_do, where, frame=points.shape)
         fits = poses.shape in ((len(points), 4, 4), (1, 4, 4))
         fits &= weights.shape in (points.shape[:2], (1, 1))
         fits &= normals.shape == points.shape if self._table.normals else True

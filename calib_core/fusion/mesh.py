@@ -107,9 +107,8 @@ def poisson_mesh(cloud: VoxelCloud, voxel_mm: float, over_holes: bool = False) -
     good = np.isfinite(cloud.normals).all(axis=1) if len(cloud.normals) else np.zeros(len(cloud), dtype=bool)
     if np.count_nonzero(good) < _FEWEST_POINTS:
         got = f"{np.count_nonzero(good)}"
-        raise MeasurementError(
-            "at least {fewest_points} points with normals", got, "Merge more scans.", fewest_points=_FEWEST_POINTS
-        )
+        need = "at least {fewest_points} points with normals"
+        raise MeasurementError(need, got, "Merge more scans.", fewest_points=_FEWEST_POINTS)
     points: FloatArray = cloud.points_mm[good].astype(float)
     extent = float(np.ptp(points, axis=0).max())
     depth = int(np.clip(np.ceil(np.log2(_MARGIN * extent / voxel_mm)), 4, 10))

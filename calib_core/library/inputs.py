@@ -201,9 +201,8 @@ def _png(frame: Any, where: str) -> bytes:
         raise InputError("a frame, H×W, of uint8 or uint16", got, "Convert it, or name its file.", where)
     done, data = cv2.imencode(".png", frame)
     if not done:
-        raise InputError(
-            "a frame that PNG can hold", "shape {frame}", "Name its file instead.", where, frame=frame.shape
-        )
+        to_do = "Name its file instead."
+        raise InputError("a frame that PNG can hold", "shape {frame}", to_do, where, frame=frame.shape)
     return data.tobytes()
 
 

@@ -126,9 +126,8 @@ def allowed_faults(text: str, where: str = "allow") -> tuple[str, ...]:
     allowed = tuple(word.strip() for word in text.split(",") if word.strip())
     unknown = [word for word in allowed if word not in FAULTS]
     if unknown:
-        raise InputError(
-            "any of {faults}", f"'{unknown[0]}'", "Write allow=stale,fail.", where, faults=", ".join(FAULTS)
-        )
+        to_do = "Write allow=stale,fail."
+        raise InputError("any of {faults}", f"'{unknown[0]}'", to_do, where, faults=", ".join(FAULTS))
     return allowed
 
 

@@ -48,9 +48,8 @@ def told_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def too_deep(where: str) -> InputError:
     """Return the error for data that is nested too deeply."""
-    return InputError(
-        "at most {max_depth} levels of nesting", "more", "Flatten the data.", where, max_depth=MAX_DEPTH
-    )
+    to_do = "Flatten the data."
+    return InputError("at most {max_depth} levels of nesting", "more", to_do, where, max_depth=MAX_DEPTH)
 
 
 def _require_plain_scalar(value: Any, where: str) -> None:
@@ -61,9 +60,8 @@ def _require_plain_scalar(value: Any, where: str) -> None:
         got = message("one that is no zero and smaller than computers count, {value:g}", value=value)
         raise InputError("ordinary numbers", got, "Correct it.", where)
     if isinstance(value, int) and abs(value) >= _LARGEST_INTEGER:
-        raise InputError(
-            "integers of at most 63 bits", "one of {value} bits", "Correct it.", where, value=value.bit_length()
-        )
+        need = "integers of at most 63 bits"
+        raise InputError(need, "one of {value} bits", "Correct it.", where, value=value.bit_length())
     if isinstance(value, str):
         if "\0" in value:
             raise InputError("text without NUL characters", "one with", "Leave it out.", where)

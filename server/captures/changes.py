@@ -190,6 +190,5 @@ def _changed(record: Data, changes: Mapping[str, object]) -> Capture:
 
 
 def _changed_meanwhile(what: str) -> ConflictError:
-    return ConflictError(
-        "a {what} that rests", "one that was just changed", "Send the request again.", what, what=what
-    )
+    to_do = "Send the request again."
+    return ConflictError("a {what} that rests", "one that was just changed", to_do, what, what=what)

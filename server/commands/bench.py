@@ -27,9 +27,8 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError("the benchmarks", "none", "Run this command in a checkout of the project.", str(_FOLDER))
     for name in options.names:
         if name not in known:
-            raise InputError(
-                "a benchmark among {known}", f"'{name}'", "Name one of these.", "bench", known=", ".join(known)
-            )
+            to_do = "Name one of these."
+            raise InputError("a benchmark among {known}", f"'{name}'", to_do, "bench", known=", ".join(known))
     table: dict[str, list[dict[str, Any]]] = {}
     for name in options.names or known:
         if not options.json:

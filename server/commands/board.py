@@ -48,9 +48,8 @@ def _run(options: argparse.Namespace) -> int:
     board = _board(options)
     writers = {".pdf": sheet_pdf, ".svg": sheet_svg}
     if options.out.suffix.lower() not in writers:
-        raise InputError(
-            "a file name that ends in .pdf or .svg", str(options.out), "Name the file so.", str(options.out)
-        )
+        to_do = "Name the file so."
+        raise InputError("a file name that ends in .pdf or .svg", str(options.out), to_do, str(options.out))
     sheet = board_sheet(board, options.paper)
     write_pieces(options.out, [writers[options.out.suffix.lower()](sheet)])
     along_row, along_column = measured_over(board)

@@ -29,9 +29,8 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.review.cell_frames import session_frames
 
     if options.into is not None and options.outof is None:
-        raise InputError(
-            "two frames, INTO and OUTOF", "'{into}' alone", "Name both, or neither.", "OUTOF", into=options.into
-        )
+        to_do = "Name both, or neither."
+        raise InputError("two frames, INTO and OUTOF", "'{into}' alone", to_do, "OUTOF", into=options.into)
     asked = None if options.into is None else (options.into, options.outof)
     with opened(options.session) as folder:
         session, read = load_session(folder)

@@ -43,9 +43,8 @@ def _run(options: argparse.Namespace) -> int:
     require_scenario(options.scenario)
     for name, value in (("--seed", options.seed), ("--out", options.out)):
         if value is None:
-            raise InputError(
-                "{name} for the session folder", "none", "Add {name}.", f"simulate {options.scenario}", name=name
-            )
+            need = "{name} for the session folder"
+            raise InputError(need, "none", "Add {name}.", f"simulate {options.scenario}", name=name)
     from calib_core.archive.folder import save_session, to_json_bytes
 
     simulated = simulate(options.scenario, options.seed)

@@ -62,9 +62,8 @@ class StrictRequest(Request):
         limit: int = self.app.state.settings.max_json_bytes
         body = await self.body()
         if len(body) > limit:
-            raise TooLargeError(
-                "at most {limit} bytes of JSON", f"{len(body)}", "Send less at once.", "request", limit=limit
-            )
+            to_do = "Send less at once."
+            raise TooLargeError("at most {limit} bytes of JSON", f"{len(body)}", to_do, "request", limit=limit)
         return parse_json(body, "request")
 
 
@@ -79,9 +78,8 @@ def require_media_type(route: APIRoute, request: Request) -> None:
     is_json = given == "application/json" or (given.startswith("application/") and given.endswith("+json"))
     if given != needed and not (needed == "application/json" and is_json):
         to_do = message("Send it with `Content-Type: {needed}`.", needed=needed)
-        raise MediaTypeError(
-            "a body of the type {needed}", given or "one without a Content-Type", to_do, "request", needed=needed
-        )
+        need = "a body of the type {needed}"
+        raise MediaTypeError(need, given or "one without a Content-Type", to_do, "request", needed=needed)
 
 
 class StrictRoute(APIRoute):

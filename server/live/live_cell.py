@@ -217,9 +217,8 @@ class LiveCell:
             robot = newest_way(self._robot)
             seen = [one for one in self._seen if one[1] == self._seen[-1][1]]
         if len(robot) < 2 or not seen:
-            raise MeasurementError(
-                "poses of the robot and exposures of the sphere", "none", "Connect both, and move back and forth."
-            )
+            need = "poses of the robot and exposures of the sphere"
+            raise MeasurementError(need, "none", "Connect both, and move back and forth.")
         by_device = all(s.device_time_s is not None for s in robot)
         times = [(s.device_time_s if by_device else None) or s.host_time_s for s in robot]
         positions = [s.base_from_tool0.translation_mm for s in robot if s.base_from_tool0 is not None]

@@ -113,9 +113,8 @@ def profile_in(picture: Picture, calibration: ProfileCalibration) -> FloatArray:
             message("{width}×{height} pixels", width=width, height=height)
             for width, height in (wanted, picture.size)
         ]
-        raise InputError(
-            "images of {sizes}", sizes[1], "Set the camera as it was when it was calibrated.", sizes=sizes[0]
-        )
+        need = "images of {sizes}"
+        raise InputError(need, sizes[1], "Set the camera as it was when it was calibrated.", sizes=sizes[0])
     if picture.stripe is None:
         raise picture.problem or MeasurementError("a stripe", "none", "Switch the laser on.")
     points = triangulate_stripe(calibration, picture.stripe).profile_mm

@@ -68,9 +68,8 @@ class ModbusTable:
             raise ConnectionError(str(error)) from None
         if answer.isError():
             got = message("the exception {answer}", answer=getattr(answer, "exception_code", answer))
-            raise InputError(
-                "the {what} to be taken", got, "Check its address and the device's id.", what, what=what
-            )
+            to_do = "Check its address and the device's id."
+            raise InputError("the {what} to be taken", got, to_do, what, what=what)
 
 
 MOVER = MoverEntry(

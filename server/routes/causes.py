@@ -73,9 +73,8 @@ def apply_cause(
     cause = cause_named(_causes(before), cause_id)
     found = cause.changes
     if found is None:
-        raise ConflictError(
-            "a root cause with a remedy", "'{cause}', which has none", cause.sentence, "cause", cause=cause.id
-        )
+        need = "a root cause with a remedy"
+        raise ConflictError(need, "'{cause}', which has none", cause.sentence, "cause", cause=cause.id)
 
     def act(db: Transaction) -> Data:
         locked_session(db, session_id)

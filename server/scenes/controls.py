@@ -111,9 +111,8 @@ def controls(session: SessionId, scenes: Scenes) -> SceneControls:
 def show_layer(session: SessionId, body: LayerChange, scenes: Scenes) -> None:
     """Show or hide a layer for everybody who looks at this scene."""
     if body.name not in LAYERS:
-        raise InputError(
-            "a layer among {layers}", repr(body.name), "Name one of these.", "name", layers=", ".join(LAYERS)
-        )
+        to_do = "Name one of these."
+        raise InputError("a layer among {layers}", repr(body.name), to_do, "name", layers=", ".join(LAYERS))
     _live(scenes, session).show_layer(body.name, body.shown)
 
 
@@ -164,9 +163,8 @@ async def viewer_socket(websocket: WebSocket, session: str, viewer: str, scenes:
 def take_view(session: SessionId, viewer: Viewer, body: ViewChange, scenes: Scenes) -> None:
     """Move the camera of one viewer to a view; nobody else's."""
     if body.view not in VIEWS:
-        raise InputError(
-            "a view among {views}", repr(body.view), "Name one of these.", "view", views=", ".join(VIEWS)
-        )
+        to_do = "Name one of these."
+        raise InputError("a view among {views}", repr(body.view), to_do, "view", views=", ".join(VIEWS))
     try:
         _live(scenes, session).move(viewer, body.view)
     except NotFoundError:

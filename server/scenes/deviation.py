@@ -50,9 +50,8 @@ def cloud_deviation(
     if against.kind == "sphere":
         return _from_sphere(points_mm, against.diameter_mm)
     if reference is None:
-        raise MeasurementError(
-            "a reference mesh", "none", "Add one as STL, PLY or OBJ under Result, Merge.", "reference"
-        )
+        to_do = "Add one as STL, PLY or OBJ under Result, Merge."
+        raise MeasurementError("a reference mesh", "none", to_do, "reference")
     return _from_mesh(points_mm, reference)
 
 

@@ -64,9 +64,8 @@ class GigeServer:
         except OSError as error:
             self._control.close()
             to_do = message("Stop the other camera, or serve this one at another address of the loopback network.")
-            raise ConflictError(
-                "port {gvcp_port} at {address}", str(error), to_do, address, gvcp_port=GVCP_PORT, address=address
-            ) from None
+            need = "port {gvcp_port} at {address}"
+            raise ConflictError(need, str(error), to_do, address, gvcp_port=GVCP_PORT, address=address) from None
         self._control.settimeout(_LOOK_S)
         self._stream = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._stream.bind((address, 0))

@@ -115,9 +115,8 @@ def parse_state(page: str, kind: str) -> dict[str, float]:
     try:
         root: Any = ElementTree.fromstring(re.sub(r"<!DOCTYPE[^>\[]*>", "", page, count=1))
     except ElementTree.ParseError as error:
-        raise InputError(
-            "a page of Robot Web Services", "another one ({error})", "Check the address.", error=error
-        ) from None
+        to_do = "Check the address."
+        raise InputError("a page of Robot Web Services", "another one ({error})", to_do, error=error) from None
     found: dict[str, float] = {}
     for item in root.iter():
         if item.tag.rpartition("}")[2] == "li" and item.get("class") == kind:

@@ -122,9 +122,8 @@ class GenicamCamera:
                 self._camera.set(name, value)
             except GenicamError as error:
                 to_do = message("Look its name and range up in the camera's manual, or leave it out.")
-                raise InputError(
-                    "a feature that the camera takes", str(error), to_do, f"features.{name}"
-                ) from None
+                need = "a feature that the camera takes"
+                raise InputError(need, str(error), to_do, f"features.{name}") from None
         for field, write in (
             ("exposure_us", self._camera.set_exposure_time),
             ("gain", self._camera.set_gain),

@@ -39,9 +39,8 @@ def parse_telegram(text: str) -> Told:
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
-        raise InputError(
-            "a telegram of RSI or EKI", "XML that cannot be read ({error})", "Send it whole.", error=error
-        ) from None
+        need = "a telegram of RSI or EKI"
+        raise InputError(need, "XML that cannot be read ({error})", "Send it whole.", error=error) from None
     told: dict[str, tuple[float, ...]] = {}
     for element in root.iter():
         if element.tag.lower() in _SETPOINTS:

@@ -44,9 +44,8 @@ class PoseLines:
         if (
             not text.replace("\t", " ").isprintable() or not text.isascii()
         ):  # numbers on both sides would run together
-            raise InputError(
-                "a pose a line", repr(text[:60]), "Look at the line's wiring and speed: bytes came damaged."
-            )
+            to_do = "Look at the line's wiring and speed: bytes came damaged."
+            raise InputError("a pose a line", repr(text[:60]), to_do)
         rows = parse_pose_lines(self._settings.convention, text)
         if len(rows) != 1 or rows[0].pose is None:
             got = rows[0].problem if rows and rows[0].problem else repr(text[:60])

@@ -128,6 +128,5 @@ def require_same(digest: str, found: str) -> None:
     """Refuse content that is not what was stored; raises DamagedError."""
     if digest != found:
         to_do = message("Put it back from a backup; `scancell doctor` names what else is damaged.")
-        raise DamagedError(
-            "the stored file {digest}… as it was stored", "something else", to_do, "blobs", digest=digest[:12]
-        )
+        need = "the stored file {digest}… as it was stored"
+        raise DamagedError(need, "something else", to_do, "blobs", digest=digest[:12])

@@ -108,23 +108,16 @@ def _refusal(
     capture: Capture, digests: Mapping[str, str], taken_ids: set[str], taken_names: Mapping[str, tuple[str, str]]
 ) -> CalibrationError | None:
     if capture.id in taken_ids:
-        return ConflictError(
-            "a capture id that is new in this session",
-            "'{capture}', which is there already",
-            "Give the capture another id, or remove the stored one first.",
-            capture.id,
-            capture=capture.id,
-        )
+        need = "a capture id that is new in this session"
+        to_do = "Give the capture another id, or remove the stored one first."
+        return ConflictError(need, "'{capture}', which is there already", to_do, capture.id, capture=capture.id)
     for name, digest in digests.items():
         known, owner = taken_names.get(name, (digest, ""))
         if known != digest:
+            got = "{name}, which capture '{owner}' has with other content"
+            to_do = "Name the file otherwise in the record's `files`."
             return ConflictError(
-                "file names that are new in this session",
-                "{name}, which capture '{owner}' has with other content",
-                "Name the file otherwise in the record's `files`.",
-                capture.id,
-                name=name,
-                owner=owner,
+                "file names that are new in this session", got, to_do, capture.id, name=name, owner=owner
             )
     return None
 

@@ -25,7 +25,6 @@ def after_cursor(cursor: str, *kinds: type) -> list[Any]:
         if [type(value) for value in values] != list(kinds):
             raise ValueError
     except (ValueError, TypeError, RecursionError):
-        raise InputError(
-            "a cursor from the `next` of a page", repr(cursor[:80]), "Leave it out to start over.", "cursor"
-        ) from None
+        to_do = "Leave it out to start over."
+        raise InputError("a cursor from the `next` of a page", repr(cursor[:80]), to_do, "cursor") from None
     return values

@@ -112,9 +112,8 @@ def earlier_release(db: Transaction, cell: str, number: int | None = None) -> Re
     if number is not None:
         found = next((row for row in rows if row.number == number), None)
         if found is None:
-            raise NotFoundError(
-                "the number of one of the cell's releases", f"{number}", "Read its history.", "number"
-            )
+            to_do = "Read its history."
+            raise NotFoundError("the number of one of the cell's releases", f"{number}", to_do, "number")
     else:
         found = next((row for row in rows if _plain(row) != _plain(present)), None)
         if found is None:

@@ -136,7 +136,6 @@ def _kept_copy(data: Path) -> Path:
             remove_file(path)
     except (OSError, sqlite3.Error) as error:
         to_do = message("Make room there; the database is as it was.")
-        raise InputError(
-            "room for a copy of the database before its update", str(error), to_do, str(data)
-        ) from None
+        need = "room for a copy of the database before its update"
+        raise InputError(need, str(error), to_do, str(data)) from None
     return target

@@ -69,9 +69,8 @@ def require_axes(names: list[str], where: str, format_name: str) -> None:
 
 def wrong(where: str, format_name: str, got: str) -> InputError:
     """Return the error of a file that is not what its ending says."""
-    return InputError(
-        "a {format_name} file of points x y z", got, "Copy or export it again.", where, format_name=format_name
-    )
+    to_do = "Copy or export it again."
+    return InputError("a {format_name} file of points x y z", got, to_do, where, format_name=format_name)
 
 
 def reading_of_fields(

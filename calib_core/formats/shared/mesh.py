@@ -23,9 +23,8 @@ def require_few(count: int, name: str) -> None:
     """Refuse more than `MAX_TRIANGLES`; raises TooLargeError."""
     if count > MAX_TRIANGLES:
         to_do = message("Export it with a coarser tolerance.")
-        raise TooLargeError(
-            "at most {max_triangles:,} triangles", f"{count:,}", to_do, name, max_triangles=MAX_TRIANGLES
-        )
+        need = "at most {max_triangles:,} triangles"
+        raise TooLargeError(need, f"{count:,}", to_do, name, max_triangles=MAX_TRIANGLES)
 
 
 def wrong(name: str, got: str, to_do: str = "Export the mesh again, as STL, PLY or OBJ.") -> InputError:

@@ -49,9 +49,8 @@ def unzipped(data: bytes, name: str) -> bytes:
     except (OSError, EOFError, zlib.error) as error:
         raise InputError("a whole gzipped file", str(error), "Copy or export it again.", name) from None
     if len(unpacked) > _LARGEST_BYTES:
-        raise InputError(
-            "a file of at most 64 MB unpacked", "more", "Give the file as its program wrote it.", name
-        )
+        to_do = "Give the file as its program wrote it."
+        raise InputError("a file of at most 64 MB unpacked", "more", to_do, name)
     return unpacked
 
 
@@ -100,9 +99,8 @@ def elements(data: bytes, name: str) -> list[Element]:
             open_ones[-1].text += characters
 
     def entity(*_: object) -> None:
-        raise InputError(
-            "XML without entities", "an entity declaration", "Give the file as its program wrote it.", name
-        )
+        to_do = "Give the file as its program wrote it."
+        raise InputError("XML without entities", "an entity declaration", to_do, name)
 
     parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, text
     parser.EntityDeclHandler = entity
@@ -111,7 +109,6 @@ def elements(data: bytes, name: str) -> list[Element]:
     except expat.ExpatError as error:
         what = expat.errors.messages[error.code] if error.code in expat.errors.messages else str(error)
         to_do = message("Copy the file again: it is cut or damaged, or no XML.")
-        raise InputError(
-            "whole XML", "{word} in line {number}", to_do, name, word=what, number=error.lineno
-        ) from None
+        need = "whole XML"
+        raise InputError(need, "{word} in line {number}", to_do, name, word=what, number=error.lineno) from None
     return found

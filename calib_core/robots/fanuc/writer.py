@@ -60,9 +60,8 @@ def _put(text: str, which: str, pose: list[float], settings: FanucSettings, answ
     following = re.compile(r"^[ \t]*\[", re.MULTILINE)
     limit = re.compile(r"^\[\*", re.MULTILINE).search(text, head.end()) if head else None
     if head is None or entry is None or (limit and limit.start() < entry.start()):
-        raise InputError(
-            "{what} in the backup", "none", "Give sysframe.va, or name another frame.", "into", what=what
-        )
+        need = "{what} in the backup"
+        raise InputError(need, "none", "Give sysframe.va, or name another frame.", "into", what=what)
     after = following.search(text, entry.end())
     end = after.start() if after else len(text)
     for name, value in reversed(list(zip(_NAMES, pose, strict=True))):

@@ -40,9 +40,8 @@ def require_millimetres(files: Mapping[str, bytes]) -> None:
             to_do = message(
                 "Change the application to millimetres in the controller and save it anew, or export a .dtx alone."
             )
-            raise InputError(
-                "an application in millimetres", "one in inches (millimeterUnit is false)", to_do, name
-            )
+            need = "an application in millimetres"
+            raise InputError(need, "one in inches (millimeterUnit is false)", to_do, name)
 
 
 def _path(part: Found) -> PurePosixPath:

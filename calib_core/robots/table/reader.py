@@ -125,9 +125,8 @@ def _unit_stated(head: Sequence[str], roles: Sequence[str], convention: str, whe
     if angles - {right} and known.form != "quaternion":
         got = message("a header that says {angles}", angles=" and ".join(sorted(angles)))
         to_do = message("Convert them, or name another convention than '{convention}'.", convention=convention)
-        raise InputError(
-            "angles in {right}, as of '{convention}'", got, to_do, where, right=right, convention=convention
-        )
+        need = "angles in {right}, as of '{convention}'"
+        raise InputError(need, got, to_do, where, right=right, convention=convention)
     return next(iter(places), "")
 
 

@@ -32,9 +32,8 @@ def schema_text(name: str) -> str:
 
         return models_source()
     if name not in _RECORDS:
-        raise InputError(
-            "a record among {schemas}", repr(name), "Name one of these.", "schema", schemas=", ".join(SCHEMAS)
-        )
+        to_do = "Name one of these."
+        raise InputError("a record among {schemas}", repr(name), to_do, "schema", schemas=", ".join(SCHEMAS))
     record, title = _RECORDS[name]
     schema: dict[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     schema |= record.model_json_schema() | {"title": title}

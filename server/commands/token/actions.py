@@ -28,9 +28,8 @@ def create(options: argparse.Namespace) -> int:
     """Make a token and print it, alone, on standard output."""
     days, role = options.days, options.role
     if days is not None and not 0 < days <= 36525:
-        raise InputError(
-            "a time of up to 36525 days", f"{days:g}", "Leave it out for a token without end.", "--days"
-        )
+        to_do = "Leave it out for a token without end."
+        raise InputError("a time of up to 36525 days", f"{days:g}", to_do, "--days")
     if options.server is None:
         with audited_store(options.data, f"token create {role}", make=True) as store, store.write() as db:
             lifetime = None if days is None else timedelta(days=days)

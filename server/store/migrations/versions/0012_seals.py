@@ -10,8 +10,7 @@ from calib_core.archive.seals import sealed, signed_result
 
 revision = "0012"
 down_revision = "0011"
-branch_labels = None
-depends_on = None
+
 
 _JSON = sa.JSON(none_as_null=True)
 _RESULTS = sa.table(
