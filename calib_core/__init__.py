@@ -40,42 +40,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
-    "Board",
-    "CalibrationError",
-    "Capture",
-    "Captures",
-    "Cell",
-    "Known",
-    "Merged",
-    "OpenSession",
-    "RigidTransform",
-    "Robot",
-    "Scanner",
-    "Session",
-    "Turntable",
-    "calibrate_camera",
-    "calibrate_chain",
-    "calibrate_hand_eye",
-    "calibrate_laser_plane",
-    "calibrate_tcp",
-    "calibrate_turntable",
-    "fit_sphere",
-    "load",
-    "make_session",
-    "merge_scans",
-    "pack",
-    "parse_pose",
-    "read_poses",
-    "read_scan",
-    "recheck_tcp",
-    "replay",
-    "scan_points",
-    "simulate",
-    "to_pose",
-    "unpack",
-    "verify",
-    "verify_archive",
-]
+    "Board", "CalibrationError", "Capture", "Captures", "Cell", "Known", "Merged", "OpenSession",
+    "RigidTransform", "Robot", "Scanner", "Session", "Turntable", "calibrate_camera", "calibrate_chain",
+    "calibrate_hand_eye", "calibrate_laser_plane", "calibrate_tcp", "calibrate_turntable", "fit_sphere",
+    "load", "make_session", "merge_scans", "pack", "parse_pose", "read_poses", "read_scan", "recheck_tcp",
+    "replay", "scan_points", "simulate", "to_pose", "unpack", "verify", "verify_archive"
+]  # fmt: skip
 
 _RECORDS = ("Board", "Capture", "Cell", "Known", "Robot", "Scanner", "Session", "Turntable")
 _HOMES = {

@@ -74,9 +74,8 @@ def require_distinct_names(names: Iterable[str], where: str) -> None:
                     folder=_shown(folder),
                 )
     for name in files.keys() & folders.keys():
-        raise InputError(
-            "files and folders with different names", "{name} as both", _RENAME, where, name=_shown(name)
-        )
+        need = "files and folders with different names"
+        raise InputError(need, "{name} as both", _RENAME, where, name=_shown(name))
 
 
 def folded(name: str) -> str:

@@ -37,9 +37,8 @@ def arm_from_ur_calibration(data: bytes, name: str) -> ArmTable:
     import yaml
 
     if len(data) > _MOST_BYTES:
-        raise TooLargeError(
-            "a calibration of at most 100 kB", "a larger one", "Give the file as its program wrote it.", name
-        )
+        to_do = "Give the file as its program wrote it."
+        raise TooLargeError("a calibration of at most 100 kB", "a larger one", to_do, name)
     try:
         read = yaml.safe_load(data)
         links = cast("dict[str, dict[str, Any]]", read["kinematics"])
@@ -53,9 +52,8 @@ def arm_from_ur_calibration(data: bytes, name: str) -> ArmTable:
         to_do = message("Draw it anew with the driver's calibration_correction.")
         raise InputError(need, "something else", to_do, name) from None
     if not np.isfinite(rows).all():
-        raise InputError(
-            "finite numbers", "something else", "Draw it anew with the driver's calibration_correction.", name
-        )
+        to_do = "Draw it anew with the driver's calibration_correction."
+        raise InputError("finite numbers", "something else", to_do, name)
     joints: list[ArmJoint] = []
     for link, (x, y, z, roll, pitch, yaw) in zip(_LINKS, rows, strict=True):
         place = np.eye(4)

@@ -12,13 +12,6 @@ from calib_core.robots.lines import PoseLine, parse_pose_lines
 from calib_core.robots.registry import BRANDS
 
 __all__ = [
-    "BRANDS",
-    "CONVENTIONS",
-    "Brand",
-    "Convention",
-    "PoseLine",
-    "convention_named",
-    "parse_pose",
-    "parse_pose_lines",
-    "to_pose",
-]
+    "BRANDS", "CONVENTIONS", "Brand", "Convention", "PoseLine", "convention_named", "parse_pose",
+    "parse_pose_lines", "to_pose"
+]  # fmt: skip

@@ -25,30 +25,11 @@ from calib_core.simulation.whole_cell import WHOLE_SCENARIOS, WholeScenario, wit
 from calib_core.simulation.writing import session_files, session_record
 
 __all__ = [
-    "FRAME_SCENARIOS",
-    "PART_SCENARIOS",
-    "SCENARIOS",
-    "SWEEP_SCENARIOS",
-    "TABLE_SCENARIOS",
-    "TOPOLOGY_SCENARIOS",
-    "VERIFY_SCENARIOS",
-    "WHOLE_SCENARIOS",
-    "Shot",
-    "SimulatedSession",
-    "SweepScenario",
-    "TableScenario",
-    "TcpScenario",
-    "TopologyScenario",
-    "VerifyScenario",
-    "WholeScenario",
-    "World",
-    "another",
-    "retake",
-    "simulate",
-    "simulate_table",
-    "simulate_tcp",
-    "simulate_verify",
-]
+    "FRAME_SCENARIOS", "PART_SCENARIOS", "SCENARIOS", "SWEEP_SCENARIOS", "TABLE_SCENARIOS",
+    "TOPOLOGY_SCENARIOS", "VERIFY_SCENARIOS", "WHOLE_SCENARIOS", "Shot", "SimulatedSession", "SweepScenario",
+    "TableScenario", "TcpScenario", "TopologyScenario", "VerifyScenario", "WholeScenario", "World", "another",
+    "retake", "simulate", "simulate_table", "simulate_tcp", "simulate_verify"
+]  # fmt: skip
 
 _WITHOUT_WORLD: tuple[tuple[Mapping[str, Any], Callable[[Any, str, int], tuple[Session, Any, Any]]], ...] = (
     (TOPOLOGY_SCENARIOS, simulate_topology),

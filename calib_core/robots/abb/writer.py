@@ -50,14 +50,9 @@ def _put(text: str, what: str, pose: list[float], settings: NamedSettings, answe
         to_do = message("Correct the module first.")
         raise InputError("a whole {kind} {name}", str(error), to_do, "into", kind=kind, name=name) from None
     if len(items) not in ((3,) if kind == "tooldata" else (5,)):
-        raise InputError(
-            "a whole {kind} {name}",
-            plural("{count} part", "{count} parts", by="count", count=len(items)),
-            "Correct the module first.",
-            "into",
-            kind=kind,
-            name=name,
-        )
+        got = plural("{count} part", "{count} parts", by="count", count=len(items))
+        to_do = "Correct the module first."
+        raise InputError("a whole {kind} {name}", got, to_do, "into", kind=kind, name=name)
     held = items[0].text.strip().upper() == "TRUE"
     if held != (kind == "tooldata"):
         got = message("robhold {items}", items=items[0].text.strip())
