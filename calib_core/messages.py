@@ -152,7 +152,7 @@ class Catalogue:
         """Return a message, or a text that has no places, in this language; as it is where it is not known."""
         if isinstance(text, Message):
             return self.fill(text.template, text.values, text.many, text.by)
-        return self.texts[text][0] if text in self.texts else text
+        return self.texts[text][0] if text in self.texts and not isinstance(text, _Own) else text
 
     def fill(self, template: str, values: Mapping[str, Value], many: str = "", by: str = "") -> str:
         """Return a template in this language with its places filled; raises KeyError where a value is missing."""
@@ -182,7 +182,7 @@ class Catalogue:
         ]
         if len(parts) > _MOST_NAMED:
             return self.more.format(self.comma.join(parts[:_MOST_NAMED]), len(parts) - _MOST_NAMED)
-        return self.listed(parts)
+        return self.listed([_Own(part) for part in parts])
 
 
 def data_of(said: Message) -> dict[str, Any]:
@@ -274,9 +274,27 @@ def _value_of(data: Any) -> Any:
     return next(_LISTS[kind](_value_of(one) for one in parts) for kind, parts in data.items())  # pyright: ignore
 
 
+class _Own(str):
+    """What somebody named, or wrote: said as it stands in every language."""
+
+    __slots__ = ()
+
+
+_OWN: Final = frozenset("axes axis capture carrier cell file folder mount scanner session sphere who why".split())  # noqa: SIM905
+"""The places that hold what somebody named; a message in one is said as others are."""
+
+
 class _Filler(Formatter):
     def __init__(self, catalogue: Catalogue) -> None:
         self._catalogue = catalogue
+
+    def get_value(self, key: int | str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        value = super().get_value(key, args, kwargs)
+        if key not in _OWN or isinstance(value, Message | Names):
+            return value
+        if isinstance(value, list | tuple):
+            return [one if isinstance(one, Message) else _Own(one) for one in cast("Sequence[str]", value)]
+        return _Own(value) if isinstance(value, str) else value
 
     def format_field(self, value: Any, format_spec: str) -> str:
         said = self._catalogue

@@ -21,3 +21,13 @@ def now() -> str:
 def from_now(span: timedelta) -> str:
     """Return the moment a span of time after the present one, before it where that is negative, as such text."""
     return text_of(datetime.now(UTC) + span)
+
+
+def said_moment(moment: str) -> str:
+    """Return a moment (ISO 8601) as people write it, with its offset from UTC; as it is where it is none."""
+    try:
+        when = datetime.fromisoformat(moment)
+    except ValueError:
+        return moment
+    offset = (when if when.tzinfo else when.replace(tzinfo=UTC)).strftime("%z")
+    return f"{when:%Y-%m-%d %H:%M} UTC{'' if offset == '+0000' else f'{offset[:3]}:{offset[3:]}'}"

@@ -179,6 +179,7 @@ class Column(Record):
     unit: str | None = None
     decimals: int | None = None
     align: Literal['left', 'right'] | None = None
+    own: bool | None = None
 
 
 class DecidedBefore(Record):

@@ -64,8 +64,17 @@ class _Telling:
             data = as_read(data, self._language.language)
         elif data.keys() >= _FINDING and data["code"] in CODES and isinstance(data["text"], str):
             return in_language(Finding.model_validate(data), self._language.language).to_json()
-        return {
-            name: self.told(value, name if name in TEXTS or not isinstance(value, str) else field)
+        own = {"documentation", "why"} if "who" in data else {"documentation"}  # what people wrote
+        told = {
+            name: value
+            if name in own
+            else self.told(value, name if name in TEXTS or not isinstance(value, str) else field)
             for name, value in data.items()
             if name != SAID or not isinstance(value, list)
         }
+        if data.get("kind") == "table":
+            names = [k for k, column in enumerate(data["columns"]) if column.get("own")]
+            for row, as_it_stands in zip(told["rows"], data["rows"], strict=True):
+                for k in names:
+                    row["cells"][k] = as_it_stands["cells"][k]
+        return told

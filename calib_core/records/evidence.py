@@ -84,12 +84,16 @@ class Frame(Block):
 
 
 class Column(Record):
-    """A table's column, with unit and decimals of its plain numbers."""
+    """A table's column, with unit and decimals of its plain numbers.
+
+    `own` is whether its texts are names and words of people, which stand as they are in every language.
+    """
 
     label: str
     unit: str = ""
     decimals: int = 0
     align: Literal["left", "right"] = "right"
+    own: bool = False
 
 
 class Row(Record):

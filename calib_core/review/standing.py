@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from calib_core.messages import Message, message
+from calib_core.moment import said_moment
 from calib_core.records.faults import in_order
 from calib_core.records.policy import Equipment, Policy
 
@@ -91,3 +93,14 @@ def _is_overdue(answer: Mapping[str, Any], policy: Policy, now: datetime) -> boo
     told = [datetime.fromisoformat(date) for date in dates if date]
     newest = max((one if one.tzinfo else one.replace(tzinfo=UTC) for one in told), default=None)
     return newest is None or now - newest > timedelta(days=policy.interval_days)
+
+
+def said_release(release: Mapping[str, Any]) -> Message:
+    """Return who released an answer, when and why: `number`, `who`, `created`, `why`."""
+    return message(
+        "Release {number} by {who}, {when}. Reason: {why}",
+        number=int(release["number"]),
+        who=str(release["who"]),
+        when=said_moment(str(release["created"])),
+        why=str(release["why"]) or message("none given"),
+    )

@@ -207,7 +207,7 @@ def residual_table(
     """Return one row a capture with the fields named by `columns`: field, label, unit."""
     columns = [one for one in columns if any(getattr(row, one[0], None) is not None for row in rows)]
     decimals = [_decimals(rows, field) for field, _, _ in columns]
-    heads = [Column(label="Capture", align="left")]
+    heads = [Column(label="Capture", align="left", own=True)]
     heads += [
         Column(label=label, unit=unit, decimals=digits)
         for (_, label, unit), digits in zip(columns, decimals, strict=True)

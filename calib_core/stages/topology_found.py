@@ -69,7 +69,7 @@ def axes_table(result: Any, shown_already: int = 0) -> list[AnyBlock]:
             )
         )
     columns = [
-        Column(label="Axis", align="left"),
+        Column(label="Axis", align="left", own=True),
         Column(label="Kind", align="left"),
         Column(label="Direction in base"),
         Column(label="Direction, ±"),

@@ -13,17 +13,17 @@ from server.http.schemas_results import StoredResult
 
 
 class TimelineItem(BaseModel):
-    """One thing that happened: a capture came, a limit was changed late, a stage was solved or could not be.
+    """What happened: a capture came, a limit changed late, a stage was solved or not, an answer was released.
 
     The last one is `now`.
 
     `removed` says of a capture that it is not in the session any more; it then stands before the first result that
-    used it. `message` says why a solve failed, or which limit of a verification was changed; `excluded_because`
-    who left a capture out, `included_because` who took it in again.
+    used it. `message` says why a solve failed, which limit of a verification was changed, or who released;
+    `excluded_because` who left a capture out, `included_because` who took it in again.
     """
 
     place: int
-    kind: Literal["capture", "result", "limit", "failed", "cancelled", "now"]
+    kind: Literal["capture", "result", "limit", "release", "failed", "cancelled", "now"]
     at: str
     capture: str | None = None
     step: StepName | None = None

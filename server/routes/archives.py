@@ -253,7 +253,7 @@ def _circumstances(stored: SessionOfStore, answer: Answer | None, **more: Any) -
 
     if answer is None:
         return Circumstances(digests=stored.kept, read=stored.read, **more)
-    before, moment = answer.decided_before, answer.of_moment
+    before, moment = answer.decided_before, answer.all_faults  # its results know nothing of what was taken out
     known: Any = {"digests": stored.kept, "read": stored.read, **more}
     return Circumstances(solved=answer.date, decided_before=before, of_moment=moment, **known)
 

@@ -14,9 +14,11 @@ from calib_core.findings import verdict_of
 from calib_core.findings.codes.quality import FILES_REMOVED
 from calib_core.messages import message
 from calib_core.records import Capture, LimitChange, Measured, Session, parse_session
+from calib_core.review.standing import said_release
 from calib_core.stages.verify.limits import said_change
 from server.store.blobs import Blobs
-from server.store.models import CaptureRow, Data, JobRow, ResultRow
+from server.store.models import CaptureRow, Data, JobRow, ReleaseRow, ResultRow
+from server.store.releases import release_data
 from server.store.sessions import StoredSession, load_session, session_row
 from server.store.solves import ALL, REPLAY
 
@@ -46,7 +48,7 @@ class Moment:
 
 
 def timeline(db: Transaction, session_id: str) -> list[Data]:
-    """Return what happened in a session, in order: captures, results, solves without a result; `now` ends it.
+    """Return what happened in a session, in order: captures, results, releases, failed solves; `now` ends it.
 
     Captures that were removed since stand before the first result that they were in.
 
@@ -56,7 +58,12 @@ def timeline(db: Transaction, session_id: str) -> list[Data]:
     """
     session = session_row(db, session_id)
     past = past_results(db, session_id)
-    others = (*_results(past), *_limits(session.record), *_ended_without_result(db, session_id))
+    others = (
+        *_results(past),
+        *_limits(session.record),
+        *_released(db, session_id),
+        *_ended_without_result(db, session_id),
+    )
     items = [*_captures(db, session_id, past), *others]
     items.sort(key=lambda item: item[0])
     found = [data for _, data in items]
@@ -208,6 +215,15 @@ def _limits(record: Data) -> Iterator[_Item]:
     for place, one in enumerate((record["cell"].get("verification") or {}).get("changes") or ()):
         change = LimitChange.model_validate(one)
         yield (change.at, 0, place), {"kind": "limit", "at": change.at, "message": said_change(change)}
+
+
+def _released(db: Transaction, session_id: str) -> Iterator[_Item]:
+    """Return each release of one of its answers: who decided, when and why."""
+    for row in db.scalars(select(ReleaseRow).where(ReleaseRow.session_id == session_id)):
+        yield (
+            (row.created, 3, row.number),
+            {"kind": "release", "at": row.created, "message": said_release(release_data(row))},
+        )
 
 
 def _ended_without_result(db: Transaction, session_id: str) -> Iterator[_Item]:

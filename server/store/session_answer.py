@@ -1,10 +1,10 @@
 """A session's answer: as its latest results have it, with when they were solved, and whether it is stale."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import undefer
 
@@ -13,7 +13,9 @@ from calib_core.records import parse_session
 from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.faults import in_order
 from calib_core.review.decided_before import decided_before
-from server.store.models import ResultRow
+from calib_core.steps import table_stages, tool_stages
+from server.store.models import CaptureRow, ResultRow
+from server.store.removed_rows import removed_stages
 from server.store.sessions import StoredSession
 
 STALE_HEADER: Final = "Scancell-Stale"
@@ -31,25 +33,51 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
     """
     stale = stored.stale
     answer = answer_of(stored.session, stored.results, stale)
-    latest = select(func.max(ResultRow.number)).where(
-        ResultRow.session_id == stored.id, ResultRow.stage == answer.stage
-    )
-    query = select(ResultRow).where(ResultRow.number == latest.scalar_subquery())
-    row = db.scalars(query.options(undefer(ResultRow.solved_from))).one()
+    row = _newest(db, stored.id, answer.stage)[0]
+    verified = _newest(db, stored.id, "verify", most=None)[::-1]
+    if _is_past_changed(db, stored, [row, *verified[-1:]]):
+        stale = [*stale, answer.stage]
+        answer = answer_of(stored.session, stored.results, stale)
     session = stored.session
     if answer.stale and row.solved_from is not None:
         then = parse_session(row.solved_from["session"], stored.id)
         session = session.model_copy(update={"cell": then.cell, "captures": then.captures})
     answer = answer_of(session, stored.results, stale, row.record.get("solved") or row.created)
-    return replace(answer, decided_before=tuple(_decided_before(db, stored)))
+    removed = removed_stages(db, stored.id).intersection((*tool_stages(), *table_stages(), "verify"))
+    provenance = (*answer.provenance, *(["imported"] if removed else []))
+    return replace(answer, decided_before=tuple(_decided_before(verified, stored)), provenance=provenance)
 
 
-def _decided_before(db: Transaction, stored: StoredSession) -> list[DecidedBefore]:
+def _newest(db: Transaction, session_id: str, stage: str, most: int | None = 1) -> list[ResultRow]:
+    query = select(ResultRow).where(ResultRow.session_id == session_id, ResultRow.stage == stage)
+    query = query.order_by(ResultRow.number.desc()).limit(most)
+    return list(db.scalars(query.options(undefer(ResultRow.solved_from))))
+
+
+def _is_past_changed(db: Transaction, stored: StoredSession, rows: Sequence[ResultRow]) -> bool:
+    """Return whether dates of captures, or the log of changed limits, are not what was signed with a result.
+
+    No key knows them.  A capture that came anew since, under its old name, has dates of its own.
+    """
+    changes = [one.to_json() for one in stored.session.cell.verification.changes or ()]
+    for row in rows:
+        signed = (row.origin() or {}).get("session") or {"captures": (), "cell": {}}
+        log = (signed["cell"].get("verification") or {}).get("changes") or []
+        if changes[: len(log)] != log:
+            return True
+        query = select(CaptureRow.id, CaptureRow.record).where(CaptureRow.session_id == stored.id)
+        taken = {
+            name: record.get("taken")
+            for name, record in db.execute(query.where(CaptureRow.created <= row.created))
+        }
+        if any(taken.get(one["id"], one.get("taken")) != one.get("taken") for one in signed["captures"]):
+            return True
+    return False
+
+
+def _decided_before(verified: Sequence[ResultRow], stored: StoredSession) -> list[DecidedBefore]:
     """Return the decisions after which the verification's evidence was changed."""
-    of_verify = (ResultRow.session_id == stored.id, ResultRow.stage == "verify")
-    query = select(ResultRow).where(*of_verify).order_by(ResultRow.number)
-    rows = db.scalars(query.options(undefer(ResultRow.solved_from)))
-    origins = [(row.record, row.origin()) for row in rows]
+    origins = [(row.record, row.origin()) for row in verified]
     solved = [(record, parse_session(of["session"], stored.id) if of else None) for record, of in origins]
     return decided_before(solved, stored.session)
 

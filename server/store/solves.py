@@ -15,6 +15,7 @@ from server.store.database import record_event
 from server.store.models import Data, JobRow, OutputRow, ResultRow, SessionRow, required
 from server.store.paging import Page, after_cursor, page_of
 from server.store.process_data import Output
+from server.store.removed_rows import logged, removed_decisions
 from server.store.sessions import locked_session, new_id
 from server.store.standing import open_steps
 from server.store.webhooks import tell, wanted
@@ -124,6 +125,7 @@ def _decisions(db: Transaction, session_id: str) -> list[Data]:
     query = select(ResultRow.record, ResultRow.created).where(ResultRow.session_id == session_id)
     rows = db.execute(query.where(ResultRow.stage == "verify").order_by(ResultRow.number))
     past = [{"stage": "verify", "record": record, "created": created} for record, created in rows]
+    past += [{"stage": "verify", "record": one} for one in removed_decisions(db, session_id)]
     return decisions_of({"results": past})
 
 
@@ -163,7 +165,7 @@ def store_result(
     former = _remove_outputs(db, session.id, stage)
     for name, made in (outputs or {}).items():
         db.add(made.to_row(session.id, name, stage))
-    record_event(db, session, "result", {"stage": stage})
+    record_event(db, session, "result", logged(stage, record))
     if record["verdict"] != before:
         data = {
             "stage": stage,

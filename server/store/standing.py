@@ -19,6 +19,7 @@ from server.store.access import AuditRow
 from server.store.audit import note_change
 from server.store.models import AcknowledgedRow, Data, PolicyRow, ReleaseRow, SessionRow
 from server.store.releases import cell_history, cell_sessions, released, sessions_of_cell
+from server.store.removed_rows import is_release_removed
 
 _CAPTURING = ("/captures", "/captures/batch", "/sources/simulated/capture", "/live/capture", "/live/sweep")
 _NOBODY = "this machine"  # without a login nobody knows who it is
@@ -58,7 +59,9 @@ def moment_faults(
 def released_faults(db: Transaction, row: ReleaseRow, session_id: str | None = None) -> tuple[str, ...]:
     """Return all faults of a release: its own, and those of the moment as a session's or (None) in force."""
     if row.holds:
-        return in_order((*row.answer["faults"], *moment_faults(db, row.answer, row.cell, session_id)))
+        gone = session_id is None and is_release_removed(db, row.cell, sessions_of_cell(db, row.cell))
+        of_log = ("not-replayed",) if gone else ()
+        return in_order((*row.answer["faults"], *of_log, *moment_faults(db, row.answer, row.cell, session_id)))
     try:
         told = (*row.answer["faults"], *moment_faults(db, row.answer, row.cell, session_id))
     except (AttributeError, KeyError, TypeError, ValueError):  # somebody changed what it says

@@ -53,6 +53,17 @@ def change(served: tuple[httpx.Client, str, Path]) -> Iterator[Change]:
     db.close()
 
 
+def test_the_time_line_says_who_decided(served: tuple[httpx.Client, str, Path]) -> None:
+    client, session, _ = served
+    items = client.get(f"/sessions/{session}/timeline").json()["items"]
+    kinds = [item["kind"] for item in items if item["kind"] not in ("capture", "now")]
+    assert kinds == ["result", "release", "result", "release", "result"]
+    (told,) = {item["message"].partition(". ")[2] for item in items if item["kind"] == "release"}
+    assert told == "Reason: set up"
+    place = next(item["place"] for item in items if item["kind"] == "release")
+    assert client.get(f"/sessions/{session}/timeline/{place}").json()["results"].keys() == {"tcp"}
+
+
 def test_a_result_that_was_changed_is_no_answer(served: tuple[httpx.Client, str, Path], change: Change) -> None:
     client, session, _ = served
     for changes in (
@@ -129,6 +140,19 @@ def test_a_changed_release_is_in_no_report_and_archive_as_signed_and_a_roll_back
     assert "not-replayed" in client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
 
 
+def test_the_newest_release_taken_out_is_told(served: tuple[httpx.Client, str, Path]) -> None:
+    client, session, database = served
+    client.post(f"/sessions/{session}/release", json={"why": "the newest"}).raise_for_status()
+    before = client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
+    with sqlite3.connect(database, isolation_level=None, timeout=20) as db:
+        row = db.execute("SELECT * FROM releases ORDER BY number DESC").fetchone()
+        db.execute("DELETE FROM releases WHERE number = ?", (row[0],))
+        assert "not-replayed" in client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
+        db.execute(f"INSERT INTO releases VALUES ({', '.join('?' * len(row))})", row)
+    db.close()
+    assert client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"] == before
+
+
 def test_a_decision_before_that_was_changed_or_deleted_is_told(tmp_path: Path) -> None:
     with serving(Settings(data=tmp_path, port=0, warm_up=False)) as client:
         made = verified_session(5, 1.0)
@@ -144,6 +168,9 @@ def test_a_decision_before_that_was_changed_or_deleted_is_told(tmp_path: Path) -
 
         def before() -> list[str]:
             return [one["text"] for one in client.get(f"/sessions/{session}/answer").json()["decided_before"]]
+
+        def faults() -> list[str]:
+            return client.get(f"/sessions/{session}/answer").json()["faults"]
 
         (told,) = before()
         assert "the cable touched" in told
@@ -163,4 +190,25 @@ def test_a_decision_before_that_was_changed_or_deleted_is_told(tmp_path: Path) -
             assert first["provenance"] == "imported"
             db.execute("DELETE FROM results WHERE number = ?", (number,))
             assert "was: failed. It was removed or changed since." in before()[0]
+            # The newest verification is taken out whole: the answer does not stand without it.
+            db.execute(
+                "INSERT INTO results SELECT * FROM (SELECT ? AS number, session_id, stage, created, verdict,"
+                " ? AS record, ? AS solved_from FROM results WHERE stage = 'verify' LIMIT 1)",
+                (number, text, origin),
+            )
+            assert before() == [told]
+            kept = db.execute("SELECT * FROM results WHERE stage = 'verify' ORDER BY number DESC").fetchone()
+            assert "not-replayed" not in faults()
+            db.execute("DELETE FROM results WHERE number = ?", (kept[0],))
+            assert "not-replayed" in faults()
+            db.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?, ?)", kept)
+            # Dates of captures, and the log of changed limits, which no key knows.
+            first = captures[0]["id"]
+            record = json.loads(db.execute("SELECT record FROM captures WHERE id = ?", (first,)).fetchone()[0])
+            later = json.dumps({**record, "taken": "2020-01-01T00:00:00.000Z"})
+            db.execute("UPDATE captures SET record = ? WHERE id = ?", (later, first))
+            assert "stale" in faults()
+            assert client.get(f"/sessions/{session}/exports/kuka").status_code == 409
+            db.execute("UPDATE captures SET record = ? WHERE id = ?", (json.dumps(record), first))
+            assert "stale" not in faults()
         db.close()

@@ -61,6 +61,9 @@ def told(cell: str, fault: str) -> Way:
     def go(one: Person) -> None:
         approval, said = one.result(cell), TEXTS[f"release.fault.{fault}"]
         expect(approval).to_contain_text(said)
+        if fault not in ("stale", "fail"):  # these are the result's own verdict
+            expect(one.page.locator(".answer-card.against")).to_contain_text(said)
+            expect(one.page.locator(".answer-card .mark-pass")).to_have_count(0)
         one.page.get_by_role("button", name="Approve all the same").press("Enter")
         expect(one.page.get_by_role("dialog")).to_contain_text(said)
         one.page.get_by_role("button", name="Cancel").click()

@@ -10,6 +10,7 @@ import { explains } from "./finding.js";
 import { glossed } from "../components/glossary.js";
 import { stepName } from "../measure/rail.js";
 import { nextStep } from "../state/next-step.js";
+import { faultMarks } from "./release-words.js";
 import { causesOf, evidenceOfCause, mendable } from "./remedy.js";
 
 /** @import {Block, FigureBlock, Finding, StageResult} from "../state/model.js" */
@@ -23,15 +24,29 @@ export function answer(result, state, stage) {
   const verdict = result.stale ? "stale" : result.verdict;
   const failed = verdict === "fail";
   const told = messages(result);
+  const verified = /** @type {{ decision?: string } | undefined} */ (state.results["verify"]);
   const figures = h("dl", { class: failed ? "headline number small" : "headline number" }, ...shownFigures(result).map((figure, index) => headline(figure, !failed && figure.headline === true && index < BESIDE)));
-  return h(
-    "section", { class: `panel answer-card answer-${verdict}`, "aria-labelledby": "answer-title" },
-    h("div", { class: "row spread" }, h("h2", { id: "answer-title" }, stepName(state, stage)), mark(verdict, maybe(`verdict.${verdict}`, verdict))),
+  const card = h(
+    "section", { class: `panel answer-card answer-${verdict}`, "data-verdict": verdict, "aria-labelledby": "answer-title" },
+    h("div", { class: "row spread" }, h("h2", { id: "answer-title" }, stepName(state, stage)), h("div", { class: "standing" })),
     // Of what failed the cause is read first; its number is worth little.
     ...(failed ? [...told, figures] : [figures, ...told]),
     next(state, stage),
   );
+  stand(card, isTheAnswer(state, stage) && verified?.decision?.endsWith("fail") ? ["verify-fail"] : []);
+  return card;
 }
+
+/** The verdict, or what speaks against the session's answer: accepted is only what may be used. @param {HTMLElement} card @param {readonly string[]} faults */
+export function stand(card, faults) {
+  const verdict = card.dataset["verdict"] ?? "";
+  const told = ["stale", "fail"].includes(verdict) ? [] : faults;
+  card.classList.toggle("against", told.length > 0);
+  card.querySelector(".standing")?.replaceChildren(...(told.length ? faultMarks(told) : [mark(verdict, maybe(`verdict.${verdict}`, verdict))]));
+}
+
+/** Whether a stage's result is the session's one answer. @param {SessionState} state @param {string} stage */
+export const isTheAnswer = ({ results, stages }, stage) => stage === stages.findLast(({ name, is_answer }) => is_answer && results[name])?.name;
 
 /** @param {FigureBlock} figure @param {boolean} first */
 function headline(figure, first) {

@@ -4,6 +4,7 @@ import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";
 import { may } from "../state/me.js";
+import { stand } from "./answer.js";
 import { t } from "../texts.js";
 import { faultMarks, faultWords, releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
 import { attempt, say } from "../components/toasts.js";
@@ -33,6 +34,8 @@ export class ApprovalElement extends HTMLElement {
     const sessionId = this.state.id;
     const answer = await api.answer(sessionId);
     const releases = await api.releases(answer.cell);
+    const card = /** @type {HTMLElement | null} */ (document.querySelector(".answer-card"));
+    if (card && answer.stage === this.state.stageOf(this.state.step)) stand(card, answer.faults);
     const shown = JSON.stringify([answer.inputs_sha256, answer.solved, answer.faults, answer.decided_before, releases]);
     if (shown === this.#shown) return;
     this.#shown = shown;

@@ -3,7 +3,7 @@
 import { h, make, putChildren } from "../dom.js";
 import { t } from "../texts.js";
 import { figures } from "../blocks/figure.js";
-import { answer, evidenceOf, leading, otherFigures } from "./answer.js";
+import { answer, evidenceOf, isTheAnswer, leading, otherFigures } from "./answer.js";
 import { StateElement } from "../components/base.js";
 import { later } from "../components/lazy-parts.js";
 import { historySection, resultLinks } from "./history.js";
@@ -106,10 +106,7 @@ export class ResultElement extends StateElement {
 }
 
 /** Whether a stage's result is the session's one answer, or its verification. @param {SessionState} state @param {string} stage */
-function tellsTheAnswer({ results, stages }, stage) {
-  const of = stages.findLast(({ name, is_answer }) => is_answer && results[name])?.name;
-  return of !== undefined && (stage === of || stage === "verify");
-}
+const tellsTheAnswer = (state, stage) => isTheAnswer(state, stage) || (stage === "verify" && state.stages.some(({ name }) => isTheAnswer(state, name)));
 
 /** What a stage draws itself, and the form of its settings; most have neither. @param {SessionState} state @param {string} stage @param {Keep} keep @returns {Promise<StageElements>} */
 async function elementsOf(state, stage, keep) {

@@ -54,7 +54,11 @@ def _rounds(result: RecheckResult) -> list[AnyBlock]:
         )
         for number, one in enumerate(result.rounds, 1)
     ]
-    columns = [Column(label="Round", align="left"), Column(label="Captures", align="left"), Column(label="Change")]
+    columns = [
+        Column(label="Round", align="left"),
+        Column(label="Captures", align="left", own=True),
+        Column(label="Change"),
+    ]
     return [
         Table(
             id="rounds",

@@ -120,10 +120,10 @@ def axis_figures(result: TableLike) -> list[AnyBlock]:
 
 def mountings(result: TableLike) -> list[AnyBlock]:
     """Return where each mounting put the sphere."""
-    heads = [Column(label="Mounting", align="left"), Column(label="Captures")]
+    heads = [Column(label="Mounting", align="left", own=True), Column(label="Captures")]
     heads += [Column(label=label, unit="mm", decimals=3) for label in ("Radius", "x", "y", "z")]
     rows = [
-        Row(cells=[one.mount or "(no name)", one.captures, one.radius_mm, *one.center_in_turntable_mm])
+        Row(cells=[one.mount or "–", one.captures, one.radius_mm, *one.center_in_turntable_mm])
         for one in result.mounts
     ]
     caption = "The sphere's centre in the turntable's frame."
@@ -184,14 +184,14 @@ def circles(result: TableLike) -> list[AnyBlock]:
         rows.append(Row(cells=["Axis, direction", known, None, quantity(angle, "°")]))
     joint = {mount.mount: mount.radius_mm for mount in result.mounts}
     for circle in result.circles:
-        name, radius = circle.mount or "(no name)", joint.get(circle.mount)
+        name, radius = circle.mount or "–", joint.get(circle.mount)
         apart = None if radius is None else quantity(circle.radius_mm - radius, "mm")
         beside = None if radius is None else fixed(radius, 3, "mm")
         rows += [
-            Row(cells=[message("Radius, {name}", name=name), beside, fixed(circle.radius_mm, 3, "mm"), apart]),
+            Row(cells=[message("Radius, {mount}", mount=name), beside, fixed(circle.radius_mm, 3, "mm"), apart]),
             Row(
                 cells=[
-                    message("Off the circle, {name}, RMS", name=name),
+                    message("Off the circle, {mount}, RMS", mount=name),
                     None,
                     rms(circle.circle_rms_mm, "mm"),
                     None,
@@ -199,7 +199,7 @@ def circles(result: TableLike) -> list[AnyBlock]:
             ),
             Row(
                 cells=[
-                    message("Off its plane, {name}, RMS", name=name),
+                    message("Off its plane, {mount}, RMS", mount=name),
                     None,
                     rms(circle.plane_rms_mm, "mm"),
                     None,

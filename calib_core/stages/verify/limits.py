@@ -69,10 +69,10 @@ def changes_table(limits: Verification) -> list[AnyBlock]:
         )
         for change in limits.changes
     ]
-    texts = [Column(label=label, align="left") for label in ("When", "By", "What")]
+    texts = [Column(label=label, align="left", own=label == "By") for label in ("When", "By", "What")]
     numbers = [Column(label=label) for label in ("Before", "After", "Captures then")]
     title = "Limits changed after the first capture"
-    columns = [*texts, *numbers, Column(label="Why", align="left")]
+    columns = [*texts, *numbers, Column(label="Why", align="left", own=True)]
     return [Table(id="limit_changes", title=title, columns=columns, rows=rows)]
 
 

@@ -15,7 +15,7 @@ from calib_core.exports.answer import answer_of
 from calib_core.findings import in_language
 from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.messages import ENGLISH, Catalogue, message, plural
-from calib_core.moment import now
+from calib_core.moment import now, said_moment
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.decided_before import DECISIONS, DecidedBefore
@@ -23,6 +23,7 @@ from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.records.faults import in_order
 from calib_core.records.policy import Equipment
 from calib_core.review.answer import cell_id
+from calib_core.review.standing import said_release
 from calib_core.stages.evidence import title_of
 from calib_core.stages.verify.limits import said_change
 from calib_core.steps import capture_steps
@@ -73,16 +74,6 @@ class Circumstances:
     def say(self, name: str, **values: object) -> str:
         """Return one of the report's own texts."""
         return self.language.say(message(WORDS[name], **values)) if values else self.language.say(WORDS[name])
-
-
-def said_moment(moment: str) -> str:
-    """Return a moment (ISO 8601) as people write it, with its offset from UTC; as it is where it is none."""
-    try:
-        when = datetime.fromisoformat(moment)
-    except ValueError:
-        return moment
-    offset = (when if when.tzinfo else when.replace(tzinfo=UTC)).strftime("%z")
-    return f"{when:%Y-%m-%d %H:%M} UTC{'' if offset == '+0000' else f'{offset[:3]}:{offset[3:]}'}"
 
 
 def report_number(session: Session, results: Mapping[str, Data], about: Circumstances) -> str:
@@ -258,17 +249,10 @@ def approval(told: Circumstances) -> list[str]:
     release = told.release
     if release is None:
         return [told.say("not released")]
-    words = message(
-        "Release {number} by {who}, {when}. Reason: {why}",
-        number=int(release["number"]),
-        who=str(release["who"]),
-        when=said_moment(str(release["created"])),
-        why=str(release["why"]) or message("none given"),
-    )
     faults = " ".join(FAULT_CODES[name].said({}, (), told.language) for name in in_order(release["in_spite_of"]))
     more = [told.say("in spite of", faults=faults)] if faults else []
     unsigned = [] if release["signed"] else [told.say("release unsigned")]
-    return [told.language.say(words), *more, *unsigned]
+    return [told.language.say(said_release(release)), *more, *unsigned]
 
 
 def plain_text(text: str) -> str:
