@@ -14,7 +14,7 @@ from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.faults import in_order
 from calib_core.review.decided_before import decided_before
 from calib_core.steps import table_stages, tool_stages
-from server.store.models import CaptureRow, ResultRow
+from server.store.models import CaptureRow, Data, ResultRow
 from server.store.removed_rows import removed_stages
 from server.store.sessions import StoredSession
 
@@ -61,7 +61,10 @@ def _is_past_changed(db: Transaction, stored: StoredSession, rows: Sequence[Resu
     """
     changes = [one.to_json() for one in stored.session.cell.verification.changes or ()]
     for row in rows:
-        signed = (row.origin() or {}).get("session") or {"captures": (), "cell": {}}
+        origin = row.origin()
+        if origin is None:
+            continue
+        signed: Data = origin["session"]
         log = (signed["cell"].get("verification") or {}).get("changes") or []
         if changes[: len(log)] != log:
             return True
