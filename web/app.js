@@ -7,6 +7,7 @@ import { h } from "./dom.js";
 import { icon } from "./icons.js";
 import { learn, whenRefused } from "./state/me.js";
 import { place as placeAsked, route } from "./router.js";
+import { loaded } from "./state/http.js";
 import { switchTheme, theme, whenThemeChanges } from "./theme.js";
 import { t } from "./texts.js";
 import { menu } from "./components/menu.js";
@@ -36,12 +37,12 @@ function themeButton() {
  * @returns {Promise<HTMLElement>}
  */
 async function pageOf(place) {
-  if (place.page === "start") return new (await import("./pages/start.js")).StartPage();
-  if (place.page === "session") return Object.assign(new (await import("./pages/session.js")).SessionPage(), { sessionId: place.id, top: middle });
-  if (place.page === "review") return Object.assign(new (await import("./pages/review.js")).ReviewPage(), { sessionId: place.id, top: middle });
-  if (place.page === "access") return new (await import("./pages/access.js")).AccessPage();
-  if (place.page === "equipment") return new (await import("./pages/equipment.js")).EquipmentPage();
-  if (place.page === "compare") return new (await import("./pages/compare.js")).ComparePage();
+  if (place.page === "start") return new (await loaded(() => import("./pages/start.js"))).StartPage();
+  if (place.page === "session") return Object.assign(new (await loaded(() => import("./pages/session.js"))).SessionPage(), { sessionId: place.id, top: middle });
+  if (place.page === "review") return Object.assign(new (await loaded(() => import("./pages/review.js"))).ReviewPage(), { sessionId: place.id, top: middle });
+  if (place.page === "access") return new (await loaded(() => import("./pages/access.js"))).AccessPage();
+  if (place.page === "equipment") return new (await loaded(() => import("./pages/equipment.js"))).EquipmentPage();
+  if (place.page === "compare") return new (await loaded(() => import("./pages/compare.js"))).ComparePage();
   return h("section", { class: "lost" }, h("h1", {}, t("lost.title")), h("p", {}, t("lost.words")), h("a", { href: "/" }, t("lost.back")));
 }
 

@@ -117,6 +117,20 @@ def test_a_solve_is_asked_for_again(outage: Outage, api: httpx.Client, visit: Ca
     assert len({job["id"] for job in api.get("/jobs").json()["items"] if job["status"] == "done"}) == 1
 
 
+def test_parts_that_are_asked_for_while_it_is_away_come_later(
+    outage: Outage, api: httpx.Client, visit: Callable[..., Page]
+) -> None:
+    """What draws results is loaded with the first look at one: that look may be while the server is away."""
+    page = visit(f"/sessions/{simulated_session(api, captures=4)}")
+    expect(page.locator("table.captures tbody tr")).to_have_count(4)
+    expect(page.locator("sc-live")).to_have_text("connected")
+    outage.kill()
+    expect(page.locator("sc-live")).to_contain_text("no connection since")
+    page.get_by_role("tab", name="Result").click()
+    outage.start()
+    expect(page.locator("sc-result")).to_contain_text("Not solved yet", timeout=60_000)
+
+
 def test_an_upload_goes_on(outage: Outage, api: httpx.Client, visit: Callable[..., Page], tmp_path: Path) -> None:
     archive = tmp_path / "cell.zip"
     archive.write_bytes(api.get(f"/sessions/{simulated_session(api, captures=3)}/archive").content)

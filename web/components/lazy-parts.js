@@ -1,6 +1,7 @@
 // Parts of a page that are loaded once they are nearly in sight: a first look does without them.
 
 import { h } from "../dom.js";
+import { loaded } from "../state/http.js";
 import { attempt } from "./toasts.js";
 
 const NEAR = "300px";
@@ -11,7 +12,7 @@ export function later(make) {
   const watch = new IntersectionObserver((seen) => {
     if (!seen.some(({ isIntersecting }) => isIntersecting)) return;
     watch.disconnect();
-    void attempt(async () => place.append(await make()));
+    void attempt(async () => place.append(await loaded(make)));
   }, { rootMargin: NEAR });
   watch.observe(place);
   return place;

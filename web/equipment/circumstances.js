@@ -15,8 +15,8 @@ import { certificateButton, pieceFields, pieceWords, valueOf } from "./piece.js"
 const TEMPERATURES = /** @type {const} */ (["ball_c", "air_c", "arm_c"]);
 const TOLD = /** @type {const} */ (["operator", "place", "procedure", "report_number", "customer"]);
 
-/** @param {SessionOut} session */
-export const circumstancesDialog = (session) => attempt(async () => open(session, await api.equipment()));
+/** @param {string} id */
+export const circumstancesDialog = (id) => attempt(async () => open(...await Promise.all([api.session(id), api.equipment()])));
 
 /** @param {SessionOut} session @param {RegisteredEquipment[]} register */
 function open(session, register) {

@@ -2,6 +2,7 @@
 
 import { h, make } from "../dom.js";
 import { chosen, dropped } from "../state/files.js";
+import { loaded } from "../state/http.js";
 import { t } from "../texts.js";
 import { bring, draftKey, isAwaited } from "../state/upload.js";
 import { StateElement } from "../components/base.js";
@@ -47,7 +48,7 @@ export class IntakeElement extends StateElement {
   }
 
   #panel() {
-    this.#loading ??= import("./intake-panel.js").then(({ IntakePanelElement }) => {
+    this.#loading ??= loaded(() => import("./intake-panel.js")).then(({ IntakePanelElement }) => {
       const panel = make(IntakePanelElement, { state: this.state });
       panel.addEventListener("solve", () => this.dispatchEvent(new Event("solve")));
       this.append(panel);

@@ -10,9 +10,11 @@ import { QualityElement } from "../measure/quality.js";
 import { RailElement } from "../measure/rail.js";
 import { SceneElement } from "../measure/scene.js";
 import { WaysInElement } from "../measure/ways-in.js";
+import { api } from "../state/api.js";
 import { attempt, forgive } from "../components/toasts.js";
 import { takeDrops } from "../components/drops.js";
 import { h, make } from "../dom.js";
+import { loaded } from "../state/http.js";
 import { SessionState } from "../state/session.js";
 import { said, t } from "../texts.js";
 import { cellWords } from "../measure/cell-words.js";
@@ -79,7 +81,7 @@ export class SessionPage extends HTMLElement {
       // A form that only a verification has is loaded with its step.
       if (limited || state.stageOf(state.step) !== "verify") return;
       limited = true;
-      void import("../measure/limits.js").then(({ LimitsElement }) => limits.replaceChildren(make(LimitsElement, { state })));
+      void loaded(() => import("../measure/limits.js")).then(({ LimitsElement }) => limits.replaceChildren(make(LimitsElement, { state })));
     });
     const measure = h("div", { id: "view-measure", role: "tabpanel", "aria-labelledby": "tab-measure", class: "view" },
       make(GuideElement, { state }), limits, make(WaysInElement, { state, intake: sources[0], devices: () => void this.#openDevices(state) }), this.#devices, make(QualityElement, { state }), ...sources, make(CapturesElement, { state }));
@@ -91,7 +93,7 @@ export class SessionPage extends HTMLElement {
       // What draws results is loaded with the first look at one.
       if (result.hidden || drawn) return;
       drawn = true;
-      void import("../result/result.js").then(({ ResultElement }) => result.append(make(ResultElement, { state })));
+      void loaded(() => import("../result/result.js")).then(({ ResultElement }) => result.append(make(ResultElement, { state })));
     });
     const work = h("div", { class: "work", "data-drop": t("intake.drop") }, viewTabs(state), measure, result, actions);
     state.watch(["step", "view"], () => { work.scrollTop = 0; });
@@ -105,7 +107,7 @@ export class SessionPage extends HTMLElement {
 
   /** The live cell's panel is loaded when it is asked for, or a device speaks. @param {SessionState} state */
   async #follow(state) {
-    const { livePanel } = await import("../live/panel.js");
+    const { livePanel } = await loaded(() => import("../live/panel.js"));
     if (!this.#devices.firstChild) this.#devices.append(livePanel(state));
     window.localStorage.setItem(`${LIVE}${state.id}`, "1");
   }
@@ -140,13 +142,13 @@ export class SessionPage extends HTMLElement {
   }
 
   async #correct() {
-    const session = this.#state?.session;
-    if (session) (await import("../measure/cell-dialog.js")).cellDialog(session);
+    const { cellDialog } = await import("../measure/cell-dialog.js");
+    await attempt(async () => cellDialog(await api.session(this.sessionId))); // what was saved a moment ago may not have been told yet
   }
 
   async #tellCircumstances() {
-    const session = this.#state?.session;
-    if (session) await (await import("../equipment/circumstances.js")).circumstancesDialog(session);
+    const { circumstancesDialog } = await import("../equipment/circumstances.js");
+    await circumstancesDialog(this.sessionId);
   }
 
   /** What is open stands in the address: `#tcp`, `#tcp.result`, `#result`. @param {SessionState} state */

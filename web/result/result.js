@@ -6,6 +6,7 @@ import { figures } from "../blocks/figure.js";
 import { answer, evidenceOf, isTheAnswer, leading, otherFigures } from "./answer.js";
 import { StateElement } from "../components/base.js";
 import { later } from "../components/lazy-parts.js";
+import { loaded } from "../state/http.js";
 import { historySection, resultLinks } from "./history.js";
 import { truthSection } from "./truth.js";
 
@@ -50,7 +51,7 @@ export class ResultElement extends StateElement {
     if (!result) return empty(state.without(stage));
     if (this.querySelector(".empty")) empty("loading");
     // What draws evidence is loaded with the first result.
-    const [own, { sections }] = await Promise.all([elementsOf(state, stage, this.#keep), import("../blocks/index.js")]);
+    const [own, { sections }] = await Promise.all([elementsOf(state, stage, this.#keep), loaded(() => import("../blocks/index.js"))]);
     /** @type {HTMLElement[]} */
     const drawn = [];
     let start = performance.now();
@@ -112,8 +113,8 @@ const tellsTheAnswer = (state, stage) => isTheAnswer(state, stage) || (stage ===
 async function elementsOf(state, stage, keep) {
   const info = state.stages.find(({ name }) => name === stage);
   /** @type {StageElements} */
-  let own = info?.element ? (await import(`../stages/${stage}/index.js`)).elements : {};
-  if (tellsTheAnswer(state, stage) && !("timeline" in state)) own = { ...own, approval: make((await import("./approval.js")).ApprovalElement, { state }) };
+  let own = info?.element ? (await loaded(() => import(`../stages/${stage}/index.js`))).elements : {};
+  if (tellsTheAnswer(state, stage) && !("timeline" in state)) own = { ...own, approval: make((await loaded(() => import("./approval.js"))).ApprovalElement, { state }) };
   // What must be known from the start (a board) belongs to the cell.
   const required = /** @type {string[] | undefined} */ (info?.settings["required"]);
   if (!info?.settings_field || required?.length || "timeline" in state) return own;

@@ -11,6 +11,9 @@ const PATIENCE_MS = [300, 700, ...Array(11).fill(1000)];
 /** Who is asked to wait for longer than this is told so. */
 const LONGEST_WAIT_S = 5;
 const NO_CONTENT = 204;
+/** How often, and how long after, a part of the page is asked for that did not come. */
+const PART_TURNS = 120;
+const PART_PAUSE_MS = 1000;
 /** So long another page may take to come; a download leaves this one where it is. */
 const LEAVING_MS = 5000;
 
@@ -50,6 +53,23 @@ let isLost = false;
 export function linked(lost) {
   if (lost !== isLost) link.dispatchEvent(new Event(lost ? "lost" : "back"));
   isLost = lost;
+}
+
+/**
+ * Load a part of the page, again and again while the server is away: nobody asks for it a second time.
+ * @template T
+ * @param {() => Promise<T>} load an `import()`, which a browser tries anew each time
+ * @returns {Promise<T>}
+ */
+export async function loaded(load) {
+  for (let turn = 1; ; turn++) {
+    try {
+      return await load();
+    } catch (error) {
+      if (!/module/iu.test(String(error)) || turn === PART_TURNS) throw error; // as each browser says that one did not come
+      await pause(PART_PAUSE_MS);
+    }
+  }
 }
 
 /** @param {Response} response */
