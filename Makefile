@@ -38,11 +38,12 @@ demo:
 warm: runtime
 	$(BIN)/scancell warm
 
-test:
+test: BRIEF = --brief
+test test-all:
 	@sh .ci/system-packages venv
 	@$(MAKE) --no-print-directory --jobs 2 system-tests setup
 	$(MAKE) --jobs 2 --output-sync=target warm types lint web-types  # two at a time: the kernels are compiled meanwhile
-	$(MAKE) unit
+	$(MAKE) unit BRIEF=$(BRIEF)
 
 lint: setup
 	$(BIN)/ruff check .
@@ -56,7 +57,7 @@ web-types: setup
 
 # A test that fails beside others is run once more, alone: what passes then depends on time, and is told as that.
 unit: setup
-	@$(BIN)/python -m pytest -n 4 --dist worksteal --durations=25; code=$$?; \
+	@$(BIN)/python -m pytest $(BRIEF) -n 4 --dist worksteal --durations=25; code=$$?; \
 	if [ $$code -ne 1 ]; then exit $$code; fi; \
 	echo "The tests above failed beside others. Each is run once more, alone; one that passes now depends on time: mend it."; \
 	$(BIN)/python -m pytest --last-failed --last-failed-no-failures none

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
-from tests.dealing import dealt
+from tests.dealing import dealt, without_thorough
 from tests.windows.open_files import refuse_changes_of_open_files
 
 if TYPE_CHECKING:  # most tests need no browser
@@ -73,8 +73,21 @@ LONGEST = (
 )
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the longest tests begin first, a like share in each process: begun last, one would do them alone."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--brief", action="store_true", help="leave out what is marked as thorough, as `make test` does"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is asked to; let the longest tests begin first, a like share in each process.
+
+    Begun last, one process would do them alone.
+    """
+    if config.getoption("brief"):
+        brief = set(without_thorough(items))
+        config.hook.pytest_deselected(items=[item for item in items if item not in brief])
+        items[:] = [item for item in items if item in brief]
     place = {name: number for number, name in enumerate(LONGEST)}
     of = {item: place.get("/".join(item.path.parts[-2:]), -1) for item in items}
     longest = sorted((item for item in items if of[item] >= 0), key=of.__getitem__)

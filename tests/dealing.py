@@ -1,6 +1,7 @@
-"""Which process of a run gets which tests."""
+"""Which tests a run has, and which of its processes gets them."""
 
 import os
+from collections import Counter
 
 import pytest
 
@@ -20,3 +21,18 @@ def dealt(first: list[pytest.Item], others: list[pytest.Item]) -> list[pytest.It
         ordered += [*own, *left[:size]]
         del left[:size]
     return [*ordered, *left]
+
+
+def without_thorough(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Return the tests of a brief run: of those marked `thorough(keep=n)` a function's first n, or none."""
+    seen: Counter[tuple[object, str]] = Counter()
+    brief: list[pytest.Item] = []
+    for item in items:
+        mark = item.get_closest_marker("thorough")
+        if mark is not None:
+            function = (item.path, item.nodeid.partition("[")[0])
+            seen[function] += 1
+            if seen[function] > mark.kwargs.get("keep", 0):
+                continue
+        brief.append(item)
+    return brief

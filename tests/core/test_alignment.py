@@ -38,6 +38,7 @@ def error_of(found: Alignment, pose: np.ndarray) -> np.ndarray:
     return np.concatenate([turned, found.cloud_from_reference[:3, 3] - pose[:3, 3]])
 
 
+@pytest.mark.thorough
 def test_a_part_anywhere_is_found_within_what_is_stated() -> None:
     nominal = Nominal(build_part().points_mm, build_part().triangles)
     squares = []
@@ -52,6 +53,7 @@ def test_a_part_anywhere_is_found_within_what_is_stated() -> None:
     assert sum(squares) < chi2.ppf(0.999, 6 * len(squares))
 
 
+@pytest.mark.thorough
 def test_of_a_symmetric_part_the_pose_nearest_to_it_counts_and_the_others_are_told() -> None:
     box = shapes.box()
     nominal = Nominal(box.points_mm, box.triangles)
@@ -80,6 +82,7 @@ def test_six_datum_points_hold_the_part_where_it_touches_and_five_do_not() -> No
         by_datum_points(points + 500.0, normals, nominal, datum, 3.0, start)
 
 
+@pytest.mark.thorough
 def test_another_part_is_not_taken_for_this_one() -> None:
     nominal = Nominal(shapes.ball().points_mm, shapes.ball().triangles)
     flat = np.random.default_rng(0).uniform(-100, 100, (2000, 3)) * [1, 1, 0]

@@ -54,6 +54,7 @@ def test_stray_points_blanks_and_table_do_not_move_the_center() -> None:
     assert fit.point_sigma_mm == pytest.approx(SIGMA_MM, rel=0.15)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("half_extent_deg", [25.0, 65.0])
 def test_covariance_is_true_for_white_noise(half_extent_deg: float) -> None:
     truth = np.array([3.0, 180.0, 15.0])

@@ -27,6 +27,7 @@ def archive(packed: bytes, tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.thorough
 def test_what_was_packed_is_unpacked_byte_for_byte(solved_folder, archive, tmp_path):
     facts = unpack(archive, tmp_path / "out")
     unpacked = tree(tmp_path / "out" / "data")
@@ -203,6 +204,7 @@ def test_an_archive_is_named_plainly(name, expected):
     assert archive_name(session) == expected
 
 
+@pytest.mark.thorough
 def test_the_commands(solved_folder, tmp_path, capsys):
     file = tmp_path / "cell.zip"
     assert main(["archive", "pack", str(solved_folder), "--out", str(file), "--no-scene"]) == 0
@@ -217,6 +219,7 @@ def test_the_commands(solved_folder, tmp_path, capsys):
     assert err.count("\n") == 2
 
 
+@pytest.mark.thorough
 def test_an_archive_is_taken_wherever_a_session_is(solved_folder, archive, tmp_path, capsys):
     assert main(["run", str(archive), "--json"]) == 0
     found, err = capsys.readouterr()
@@ -240,6 +243,7 @@ def test_an_archive_is_taken_wherever_a_session_is(solved_folder, archive, tmp_p
     assert not list(Path(tmp_path).glob("**/.*"))
 
 
+@pytest.mark.thorough
 def test_an_unsolved_session_is_solved_for_its_archive_and_the_folder_stays(tmp_path, capsys, solved_folder):
     folder = tmp_path / "s"
     shutil.copytree(solved_folder, folder)

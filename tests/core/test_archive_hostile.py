@@ -303,6 +303,7 @@ def test_distinct_names_are_distinct_on_every_file_system(names):
 MUTATIONS = 100
 
 
+@pytest.mark.thorough
 @settings(max_examples=MUTATIONS, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_mutated_archives_are_refused_or_whole(packed, tmp_path, data):

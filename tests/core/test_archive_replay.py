@@ -34,6 +34,7 @@ def test_an_untouched_session_comes_out_bit_for_bit(solved_folder: Path, stored:
     assert found.tolerance == TOLERANCE == 1e-6
 
 
+@pytest.mark.thorough
 def test_how_a_result_can_be_said_is_the_same_whatever_was_said_before(
     solved_folder: Path, stored: dict[str, Any]
 ) -> None:
@@ -194,6 +195,7 @@ def why(folder: Path, stored: dict[str, Any]) -> str:
     return " ".join(found.stages[0].why)
 
 
+@pytest.mark.thorough
 def test_reasons_from_the_records(solved_folder: Path, stored: dict[str, Any], tmp_path: Path) -> None:
     wrong = {"tcp": altered(stored, "surface_rms_mm", 1.5)}
     assert "altered" in why(solved_folder, wrong)
@@ -220,6 +222,7 @@ def test_a_stage_of_another_version_is_said_not_to_be_solvable(solved_folder: Pa
     assert "cannot be solved any more" in why(solved_folder, stored)
 
 
+@pytest.mark.thorough
 def test_the_command(
     solved_folder: Path, stored: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

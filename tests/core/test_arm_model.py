@@ -57,6 +57,7 @@ def test_a_zero_moves_the_flange_as_its_joint_does() -> None:
     assert np.allclose(move[:3], (ends[1].translation_mm - ends[0].translation_mm) / 0.02, atol=1e-4)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("kind", ["small", "cobot", "large"])
 def test_other_poses_are_predicted_better_where_the_arm_is_applied(kind: str, tmp_path: Path) -> None:
     cell = simulate_arm(kind, 3, 30, errors="apply")
@@ -138,6 +139,7 @@ def test_a_right_arm_keeps_its_answer() -> None:
     assert "arm-errors-not-better" in codes_of(applied)
 
 
+@pytest.mark.thorough
 def test_a_turntable_cells_answer_tells_the_poses_that_belong_to_it() -> None:
     cell = paper_cell.simulate(0, "arm")
     answer = bench_paper.solved(cell, "chain", arm_known=True)
@@ -146,6 +148,7 @@ def test_a_turntable_cells_answer_tells_the_poses_that_belong_to_it() -> None:
     assert bench_paper.spread_over_table(cell, as_told) > 0.3
 
 
+@pytest.mark.thorough
 def test_exports_give_the_answer_for_the_controllers_poses() -> None:
     cell = simulate_arm("small", 4, 20, errors="apply")
     applied, covered = solved(cell.session), solved(told(cell, errors="cover"))

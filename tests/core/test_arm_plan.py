@@ -72,6 +72,7 @@ def test_many_poses_are_solved_at_once() -> None:
         assert not reached.any()
 
 
+@pytest.mark.thorough
 def test_a_plan_says_from_how_many_captures_on_the_arm_is_worth_it(capsys: pytest.CaptureFixture[str]) -> None:
     plan = plan_cell(CellToPlan(scanner=FIELD, sphere_diameter_mm=30, arm_name="irb120", most_captures=5))
     assert [one.captures for one in plan.arm_errors] == [8, 12, 15, 20, 30, 45, 60]
@@ -89,6 +90,7 @@ def test_a_plan_says_from_how_many_captures_on_the_arm_is_worth_it(capsys: pytes
         arm_worth(gantry, 0.03)
 
 
+@pytest.mark.thorough
 def test_a_joint_that_was_bumped_is_named_by_a_later_session_of_other_poses() -> None:
     first, same, bumped = (
         solved(simulate_arm("small", 1, 30, errors="apply", held=0, bumped_deg=by).session).to_json()
@@ -108,6 +110,7 @@ def test_a_joint_that_was_bumped_is_named_by_a_later_session_of_other_poses() ->
     assert zero_changes(before, 4e-4) == {}  # results of before are held against each other by their ± alone
 
 
+@pytest.mark.thorough
 def test_two_joints_that_moved_are_named_and_a_third_session_is_held_against_the_second() -> None:
     bumps = (None, [0.0, 0.2, 0.0, -0.2, 0.0, 0.0], [0.0, 0.2, 0.0, -0.2, 0.0, 0.0])
     cells = [simulate_arm("medium", 3, 30, errors="apply", held=0, bumped_deg=by) for by in bumps]

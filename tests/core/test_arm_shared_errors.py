@@ -26,6 +26,7 @@ def plain_fit(cell: ArmCell) -> tuple[np.ndarray, np.ndarray]:
     return placed, x[6:]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("swing", ["usual", "near"])
 def test_other_poses_are_predicted_as_well_as_by_a_plain_fit(swing: str) -> None:
     plain, ours = [], []

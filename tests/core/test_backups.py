@@ -73,6 +73,7 @@ def test_the_controllers_state_outranks_a_program_and_both_are_shown() -> None:
     assert ["1, 2, 3" in row.reason for row in read.skipped if row.file == "SETUP.LS"] == [True]
 
 
+@pytest.mark.thorough
 def test_a_backup_of_thousands_of_files_is_read_quickly() -> None:
     files = {f"lib/page{k}.html": (f"<p style='a'>{k}</p>" * 300).encode() for k in range(2000)}
     begun = time.process_time()

@@ -179,6 +179,7 @@ def test_poses_in_millimetres_for_metres_are_named(folder, capsys):
     refused(folder, capsys, "pose", "look like millimetres", "Divide x y z by 1000")
 
 
+@pytest.mark.thorough
 def test_profiles_in_metres_are_named(folder, capsys):
     for path in (folder / "captures").glob("*.csv"):
         rows = [line.split(",") for line in path.read_text().splitlines()[1:]]
@@ -186,16 +187,19 @@ def test_profiles_in_metres_are_named(folder, capsys):
     refused(folder, capsys, "captures/", "look like metres")
 
 
+@pytest.mark.thorough
 def test_diameter_in_metres_is_named(folder, capsys):
     change(folder, lambda r: r["cell"].update(sphere_diameter_mm=0.04))
     refused(folder, capsys, "looks like metres", "40")
 
 
+@pytest.mark.thorough
 def test_radius_for_diameter_is_named(folder, capsys):
     change(folder, lambda r: r["cell"].update(sphere_diameter_mm=20.0))
     refused(folder, capsys, "captures/", "radius", "14 captures")
 
 
+@pytest.mark.thorough
 def test_sphere_larger_than_the_cell_says(folder, capsys):
     change(folder, lambda r: r["cell"].update(sphere_diameter_mm=15.0))
     refused(folder, capsys, "an arc of radius ≤ 7.5 mm", "larger than stated")
@@ -221,6 +225,7 @@ def test_all_poses_equal(folder, capsys):
     refused(folder, capsys, "14 captures from one and the same pose", "Record the robot's pose anew")
 
 
+@pytest.mark.thorough
 def test_one_orientation_only(folder, capsys):
     def one_orientation(record):
         for capture in record["captures"]:

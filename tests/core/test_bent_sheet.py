@@ -23,6 +23,7 @@ TROUBLES = all_troubles()
 BENT = TROUBLES["scanner: sheet of light bent by 0.4 mm, 60 captures"]
 
 
+@pytest.mark.thorough
 def test_it_is_solved_with_the_tool() -> None:
     found = outcome(BENT, 0)
     assert found.verdict == "warn"
@@ -32,6 +33,7 @@ def test_it_is_solved_with_the_tool() -> None:
     assert found.worst < 1  # 2.3 at the workpiece while it was only warned of
 
 
+@pytest.mark.thorough
 def test_a_merged_ball_is_where_it_stands() -> None:
     cell = troubled(BENT, 0)
     solved = solve_stage(cell.session, "tcp", cell.files.__getitem__)
@@ -42,6 +44,7 @@ def test_a_merged_ball_is_where_it_stands() -> None:
     assert off_mm(cell, replace(placement, sheet_per_mm=0.0)) > 0.1
 
 
+@pytest.mark.thorough
 def test_a_verification_counts_with_it() -> None:
     cell = troubled(BENT, 1)
     result = solve_stage(with_step(cell, range(44, 60), "verify"), "verify", cell.files.__getitem__)
@@ -50,6 +53,7 @@ def test_a_verification_counts_with_it() -> None:
     assert np.linalg.norm(np.array(result.sphere_center_in_base_mm) - cell.sphere_in_base_mm) < 0.06
 
 
+@pytest.mark.thorough
 def test_a_recheck_counts_with_it() -> None:
     def change(plan: Plan, rng: np.random.Generator) -> None:
         BENT.change(plan, rng)
@@ -80,6 +84,7 @@ def off_mm(cell: Troubled, placement: Placement) -> float:
     return float(np.linalg.norm(fit_sphere(np.concatenate(points)).center_mm - cell.sphere_in_base_mm))
 
 
+@pytest.mark.thorough
 def test_a_table_is_solved_with_it() -> None:
     def change(plan: TablePlan, rng: np.random.Generator) -> None:
         plan.tilts, plan.lateral_mm = 56, 40.0

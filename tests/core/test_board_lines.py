@@ -30,6 +30,7 @@ def sigmas(one: StripeSet, result: LaserPlaneResult) -> float:
     return float(np.sqrt(error @ np.linalg.pinv(result.plane_covariance, rcond=1e-10, hermitian=True) @ error / 3))
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("kind", ["broken", "thick-6", "pairs-along"])
 def test_lines_that_a_person_sees_are_used_and_as_well_known_as_stated(kind: str) -> None:
     one = stripe_set(kind, 0)
@@ -41,6 +42,7 @@ def test_lines_that_a_person_sees_are_used_and_as_well_known_as_stated(kind: str
     assert sigmas(one, result) < 3
 
 
+@pytest.mark.thorough
 def test_boards_without_the_laser_take_no_line() -> None:
     off = frozenset({0, 2, 5})
     result = solved(one := stripe_set("speckled", 3, laser_off=off))
@@ -52,6 +54,7 @@ def test_boards_without_the_laser_take_no_line() -> None:
         solved(dark)
 
 
+@pytest.mark.thorough
 def test_the_line_beside_the_squares_is_found_on_the_sheet() -> None:
     one = stripe_set("beside", 2)
     result = solved(one)

@@ -26,6 +26,7 @@ def solved():
     return made.session, result_data(solve_stage(made.session, "chain", made.files.__getitem__))
 
 
+@pytest.mark.thorough
 def test_measured_points_lie_off_by_what_is_stated() -> None:
     found = [one(seed) for seed in range(2)]
     errors = np.concatenate([points.errors_mm for points in found])
@@ -34,6 +35,7 @@ def test_measured_points_lie_off_by_what_is_stated() -> None:
     assert np.mean(np.abs(errors) <= 1.96 * np.sqrt(variances)) > 0.85
 
 
+@pytest.mark.thorough
 def test_cells_that_err_as_believed_err_as_stated() -> None:
     found = [as_believed(seed) for seed in (1, 2)]
     errors = np.concatenate([points.errors_mm for points in found])
@@ -44,6 +46,7 @@ def test_cells_that_err_as_believed_err_as_stated() -> None:
     assert np.mean(np.abs(errors) <= half) > 0.8
 
 
+@pytest.mark.thorough
 def test_the_scanners_errors_cancel_between_tool_and_point(solved) -> None:
     _, result = solved
     known = Calibrated.of(result)
@@ -200,6 +203,7 @@ def test_a_plan_says_what_is_reachable_and_what_limits() -> None:
         plan_cell(CellToPlan(scanner=FieldOfView(near_mm=130, far_mm=131, near_width_mm=4)))
 
 
+@pytest.mark.thorough
 def test_sweeps_have_a_budget_too() -> None:
     made = simulate("tcp-sweep", 1)
     result = result_data(solve_stage(made.session, "tcp", made.files.__getitem__))

@@ -64,6 +64,7 @@ def test_boards_in_the_corners_tell_the_whole_image_and_those_in_the_middle_do_n
     assert (warned.code, warned.severity) == ("image-not-covered", "warning")
 
 
+@pytest.mark.thorough
 def test_the_map_of_uncertainty_holds_the_difference_to_the_truth() -> None:
     shares = []
     for seed in (1, 2, 3):

@@ -134,6 +134,7 @@ def test_rewriting_reaches_the_captures_of_other_stages(cell: Measured) -> None:
     assert changes_for(session, cause).captures["s1"] == cause.changes.captures[session.captures[0].id]
 
 
+@pytest.mark.thorough
 def test_files_in_metres_and_a_radius_for_the_diameter_are_named_where_nothing_can_be_solved() -> None:
     metres = simulate("tcp-metres", 3)
     cause = session_causes(metres.session, metres.files.__getitem__, {})[0]
@@ -195,6 +196,7 @@ def test_the_patch_back_undoes_a_patch(before: dict[str, object], changes: dict[
     assert merge_patch(merge_patch(before, changes), patch_back(before, changes)) == before
 
 
+@pytest.mark.thorough
 def test_run_applies_a_cause_and_undoes_it(
     tmp_path: Path, simulated: SimulatedSession, cell: Measured, capsys: pytest.CaptureFixture[str]
 ) -> None:

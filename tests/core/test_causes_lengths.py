@@ -95,6 +95,7 @@ def test_another_diameter_is_named(still: SimulatedSession) -> None:
     assert causes_of(scale_causes(still.session, captures, read, SphereSize(40.0))) == []
 
 
+@pytest.mark.thorough
 def test_the_stage_says_first_that_its_profiles_are_scaled(still: SimulatedSession) -> None:
     files = scaled_files(still.files, 0.8, 1.0)
     result = run(still.session, files.__getitem__, "tcp")["tcp"]
@@ -106,6 +107,7 @@ def test_the_stage_says_first_that_its_profiles_are_scaled(still: SimulatedSessi
     assert again.causes == []
 
 
+@pytest.mark.thorough
 def test_captures_that_turn_alone_are_not_called_too_large() -> None:
     """Any scale fits them: made smaller they scatter less, and that says nothing."""
     cell = simulate("tcp-rotation-only", 1)

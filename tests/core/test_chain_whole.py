@@ -41,6 +41,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+@pytest.mark.thorough
 def test_all_gives_the_stages_and_the_chain():
     assert list(results(0)) == ["tcp", "turntable", "chain"]
     chain = results(0)["chain"]
@@ -48,6 +49,7 @@ def test_all_gives_the_stages_and_the_chain():
     assert [row.capture for row in chain.residuals] == [c.id for c in simulated(0).session.captures]
 
 
+@pytest.mark.thorough
 def test_errors_are_near_the_bound_and_the_covariance_is_true():
     tools = [tool_error(results(s)["chain"], simulated(s).truth) for s in SEEDS]
     bounds = [chain_bound(simulated(s), beliefs=Beliefs()) for s in SEEDS]
@@ -113,6 +115,7 @@ def test_tool_and_table_are_correlated_and_the_joint_covariance_is_one():
     assert error @ np.linalg.solve(whole, error) < 31.3  # χ² of 11 at 0.1 %
 
 
+@pytest.mark.thorough
 def test_a_scanner_that_was_moved_between_the_stages_is_told():
     cell = simulated(2)
     other = simulate("turntable", 77)  # another mounting of the scanner: its table captures do not belong

@@ -74,6 +74,7 @@ def test_a_fault_of_the_program_shows_no_traceback_unless_asked(capsys, monkeypa
         main(["schema", "session", "--debug"])
 
 
+@pytest.mark.thorough
 def test_whoever_stops_reading_is_no_error(tmp_path):
     command = f'"{sys.executable}" -m server.cli schema session | head -c 1'
     done = subprocess.run(

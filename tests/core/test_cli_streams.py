@@ -105,6 +105,7 @@ def test_a_scan_comes_through_standard_input(capsys, stdin):
     np.testing.assert_allclose(json.loads(capsys.readouterr().out)["center_mm"], [0, 0, 200], atol=0.01)
 
 
+@pytest.mark.thorough
 def test_quiet_says_nothing_and_json_one_object(solved_folder, tmp_path, capsys):
     report = ["report", str(solved_folder), "--out", str(tmp_path / "r.html")]
     for arguments in (

@@ -30,6 +30,7 @@ def test_an_offset_is_found_within_a_millisecond(offset_s: float) -> None:
     assert 1e-6 < found.sigma_s < 0.001
 
 
+@pytest.mark.thorough
 def test_its_uncertainty_is_true() -> None:
     """Over fifty moves the errors in standard deviations scatter by one: 0.7 to 1.35 in 99.9 % of cases."""
     found = [clock_offset(*move(0.037, seed, noise_mm=0.2)) for seed in range(50)]

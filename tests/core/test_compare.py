@@ -78,6 +78,7 @@ def _seen(point: np.ndarray, names: list[str], errors: np.ndarray) -> np.ndarray
     return np.array([x * (1 + by["scale_x"]) + z * by["shear"], 0.0, z + along])
 
 
+@pytest.mark.thorough
 def test_table_and_tool_together_are_known_better_than_their_errors_added() -> None:
     made = simulate("turntable", 2)
     result = result_data(solve_stage(made.session, "chain", made.files.__getitem__))

@@ -46,6 +46,7 @@ def ran(package: Path, script: str = _SCRIPT, **environment: str) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.thorough
 def test_a_change_of_a_called_kernel_is_seen(package: Path) -> None:
     assert ran(package) == ["20.0", "2"]
     assert ran(package) == ["20.0", "0"]  # nothing is compiled a second time
@@ -53,6 +54,7 @@ def test_a_change_of_a_called_kernel_is_seen(package: Path) -> None:
     assert ran(package) == ["30.0", "2"]
 
 
+@pytest.mark.thorough
 def test_what_a_package_brings_is_taken_along_where_it_may_not_be_written(package: Path, tmp_path: Path) -> None:
     """As one that an administrator installed: read, and not written."""
     assert ran(package) == ["20.0", "2"]
@@ -71,6 +73,7 @@ def test_what_a_package_brings_is_taken_along_where_it_may_not_be_written(packag
     assert {file.name for file in folder.iterdir()} == brought
 
 
+@pytest.mark.thorough
 def test_all_is_noted_where_it_may_be_written(package: Path, tmp_path: Path) -> None:
     (package / "calib_core" / "kernels" / "__pycache__").write_text("a file: no folder can be made here")
     home = tmp_path / "home"
@@ -82,6 +85,7 @@ def test_all_is_noted_where_it_may_be_written(package: Path, tmp_path: Path) -> 
     assert list(home.rglob("*.compiled"))
 
 
+@pytest.mark.thorough
 def test_a_package_that_may_not_be_written_is_compiled_elsewhere(package: Path, tmp_path: Path) -> None:
     (package / "calib_core" / "kernels" / "__pycache__").write_text("a file: no folder can be made here")
     home = tmp_path / "home"

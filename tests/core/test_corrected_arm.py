@@ -46,6 +46,7 @@ def test_zeros_and_links_stand_in_the_joints_frames(name: str) -> None:
     assert farthest_mm(arm, corrected_arm(arm, errors)[0], errors) < 0.02  # errors of errors
 
 
+@pytest.mark.thorough
 def test_the_urdf_of_an_answer_is_the_arm_of_its_errors() -> None:
     cell = simulate_arm("cobot", 3, 30, errors="apply")
     result = solved(cell.session)

@@ -10,12 +10,14 @@ from calib_core.exports.workpiece import at_workpiece
 from calib_core.records import Session
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("name", ["tcp-spoiled", "turntable"])
 def test_random_sets_of_few_captures_end_with_a_result_or_a_sentence(name: str) -> None:
     (row,) = bench_degenerate.rows(name, range(3))
     assert row.holds, row.measured
 
 
+@pytest.mark.thorough
 def test_a_tool_that_is_known_to_kilometres_says_nothing_of_the_workpiece(
     turntable_results: tuple[Session, dict[str, dict[str, Any]]],
 ) -> None:

@@ -17,6 +17,7 @@ from calib_core.review.drift import CellDrift, cell_drift
 SPREAD = np.diag([1e-4, 1e-4, 1e-4, 0.03, 0.02, 0.05]) ** 2
 
 
+@pytest.mark.thorough
 def test_steps_are_found_at_once_and_false_alarms_are_rare() -> None:
     rng = np.random.default_rng(9)
     turns = [rotation_from_vector(rng.normal(size=3)) for _ in range(6)]

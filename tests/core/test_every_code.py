@@ -6,6 +6,7 @@ from calib_core.findings import CODES
 from tests.every_code import CASES
 
 
+@pytest.mark.thorough(keep=16)
 @pytest.mark.parametrize("code", CASES)
 def test_a_code_is_raised_and_what_is_near_does_not_raise_it(code: str) -> None:
     raises, near = CASES[code]

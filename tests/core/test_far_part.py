@@ -66,6 +66,7 @@ def merged(far: bool, by: str) -> tuple[MergeResult, dict[str, bytes]]:
     return result, stored
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("by", ["poses", "points"])
 def test_a_part_far_away_has_the_same_answer_within_a_micrometre(by: str) -> None:
     (near, near_files), (far, far_files) = merged(False, by), merged(True, by)
@@ -95,6 +96,7 @@ def test_a_part_far_away_has_the_same_answer_within_a_micrometre(by: str) -> Non
     )
 
 
+@pytest.mark.thorough
 def test_every_format_keeps_the_micrometre(tmp_path: Path) -> None:
     _, files = merged(True, "poses")
     cloud = read_stored_ply(files[CLOUD_FILE], CLOUD_FILE).points_mm

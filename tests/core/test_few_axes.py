@@ -61,6 +61,7 @@ def test_a_gantry_with_a_table_knows_the_scanner_in_the_tables_frame() -> None:
     assert np.linalg.norm(np.cross(axis, axis_off)) < 0.5  # along it the origin is a matter of rule
 
 
+@pytest.mark.thorough
 def test_a_scanner_on_one_linear_axis_knows_the_table_but_not_its_turn_about_the_travel() -> None:
     simulated, truth = cc.simulate("linear-turntable", 1)
     results = simulated.run()
@@ -92,6 +93,7 @@ def untold(scenario: str) -> cc.OpenSession:
     return cc.OpenSession(simulated.record.model_copy(update={"captures": captures}), simulated.read)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("scenario", "stage", "code"),
     [("linear-turntable", "tcp", "tool-mirrored"), ("fixed-scanner-turntable", "turntable", "axis-mirrored")],
@@ -122,6 +124,7 @@ def test_an_open_position_is_no_tool_of_a_controller() -> None:
     assert told["up_to_shift"]["tool0_from_laser"][3] == [0.0, 0.0, 0.0, 1.0]
 
 
+@pytest.mark.thorough
 def test_a_gantrys_scanner_and_table_are_used_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     simulated, truth = cc.simulate("gantry-turntable", 2)
     simulated.run()
@@ -144,6 +147,7 @@ def test_a_gantrys_scanner_and_table_are_used_together(tmp_path: Path, capsys: p
     assert (sigmas > 0).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("carried", ["scanner", "ball"])
 def test_a_gantry_whose_lever_is_not_told_counts_with_the_flanges_small_turns(carried: str) -> None:
     scenario = TOPOLOGY_SCENARIOS["gantry"]

@@ -124,6 +124,7 @@ def test_codes_are_words_with_hyphens_and_each_has_its_page() -> None:
         assert not re.search(r"`[\w.]+`", said), name  # words are printed; fields are named where it is explained
 
 
+@pytest.mark.thorough
 def test_catalogues_hold_what_the_program_says_and_nothing_else_with_the_same_places() -> None:
     areas = texts_by_area()
     texts = sorted({text for texts in areas.values() for text in texts})

@@ -26,6 +26,7 @@ def off(scenario: str, seed: int) -> tuple[FloatArray, FloatArray, str]:
     return true.difference(found), np.array(result.covariance), result.verdict
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("scenario", ["fixed-scanner", "fixed-scanner-unknown-sigmas"])
 def test_errors_are_as_large_as_they_are_said_to_be(scenario: str) -> None:
     nees: list[float] = []
@@ -42,6 +43,7 @@ def test_errors_are_as_large_as_they_are_said_to_be(scenario: str) -> None:
     assert passed >= 0.7 * SEEDS
 
 
+@pytest.mark.thorough
 def test_a_ball_that_slipped_and_a_wrong_pose_are_left_out() -> None:
     session, truth = cc.simulate("fixed-scanner-spoiled", 3)
     result = session.run()["tcp"]
@@ -80,6 +82,7 @@ def test_its_result_answer_frames_and_exports_are_of_base() -> None:
         cc.OpenSession(brought, session.read).run("tcp")
 
 
+@pytest.mark.thorough
 def test_the_command_line_goes_all_the_way(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     simulated = simulate("fixed-scanner", 6)
     folder, packed = tmp_path / "cell", tmp_path / "cell.zip"

@@ -1,6 +1,7 @@
 """Scans of a scanner that stands still before a turntable become one cloud."""
 
 import numpy as np
+import pytest
 
 from calib_core.records import Session
 from calib_core.simulation.motion import pose, turn
@@ -10,6 +11,7 @@ from calib_core.simulation.part_scan import PartScanner, view_poses
 from calib_core.stages.pipeline import solve_stage
 
 
+@pytest.mark.thorough
 def test_a_fixed_scanners_scans_fit_and_need_no_pose() -> None:
     options = PartScenario(scans=6, position_sigma_mm=0.0, orientation_sigma_rad=0.0)
     session, _, _ = simulate_part(options, "part", 1)

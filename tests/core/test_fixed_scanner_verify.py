@@ -20,6 +20,7 @@ def verified(made: SimulatedSession) -> VerifyResult:
     return result
 
 
+@pytest.mark.thorough
 def test_a_right_fixed_scanner_passes_and_its_captures_scatter_as_expected() -> None:
     chances: list[float] = []
     for seed in (1, 2, 3):

@@ -81,6 +81,7 @@ def test_normals_are_rotated_and_averaged():
     assert grid.cloud().normals[0] == pytest.approx([0, 1, 0], abs=1e-6)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("most_bytes", [40_000, 400_000])
 def test_beyond_the_memory_allowed_the_answer_is_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_bytes: int

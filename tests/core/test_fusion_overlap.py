@@ -28,6 +28,7 @@ def cleaned(scans):
     return [clean_scan(scan) for scan in scans]
 
 
+@pytest.mark.thorough
 def test_overlap_rms_is_what_the_chains_covariance_predicts():
     squares, expected = 0.0, 0.0
     for seed in range(12):

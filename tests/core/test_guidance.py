@@ -83,6 +83,7 @@ def test_one_more_capture_gains_what_the_whole_set_then_has() -> None:
         assert worst_sigma_mm(added[k]) == pytest.approx(float(worst_sigma_mm(alone)), rel=0.05)
 
 
+@pytest.mark.thorough
 def test_every_capture_helps_and_chosen_ones_more_than_random_ones() -> None:
     start = situation(Limits(tilt_deg=20, turn_deg=20))
     taken = followed(start, 10).taken
@@ -97,6 +98,7 @@ def test_every_capture_helps_and_chosen_ones_more_than_random_ones() -> None:
     assert after[-1] < 0.8 * usual
 
 
+@pytest.mark.thorough
 def test_a_set_that_is_thought_of_ahead_leaves_less_than_the_best_pose_each_time() -> None:
     start = situation(Limits(tilt_deg=20.0, turn_deg=25.0))
     ahead, each = (followed(start, 6, until) for until in (12, 0))
@@ -142,6 +144,7 @@ def test_a_planned_set_is_no_worse_than_its_greedy_start_and_tells_what_each_gai
     assert plan.after_mm[-1] <= greedy.after_mm[-1] + 1e-12
 
 
+@pytest.mark.thorough
 def test_advice_stops_where_the_wanted_figure_is_reached() -> None:
     now = followed(situation(), 9)
     reached = advice_in(now, wanted_mm=1.0)

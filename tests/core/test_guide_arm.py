@@ -40,6 +40,7 @@ def with_robot(session: Session, **robot: Any) -> Session:
     return Session.model_validate(record)
 
 
+@pytest.mark.thorough
 def test_a_planned_set_is_within_reach_where_the_arm_is_known() -> None:
     cell = advised_arm("small", 0)
     near = np.array(cell.session.captures[0].joints_deg)
@@ -79,6 +80,7 @@ def test_candidates_move_with_the_arms_errors_by_the_joints_that_reach_them() ->
     assert all(seen.arm_moves is not None for seen in now.seen_from(poses))
 
 
+@pytest.mark.thorough
 def test_an_advice_and_a_plan_say_what_they_are_for_the_arm() -> None:
     _, session = started("small", 3, 6)
     advice = tcp_advice(session, seen(session), {})

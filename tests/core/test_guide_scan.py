@@ -56,6 +56,7 @@ def scans_of(simulated: SimulatedSession) -> list[Capture]:
     return [c for c in simulated.session.captures if c.step == "scan"]
 
 
+@pytest.mark.thorough
 def test_every_scan_leaves_fewer_to_take_and_the_table_is_sent_where_it_goes_next(cell: SimulatedSession) -> None:
     scans = scans_of(cell)
     for count in range(len(scans) + 1):

@@ -50,6 +50,7 @@ def test_what_is_told_of_the_arm_stays() -> None:
     assert believed(*scattered(0, 0.5, Robot(position_sigma_mm=0.05))).position_mm == 0.05
 
 
+@pytest.mark.thorough
 def test_the_guide_promises_what_the_result_then_states() -> None:
     assert all(0.85 < ratio < 1.2 for ratio in ratios("arms: joints 0.02°, links 0.1 mm", 0, (7, 14)))
 
@@ -61,6 +62,7 @@ def test_few_captures_are_believed_of_an_ordinary_arm() -> None:
     assert situation is None or situation.assumed.sigmas == SIGMAS
 
 
+@pytest.mark.thorough
 def test_of_captures_that_contradict_each_other_nothing_is_promised() -> None:
     for name, session, measured in wrong_sessions(seed=1, readings=2):
         now = guide(session, measured, {}).current

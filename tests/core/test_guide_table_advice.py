@@ -151,6 +151,7 @@ def test_a_verification_keeps_away_from_the_calibration(
     assert now.suggested_pose_numbers is not None
 
 
+@pytest.mark.thorough
 def test_a_plan_says_where_the_sphere_goes_on_a_table() -> None:
     told = {"near_mm": 130, "far_mm": 230, "near_width_mm": 60}
     table = {"radius_mm": 120, "height_mm": 200, "most_angles": 6}

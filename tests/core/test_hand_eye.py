@@ -39,6 +39,7 @@ def test_turns_that_do_not_tell_are_refused() -> None:
         solve_ax_zb(a[:2], b[:2])
 
 
+@pytest.mark.thorough
 def test_it_is_no_less_exact_than_park_and_errs_as_stated() -> None:
     rows = bench_hand_eye.exactness(range(12))
     assert [f"{r.what}: {r.measured}, target {r.target}" for r in rows if not r.holds] == []
@@ -65,6 +66,7 @@ def test_hand_and_eye_are_exact_without_noise() -> None:
     np.testing.assert_allclose(found.base_from_board.difference(BOARD), 0, atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_hand_and_eye_err_as_stated() -> None:
     whole = []
     for seed in range(60):

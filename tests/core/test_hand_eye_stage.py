@@ -32,6 +32,7 @@ def with_tool(made: SimulatedSession, tool: Any) -> Any:
     return made.session.model_copy(update={"cell": made.session.cell.model_copy(update={"known": known})})
 
 
+@pytest.mark.thorough
 def test_camera_and_board_against_the_truth_and_the_tool_beside_the_spheres(made: SimulatedSession) -> None:
     tool = made.truth["tool0_from_laser"]
     result = solve_stage(with_tool(made, tool), "hand-eye", made.files.__getitem__).to_json()

@@ -1,6 +1,7 @@
 """What excluding one capture would do, told before anything is solved again, beside a solve without it."""
 
 import numpy as np
+import pytest
 from cells import GIVEN, SPHERE, Cell
 
 from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
@@ -12,6 +13,7 @@ def worst_sigma_mm(solution: TcpSolution, point_in_laser_mm: FloatArray) -> floa
     return float(np.sqrt(np.linalg.eigvalsh(at_point)[-1]))
 
 
+@pytest.mark.thorough
 def test_the_preview_is_what_a_solve_without_the_capture_answers() -> None:
     of = Cell.of("tcp", 4)
     whole = of.solve(GIVEN)

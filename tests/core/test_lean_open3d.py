@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CODE = """
 import sys
 from calib_core.lean_open3d import open3d
@@ -14,6 +16,7 @@ print(lean, type(figure).__name__, open3d() is sys.modules["open3d"])
 """
 
 
+@pytest.mark.thorough
 def test_the_web_framework_is_loaded_when_something_is_drawn() -> None:
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["True", "Figure", "True"]

@@ -12,6 +12,7 @@ from tests.merge_sets import in_one_frame, scan_set
 pye57 = pytest.importorskip("pye57")
 
 
+@pytest.mark.thorough
 def test_an_e57_of_several_scans_is_merged_by_its_own_poses(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     there = scan_set("bracket", 2, count=12, views="table")
     file = pye57.E57(str(tmp_path / "part.e57"), mode="w")

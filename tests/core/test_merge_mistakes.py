@@ -94,6 +94,7 @@ def rubble(record: dict[str, Any], files: dict[str, bytes], seed: int = 6) -> No
         capture["pose"] = poses[place]
 
 
+@pytest.mark.thorough(keep=2)
 @pytest.mark.parametrize(
     ("mistake", "table", "code"),
     [
@@ -130,6 +131,7 @@ def test_scans_that_fit_pass_with_nothing_told(table: bool):
     assert 0.7 < result.overlap_rms_mm / result.overlap_expected_mm < 1.4
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("seed", [4, 6, 7])
 def test_rubble_without_a_known_mistake_fails(seed: int):
     """Once poses in another unit were named, which pile all scans up, or errors without end explained it."""

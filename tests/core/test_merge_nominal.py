@@ -43,6 +43,7 @@ def merged(**merge: Any) -> MergeResult:
     return result
 
 
+@pytest.mark.thorough
 def test_the_nominal_is_laid_into_the_part_and_deviations_are_what_is_stated() -> None:
     result = merged(reference="nominal.ply", tolerance_mm=0.2)
     assert result.alignment is not None
@@ -81,6 +82,7 @@ def test_the_nominal_is_laid_into_the_part_and_deviations_are_what_is_stated() -
     }  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_the_page_to_sign_has_the_deviation_and_the_report_its_sections() -> None:
     record, _, _ = _scanned()
     result = merged(reference="nominal.ply", tolerance_mm=0.2)
@@ -93,6 +95,7 @@ def test_the_page_to_sign_has_the_deviation_and_the_report_its_sections() -> Non
         assert f"Section across {section.axis}" in rest
 
 
+@pytest.mark.thorough
 def test_told_poses_take_up_nothing_and_a_part_too_large_is_told_by_its_sign() -> None:
     truth = _scanned()[2] @ CLOUD_FROM_REFERENCE
     told = {"method": "matrix", "base_from_reference": truth.tolist()}

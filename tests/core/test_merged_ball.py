@@ -21,6 +21,7 @@ def runs():
     return [bench_ball.one(seed, cell) for seed, cell in zip(SEEDS, simulated, strict=True)]
 
 
+@pytest.mark.thorough
 def test_scans_lie_apart_as_the_chains_covariance_predicts_before_any_registration(runs):
     # One seed's overlap scatters by a tenth about what is predicted: errors that scans share are drawn once.
     ratio = np.sqrt(sum(run.overlap_mm2 for run in runs) / sum(run.expected_overlap_mm2 for run in runs))

@@ -24,6 +24,7 @@ def theirs(mesh: Mesh) -> trimesh.Trimesh:
 BALL = mesh_of(trimesh.creation.icosphere(subdivisions=4, radius=20.0))
 
 
+@pytest.mark.thorough
 def test_edges_are_as_sharp_as_the_planes_beside_them_and_round_places_stay_round() -> None:
     there = scan_set("box", 0, count=8, pitch_mm=0.6, position_sigma_mm=0.0, orientation_sigma_rad=0.0)
     found = solve_merge(there.scans, None, MergeOptions(1.0, "none"))
@@ -92,6 +93,7 @@ def test_fewer_triangles_lie_within_the_tolerance() -> None:
         assert off.max() <= tolerance_mm + 0.03  # BALL's own middles lie so far inside
 
 
+@pytest.mark.thorough
 def test_a_bowl_seen_from_above_is_closed_where_that_is_asked() -> None:
     scans = scan_set("bowl", 3, count=4, views="above", pitch_mm=1.5).scans
     left, filled = (solve_merge(scans, None, MergeOptions(1.5, "poisson", fill)).mesh for fill in (False, True))

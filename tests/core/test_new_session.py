@@ -117,6 +117,7 @@ def test_links_are_not_followed(tmp_path: Path) -> None:
     assert sorted(p.name for p in (made.folder / "captures").iterdir()) == ["p1.csv"]
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not REAL.is_dir(), reason="the real files are not here")
 def test_a_real_folder_becomes_its_session(tmp_path: Path) -> None:
     made = new_session(REAL, tmp_path / "out")

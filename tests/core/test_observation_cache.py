@@ -74,6 +74,7 @@ def seen_in(session: Session, read: ReadFile) -> list[bytes]:
     return [o.points_in_laser_mm.tobytes() + o.center_covariance.tobytes() for o in found]
 
 
+@pytest.mark.thorough
 def test_a_second_run_and_its_answer_measure_nothing_and_a_replay_all(
     cell: SimulatedSession, folder: Path, fits: Fits, monkeypatch: pytest.MonkeyPatch
 ) -> None:

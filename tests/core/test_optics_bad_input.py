@@ -110,6 +110,7 @@ def test_colour_is_told_with_the_camera(simulated: SimulatedSession) -> None:
     assert any("in colour" in words and "c01" in words for words in camera.notes)
 
 
+@pytest.mark.thorough
 def test_frames_of_the_sphere_of_another_size_or_white_all_over_are_named(simulated: SimulatedSession) -> None:
     ball = next(c for c in simulated.session.captures if c.step == "tcp")
     files, name = with_first_frame(simulated, "tcp", lambda image: cv2.resize(image, (800, 600)))
@@ -122,6 +123,7 @@ def test_frames_of_the_sphere_of_another_size_or_white_all_over_are_named(simula
     assert "Shorten the exposure" in (measured.to_do or "")
 
 
+@pytest.mark.thorough
 def test_what_a_chessboard_cannot_tell_is_said_and_the_sphere_tells_of_a_wrong_pitch(
     simulated: SimulatedSession,
 ) -> None:
@@ -138,6 +140,7 @@ def test_what_a_chessboard_cannot_tell_is_said_and_the_sphere_tells_of_a_wrong_p
     assert any("the pitch looks like 9.0 mm, you said 10 mm" in words for words in tcp.warnings)
 
 
+@pytest.mark.thorough
 def test_a_pitch_far_off_is_told_where_no_sphere_is_found(simulated: SimulatedSession) -> None:
     record = simulated.session.model_dump(mode="json")
     record["cell"]["board"]["pitch_mm"] = 18.0  # it is 9: every arc is larger than the sphere

@@ -208,6 +208,7 @@ def test_a_board_half_outside_is_seen_in_part(
     np.testing.assert_array_equal(view.points_in_board_mm, points_in_board_mm(CHESS)[view.ids])
 
 
+@pytest.mark.thorough
 def test_a_covered_board_is_seen_around_what_covers_it() -> None:
     for across, down in (
         (slice(200, 330), slice(250, 400)),

@@ -1,6 +1,7 @@
 """A camera from boards that hang out of the image, and what is told of them."""
 
 import numpy as np
+import pytest
 
 from calib_core.findings.codes import quality
 from calib_core.optics.board import BoardView, find_board
@@ -16,6 +17,7 @@ def found_views(seed: int) -> tuple[list[BoardView], list[int]]:
     return [find_board(frame, BOARD) for frame in frames], [len(each) for each in inside]
 
 
+@pytest.mark.thorough
 def test_a_camera_from_boards_cut_off_by_a_third() -> None:
     views, inside = found_views(0)
     assert all(len(view.ids) >= 0.9 * count for view, count in zip(views, inside, strict=True))

@@ -69,6 +69,7 @@ def held_out_rms_px(camera: CameraModel, views: list[BoardView]) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
+@pytest.mark.thorough
 def test_plain_camera_is_found_within_its_covariance() -> None:
     truth = np.array([2400, 2390, 650, 500, -0.2, 0.12, 0.001, -0.0007, 0.0])
     scores = []
@@ -94,6 +95,7 @@ def test_the_plain_model_stays_where_it_is_true() -> None:
     ]
 
 
+@pytest.mark.thorough
 def test_a_tilted_sensor_over_300_mm_is_found_and_pays() -> None:
     views, fresh = simulate(TILTED, 30, 2, 0.02), simulate(TILTED, 8, 50, 0.0)
     solution = calibrate_camera(views, SIZE)
@@ -107,6 +109,7 @@ def test_a_tilted_sensor_over_300_mm_is_found_and_pays() -> None:
     assert held_out_rms_px(plain.camera, fresh) > 10 * held_out_rms_px(solution.camera, fresh)
 
 
+@pytest.mark.thorough
 def test_a_decentred_lens_does_not_spoil_a_tilted_camera() -> None:
     names = {**TILTED.distortion_by_name, "p1": 0.001, "p2": -0.0007}
     truth = CameraModel.from_names(MATRIX, names, SIZE)
@@ -115,6 +118,7 @@ def test_a_decentred_lens_does_not_spoil_a_tilted_camera() -> None:
     assert held_out_rms_px(solution.camera, simulate(truth, 8, 50, 0.0)) < 0.004
 
 
+@pytest.mark.thorough
 def test_a_lens_that_changes_with_depth_asks_for_bands() -> None:
     near, far = PLAIN.distortion.copy(), PLAIN.distortion.copy()
     far[:2] = [-0.26, 0.2]
@@ -154,6 +158,7 @@ def test_spoiled_views_are_named() -> None:
     assert solution.camera.camera_matrix[0, 0] == pytest.approx(2400, abs=4 * np.sqrt(solution.covariance[0, 0]))
 
 
+@pytest.mark.thorough
 def test_errors_that_a_view_shares_widen_the_covariance() -> None:
     # A smooth error per view, as a localisation's bias or a bent air makes it, beside independent noise.
     scores, inflations = [], []
@@ -210,6 +215,7 @@ def bent_views(seed: int, bend_mm: float, x_pitch: float = 1.0, roll: float = 0.
     return views
 
 
+@pytest.mark.thorough
 def test_a_bent_board_is_told_and_its_shape_solved_where_held_out_views_ask_for_it() -> None:
     views = bent_views(12, 0.4)
     flat = calibrate_camera(views, SIZE, CameraOptions(model="plain"))
@@ -225,6 +231,7 @@ def test_a_bent_board_is_told_and_its_shape_solved_where_held_out_views_ask_for_
     assert calibrate_camera(bent_views(12, 0.0), SIZE, CameraOptions(refine_board=None)).board_shape is None
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("roll", [0.05, 1.6])
 def test_a_board_printed_wide_is_named_and_the_camera_within_what_is_stated(roll: float) -> None:
     solved = calibrate_camera(bent_views(5, 0.0, 1.01, roll), SIZE, CameraOptions(refine_board=None))

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 
+import pytest
+
 from calib_core.simulation import SimulatedSession
 from tests.benchmarks.frame_chain import frame_chain, mean_interval, mean_of
 
 SEEDS = (5, 7)  # those of other tests: rendered once
 
 
+@pytest.mark.thorough
 def test_what_the_results_from_frames_state_is_true(rendered: Callable[[str, int], SimulatedSession]) -> None:
     chains = [frame_chain(rendered("frames-tcp", seed)) for seed in SEEDS]
     for field, freedom in (("plane_nees", 3), ("tcp_nees", 6)):

@@ -78,6 +78,7 @@ def test_circles_under_uneven_light_are_where_they_are(kind: str, worst_px: floa
     assert np.sqrt(np.mean(np.sum(error**2, axis=1))) < off
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scenario", ["camera-charuco", "camera-circles"])
 def test_the_camera_found_from_other_boards_errs_as_it_states(scenario: str) -> None:
     simulated = simulate(scenario, 3)

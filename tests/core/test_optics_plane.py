@@ -53,6 +53,7 @@ def test_without_noise_the_plane_is_exact() -> None:
     assert found.rms_mm < 1e-5
 
 
+@pytest.mark.thorough
 def test_the_stated_covariance_is_true() -> None:
     values = []
     for seed in range(24):
@@ -72,6 +73,7 @@ def test_an_uncertain_camera_makes_the_plane_less_certain() -> None:
     assert rotation_sigma_deg(uncertain.covariance) > 1.2 * rotation_sigma_deg(exact.covariance)
 
 
+@pytest.mark.thorough
 def test_camera_boards_and_plane_refined_together_are_true_and_nearer_than_apart() -> None:
     planes, focal, apart, together = [], [], [], []
     for seed in range(16):
@@ -153,6 +155,7 @@ def test_centres_that_form_no_line_are_no_laser() -> None:
         assert np.rad2deg(np.arccos(found.normal @ NORMAL)) < 0.1
 
 
+@pytest.mark.thorough
 def test_stripes_that_draw_the_camera_too_far_leave_it_where_its_boards_have_it() -> None:
     seen = views(7)
     boards = [v.board for v in seen]

@@ -116,6 +116,7 @@ def test_noise_saturation_bits_and_hot_pixels() -> None:
     np.testing.assert_array_equal(hot > 50, again > 50)
 
 
+@pytest.mark.thorough
 def test_sessions_of_frames_are_the_same_for_the_same_seed_and_state_their_truth() -> None:
     few = FrameScenario("", camera_views=1, translations=1, orientations=1, knows_calibration=True)
     first, again = (SimulatedSession(*simulate_frames(few, "few", 3), None) for _ in range(2))

@@ -116,6 +116,7 @@ def test_the_rule_of_the_frame_l(normal: tuple[float, float, float], distance_mm
     np.testing.assert_allclose(same.matrix, frame.matrix, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_the_plane_covariance_is_carried_to_the_frame() -> None:
     rng = np.random.default_rng(5)
     n, d = oriented_plane(NORMAL, DISTANCE)

@@ -135,6 +135,7 @@ def result_of(cell: Cell, solution: ChainSolution) -> dict[str, Any]:
     return chain_result(solution, cell.turning, "here", "0" * 64, []).to_json()
 
 
+@pytest.mark.thorough
 def test_answers_move_with_the_optics_as_if_all_were_solved_again(cell: Cell, whole: ChainSolution) -> None:
     moved = cell.drawn(np.random.default_rng(2))
     there, held = cell.solved(moved), whole.tcp.held

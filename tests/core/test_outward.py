@@ -80,6 +80,7 @@ def test_one_flat_scan_without_rays_leaves_a_doubt():
     assert (found.how, found.certain) == ("assumed", False)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(("mesh", "limit"), [("poisson", 0.98), ("grid", 0.98)])
 def test_cloud_and_mesh_face_outward_though_depths_count_toward_the_scanner(
     mesh: Literal["poisson", "grid"], limit: float

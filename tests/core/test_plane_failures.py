@@ -71,6 +71,7 @@ def test_most_measurable_lines_rejected_fails(sound: PlaneSolution) -> None:
     assert noticed(replace(sound, views=half), 0.1) == []
 
 
+@pytest.mark.thorough
 def test_frames_with_the_laser_off_among_good_ones_are_refused_as_such() -> None:
     """Two frames of the board taken before the laser was on, under the light of the others."""
     options = FrameScenario("four boards with the stripe", plane_views=4, knows_calibration=True)

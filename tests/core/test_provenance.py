@@ -78,6 +78,7 @@ def test_a_stripped_or_claimed_provenance_makes_nothing_better(signed):
     assert seal_state({**signed, "provenance": "replayed"}) is False
 
 
+@pytest.mark.thorough
 def test_replayed_folders_that_were_edited_are_refused(solved_folder, signed, tmp_path, capsys):
     """The tool moved by 50 mm and `pass` written over `warn` was exported."""
     folder = tmp_path / "cell"
@@ -103,6 +104,7 @@ def test_an_unsigned_result_of_another_processor_is_no_forgery(solved_folder, si
     assert replayed(session, read, {"tcp": with_provenance(other)})["tcp"]["provenance"] == "replayed"
 
 
+@pytest.mark.thorough
 def test_words_of_an_unsigned_result_are_those_of_its_replay(solved_folder, signed):
     session, read = load_session(solved_folder)
     other = {name: value for name, value in signed.items() if name != "seal"}
@@ -131,6 +133,7 @@ def rewritten(archive: Path, out: Path, change: dict[str, Any], *, keep_seal: bo
     return out
 
 
+@pytest.mark.thorough
 def test_an_archive_is_sealed_and_every_file_is_under_the_seal(archive, tmp_path):
     facts = verify_agreement(archive)
     assert (facts.sealed, facts.findings) == (True, [])
@@ -182,6 +185,7 @@ def parts(archive: Path) -> tuple[Session, dict[str, Any], dict[str, Any], str]:
 WHOLE = [file for file in ARCHIVES if file.stem in ("tcp", "turntable", "verify")]
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("file", WHOLE, ids=lambda file: file.stem)
 def test_without_a_seal_every_field_of_the_answer_is_compared_with_the_results(file, tmp_path):
     session, results, told, _ = parts(file)

@@ -56,6 +56,7 @@ def result_of(solved: tuple[SimulatedSession, dict[str, Any]], rounds: list[floa
     return result
 
 
+@pytest.mark.thorough
 def test_the_last_round_decides_and_the_rounds_tell_the_course(solved: Any) -> None:
     result = result_of(solved, [0.0, 1.5])
     assert [one.changed == "nothing" for one in result.rounds] == [True, False]
@@ -113,6 +114,7 @@ def test_copies_of_the_calibration_are_no_recheck(solved: Any) -> None:
         run(session.model_copy(update={"captures": captures}), files.__getitem__, "recheck")
 
 
+@pytest.mark.thorough
 def test_capability_is_that_of_the_rounds_against_the_tolerance(solved: Any) -> None:
     rng = np.random.default_rng(8)
     offset = np.array([0.02, 0.0, 0.0])

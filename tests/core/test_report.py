@@ -316,6 +316,7 @@ def test_the_command_writes_the_page(
     assert main(["report", str(tmp_path / "none"), "--out", str(file)]) == 2
 
 
+@pytest.mark.thorough
 def test_the_report_is_printed_as_pdf_by_a_browser_that_is_there(
     solved_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -56,6 +56,7 @@ def test_a_pitch_that_is_told_wrongly_is_measured() -> None:
     assert found.pitch_factor == pytest.approx(0.98, abs=4 * found.pitch_sigma)
 
 
+@pytest.mark.thorough
 def test_pitch_and_camera_err_as_stated_and_agree() -> None:
     runs, pitches, focals, alone = 12, [], [], []
     chances = []
@@ -82,6 +83,7 @@ def test_a_pitch_that_is_known_well_is_kept_and_helps() -> None:
     assert known.covariance[5, 5] < 0.3 * unknown.covariance[5, 5]
 
 
+@pytest.mark.thorough
 def test_where_robot_and_boards_disagree_the_covariance_holds_the_difference() -> None:
     for seed in (4, 5):
         solution = solved(seed, bow_mm=0.2, position_mm=0.02, turning_rad=5e-5)

@@ -70,6 +70,7 @@ def test_another_tool_is_told_by_its_distance() -> None:
     assert "no pose" in read_back([1, 2, 3, 9, 9, 9, 9], "abb", TOOL).words
 
 
+@pytest.mark.thorough
 def test_the_command_compares_a_file_or_typed_numbers(tmp_path: Any, capsys: Any, solved_folder: Any) -> None:
     from server.cli import main
 

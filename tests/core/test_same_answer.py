@@ -31,6 +31,7 @@ def test_bit_for_bit_on_one_machine(solved_folder: Path, stored: dict[str, Any])
     assert {**again, **told} == stored
 
 
+@pytest.mark.thorough
 def test_within_a_millionth_sigma_by_another_processors_linear_algebra(
     solved_folder: Path, stored: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -43,6 +44,7 @@ def test_within_a_millionth_sigma_by_another_processors_linear_algebra(
     np.testing.assert_allclose(other["covariance"], stored["covariance"], rtol=1e-5, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_the_truth_stands_beside_it_in_run_and_report(
     solved_folder: Path, stored: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -38,6 +38,7 @@ def found_in(together: Patches) -> Scatter:
     return found
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("shape", "position", "turning"),
     [
@@ -90,6 +91,7 @@ def test_one_scan_far_off_does_not_excuse_all():
     assert int(np.nanargmax(ratio)) == 4
 
 
+@pytest.mark.thorough
 def test_scans_that_do_not_overlap_say_nothing():
     together, _ = seen("bracket", 5, 0.05, 2e-4)
     moves = np.tile(np.eye(4), (len(together.names), 1, 1))

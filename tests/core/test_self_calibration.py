@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from scipy import stats
 
 from calib_core.frames import RigidTransform
@@ -31,6 +32,7 @@ def diameter(solution: MergeSolution) -> tuple[float, float]:
     return 2 * (fit.radius_mm - sphere_scans.RADIUS_MM), 2 * float(np.sqrt(covariance[3, 3]))
 
 
+@pytest.mark.thorough
 def test_the_tools_error_along_the_light_no_longer_makes_the_ball_larger():
     before, after = [], []
     for seed in range(3):
@@ -57,12 +59,14 @@ def test_scans_that_do_not_overlap_say_nothing():
     np.testing.assert_allclose(found.covariance, np.eye(len(found.shift)))
 
 
+@pytest.mark.thorough
 def test_a_tool_that_is_known_exactly_is_not_moved_and_that_is_said():
     result = solve(session(self_calibration=True))
     assert result.self_calibration is None
     assert any("No self-calibration" in warning for warning in result.warnings)
 
 
+@pytest.mark.thorough
 def test_the_tools_stated_covariance_holds_on_a_part_with_edges():
     seeds, squares = (3, 5), 0.0  # two of the worst of eight
     for seed in seeds:

@@ -13,6 +13,7 @@ from calib_core.records import Board
 from calib_core.simulation.frame_cell import FrameScenario, simulate_frames
 
 
+@pytest.mark.thorough
 def test_the_same_bytes_give_the_same_view_another_board_another_search(monkeypatch: pytest.MonkeyPatch) -> None:
     searched: list[Board] = []
 
@@ -37,6 +38,7 @@ def test_the_same_bytes_give_the_same_view_another_board_another_search(monkeypa
     assert [b.columns for b in searched] == [board.columns, board.columns, 7]
 
 
+@pytest.mark.thorough
 def test_a_dark_board_with_the_stripe_says_that_it_does_not_count_any_more() -> None:
     session, _, _ = simulate_frames(FrameScenario("", camera_views=1), "one", 1)
     capture = session.captures[0].model_copy(update={"step": "laser-plane", "board_of": "c02"})

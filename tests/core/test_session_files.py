@@ -99,6 +99,7 @@ def test_xyz_text_with_further_columns(name):
     np.testing.assert_array_equal(parse_cloud(text.encode(), name), CLOUD)
 
 
+@pytest.mark.thorough
 def test_a_table_longer_than_one_block_keeps_its_order_and_line_numbers():
     count = 400_000  # 5.6 MB: two blocks
     lines = [f"{k * 0.5:.1f},{k % 7:.1f}" for k in range(count)]

@@ -45,6 +45,7 @@ def moved(plane: LaserPlaneResult) -> LaserPlaneResult:
     return plane.model_copy(update={"plane_in_camera": shifted})
 
 
+@pytest.mark.thorough
 def test_a_stored_plane_serves_later_stages_until_its_captures_change(
     cell: SimulatedSession, plane: LaserPlaneResult
 ) -> None:
@@ -112,6 +113,7 @@ def test_a_tool_from_frames_tells_what_camera_and_plane_are_not_known_to(cell: S
     assert {part.name for part in budget_at(cell.session, {"tcp": known}).parts}.isdisjoint({"camera", "plane"})
 
 
+@pytest.mark.thorough
 def test_rays_beyond_the_fold_are_counted_of_the_capture_and_told_by_the_tool(
     cell: SimulatedSession, plane: LaserPlaneResult
 ) -> None:

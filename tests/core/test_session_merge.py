@@ -85,6 +85,7 @@ def solve(given: tuple[Session, dict[str, bytes]], **options) -> MergeResult:
     return result
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(("direction", "kind"), [(1, "sweep"), (-1, "sweep"), (1, "cloud")])
 def test_scans_land_where_the_sphere_is_in_the_turntables_frame(direction: int, kind: str, tmp_path: Path):
     result = solve(session(direction, kind), store=lambda name, pieces: write_pieces(tmp_path / name, pieces))
@@ -100,12 +101,14 @@ def test_scans_land_where_the_sphere_is_in_the_turntables_frame(direction: int, 
     assert result.verdict == "pass"
 
 
+@pytest.mark.thorough
 def test_a_mesh_is_stored_beside_the_cloud(tmp_path: Path):
     result = solve(session(mesh="poisson"), store=lambda name, pieces: write_pieces(tmp_path / name, pieces))
     assert (result.mesh, (tmp_path / MESH_FILE).is_file()) == (MESH_FILE, True)
     assert result.triangles > 1000
 
 
+@pytest.mark.thorough
 def test_a_wrong_table_angle_stands_out():
     given, files = session()
     captures = list(given.captures)
@@ -116,6 +119,7 @@ def test_a_wrong_table_angle_stands_out():
     assert told.startswith("Far off where they overlap the others: s3 (")
 
 
+@pytest.mark.thorough
 def test_registration_reports_what_it_did():
     result = solve(session(registration=True))
     assert result.registered_overlap_rms_mm is not None
@@ -175,6 +179,7 @@ def test_a_missing_calibration_is_named(known: dict, words: str):
         solve((Session.model_validate(data), files))
 
 
+@pytest.mark.thorough
 def test_a_full_disk_is_named_and_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def full(_handle: int, _data: object) -> int:
         raise OSError(28, "No space left on device")
@@ -232,6 +237,7 @@ def test_a_linear_axis_takes_profiles_along_in_one_scan_or_stands_still_for_each
         assert [group.name for group in groups] == names
 
 
+@pytest.mark.thorough
 def test_scans_of_single_profiles_are_merged_as_sweeps_are(tmp_path: Path):
     given, files = session()
     record = given.to_json()
@@ -293,6 +299,7 @@ def test_the_moves_of_a_scan_by_tool_and_table_are_those_of_finite_steps():
     assert move_of_pose_change(pose.matrix, np.zeros((6, 1))).shape == (6, 1)
 
 
+@pytest.mark.thorough
 def test_beyond_the_memory_allowed_the_merge_goes_by_way_of_the_disk(tmp_path: Path):
     told: list[str] = []
     clouds = {}
@@ -314,12 +321,14 @@ def test_beyond_the_memory_allowed_the_merge_goes_by_way_of_the_disk(tmp_path: P
     assert any("emptied to the disk" in what for what in told)
 
 
+@pytest.mark.thorough
 def test_a_mesh_that_memory_does_not_allow_is_left_out_with_the_reason():
     result = solve(session(memory_mb=0.5, voxel_mm=0.2, mesh="poisson"), store=lambda _name, pieces: list(pieces))
     assert result.mesh is None
     assert any("cell.merge.memory_mb" in warning for warning in result.warnings)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("mistake", "words"),
     [
@@ -340,6 +349,7 @@ def test_wrong_table_angles_of_scans_are_named(mistake, words: str):
     assert words in result.warnings[0]
 
 
+@pytest.mark.thorough
 def test_clouds_in_metres_are_named():
     given, files = session(kind="cloud")
     metres = {name: np.loadtxt(data.decode().splitlines()) / 1000 for name, data in files.items()}
@@ -365,6 +375,7 @@ def test_a_cloud_without_points_is_named(name: str):
         solve((given.model_copy(update={"captures": captures}), {**files, name: content[name]}))
 
 
+@pytest.mark.thorough
 def test_the_cloud_says_which_scan_weighs_most_at_each_point(tmp_path: Path):
     """That is one of those which look at the surface there most squarely."""
     given = session()
@@ -385,6 +396,7 @@ def test_the_cloud_says_which_scan_weighs_most_at_each_point(tmp_path: Path):
     assert (own > cosines.max(axis=1) - 0.2).mean() > 0.95
 
 
+@pytest.mark.thorough
 def test_scans_with_each_others_table_angles_are_named():
     simulated = simulate("part", 1)
     data = simulated.session.to_json()

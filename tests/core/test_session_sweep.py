@@ -59,6 +59,7 @@ def test_a_seed_fixes_every_byte(simulated):
     assert {name for capture in again.session.captures for name in capture.files} == set(again.files)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_truth_lies_within_the_stated_uncertainty(seed):
     result = solved(seed)
@@ -68,6 +69,7 @@ def test_the_truth_lies_within_the_stated_uncertainty(seed):
     assert np.sqrt(np.linalg.norm(np.diag(result.covariance)[3:])) < 0.2
 
 
+@pytest.mark.thorough
 def test_profiles_that_share_a_pose_error_do_not_count_as_so_many_poses():
     # Counted as poses of their own, some 17 profiles in each sweep would make it several times larger.
     squares = []
@@ -79,6 +81,7 @@ def test_profiles_that_share_a_pose_error_do_not_count_as_so_many_poses():
     assert low < np.mean(squares) < high
 
 
+@pytest.mark.thorough
 def test_a_sweep_is_one_row_with_its_profiles_counted(simulated, result):
     assert [row.capture for row in result.residuals] == [c.id for c in simulated.session.captures]
     options = SWEEP_SCENARIOS["tcp-sweep"]
@@ -117,6 +120,7 @@ def test_measured_says_how_many_profiles_show_the_sphere(simulated):
     assert 0 < measured.on_sphere <= measured.points
 
 
+@pytest.mark.thorough
 def test_long_sweeps_are_thinned_evenly():
     options = SweepScenario("dense", sweeps=1, profiles=121)
     session, files, _ = simulate_sweeps(options, "dense", 1)
@@ -132,6 +136,7 @@ def test_long_sweeps_are_thinned_evenly():
     assert "60 of them, evenly spread, are used" in (measured.reason or "")
 
 
+@pytest.mark.thorough
 def test_a_sweep_that_misses_the_sphere_is_left_out_with_its_reason(simulated):
     blank = b"x_mm,z_mm\n" + b"".join(b"%d,\n" % i for i in range(50))
     flat = b"x_mm,z_mm\n" + b"".join(b"%d,300\n" % i for i in range(50))
@@ -185,6 +190,7 @@ def test_wrong_poses_are_named_in_a_sentence(simulated, name, words):
         assert [f.severity for f in findings].count("error") >= 1
 
 
+@pytest.mark.thorough
 def test_a_good_session_of_sweeps_has_no_errors(simulated):
     findings = check_session(simulated.session, simulated.files.__getitem__)
     assert not [f for f in findings if f.severity == "error"]
@@ -197,6 +203,7 @@ def test_an_unreadable_profile_is_named(simulated):
         measure_capture(simulated.session, simulated.session.captures[0], files.__getitem__)
 
 
+@pytest.mark.thorough
 def test_a_sweep_is_read_as_its_capture_says(simulated) -> None:
     """Files in metres: doubted without a word, right with one, and the word is the capture's own."""
     session = parse_session(

@@ -46,6 +46,7 @@ def test_balls_of_a_plate_are_told_apart_without_being_named() -> None:
     assert squared < CHI2[6]
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_round_thing_that_goes_along_with_the_ball_is_told_from_it(seed: int) -> None:
     found = outcome(all_troubles()["sphere: a second sphere in view"], seed)
@@ -60,6 +61,7 @@ def with_frame(result: TcpResult) -> TcpResult:
     return result.model_copy(update={"frames": [FoundFrame.model_validate(frame)]})
 
 
+@pytest.mark.thorough
 def test_told_distances_name_the_balls_and_find_the_scale() -> None:
     simulated, truth = cc.simulate("plate-distances", 2)
     result = simulated.run()["tcp"]
@@ -104,6 +106,7 @@ def test_balls_side_by_side_that_lie_on_one_large_circle_are_found() -> None:
     assert (result.verdict, [row.capture for row in result.residuals if not row.used]) == ("pass", [])
 
 
+@pytest.mark.thorough
 def test_the_distance_of_a_bar_finds_the_scale_whichever_ball_is_which() -> None:
     plate = TOPOLOGY_SCENARIOS["plate-distances"]
     session, files, _ = simulate_topology(replace(plate, balls=plate.balls[:2]), "bar", 1)
@@ -115,6 +118,7 @@ def test_the_distance_of_a_bar_finds_the_scale_whichever_ball_is_which() -> None
     assert found["scale_x"] == pytest.approx(1 / 1.003 - 1, abs=0.001)
 
 
+@pytest.mark.thorough
 def test_one_scanner_sees_two_balls_and_another_sees_one() -> None:
     both = TOPOLOGY_SCENARIOS["scanners-on-flange-and-base"]
     second = replace(both.balls[0], name="second", at_mm=(830.0, 60.0, 470.0))
@@ -143,6 +147,7 @@ def test_one_ball_stays_one() -> None:
     assert (ball.name, len(ball.captures)) == ("sphere", 14)
 
 
+@pytest.mark.thorough
 def test_balls_of_a_plate_on_two_axes_are_told_apart_and_tell_the_axes() -> None:
     simulated, truth = cc.simulate("plate-on-positioner", 1)
     result = simulated.run()["chain"]
@@ -159,6 +164,7 @@ def test_balls_of_a_plate_on_two_axes_are_told_apart_and_tell_the_axes() -> None
     assert all(squared < {2: 18.4, **CHI2}[freedom] for _, squared, freedom, _ in found)
 
 
+@pytest.mark.thorough
 def test_told_distances_name_balls_on_axes() -> None:
     scenario = replace(TOPOLOGY_SCENARIOS["plate-on-positioner"], told="distances")
     session, files, truth = simulate_topology(scenario, "plate-on-positioner", 3)

@@ -91,6 +91,7 @@ def test_translations_share_an_orientation_only_nearly_and_shift_30_to_80_mm() -
         assert abs(np.linalg.det(shifts / lengths[:, None])) > 0.1
 
 
+@pytest.mark.thorough
 def test_bound_is_that_of_the_published_simulation() -> None:
     """60 runs of the same cell: 0.114° and 0.247 mm; another mounting and other shifts differ by some per cent."""
     bounds = [tcp_bound(simulate("tcp", seed)) for seed in range(60)]

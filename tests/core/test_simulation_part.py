@@ -74,6 +74,7 @@ def test_the_ball_is_round():
     assert np.abs(radii[ball[:, 2] > 47] - BALL_RADIUS_MM).max() < 1e-6
 
 
+@pytest.mark.thorough
 def test_true_points_lie_on_the_mesh_and_measured_ones_off_it_by_the_noise(scans):
     for scan in scans[:3]:
         good = np.isfinite(scan.points_in_laser_mm[..., 2]) & ~scan.strays & ~scan.mixed
@@ -104,6 +105,7 @@ def test_the_same_seed_gives_the_same_scan():
     np.testing.assert_array_equal(one, two)
 
 
+@pytest.mark.thorough
 def test_the_merged_part_lies_on_the_truth(scans):
     """Cleaning takes strays and mixed points away; what is left is the part, its ball of the right size."""
     grid = VoxelGrid(1.0, normals=True)
@@ -128,6 +130,7 @@ def test_the_merged_part_lies_on_the_truth(scans):
     assert abs(2 * fit.radius_mm - 2 * BALL_RADIUS_MM) < 0.05
 
 
+@pytest.mark.thorough
 def test_a_scanned_part_merges_to_its_truth_through_a_session(tmp_path):
     result, truth, points, mesh = merged_part(tmp_path)
     assert result.verdict == "pass"
@@ -154,6 +157,7 @@ def merged_part(folder):
     return results["merge"], simulated.truth, points, trimesh.load_mesh(folder / MESH_FILE)
 
 
+@pytest.mark.thorough
 def test_the_whole_cell_scans_the_part_from_the_robots_side_of_its_own_table() -> None:
     """Every scan, placed by the truth, lies on the part; the arm stays where it is and the table turns."""
     simulated = simulate("cell", 5)

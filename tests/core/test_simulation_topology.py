@@ -72,6 +72,7 @@ def test_points_lie_where_the_edges_say(name: str) -> None:
     assert simulate(name, 5).files == simulated.files
 
 
+@pytest.mark.thorough
 @settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(topologies(), st.integers(0, 10_000))
 def test_a_drawn_topology_is_listed_as_it_was_built(scenario: TopologyScenario, seed: int) -> None:

@@ -91,6 +91,7 @@ def choices_in_page(code: str) -> Iterator[list[str]]:
             yield [name, other]
 
 
+@pytest.mark.thorough
 def test_no_list_of_stages_stands_outside_their_folders() -> None:
     folders = [
         ROOT / "calib_core" / "stages",

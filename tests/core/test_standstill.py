@@ -35,6 +35,7 @@ def arcs(*case: float) -> list[ArcFit]:
     return [fit_arc(points[:, [0, 2]], OPTIONS.sphere_diameter_mm) for points in profiles(*case)]
 
 
+@pytest.mark.thorough
 def test_what_stands_still_is_said_to_stand_still_as_often_as_chance_lets():
     chances = np.array([standstill([arcs(seed, 0.0)]).chance for seed in range(SESSIONS)])
     # Were noise overstated, small chances would lack; were it understated, they would abound.
@@ -44,6 +45,7 @@ def test_what_stands_still_is_said_to_stand_still_as_often_as_chance_lets():
     assert np.sum(chances < LEAST_CHANCE) <= binom.ppf(0.999, SESSIONS, LEAST_CHANCE)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("axis", [0, 2])
 def test_movement_in_the_plane_of_light_is_measured(axis: int):
     moved_mm = 0.1

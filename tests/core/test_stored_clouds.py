@@ -84,6 +84,7 @@ def test_a_file_read_in_blocks_gives_the_same_as_one_in_memory(tmp_path: Path):
     assert stl == mesh_file("stl", points[:, :3], triangles)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("wanted", ["ply", "pcd", "xyz", "e57", "stl"])
 def test_a_format_is_made_in_bounded_memory(tmp_path: Path, wanted: str):
     """The largest part are the lines of XYZ, a block of which are Python's own numbers for a while."""
@@ -111,6 +112,7 @@ def test_a_format_is_made_in_bounded_memory(tmp_path: Path, wanted: str):
     assert peak < 18_000_000
 
 
+@pytest.mark.thorough
 def test_export_writes_every_format_and_merges_first_where_needed(tmp_path: Path, capsys):
     folder = tmp_path / "part"
     record, files = session(mesh="grid")
@@ -133,6 +135,7 @@ def test_export_writes_every_format_and_merges_first_where_needed(tmp_path: Path
     capsys.readouterr()
 
 
+@pytest.mark.thorough
 def test_export_says_what_is_missing(tmp_path: Path, capsys):
     record, files = session(mesh="none")
     save_session(tmp_path / "part", record, files)

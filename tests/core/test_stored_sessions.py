@@ -85,6 +85,7 @@ def apart(before: Any, now: Any, covariance: Any) -> float:
     return float(np.abs(np.concatenate([vector, other[:3, 3] - one[:3, 3]]) / sigmas).max())
 
 
+@pytest.mark.thorough(keep=3)
 def test_an_answer_of_before_is_exported_and_reported(folder: Path) -> None:
     opened = cc.load(folder)
     failed = [name for name, result in opened.results.items() if result.verdict == "fail"]
@@ -97,6 +98,7 @@ def test_an_answer_of_before_is_exported_and_reported(folder: Path) -> None:
         assert np.allclose(answer["tool0_from_laser"], last.tool0_from_laser)
 
 
+@pytest.mark.thorough
 def test_frames_of_before_replay_to_the_same_numbers(tmp_path: Path) -> None:
     archive = STORED / "archives" / "frames.zip"
     replayed = {stage.stage: stage for stage in replay(archive).stages}

@@ -54,6 +54,7 @@ def peak_bytes(search: Callable[..., object], of: list[TableObservation]) -> int
         tracemalloc.stop()
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("search", [find_table_start, with_found_angles])
 def test_the_search_grows_with_the_captures_and_not_with_their_square(search: Callable[..., object]) -> None:
     few, many = (peak_bytes(search, captures(count, 0.1)) for count in (100, 300))

@@ -8,6 +8,7 @@ from tests.trouble import all_table_troubles, troubled_table
 MOVES = {"table-pushed", "table-creeps", "sphere-reseated", "clamp-gives"}
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("when", ["between the mountings", "within a mounting"])
 def test_a_table_that_was_pushed_is_said(when: str) -> None:
     cell = troubled_table(all_table_troubles()[f"pushed by 1 mm {when}"], 0)

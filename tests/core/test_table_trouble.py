@@ -11,6 +11,7 @@ from tests.trouble import all_table_troubles, troubled_table
 TROUBLES = all_table_troubles()
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("name", ["clean", "sphere slips by 3 mm", "two captures of the other mounting"])
 def test_no_pass_is_far_off_and_a_clean_table_passes(name: str) -> None:
     for stage, found in outcome(TROUBLES[name], 0).items():
@@ -21,6 +22,7 @@ def test_no_pass_is_far_off_and_a_clean_table_passes(name: str) -> None:
         assert found.worst < 2, stage  # stated 95 % intervals
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("name", "word"),
     [("wobbles by 1 mrad three times a turn", "wobble"), ("encoder eccentric by 0.1°", "eccentric encoder")],
@@ -31,6 +33,7 @@ def test_what_repeats_with_the_angle_is_said(name: str, word: str) -> None:
         assert any(word in sentence for sentence in found.warnings), stage
 
 
+@pytest.mark.thorough
 def test_a_tool_that_moved_before_the_table_is_said_once() -> None:
     for stage, found in outcome(TROUBLES["tool moves by 1 mm, 0.3° before the table"], 5).items():
         assert found.verdict == "warn", stage  # it passed 5.2 times off while captures only seemed to scatter
@@ -38,11 +41,13 @@ def test_a_tool_that_moved_before_the_table_is_said_once() -> None:
         assert not any("two steps" in sentence for sentence in found.warnings), stage
 
 
+@pytest.mark.thorough
 def test_an_arm_that_errs_by_joints_gears_and_sag_is_covered() -> None:
     found = outcome(TROUBLES["joints, gears and sag"], 4)
     assert max(one.worst for one in found.values()) < 2  # 2.7 while shared position and orientation stood apart
 
 
+@pytest.mark.thorough
 def test_a_right_arm_that_is_less_true_than_it_repeats_passes_with_a_note() -> None:
     cell = troubled_table(TROUBLES["joints 0.01°, links 0.05 mm"], 0, told=True)
     result = solve_stage(cell.session, "chain", cell.files.__getitem__)
@@ -50,6 +55,7 @@ def test_a_right_arm_that_is_less_true_than_it_repeats_passes_with_a_note() -> N
     assert any(note.startswith("The captures agree to 0.05 mm where the robot's") for note in result.notes)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(("stage", "seed"), [("turntable", 7), ("chain", 13)])
 def test_a_tool_that_moved_by_less_than_is_beyond_chance_is_in_the_uncertainty(stage: str, seed: int) -> None:
     cell = troubled_table(TROUBLES["tool moves by 0.3 mm before the table"], seed)

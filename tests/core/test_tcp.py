@@ -35,6 +35,7 @@ def squared_error(of: Cell, solution: TcpSolution) -> float:
     return squared(of.error(solution.joint.mount_from_laser), solution.covariance[:6, :6])
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("figures", "seeds"), [(bench_tcp.accuracy, 6), (bench_tcp.rejection, 3)], ids=["accuracy", "rejection"]
 )
@@ -65,6 +66,7 @@ def test_the_stated_uncertainty_is_not_idle() -> None:
     assert (ratio < 1.12).all()
 
 
+@pytest.mark.thorough
 def test_sigmas_are_estimated_as_they_are() -> None:
     solutions = [cell("tcp", seed).solve(ESTIMATED) for seed in range(10)]
     assert np.mean([s.point_sigma_mm for s in solutions]) == pytest.approx(0.02, rel=0.05)
@@ -74,6 +76,7 @@ def test_sigmas_are_estimated_as_they_are() -> None:
     assert np.exp(np.mean(np.log(pooled))) == pytest.approx(np.hypot(0.05, arm_mm * 2e-4), rel=0.25)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(("scenario", "options"), [("tcp", GIVEN), ("tcp", ESTIMATED), ("tcp-mixed", GIVEN)])
 def test_leave_one_out_is_that_of_a_true_solve_without_the_capture(scenario: str, options: TcpOptions) -> None:
     of = cell(scenario, 4)
@@ -194,6 +197,7 @@ def test_a_right_scanner_is_not_doubted() -> None:
     assert [cell("tcp", seed).solve(GIVEN).held.errors for seed in range(6)] == [[]] * 6
 
 
+@pytest.mark.thorough
 def test_what_is_found_of_a_right_scanner_is_nothing_within_what_it_says() -> None:
     """Noise along the ray shortens x seemingly, by 0.1 % here, unless the density allows for it."""
     ratios = []

@@ -55,6 +55,7 @@ def noisy(observations: list[SphereObservation], seed: int) -> list[SphereObserv
     ]
 
 
+@pytest.mark.thorough(keep=1)
 @OPTIONS
 def test_rotations_about_the_sphere_leave_the_scanners_rotation_open(options: TcpOptions) -> None:
     """With the sphere always at one place of L no direction in L is tied to one of the flange."""

@@ -68,6 +68,7 @@ def test_captures_of_other_steps_change_no_key() -> None:
     assert Graph(parse_session(record, "session"), lambda name: name).key("tcp") != before
 
 
+@pytest.mark.thorough
 def test_without_an_expansion_the_diameter_stays_and_the_result_says_so() -> None:
     session = session_at(30.0, 80.0, serial="K 17")
     assert at_temperature(session, STEPS) is session

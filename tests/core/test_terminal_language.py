@@ -28,6 +28,7 @@ def test_a_board_says_how_to_print_it(
     assert '"pitch_mm": 20.0' in text.splitlines()[-1]
 
 
+@pytest.mark.thorough
 def test_lines_within_a_list_are_said_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert said(capsys, "update", "--data", str(tmp_path), "--lang", "de").endswith("noch keine Datenbank darin\n")
     field = ("--near-mm", "100", "--far-mm", "300", "--near-width-mm", "60")

@@ -219,6 +219,7 @@ def ran(tree: Path, *arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.thorough
 def test_one_file_or_folder_adds_one_of_each(tree: Path) -> None:
     found = json.loads(ran(tree, "-c", ASKED).splitlines()[-1])
     formats, exports, sources, programs, stages = found["names"]

@@ -10,6 +10,7 @@ from tests.topologies import topologies
 from tests.topology_use import put_to_use
 
 
+@pytest.mark.thorough
 @hy.settings(
     max_examples=4,
     deadline=None,

@@ -18,6 +18,7 @@ from tests.topology_errors import distances
 CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
 
 
+@pytest.mark.thorough(keep=2)
 @pytest.mark.parametrize(
     ("scenario", "names"),
     [
@@ -54,6 +55,7 @@ def test_every_edge_is_within_what_is_stated(scenario: str, names: list[str]) ->
     assert ("Scanner in base" in title) == scenario.startswith("fixed")
 
 
+@pytest.mark.thorough
 def test_at_the_workpiece_a_rails_travel_is_no_lever() -> None:
     simulated, _ = cc.simulate("rail-positioner", 1)
     result = simulated.run()["chain"]
@@ -68,6 +70,7 @@ WAIST = AxisOptions("waist", "rotary", "robot", point_in_base_mm=(150.0, -100.0,
 RAIL = AxisOptions("rail", "linear", "robot", None, (0.0, 1.0, 0.0), low=0.0, high=400.0, sigma=0.02)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("scanner", "ball", "axes"),
     [
@@ -122,6 +125,7 @@ def test_balls_of_different_sizes_are_each_solved_by_their_own(
         assert squared < CHI2[freedom], name
 
 
+@pytest.mark.thorough
 def test_two_scanners_at_one_stop_are_known_to_each_other_better_than_on_the_flange() -> None:
     errors = {}
     for seed in (1, 2, 3):
@@ -136,6 +140,7 @@ def chain_of(scenario: str) -> dict[str, Any]:
     return cc.simulate(scenario, 1)[0].run()["chain"].to_json()
 
 
+@pytest.mark.thorough
 def test_a_plate_that_an_axis_leans_is_not_said_to_be_at_one_height() -> None:
     assert "one-height" not in {finding["code"] for finding in chain_of("plate-on-positioner")["findings"]}
 
@@ -155,6 +160,7 @@ def test_heights_before_a_scanner_that_stands_still_are_those_that_its_light_mee
         assert (told, result.verdict) == ([], "pass")
 
 
+@pytest.mark.thorough
 def test_a_linear_axis_errs_in_mm_and_has_no_angles() -> None:
     result = chain_of("slide")
     assert result["reading_sigma_mm"] == pytest.approx(0.02)  # as told
@@ -162,6 +168,7 @@ def test_a_linear_axis_errs_in_mm_and_has_no_angles() -> None:
     assert {row.get("table_deg") for row in result["residuals"]} == {None}
 
 
+@pytest.mark.thorough
 def test_of_several_axes_the_one_with_the_ball_tells_how_its_readings_err() -> None:
     result = chain_of("rail-positioner")
     assert result["angle_sigma_deg"] == pytest.approx(np.rad2deg(5e-5), rel=0.01)
@@ -174,6 +181,7 @@ HELD = BallOptions("held", "tool0", (25.0, -40.0, 130.0))
 GATE = ScannerOptions("gate", "base")
 
 
+@pytest.mark.thorough
 def test_a_slide_before_two_scanners_of_nearly_one_plane_of_light_is_told_from_its_mirror_image() -> None:
     ball = BallOptions("carried", "slide", (1035.0, -240.0, 440.0), mount="carried")
     scanners = (GATE, ScannerOptions("other", "base"))
@@ -187,6 +195,7 @@ def test_a_slide_before_two_scanners_of_nearly_one_plane_of_light_is_told_from_i
     assert not {"axis-place-undetermined", "axis-mirrored"} & {one.code for one in result.findings}
 
 
+@pytest.mark.thorough
 def test_balls_before_a_robot_on_rails_are_told_apart_by_how_another_scanner_sees_one() -> None:
     cell = TopologyScenario(
         "", (ScannerOptions("arm"), GATE), (*FLOOR, HELD), (RAIL,), TcpScenario(window_x_mm=100.0), "names"
@@ -198,6 +207,7 @@ def test_balls_before_a_robot_on_rails_are_told_apart_by_how_another_scanner_see
         assert squared < CHI2[freedom], name
 
 
+@pytest.mark.thorough
 def test_axes_under_the_robot_are_found_by_the_scanner_that_shows_them_best() -> None:
     rails = tuple(
         replace(RAIL, name=f"along-{name}", direction_in_base=way, high=120.0)

@@ -78,6 +78,7 @@ def test_each_scanners_scans_go_by_its_own_mount_sense_and_noise() -> None:
     assert result.overlap_rms_mm < 0.2
 
 
+@pytest.mark.thorough
 def test_a_part_on_a_positioner_is_merged_by_all_its_axes() -> None:
     simulated, truth = cc.simulate("positioner", 1)
     axes = {axis["name"]: axis for axis in truth["axes"]}
@@ -101,6 +102,7 @@ def test_a_part_on_a_positioner_is_merged_by_all_its_axes() -> None:
     assert result.overlap_rms_mm < 0.4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("scenario", ["gantry-turntable", "linear-turntable"])
 def test_scans_of_a_part_on_a_table_by_a_machine_of_few_axes_are_merged(scenario: str) -> None:
     simulated, truth = cc.simulate(scenario, 1)

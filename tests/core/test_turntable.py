@@ -45,6 +45,7 @@ def axis_error_deg(result, truth):
     )
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     "name",
     [
@@ -98,6 +99,7 @@ def test_residuals_are_of_the_size_of_the_noise_and_have_their_angle():
         assert np.deg2rad(row.angle_deg) * 90 == pytest.approx(row.tangential_mm, rel=0.02, abs=1e-4)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     "name", ["turntable", "turntable-one-height", "turntable-partial", "turntable-centers", "turntable-reversed"]
 )
@@ -125,6 +127,7 @@ def test_angles_that_nobody_read_are_found_and_what_is_weak_is_said(name):
         assert abs((found[capture] - (degrees - read[first]) + 180) % 360 - 180) < 1.0
 
 
+@pytest.mark.thorough
 def test_wobble_is_told():
     assert solved("turntable-wobble").verdict == "warn"
 
@@ -137,6 +140,7 @@ def with_encoder(encoder, stage):
     return run(parse_session(data), cell.files.__getitem__, stage)[stage], cell.truth
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("stage", ["turntable", "chain"])
 @pytest.mark.parametrize("encoder", [None, "scale", "exact"])
 def test_an_encoder_that_counts_wrongly_is_told_and_costs_no_capture(encoder, stage):

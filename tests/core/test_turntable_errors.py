@@ -51,6 +51,7 @@ def test_small_angles_in_degrees_are_not_taken_for_radians(cell):
     assert result.base_from_turntable is not None
 
 
+@pytest.mark.thorough
 def test_a_wrong_direction_in_the_cell_is_named_and_found():
     table = simulate("turntable-reversed", 5)
     result = solve(table, lambda data: data["cell"]["turntable"].update(direction=1))
@@ -94,6 +95,7 @@ def test_heights_without_names_ask_for_names(cell):
     refused(cell, InputError, later, "Give these a `mount` of their own", change=unname)
 
 
+@pytest.mark.thorough
 def test_a_few_captures_of_another_place_ask_for_a_name(cell):
     def mislabel(data):
         for capture in data["captures"]:

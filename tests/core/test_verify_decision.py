@@ -26,6 +26,7 @@ def test_the_rule_has_a_guard_band_on_both_sides(value_mm: float, decision: str)
     assert decided(value_mm, 0.2, 1.0) == decision
 
 
+@pytest.mark.thorough
 def test_false_passes_and_false_fails_are_rare() -> None:
     rows = bench_verify.figures(range(16))
     assert [f"{r.what}: {r.measured}, target {r.target}" for r in rows if not r.holds] == []
@@ -170,6 +171,7 @@ def test_two_captures_decide_nothing() -> None:
     assert "verify-undecided" in {one["code"] for one in result["findings"]}
 
 
+@pytest.mark.thorough
 def test_captures_that_calibrated_do_not_verify() -> None:
     made = verified_session(3)
     own = [c for c in made.session.captures if c.step == "tcp"]
@@ -200,6 +202,7 @@ def test_the_one_wrong_pose_is_named() -> None:
     assert result["verdict"] != "pass"
 
 
+@pytest.mark.thorough
 def test_figures_of_signing_hold_on_a_few() -> None:
     rows = [*bench_sign.decisions(24), *bench_sign.wrong_poses((1.0, 5.0), 4, 8)]
     assert [f"{r.what}: {r.measured}, target {r.target}" for r in rows if not r.holds] == []

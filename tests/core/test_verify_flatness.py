@@ -33,6 +33,7 @@ def cell(bow_mm: float = 0.0) -> SimulatedSession:
     return simulate_verify(3, replace(_BROUGHT, bow_mm=bow_mm))
 
 
+@pytest.mark.thorough
 def test_a_flat_plate_passes_and_a_bowed_one_is_found() -> None:
     flat, bowed = (verified(c.session, c.files) for c in (cell(), cell(4.0)))
     assert figure(flat).decision == "pass"

@@ -45,6 +45,7 @@ def verified(cell: SimulatedSession, step: str, off_mm: float = 0.0) -> VerifyRe
     return result
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(1, 4))
 def test_a_cell_on_a_rail_is_verified_where_the_rail_brought_it(seed: int) -> None:
     cell = simulated_cell(RAIL, seed)
@@ -55,6 +56,7 @@ def test_a_cell_on_a_rail_is_verified_where_the_rail_brought_it(seed: int) -> No
     assert verified(cell, "tcp", 4.0).verdict == "fail"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [1])
 def test_a_told_ball_on_a_positioner_is_verified_where_its_axes_brought_it(seed: int) -> None:
     cell = simulated_cell(POSITIONER, seed)
@@ -96,6 +98,7 @@ def noisy(text: str) -> bytes:
     return "\n".join(lines).encode()
 
 
+@pytest.mark.thorough
 def test_a_recheck_takes_the_robot_where_its_rail_brought_it() -> None:
     cell = simulated_cell(RAIL, 1)
     assert rechecked(cell, 4.0, back=True).holds

@@ -114,6 +114,7 @@ def cells(draw: st.DrawFn) -> tuple[Walk, Position]:
     )
 
 
+@pytest.mark.thorough
 @given(cells())
 @settings(max_examples=60, deadline=None)
 def test_balls_are_seen_where_matrices_put_them_and_move_as_the_derivatives_say(

@@ -27,6 +27,7 @@ def grey(simulated: SimulatedSession, step: str) -> list[np.ndarray | list[np.nd
     return found
 
 
+@pytest.mark.thorough
 def test_camera_and_plane_of_light_from_frames(rendered: Rendered) -> None:
     simulated = rendered("frames-tcp", 5)
     cell, boards = simulated.session.cell, grey(simulated, "camera")
@@ -41,6 +42,7 @@ def test_camera_and_plane_of_light_from_frames(rendered: Rendered) -> None:
         cc.calibrate_camera(cell, [np.zeros((48, 64))])
 
 
+@pytest.mark.thorough
 def test_a_part_is_merged_and_its_calibration_checked() -> None:
     session, truth = cc.simulate("cell", 1)
     of_scan = [capture for capture in session.captures if capture.step == "scan"][:4]

@@ -35,6 +35,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
     return left
 
 
+@pytest.mark.thorough
 def test_ten_lines_take_profiles_and_poses_to_a_tcp_with_its_uncertainty(ran: dict[str, dict[str, Any]]) -> None:
     assert len(EXAMPLES[0].strip().splitlines()) <= 10
     result, truth = ran["from pathlib import Path"]["result"], ran["truth"]

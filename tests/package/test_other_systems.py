@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 _LACKING = ("fcntl", "pwd", "grp", "resource", "termios", "tty", "pty", "posix_ipc", "syslog")
@@ -33,6 +35,7 @@ print(wrong or "")
 """
 
 
+@pytest.mark.thorough
 def test_every_module_is_imported_without_what_only_unix_has() -> None:
     code = _SCRIPT.replace("LACKING", repr(_LACKING))
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)

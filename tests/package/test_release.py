@@ -54,6 +54,7 @@ def test_the_list_of_parts_is_the_locks_each_with_its_hashes(wheel: Path) -> Non
     assert set(parts["dependencies"][0]["dependsOn"]) == {part["bom-ref"] for part in parts["components"]}
 
 
+@pytest.mark.thorough
 def test_a_release_is_hashed_and_signed_and_read_again(tmp_path: Path) -> None:
     if shutil.which("ssh-keygen") is None:
         pytest.skip("no ssh-keygen here")
@@ -90,6 +91,7 @@ def test_the_notes_are_one_page_of_the_newest_section() -> None:
     assert text.rstrip().splitlines()[-3].strip() == "more of it"  # no half of a change
 
 
+@pytest.mark.thorough
 def test_the_portable_folder_finds_its_packages_and_starts(python_zip: Path, wheel: Path, tmp_path: Path) -> None:
     house = tmp_path / "house"
     house.mkdir()
@@ -131,6 +133,7 @@ def test_kernels_are_brought_along_by_a_wheel_of_one_python(wheel: Path, tmp_pat
         assert "Tag: cp312-none-win_amd64\n" in after.read(record.replace("RECORD", "WHEEL")).decode()
 
 
+@pytest.mark.thorough
 def test_the_folders_own_python_compiles_what_kernels_it_lacks(
     python_zip: Path, wheel: Path, tmp_path: Path
 ) -> None:
@@ -155,6 +158,7 @@ def test_the_folders_own_python_compiles_what_kernels_it_lacks(
     assert [file.name for file in kernels.files_of(taken)] == ["b.nbc"]
 
 
+@pytest.mark.thorough
 def test_what_programs_need_of_microsofts_runtime_is_brought_or_told(
     python_zip: Path, wheel: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

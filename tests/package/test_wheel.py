@@ -76,6 +76,7 @@ def test_it_holds_every_file_and_no_names_of_nobody(wheel: Path) -> None:
     assert "calib_core/py.typed" in names
 
 
+@pytest.mark.thorough
 def test_the_client_stands_alone(wheel: Path, client_wheel: Path, tmp_path: Path) -> None:
     """Nothing of the other wheel is there, and no file belongs to both."""
     assert folders(client_wheel) == {"scancell_client"}
@@ -96,6 +97,7 @@ Scancell("http://127.0.0.1:9").close()
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=outside(), check=True)
 
 
+@pytest.mark.thorough
 def test_the_list_of_parts_names_all_that_is_installed(installed: Path, wheel: Path) -> None:
     parts = release.list_of_parts(wheel)
     found = clean_environment.installed(installed)
@@ -105,6 +107,7 @@ def test_the_list_of_parts_names_all_that_is_installed(installed: Path, wheel: P
     assert release.unlisted(parts, {*found, "other==1.0"}) == ["other==1.0"]
 
 
+@pytest.mark.thorough
 def test_the_library_is_imported(installed: Path, tmp_path: Path) -> None:
     code = "import calib_core as cc; print(cc.__file__); print(cc.calibrate_tcp.__module__)"
     file, module = ran(installed / "python", "-c", code, cwd=tmp_path).split()
@@ -112,6 +115,7 @@ def test_the_library_is_imported(installed: Path, tmp_path: Path) -> None:
     assert module == "calib_core.library.calibrate"
 
 
+@pytest.mark.thorough
 def test_a_session_is_simulated_solved_and_reported(installed: Path, tmp_path: Path) -> None:
     scancell = installed / "scancell"
     assert "scancell 0." in ran(scancell, "--version", cwd=tmp_path)
@@ -125,6 +129,7 @@ def test_a_session_is_simulated_solved_and_reported(installed: Path, tmp_path: P
     assert "<html" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_the_benchmarks_say_that_they_need_a_checkout(installed: Path, tmp_path: Path) -> None:
     command = [installed / "scancell", "bench"]
     done = subprocess.run(command, cwd=tmp_path, env=outside(), capture_output=True, text=True, check=False)
@@ -132,6 +137,7 @@ def test_the_benchmarks_say_that_they_need_a_checkout(installed: Path, tmp_path:
     assert "in a checkout of the project" in done.stderr
 
 
+@pytest.mark.thorough
 def test_the_workbench_is_served_with_its_page(installed: Path, tmp_path: Path) -> None:
     command = [installed / "scancell", "serve", "--port", "0", "--data", "data", "--json"]
     settings = outside() | {"SCANCELL_WARM_UP": "false"}

@@ -9,6 +9,7 @@ import pytest
 from server.cli import main
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("name", "left_out_mm", "translation_mm", "wpr_deg"),
     [

@@ -20,6 +20,7 @@ def solve(folder: Path) -> CameraResult:
     return result
 
 
+@pytest.mark.thorough
 def test_chessboard_of_25_views(data_folder: Path) -> None:
     result = solve(data_folder / "camera-chessboard")
     assert result.reprojection_rms_px <= 0.17
@@ -33,6 +34,7 @@ def test_chessboard_of_25_views(data_folder: Path) -> None:
     assert "held-out" in result.notes[0]
 
 
+@pytest.mark.thorough
 def test_boards_of_laser_plane_captures_serve_the_camera(data_folder: Path) -> None:
     result = solve(data_folder / "laser-plane-arm-640")
     used = [row for row in result.residuals if row.used]

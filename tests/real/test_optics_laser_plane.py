@@ -24,6 +24,7 @@ def angle_deg(result: LaserPlaneResult, published: list[float]) -> float:
     return float(np.rad2deg(np.arccos(np.clip(n @ np.array(result.plane_in_camera.normal), -1, 1))))
 
 
+@pytest.mark.thorough
 def test_red_line_on_an_arm(data_folder: Path) -> None:
     result = solved(data_folder / "laser-plane-arm-640")
     assert result.plane_rms_mm < 0.2
@@ -47,6 +48,7 @@ def test_green_line_on_a_bowed_board(data_folder: Path) -> None:
     assert all(row.used for row in result.residuals)
 
 
+@pytest.mark.thorough
 def test_frames_without_a_laser_are_refused_as_such(data_folder: Path) -> None:
     """Half of the camera's frames given as frames of the stripe: what is found in them is no line."""
     folder = data_folder / "camera-chessboard"

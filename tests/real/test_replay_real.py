@@ -10,6 +10,7 @@ from calib_core.review.replay import TOLERANCE
 from server.cli import main
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("name", ["tcp-sphere-80mm", "tcp-sphere-25mm"])
 def test_replay_of_a_real_set_is_equal(data_folder: Path, tmp_path: Path, capsys, name: str) -> None:
     shutil.copytree(data_folder / name, tmp_path / name)

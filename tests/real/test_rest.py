@@ -14,6 +14,7 @@ from tests.server.live_server import serving
 SCRIPT = Path(__file__).resolve().parents[2] / "docs" / "examples" / "calibrate_over_rest.py"
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("name", "translation_mm"),
     [

@@ -23,6 +23,7 @@ def plain_circle(points: FloatArray) -> FloatArray:
     return np.array([x, z, r])
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("diameter_mm", [38.1, None], ids=["known", "free"])
 def test_all_profiles_give_the_circle_of_their_labels(data_folder: Path, diameter_mm: float | None) -> None:
     files = sorted((data_folder / "sphere-profiles").glob("*.csv"))

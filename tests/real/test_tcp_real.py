@@ -62,6 +62,7 @@ def test_the_spheres_are_on_the_sides_where_they_fit(data_folder: Path) -> None:
     assert sides["tcp-sphere-80mm"] != sides["tcp-sphere-25mm"]
 
 
+@pytest.mark.thorough(keep=1)
 @CELL
 def test_the_sense_of_z_need_not_be_told(data_folder: Path, name: str) -> None:
     told, found = solved(data_folder / name), solved(data_folder / name, tell_z_axis=False)
@@ -89,6 +90,7 @@ def test_leave_one_out_is_of_the_references_size(data_folder: Path) -> None:
     assert (worst.leave_one_out_rms_mm or 0.0) < 1.5
 
 
+@pytest.mark.thorough
 def test_a_great_circle_does_not_hurt(data_folder: Path) -> None:
     """Without the first capture, which is almost one, the answer is the same within its uncertainty."""
     folder = data_folder / "tcp-sphere-80mm"
@@ -118,6 +120,7 @@ FEW = {
 }
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(("name", "captures"), [(name, some) for name in FEW for some in FEW[name]])
 def test_few_right_captures_are_not_accused_of_anything(
     data_folder: Path, name: str, captures: tuple[str, ...]
@@ -139,6 +142,7 @@ def test_few_right_captures_are_not_accused_of_anything(
         assert "tool-position-without-turns" in {finding.code for finding in result.findings}
 
 
+@pytest.mark.thorough
 def test_six_captures_of_which_one_alone_tells_a_direction_are_judged(
     data_folder: Path,
 ) -> None:

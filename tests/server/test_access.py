@@ -58,6 +58,7 @@ def test_what_no_row_declares_is_the_admins() -> None:
         assert needed_role(method, path).word == "admin"
 
 
+@pytest.mark.thorough
 def test_everything_is_refused_that_should_be_and_nothing_else() -> None:
     found = list(trials(every=False))  # every way at each route: `scancell bench safety`
     assert [trial for trial in found if trial.refused != trial.should] == []
@@ -124,6 +125,7 @@ def test_wrong_tokens_do_not_log_in_and_soon_have_to_wait(tmp_path: Path) -> Non
         assert client.post("/login", json={"token": tokens["read"]}).status_code == 200
 
 
+@pytest.mark.thorough
 def test_tokens_are_shown_once_and_kept_as_hashes(tmp_path: Path) -> None:
     with guarded(tmp_path) as (client, tokens):
         admin = bearer(tokens["admin"])
@@ -207,6 +209,7 @@ def test_a_reader_takes_the_answer_into_a_backup_and_changes_nothing(
     assert refused.status_code == 403
 
 
+@pytest.mark.thorough
 def test_the_log_tells_who_did_what_and_only_grows(tmp_path: Path) -> None:
     with guarded(tmp_path) as (client, tokens):
         session = make_session_as(client, tokens["capture"])
@@ -259,6 +262,7 @@ def test_without_an_admin_there_is_no_serving_where_a_login_is_needed(
         WorkbenchServer(Settings(data=tmp_path, port=0, warm_up=False, **changes)).run()
 
 
+@pytest.mark.thorough
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = ["--data", str(tmp_path)]
     assert main(["token", "create", "--role", "admin", "--name", "Ada", *data]) == 0
@@ -303,6 +307,7 @@ def test_too_many_requests_wait(tmp_path: Path) -> None:
         assert client.get("/me", headers=bearer(tokens["read"])).status_code == 200
 
 
+@pytest.mark.thorough
 def test_the_description_says_how_to_log_in_and_what_each_operation_takes(
     client: httpx.Client, tokens: dict[str, str]
 ) -> None:

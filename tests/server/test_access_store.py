@@ -31,6 +31,7 @@ def fail(store: Store) -> None:
         raise RuntimeError
 
 
+@pytest.mark.thorough
 def test_an_act_is_noted_once_with_what_it_does_or_not_at_all(store: Store) -> None:
     with store.write() as db:
         create_session(db, CELL, None)  # by the server itself: nobody's act

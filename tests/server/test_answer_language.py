@@ -35,6 +35,7 @@ def test_every_code_has_its_page_and_an_unknown_one_is_refused_in_the_language(c
     assert refused.json()["detail"].startswith("Benötigt: ein Code eines Befunds; vorhanden: 'no-such'.")
 
 
+@pytest.mark.thorough
 def test_results_have_findings_of_which_the_judgement_is_made(client: httpx.Client, solved: str) -> None:
     result = client.get(f"/sessions/{solved}/results/tcp").json()
     said = [f"{one['text']} {one['to_do']}".strip() for one in result["findings"]]

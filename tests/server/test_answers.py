@@ -44,6 +44,7 @@ def test_without_a_solve_there_is_no_answer(client: httpx.Client) -> None:
     assert_problem(client.get(f"/sessions/{session}/exports/smoke-signals"), 422, "json")
 
 
+@pytest.mark.thorough
 def test_a_stale_answer_is_refused_unless_allowed_and_then_marked(client: httpx.Client, stale: str) -> None:
     for export in client.get("/exports").json()["items"]:
         path = f"/sessions/{stale}/exports/{export['name']}"
@@ -87,6 +88,7 @@ def test_a_stale_answer_keeps_the_convention_that_it_was_solved_with(client: htt
     assert after["tool0_from_laser"] == before["tool0_from_laser"]
 
 
+@pytest.mark.thorough
 def test_a_failed_answer_is_refused_unless_allowed(start: Callable[..., Any], tmp_path: Path) -> None:
     with start() as client:
         session = simulated_session(client, captures=14)
@@ -109,6 +111,7 @@ def test_a_failed_answer_is_refused_unless_allowed(start: Callable[..., Any], tm
         assert given.json()["not_to_be_used"] in (["fail", "not-replayed"], ["fail", "differs"])
 
 
+@pytest.mark.thorough
 def test_a_stored_result_that_is_none_is_refused_in_words(
     client: httpx.Client, solved: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -123,6 +126,7 @@ def test_a_stored_result_that_is_none_is_refused_in_words(
             assert lacking in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_numbers_of_a_folder_stay_in_the_convention_that_they_were_solved_with(
     client: httpx.Client, solved: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -146,6 +150,7 @@ def unpacked(client: httpx.Client, session: str, folder: Path) -> Path:
     return folder / "cell" / "data"
 
 
+@pytest.mark.thorough
 def test_the_command_prints_the_same_answer_as_the_server(
     client: httpx.Client, solved: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,6 +169,7 @@ def test_the_command_prints_the_same_answer_as_the_server(
     assert float(expanded[1]) == pytest.approx(2 * served["tool0_from_laser"]["number_sigmas"][0], rel=0.05)
 
 
+@pytest.mark.thorough
 def test_any_transform_between_two_frames_is_answered_and_printed(
     client: httpx.Client, stale: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,12 +50,14 @@ def errors(example: Any, schema: dict[str, Any], document: dict[str, Any]) -> li
     return [error.message[:300] for error in jsonschema_rs.Draft202012Validator(whole).iter_errors(example)]
 
 
+@pytest.mark.thorough
 def test_no_schema_is_named_like_what_makes_another_in_go(document: dict[str, Any]) -> None:
     """A generated Go client has a function `NewName` for every schema `Name`."""
     names = set(document["components"]["schemas"])
     assert not {name for name in names if name.removeprefix("New") in names - {name}}
 
 
+@pytest.mark.thorough
 def test_every_json_answer_has_an_example(document: dict[str, Any]) -> None:
     found = 0
     for operation in operations(document):
@@ -78,6 +80,7 @@ def test_whatever_is_made_says_where_it_is(document: dict[str, Any]) -> None:
     assert all("Location" in answer["headers"] for answer in made)
 
 
+@pytest.mark.thorough
 def test_every_body_has_an_example(document: dict[str, Any]) -> None:
     found = 0
     for operation in operations(document):
@@ -91,6 +94,7 @@ def test_every_body_has_an_example(document: dict[str, Any]) -> None:
     assert found >= 18
 
 
+@pytest.mark.thorough
 def test_every_name_in_a_path_has_an_example(document: dict[str, Any]) -> None:
     found = 0
     for operation in operations(document):

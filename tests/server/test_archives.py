@@ -42,6 +42,7 @@ def session_ids(client: httpx.Client) -> list[str]:
     return [item["id"] for item in client.get("/sessions", params={"limit": 1000}).json()["items"]]
 
 
+@pytest.mark.thorough
 def test_an_archive_holds_all_that_the_contract_names(client: httpx.Client, solved: str) -> None:
     answer = client.get(f"/sessions/{solved}/archive")
     assert answer.status_code == 200
@@ -190,6 +191,7 @@ def first_number_beyond(content: bytes) -> bytes:
     return json.dumps(data).encode()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", sorted(hostile(resealed([(zipfile.ZipInfo("b/bagit.txt"), b"")]))))
 def test_what_must_be_refused_is_refused_with_its_reason_and_leaves_nothing(
     client: httpx.Client, archive: bytes, kind: str
@@ -205,6 +207,7 @@ def test_what_must_be_refused_is_refused_with_its_reason_and_leaves_nothing(
     assert session_ids(client) == before
 
 
+@pytest.mark.thorough
 def test_a_refused_archive_leaves_no_file_in_the_data_folder(start: Any, tmp_path: Path, archive: bytes) -> None:
     with start() as client:
         before = sorted(p.name for p in (tmp_path / "data").rglob("*"))
@@ -236,6 +239,7 @@ def test_an_unsolved_session_has_an_archive_and_a_report(client: httpx.Client) -
     assert_problem(client.get("/sessions/none/report"), 404)
 
 
+@pytest.mark.thorough
 def test_a_report_is_printed_as_pdf_or_says_why_not(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
     address = f"/sessions/{make_session(client)}/report"
     both = client.get(address, headers={"Accept": "text/html,application/pdf"})
@@ -269,6 +273,7 @@ def test_two_files_that_would_be_one_in_a_folder_are_told(client: httpx.Client) 
     assert_problem(client.get(f"/sessions/{session}/archive"), 409, "captures/p.csv")
 
 
+@pytest.mark.thorough
 def test_the_report_is_a_page_that_runs_nothing(client: httpx.Client, solved: str) -> None:
     answer = client.get(f"/sessions/{solved}/report")
     assert answer.headers["content-type"] == "text/html; charset=utf-8"

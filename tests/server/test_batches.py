@@ -32,6 +32,7 @@ def wait_until_measured(client: httpx.Client, session: str) -> list[dict[str, An
     raise AssertionError("captures are not measured")
 
 
+@pytest.mark.thorough
 def test_a_batch_is_stored_answered_and_then_measured(client: httpx.Client) -> None:
     session = make_session(client)
     names = [f"p{number:03d}" for number in range(260)]  # more than a bunch
@@ -110,6 +111,7 @@ def test_a_repeated_batch_stores_nothing_twice(client: httpx.Client) -> None:
     assert_problem(send(client, "none", body), 404, "none")
 
 
+@pytest.mark.thorough
 def test_a_restarted_server_goes_on_measuring(start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> Any:
         raise OSError("no processes today")

@@ -245,6 +245,7 @@ def test_the_simulated_cell_delivers_all_its_captures_and_then_says_so(client: h
     assert_problem(client.post(f"/sessions/{make_session(client)}/sources/simulated/capture"), 409, "real cell")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("scenario", "steps"),
     [("cell", ["tcp", "turntable", "verify"]), ("frames-tcp", ["camera", "laser-plane", "tcp"])],

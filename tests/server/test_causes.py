@@ -30,6 +30,7 @@ def solved(client: httpx.Client, session: str) -> dict:
     return client.get(f"/sessions/{session}/results/tcp").json()
 
 
+@pytest.mark.thorough
 def test_a_cause_is_applied_with_one_call_and_undone(client: httpx.Client) -> None:
     session = simulated(client, "quaternion-xyzw")
     before = client.get(f"/sessions/{session}").json()

@@ -11,6 +11,7 @@ from server.cli import main
 from tests.server.live_server import assert_problem, make_session, simulated_session
 
 
+@pytest.mark.thorough
 def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: httpx.Client) -> None:
     name = {"name": "Cell of Releases"}
     session = simulated_session(client, captures=14)
@@ -58,6 +59,7 @@ def test_a_release_is_in_force_until_another_is_and_can_be_rolled_back(client: h
         assert_problem(client.delete(evidence), 409, "archived")  # what is in force keeps its evidence
 
 
+@pytest.mark.thorough
 def test_a_cell_s_drift_has_its_solved_sessions_and_says_what_changed(
     client: httpx.Client, capsys: pytest.CaptureFixture[str]
 ) -> None:

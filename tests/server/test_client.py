@@ -32,6 +32,7 @@ def test_the_client_is_current(schema: str, file: str) -> None:
     assert (CLIENT / file).read_text(encoding="utf-8") == schema_text(f"python-{schema}"), to_do
 
 
+@pytest.mark.thorough
 def test_the_client_calibrates(api: Scancell) -> None:
     cell = simulate("tcp", 7)
     session_record = cell.session.to_json()
@@ -58,6 +59,7 @@ def test_the_client_calibrates(api: Scancell) -> None:
     assert api.sessions_delete(session) is None
 
 
+@pytest.mark.thorough
 def test_lists_are_whole_however_many_pages_they_take(api: Scancell, client: httpx.Client) -> None:
     session = make_session(client)
     names = [f"p{number:03d}" for number in range(230)]
@@ -114,6 +116,7 @@ def test_events_go_on_after_the_one_that_came_last(api: Scancell, client: httpx.
     assert [(event.kind, event.data["action"]) for event in events] == [("session", "removed")]
 
 
+@pytest.mark.thorough
 def test_a_post_whose_answer_got_lost_is_done_once(client: httpx.Client, start: Callable[..., Any]) -> None:
     with (
         dropping_first_answers(client.base_url.port or 0, 2) as address,

@@ -75,6 +75,7 @@ class _Busy(BaseHTTPRequestHandler):
         pass
 
 
+@pytest.mark.thorough
 def test_it_comes_again_when_it_was_told_to() -> None:
     busy = type("Busy", (_Busy,), {"asked": []})
     with ThreadingHTTPServer(("127.0.0.1", 0), busy) as server:

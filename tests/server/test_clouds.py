@@ -63,6 +63,7 @@ def merged(client: httpx.Client, session: str) -> dict[str, Any]:
     return client.get(f"/sessions/{session}/results/merge").json()
 
 
+@pytest.mark.thorough
 def test_a_merge_stores_its_cloud_and_its_mesh_in_every_format(client: httpx.Client, tmp_path: Path) -> None:
     import open3d as o3d  # a second or more, for this test alone
     import trimesh
@@ -147,6 +148,7 @@ def until(client: httpx.Client, job: str, words: str) -> dict[str, Any]:
     raise AssertionError(answer)
 
 
+@pytest.mark.thorough
 def test_a_merge_is_cancelled_at_once_leaves_nothing_and_runs_again(start: Callable[..., Any]) -> None:
     with start() as client:
         session = scanned_session(client, pitch_mm=0.08, mesh="poisson", voxel_mm=0.12)
@@ -166,6 +168,7 @@ def test_a_merge_is_cancelled_at_once_leaves_nothing_and_runs_again(start: Calla
         assert len(client.get(f"/sessions/{session}/clouds").json()["items"]) == 1
 
 
+@pytest.mark.thorough
 def test_a_full_disk_stops_the_merge_with_a_sentence_and_touches_nothing(
     start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:

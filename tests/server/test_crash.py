@@ -21,6 +21,7 @@ def is_alive(process: int) -> bool:
         return False
 
 
+@pytest.mark.thorough
 def test_a_killed_server_has_lost_nothing_that_it_acknowledged(start: Callable[..., Any], tmp_path: Path) -> None:
     process = ServerProcess(tmp_path / "data", program=["tests.server.slow_server"], forked=True).wait()
     try:

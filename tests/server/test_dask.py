@@ -45,6 +45,7 @@ def cluster() -> Iterator[str]:
         yield local.scheduler_address
 
 
+@pytest.mark.thorough
 def test_a_session_is_solved_by_the_cluster(start: Callable[..., Any], cluster: str) -> None:
     with start(dask=cluster) as client:
         session = simulated_session(client, captures=14)
@@ -60,6 +61,7 @@ def test_a_session_is_solved_by_the_cluster(start: Callable[..., Any], cluster: 
         assert failed["error"]["status"] == 422  # the solver's own words
 
 
+@pytest.mark.thorough
 def test_captures_of_a_batch_are_measured_by_the_cluster(
     start: Callable[..., Any], cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,6 +78,7 @@ def test_captures_of_a_batch_are_measured_by_the_cluster(
         assert listed[1]["measured"]["radius_mm"] == pytest.approx(15.0, abs=0.05)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("memory_mb", [1000.0, 1.0])
 def test_a_merge_goes_over_the_workers_and_is_the_same_byte_for_byte(
     tmp_path: Path, cluster: str, memory_mb: float
@@ -101,6 +104,7 @@ def test_a_merge_goes_over_the_workers_and_is_the_same_byte_for_byte(
     assert (here.result["spills"] > 0) == (memory_mb < 10)
 
 
+@pytest.mark.thorough
 def test_jobs_on_the_cluster_are_cancelled_and_begin_anew_once_when_their_worker_is_killed(
     start: Callable[..., Any], cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,6 +161,7 @@ def assert_gone(process: int) -> None:
     raise AssertionError("the worker goes on")
 
 
+@pytest.mark.thorough
 def test_without_its_cluster_the_server_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     from server.jobs.dask_pool import DaskPool
 

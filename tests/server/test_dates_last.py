@@ -20,6 +20,7 @@ def _elsewhere() -> Iterator[None]:
         yield
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("elsewhere")
 def test_dates_are_the_same_wherever_a_session_goes(tmp_path: Path) -> None:
     found = journey(tmp_path)
@@ -38,6 +39,7 @@ def test_dates_are_the_same_wherever_a_session_goes(tmp_path: Path) -> None:
 CERTIFICATE = b"%PDF-1.7 K-123"
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("elsewhere")
 def test_an_auditor_finds_dates_release_and_certificate_in_the_archive_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

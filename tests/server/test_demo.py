@@ -14,6 +14,7 @@ from server.commands.demo.chain import demo
 from server.commands.serve import serve
 
 
+@pytest.mark.thorough
 def test_the_demo_prints_the_chain_beside_its_truth_and_leaves_it_in_the_workbench(
     start: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

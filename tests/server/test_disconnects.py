@@ -61,6 +61,7 @@ def is_served(client: httpx.Client) -> bool:
     return client.get("/health").is_success
 
 
+@pytest.mark.thorough
 def test_a_websocket_that_was_left_is_no_failure(client: httpx.Client, caplog: pytest.LogCaptureFixture) -> None:
     there = f"/scenes/{simulated_session(client, captures=1)}"
     for after_s in (0.0, 0.002, 0.02):
@@ -132,6 +133,7 @@ def came_to(state: Callable[[], bool]) -> bool:
     return state()
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="the system does not list open files")
 @pytest.mark.parametrize("path", ["captures/big/files/big.npy", "archive?scene=false"])
 def test_a_download_that_was_broken_off_leaves_no_file_open(

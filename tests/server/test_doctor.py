@@ -59,6 +59,7 @@ def told(found: Examination) -> list[tuple[str, str, str]]:
     return [(finding.kind, finding.session, finding.capture) for finding in found.findings]
 
 
+@pytest.mark.thorough(keep=1)
 def test_a_sound_store_is_called_sound_also_while_it_is_used(settings: Settings, session: str) -> None:
     for _ in range(2):
         found = examine(settings)
@@ -68,6 +69,7 @@ def test_a_sound_store_is_called_sound_also_while_it_is_used(settings: Settings,
         assert examine(settings).captures == 4
 
 
+@pytest.mark.thorough(keep=1)
 def test_damaged_captures_are_named_and_mended_from_a_backup(
     settings: Settings,
     session: str,
@@ -108,6 +110,7 @@ def test_damaged_captures_are_named_and_mended_from_a_backup(
         assert list(contents(client, session)) == [rows(0), rows(1), rows(2)]
 
 
+@pytest.mark.thorough(keep=1)
 def test_rows_that_contradict_each_other_are_named(settings: Settings, session: str) -> None:
     engine = engine_of(settings.sql_url)
     with engine.execution_options(writing=True).begin() as connection:
@@ -127,6 +130,7 @@ def test_rows_that_contradict_each_other_are_named(settings: Settings, session: 
     ]
 
 
+@pytest.mark.thorough
 def test_a_backup_is_restored_also_into_the_other_kind_of_store(
     settings: Settings,
     new_place: NewPlace,
@@ -155,6 +159,7 @@ def test_a_backup_is_restored_also_into_the_other_kind_of_store(
             restore(backup, other)
 
 
+@pytest.mark.thorough(keep=1)
 def test_a_backup_under_load_restores_to_the_last_acknowledged_capture(settings: Settings, tmp_path: Path) -> None:
     backup, other = tmp_path / "backup", Settings(data=tmp_path / "other", port=0, warm_up=False)
     acknowledged: list[tuple[str, int]] = []
@@ -190,6 +195,7 @@ def test_a_backup_under_load_restores_to_the_last_acknowledged_capture(settings:
             assert file.content == rows(number)
 
 
+@pytest.mark.thorough(keep=1)
 def test_a_damaged_backup_is_not_restored(settings: Settings, session: str, tmp_path: Path) -> None:
     backup = tmp_path / "backup"
     back_up(settings, backup)

@@ -26,6 +26,7 @@ def before(shared_client: httpx.Client, solved: str) -> dict[str, Said]:
     return found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("what", CHANGES)
 def test_after_a_change_every_download_says_the_truth(
     client: httpx.Client, solved: str, before: dict[str, Said], what: str

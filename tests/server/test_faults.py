@@ -110,6 +110,7 @@ def test_a_full_disk_is_said_and_loses_nothing(small_disk: Path) -> None:
     assert_sound(data)
 
 
+@pytest.mark.thorough
 def test_a_disk_that_becomes_read_only_is_said_and_loses_nothing(small_disk: Path) -> None:
     data = small_disk / "data"
     assert "folder for the data that can be written to" in _tried(Path("/sys/scancell"))
@@ -137,6 +138,7 @@ def test_a_disk_that_becomes_read_only_is_said_and_loses_nothing(small_disk: Pat
     assert_sound(data)
 
 
+@pytest.mark.thorough
 def test_a_clock_set_back_changes_no_order_and_loses_nothing(tmp_path: Path) -> None:
     data = tmp_path / "data"
     count = 0
@@ -169,6 +171,7 @@ def test_a_clock_set_back_changes_no_order_and_loses_nothing(tmp_path: Path) -> 
     assert_sound(data)
 
 
+@pytest.mark.thorough
 def test_a_locked_database_is_said_and_reading_goes_on(tmp_path: Path) -> None:
     data = tmp_path / "data"
     with server(data, SCANCELL_DATABASE_WAIT_S="0.3") as client:
@@ -185,6 +188,7 @@ def test_a_locked_database_is_said_and_reading_goes_on(tmp_path: Path) -> None:
     assert_sound(data)
 
 
+@pytest.mark.thorough
 def test_a_connection_cut_in_an_upload_leaves_nothing(tmp_path: Path) -> None:
     data = tmp_path / "data"
     with server(data) as client:
@@ -204,6 +208,7 @@ def test_a_connection_cut_in_an_upload_leaves_nothing(tmp_path: Path) -> None:
     assert (found.captures, found.files, found.findings) == (2, 2, [])
 
 
+@pytest.mark.thorough
 def test_a_damaged_file_fails_the_solve_with_its_name_and_doctor_names_the_capture(tmp_path: Path) -> None:
     data = tmp_path / "data"
     with server(data) as client:

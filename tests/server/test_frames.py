@@ -5,6 +5,7 @@ import time
 from typing import Any
 
 import httpx
+import pytest
 
 from tests.server.live_server import assert_problem, simulated_session, wait_for
 
@@ -36,6 +37,7 @@ def measured_anew(client: httpx.Client, session: str, capture: str, before: dict
     return now
 
 
+@pytest.mark.thorough
 def test_frames_of_the_sphere_are_measured_with_the_plane_of_light_that_was_solved(client: httpx.Client) -> None:
     session = simulated_session(client, scenario="frames-tcp")
     (early,) = take(client, session, "tcp")

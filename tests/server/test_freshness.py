@@ -136,6 +136,7 @@ def test_every_source_and_every_fault_is_tried() -> None:
     assert set(EACH.values()) == set(FAULTS)
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("way", EACH)
 def test_no_capture_has_a_wrong_pose_whatever_stands_between_controller_and_workbench(way: str) -> None:
     found = bench_freshness.trial(way, EACH[way], 2)
@@ -143,6 +144,7 @@ def test_no_capture_has_a_wrong_pose_whatever_stands_between_controller_and_work
     assert found.said or EACH[way] in ("duplicated", "reordered")  # which tell no wrong pose
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("clock", ["none", "on-change"])
 def test_what_fell_silent_at_the_end_of_a_move_counts_no_longer_once_the_robot_goes_on(clock: Clock) -> None:
     found = bench_freshness.frozen_at_the_end(clock, 2)
@@ -189,6 +191,7 @@ def test_a_pose_that_moves_while_the_stripe_stands_was_not_where_it_stood_before
     assert not agreement.is_late()
 
 
+@pytest.mark.thorough
 def test_joints_of_ros_that_stand_make_the_sample_as_old_as_they_are() -> None:
     joints = {"header": stamp(8), "name": ["a1"], "position": [0.5]}
     still = {"header": stamp(9), "pose": SENT["/pose"]["pose"]}
@@ -199,6 +202,7 @@ def test_joints_of_ros_that_stand_make_the_sample_as_old_as_they_are() -> None:
     assert [reading.device_time_s for reading in readings] == [8.5]
 
 
+@pytest.mark.thorough
 def test_a_healthy_source_is_captured_at_every_place() -> None:
     found = bench_freshness.trial("every-reading", None, 2)
     assert (found.taken, found.wrong) == (2, 0)

@@ -82,6 +82,7 @@ def test_one_that_breaks_the_transaction_leaves_the_others_whole(
     assert [event.session_id for event in published] == whole
 
 
+@pytest.mark.thorough
 def test_many_threads_write_at_once_and_a_stop_waits_for_what_was_given(
     store: Store, together: GroupCommit
 ) -> None:

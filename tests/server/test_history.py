@@ -34,6 +34,7 @@ def session(shared_client: httpx.Client) -> str:
     return session
 
 
+@pytest.mark.thorough
 def test_the_time_line_has_everything_in_order(client: httpx.Client, session: str) -> None:
     items = client.get(f"/sessions/{session}/timeline").json()["items"]
     assert [item["place"] for item in items] == list(range(len(items)))
@@ -45,6 +46,7 @@ def test_the_time_line_has_everything_in_order(client: httpx.Client, session: st
     assert [item["capture"] for item in items if item.get("removed")] == ["p10", "p11"]
 
 
+@pytest.mark.thorough
 def test_each_moment_is_as_it_was(client: httpx.Client, session: str) -> None:
     def at(place: int) -> dict[str, Any]:
         return client.get(f"/sessions/{session}/timeline/{place}").json()
@@ -115,6 +117,7 @@ def test_two_sessions_side_by_side(client: httpx.Client, session: str) -> None:
     assert found["frames"][0]["chance"] < 1e-6
 
 
+@pytest.mark.thorough
 def test_recomputing_gives_the_stored_numbers_and_changes_nothing(client: httpx.Client) -> None:
     session = simulated_session(client, captures=14)
     solve(client, session)

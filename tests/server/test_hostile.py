@@ -3,12 +3,14 @@
 import socket
 
 import httpx
+import pytest
 from bench_hostile import KINDS, attack
 
 from tests.server.live_server import assert_problem, make_session, upload
 from tests.server.test_captures import record
 
 
+@pytest.mark.thorough
 def test_altered_files_and_records_end_in_no_500(client: httpx.Client) -> None:
     trials = attack(client, 20 * len(KINDS), seed=1)
     assert not trials.faults, trials.faults

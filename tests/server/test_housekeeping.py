@@ -35,6 +35,7 @@ def test_the_newest_events_are_kept_of_each_session(store: Store) -> None:
         record_event(db, locked_session(db, long), "capture", {})  # numbers go on
 
 
+@pytest.mark.thorough
 def test_files_that_nothing_refers_to_go_once_they_are_old(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     orphan, kept = store.blobs.put(b"orphan"), store.blobs.put(b"kept")
     with store.write() as db:

@@ -132,6 +132,7 @@ def test_a_killed_worker_is_named_and_the_next_job_runs(start: Callable[..., Any
         wait_until_it_runs(client, waiting)
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("slow")
 def test_a_job_that_takes_too_long_is_ended(start: Callable[..., Any]) -> None:
     with start(job_timeout_s=0.5) as client:

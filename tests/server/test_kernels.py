@@ -23,6 +23,7 @@ from calib_core.compiled import (
 from server.jobs.kernels import KernelCompiler, compiled_for
 
 
+@pytest.mark.thorough
 def test_what_is_compiled_is_noted_where_it_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     (file,) = stamp_files()
@@ -57,6 +58,7 @@ def test_kernels_that_are_brought_along_serve_until_the_processors_own_are_there
     assert all_are_compiled()
 
 
+@pytest.mark.thorough
 def test_processes_take_faster_kernels_once_they_are_there(tmp_path: Path) -> None:
     """One that is busy answers first, or is ended as ever; then none is left that has what was brought along."""
     command = [sys.executable, "-m", "tests.server.replaced_processes", str(tmp_path)]
@@ -68,6 +70,7 @@ def test_processes_take_faster_kernels_once_they_are_there(tmp_path: Path) -> No
     assert found["ended"]
 
 
+@pytest.mark.thorough
 def test_what_is_compiled_is_counted() -> None:
     part = "16 bits, E57, depths"
     compiled_for(part)

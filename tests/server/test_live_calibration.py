@@ -31,6 +31,7 @@ def cell() -> Any:
     made.stop()
 
 
+@pytest.mark.thorough
 def test_captures_on_the_move_are_none(client: httpx.Client, cell: SimulatedDevices) -> None:
     session = make_session(client, name="live moves", cell=cell.simulated.session.to_json()["cell"])
     for name, body in cell.sources().items():
@@ -49,6 +50,7 @@ def test_captures_on_the_move_are_none(client: httpx.Client, cell: SimulatedDevi
         client.delete(f"/sessions/{session}/devices/{name}")
 
 
+@pytest.mark.thorough
 def test_the_clocks_offset_is_measured_over_the_protocols(client: httpx.Client) -> None:
     """The scanner's clock tells 37 ms more than the robot's; both come with the readings."""
     made = SimulatedDevices("tcp", SEED, rate_hz=30.0, travel_s=0.6, scanner_clock_s=0.037)

@@ -123,6 +123,7 @@ def test_one_capture_is_taken_at_each_standstill_and_none_on_the_way(client: htt
     assert stored.startswith(b"x_mm,z_mm")
 
 
+@pytest.mark.thorough
 def test_a_capture_is_taken_when_asked_for_and_refused_on_the_move(client: httpx.Client, live: Any) -> None:
     made, session = live
     made.go(made.good[0])
@@ -155,6 +156,7 @@ def test_the_stream_tells_of_profile_arc_and_pose(client: httpx.Client, live: An
     assert {d["name"] for d in told["devices"]} == {"robot", "scanner"}
 
 
+@pytest.mark.thorough
 def test_a_robot_that_goes_away_is_told_of_and_resumed(client: httpx.Client, live: Any) -> None:
     made, session = live
     made.robot.refuses.set()
@@ -173,6 +175,7 @@ def test_a_robot_that_goes_away_is_told_of_and_resumed(client: httpx.Client, liv
     assert captures(client, session) == []
 
 
+@pytest.mark.thorough
 def test_a_stopped_scanner_takes_no_captures(client: httpx.Client, live: Any) -> None:
     made, session = live
     until(lambda: devices(client, session)["scanner"]["readings"] > 10)  # fewer are no stream, which could end

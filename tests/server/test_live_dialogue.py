@@ -18,6 +18,7 @@ from server.live.dialogue import (
 EKI = b'<Robot><Capture>p07</Capture><Pos X="1.5" Y="2" Z="3" A="10" B="20" C="30"/><Table>45.0</Table></Robot>'
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("convention", "text", "numbers"),
     [

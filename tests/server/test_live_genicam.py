@@ -39,6 +39,7 @@ def _one_camera() -> Iterator[None]:
         yield
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(FAKE is None, reason="Debian's aravis-tools brings the fake camera")
 def test_frames_come_by_gige_vision_also_after_the_camera_was_away() -> None:
     source = SOURCES.get("genicam")
@@ -66,6 +67,7 @@ def test_a_camera_that_is_not_there_is_said() -> None:
         GenicamCamera(GenicamSettings(address="192.0.2.1", interface="127.0.0.1"))
 
 
+@pytest.mark.thorough
 def test_the_simulated_camera_shows_the_sphere_where_it_is() -> None:
     rng = np.random.default_rng(3)
     cell, lens = LiveCell(simulate("tcp", 3)), LiveCamera(rng)
@@ -105,6 +107,7 @@ def picture(_: float) -> tuple[np.ndarray, float]:
     return np.full(SIZE[::-1], 7, dtype=np.uint8), time.monotonic()
 
 
+@pytest.mark.thorough
 def test_packets_that_got_lost_are_asked_for_again() -> None:
     server = LossyLine(picture, SIZE, 30.0)
     try:
@@ -123,6 +126,7 @@ def test_packets_that_got_lost_are_asked_for_again() -> None:
     assert server.sent_again >= server.lost // 2
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(CLIENT is None, reason="Debian's aravis-tools brings the client")
 def test_aravis_reads_the_simulated_camera() -> None:
     server = GigeServer(picture, SIZE, 10.0)

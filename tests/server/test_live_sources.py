@@ -37,6 +37,7 @@ VARIABLES = {
 }
 
 
+@pytest.mark.thorough
 def test_opcua_tells_pose_table_and_source_times() -> None:
     values = {"Pose": [100.0, 200.0, 300.0, 0.0, 0.0, 0.0, 1.0], "Moving": False, "Table": 0.5, "Tool": 3}
     server = OpcUaServer(lambda: values)
@@ -65,6 +66,7 @@ def test_opcua_tells_pose_table_and_source_times() -> None:
         connected("opcua", url=server.url, pose=["ns=2;s=Pose"])
 
 
+@pytest.mark.thorough
 def test_opcua_joints_give_the_flange_of_a_named_arm() -> None:
     server = OpcUaServer(lambda: {f"A{k}": value for k, value in enumerate(JOINTS_DEG)})
     try:
@@ -137,6 +139,7 @@ peer.disconnect()
 """
 
 
+@pytest.mark.thorough
 def test_a_peers_client_reads_our_rtde_server() -> None:
     """The peer knows one port alone."""
     try:

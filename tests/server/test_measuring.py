@@ -71,6 +71,7 @@ def compiles_first(silent: bool) -> str:
     return "done"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("silent", [False, True])
 def test_the_time_to_compile_does_not_count(silent: bool) -> None:
     """A first frame on a new machine was kept unmeasured: its kernels took longer than a capture may."""

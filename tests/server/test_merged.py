@@ -39,6 +39,7 @@ def put(merged: tuple[httpx.Client, str], content: bytes, name: str = "part.stl"
     return client.put(f"/sessions/{session}/merged/reference", files={"file": (name, content)})
 
 
+@pytest.mark.thorough
 def test_a_section_is_a_slice_of_the_stored_cloud(merged: tuple[httpx.Client, str]) -> None:
     client, session = merged
     stored = client.get(f"/sessions/{session}/clouds/merged.ply").content

@@ -59,6 +59,7 @@ def off_mm(answer: Any, truth: Any) -> float:
     return float(np.linalg.norm((np.array(answer["tool0_from_laser"]["matrix"]) @ point - truth @ point)[:3]))
 
 
+@pytest.mark.thorough
 def test_a_few_nights_with_both_faults(client: httpx.Client) -> None:
     address = str(client.base_url).removesuffix("/api/v1/")
     done = go_through(address, 3, hit_in=2, knocked_in=3)

@@ -6,11 +6,14 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from calib_core.captures.observation_bytes import to_bytes
 from calib_core.errors import MeasurementError
 from tests.server.live_server import simulated_session, wait_for
 
 
+@pytest.mark.thorough
 def test_a_solve_takes_what_was_seen_as_the_captures_came_in(start: Callable[..., Any], tmp_path: Path) -> None:
     with start() as client:
         session = simulated_session(client, captures=14)

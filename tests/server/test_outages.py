@@ -38,6 +38,7 @@ def place(postgres: str, tmp_path: Path) -> dict[str, Any]:
     return {"data": tmp_path / "data", "database_url": new_database(postgres, name), "port": 0, "warm_up": False}
 
 
+@pytest.mark.thorough
 def test_a_database_that_goes_away_and_comes_back(place: dict[str, Any]) -> None:
     address = place["database_url"]
     with gated(address.partition("@")[2].partition("/")[0]) as gate:
@@ -64,6 +65,7 @@ def test_a_database_that_goes_away_and_comes_back(place: dict[str, Any]) -> None
             assert [c["id"] for c in client.get(f"/sessions/{session}/captures").json()["items"]] == ["p01", "p03"]
 
 
+@pytest.mark.thorough
 def test_of_two_servers_only_one_ever_writes(place: dict[str, Any], tmp_path: Path) -> None:
     """The first loses its connections without noticing at once; the second has taken over meanwhile."""
     first = Settings(**place)
@@ -90,6 +92,7 @@ def test_of_two_servers_only_one_ever_writes(place: dict[str, Any], tmp_path: Pa
         assert client.post("/sessions", json={"cell": {"pose_convention": "abb"}}).status_code == 201
 
 
+@pytest.mark.thorough
 def test_a_bucket_that_goes_away_and_comes_back(tmp_path: Path) -> None:
     with running_s3() as s3, gated(s3.removeprefix("http://")) as gate:
         s3_client(s3).create_bucket(Bucket="outage")
@@ -114,6 +117,7 @@ def test_a_bucket_that_goes_away_and_comes_back(tmp_path: Path) -> None:
                 )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("how", ["refuse", "hang"])
 def test_a_solve_waits_for_a_bucket_and_is_done_by_itself(
     tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
@@ -150,6 +154,7 @@ def until_waiting(client: httpx.Client, job: str, said: str) -> None:
         time.sleep(0.1)
 
 
+@pytest.mark.thorough
 def test_what_a_job_found_is_stored_once_the_database_is_back(place: dict[str, Any]) -> None:
     address = place["database_url"]
     with gated(address.partition("@")[2].partition("/")[0]) as gate:
@@ -172,6 +177,7 @@ def test_a_start_without_database_or_bucket_is_refused_in_words(lacking: dict[st
     assert refused.value.to_do
 
 
+@pytest.mark.thorough
 def test_a_scheduler_that_is_restarted(start: Callable[..., Any]) -> None:
     port = free_port()
     scheduler = start_scheduler(port)
@@ -199,6 +205,7 @@ def test_a_scheduler_that_is_restarted(start: Callable[..., Any]) -> None:
             process.join()
 
 
+@pytest.mark.thorough
 def test_a_job_that_waits_long_for_workers_of_a_cluster_is_solved_here(start: Callable[..., Any]) -> None:
     port = free_port()
     scheduler = start_scheduler(port)
@@ -220,6 +227,7 @@ def _solved(client: httpx.Client, session: str) -> dict[str, Any]:
     return wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"])
 
 
+@pytest.mark.thorough
 def test_a_reader_of_the_log_that_hangs_holds_up_nobody(tmp_path: Path) -> None:
     process, address = serve(tmp_path / "data", SCANCELL_RATE_PER_S="100000", SCANCELL_RATE_BURST="100000")
     assert process.stderr is not None

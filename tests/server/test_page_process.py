@@ -57,6 +57,7 @@ def worked_out_here() -> list[int]:
     return [cache.cache_info().hits + cache.cache_info().misses for cache in caches]
 
 
+@pytest.mark.thorough
 def test_a_guide_over_rest_is_that_of_the_library_and_worked_out_elsewhere(client: httpx.Client) -> None:
     session = simulated_session(client, captures=6, seed=11)
     before = worked_out_here()
@@ -70,6 +71,7 @@ def test_a_guide_over_rest_is_that_of_the_library_and_worked_out_elsewhere(clien
     assert got["current"]["meter"]["history"]
 
 
+@pytest.mark.thorough
 def test_a_scene_is_advised_as_here(pages: PageProcess, seen: list[Measured]) -> None:
     told = 0
     for captures in (slice(2), slice(9), slice(None)):

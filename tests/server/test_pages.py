@@ -88,6 +88,7 @@ def test_the_documentation_loads_from_this_server_alone(client: httpx.Client, si
             assert client.get(site + address).status_code == 200
 
 
+@pytest.mark.thorough
 def test_the_schema_has_tidy_names_and_examples(client: httpx.Client, site: str) -> None:
     schema = client.get(f"{site}/openapi.json").json()
     names = set(schema["components"]["schemas"])

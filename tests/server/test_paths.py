@@ -70,6 +70,7 @@ def session(client: httpx.Client) -> str:
     return simulated_session(client, captures=1)
 
 
+@pytest.mark.thorough
 def test_names_in_addresses(client: httpx.Client, session: str) -> None:
     asked = 0
     known = {"session_id": session, "session": session, "capture_id": "p01", "stage": "tcp"}

@@ -14,6 +14,7 @@ CELL = {"pose_convention": "fanuc", "sphere_diameter_mm": 40.0}
 RECORD = {"id": "p01", "step": "tcp", "kind": "profile", "pose": POSE, "files": ["captures/p01.csv"]}
 
 
+@pytest.mark.thorough
 def test_a_solve_can_be_waited_for_and_all_stages_at_once(client: httpx.Client) -> None:
     session = simulated_session(client, captures=14)
     done = client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60})

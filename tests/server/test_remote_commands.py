@@ -24,6 +24,7 @@ def site(client: httpx.Client) -> str:
     return str(client.base_url).removesuffix("/api/v1/")
 
 
+@pytest.mark.thorough
 def test_a_folder_is_sent_solved_and_looked_at(
     client: httpx.Client, folder: Path, tmp_path: Path, capsys: Printed
 ) -> None:
@@ -63,6 +64,7 @@ def test_a_session_is_found_by_its_name_where_only_one_has_it(client: httpx.Clie
     assert "no such session" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "address", ["127.0.0.1:8000", "ftp://x", "http://127.0.0.1:1", "http://[", "http://127.0.0.1:99999"]
 )
@@ -95,6 +97,7 @@ def test_tokens_and_the_log_of_a_server_far_away(
         assert any(row["method"] == "DELETE" and row["path"].endswith(listed["id"]) for row in rows)
 
 
+@pytest.mark.thorough
 def test_an_archive_is_checked_and_solved_afresh_there_and_not_kept(
     client: httpx.Client, folder: Path, tmp_path: Path, capsys: Printed
 ) -> None:
@@ -113,6 +116,7 @@ def test_an_archive_is_checked_and_solved_afresh_there_and_not_kept(
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
+@pytest.mark.thorough
 def test_a_token_comes_from_the_environment(
     tmp_path: Path, folder: Path, capsys: Printed, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,6 +56,7 @@ def test_old_sessions_are_told_first_and_then_removed(data: Path, capsys: Printe
     assert main(["doctor", "--data", str(data)]) == 0
 
 
+@pytest.mark.thorough
 def test_a_server_far_away_tells_the_same_and_keeps_what_changed_meanwhile(
     data: Path, start: Callable[..., Any], capsys: Printed
 ) -> None:

@@ -115,6 +115,7 @@ def test_a_revoked_token_ends_the_dialogue(client: httpx.Client, port: Any) -> N
         assert robot.say("done") == ""
 
 
+@pytest.mark.thorough
 def test_a_program_takes_captures_over_tcp_and_http(client: httpx.Client, port: Any, tmp_path: Path) -> None:
     session, number = port
     with rig(tmp_path / "exposures") as made, program(number) as robot:

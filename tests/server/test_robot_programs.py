@@ -175,6 +175,7 @@ class Running:
             return {entry: zipped.read(entry).decode("ascii") for entry in zipped.namelist()}
 
 
+@pytest.mark.thorough
 def test_the_program_of_each_dialect_takes_fourteen_captures(client: httpx.Client, cell: Rig) -> None:
     """One cell, and all dialects at once: what they run is the text that is loaded into the controllers."""
     stops = (cell.good * 2)[:14]
@@ -191,6 +192,7 @@ def test_the_program_of_each_dialect_takes_fourteen_captures(client: httpx.Clien
         assert len(ran.robots[name].shown) == len(stops) + 2
 
 
+@pytest.mark.thorough
 def test_a_program_that_is_answered_no_asks_its_operator(client: httpx.Client, cell: Rig) -> None:
     weak = next(k for k in range(len(cell.cell.shots)) if cell.offset(k) < 0.28)
     ran = Running(client, cell, [weak], PROGRAMS.names())

@@ -59,6 +59,7 @@ def pixels_near(picture: NDArray[np.int_], color: Rgb, within: int = 60) -> int:
     return int((np.abs(picture - np.array(color)).max(axis=2) < within).sum())
 
 
+@pytest.mark.thorough
 def test_the_scene_draws_follows_and_keeps_to_its_own_server(browser: Browser) -> None:
     inputs = {"s1": CELL.scene(count=4, solved=False, name="a cell")}
     manager = SceneManager(inputs.get)
@@ -97,6 +98,7 @@ def test_the_scene_draws_follows_and_keeps_to_its_own_server(browser: Browser) -
         manager.stop()
 
 
+@pytest.mark.thorough
 def test_the_first_picture_of_a_merged_cloud_comes_and_sends_no_more_than_is_borne(browser: Browser) -> None:
     """How soon it comes, the benchmark tells."""
     rng = np.random.default_rng(8)
@@ -106,6 +108,7 @@ def test_the_first_picture_of_a_merged_cloud_comes_and_sends_no_more_than_is_bor
     assert MAX_SCAN_POINTS <= seen.points <= 1_000_000
 
 
+@pytest.mark.thorough
 def test_a_viewer_comes_back_by_itself_after_the_server_was_away(browser: Browser) -> None:
     manager = SceneManager({"s1": CELL.scene(count=2, solved=False)}.get)
     try:
@@ -129,6 +132,7 @@ def test_a_viewer_comes_back_by_itself_after_the_server_was_away(browser: Browse
         manager.stop()
 
 
+@pytest.mark.thorough
 def test_a_page_says_that_its_scene_is_loading_and_a_client_without_its_server_does_not_hurry(
     browser: Browser, watch: Watch, monkeypatch: pytest.MonkeyPatch
 ) -> None:

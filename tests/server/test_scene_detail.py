@@ -117,6 +117,7 @@ def camera(away_mm: float) -> bytes:
     )
 
 
+@pytest.mark.thorough
 def test_only_the_viewer_that_looks_from_near_gets_them(dense: np.ndarray) -> None:
     live = LiveScene(fused_scene(dense))
     address, headers = f"ws://127.0.0.1:{live.port}", {SECRET_HEADER: live.secret}

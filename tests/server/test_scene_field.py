@@ -28,6 +28,7 @@ def solved() -> tuple[SceneInput, ChainResult]:
     return scene_input(made.session, made.files.__getitem__, [], {"chain": result.to_json()}), result
 
 
+@pytest.mark.thorough
 def test_dots_over_the_table_have_the_colour_of_their_uncertainty(solved: tuple[SceneInput, ChainResult]) -> None:
     scene, result = solved
     facts = scene_facts(scene)

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 
 import calib_core as cc
 from server.scenes.display_options import look_at
@@ -38,6 +39,7 @@ def test_a_scanner_that_stands_still_is_drawn_beside_the_one_on_the_flange() -> 
     assert {"/sphere/solved", "/sphere/1"} <= set(nodes)
 
 
+@pytest.mark.thorough
 def test_balls_of_a_linear_axis_stand_where_it_brought_them() -> None:
     facts, nodes, _ = drawn("slide")
     assert facts.table is not None

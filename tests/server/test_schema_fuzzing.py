@@ -13,6 +13,7 @@ LEFT_OUT = ("/events", "/solve/")
 EXAMPLES = 2
 
 
+@pytest.mark.thorough
 def test_no_request_of_the_schema_ends_in_a_500(client: httpx.Client) -> None:
     assert sum(fuzzed(client, EXAMPLES).values()) >= 50 * EXAMPLES / 2
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import httpx
+import pytest
 
 from calib_core.review.standing import changed_equipment, serials_of
 from tests.server.access import bearer, guarded
@@ -18,6 +19,7 @@ def solved_in(client: httpx.Client, cell: str, seed: int = 7, **more: object) ->
     return session
 
 
+@pytest.mark.thorough
 def test_a_step_is_told_and_refuses_a_release_until_somebody_acknowledges_it(client: httpx.Client) -> None:
     cell = "stepping"
     first = solved_in(client, cell)
@@ -44,6 +46,7 @@ def test_a_step_is_told_and_refuses_a_release_until_somebody_acknowledges_it(cli
     assert_problem(client.delete(f"/sessions/{second}"), 409, "archived")
 
 
+@pytest.mark.thorough
 def test_policy_and_equipment(client: httpx.Client) -> None:
     cell, scanner = "policed", {"kind": "scanner", "serial": "S-1"}
     first = solved_in(client, cell, equipment=[scanner])
@@ -88,6 +91,7 @@ def test_pieces_without_a_name_are_told_apart_by_their_serial_numbers() -> None:
     }
 
 
+@pytest.mark.thorough
 def test_four_eyes_and_the_role_release(tmp_path: Path) -> None:
     with guarded(tmp_path) as (client, tokens):
         admin, release, capture = (bearer(tokens[role]) for role in ("admin", "release", "capture"))

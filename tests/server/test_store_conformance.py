@@ -194,6 +194,7 @@ def test_a_release_is_told_in_each_session_of_its_cell_by_id_or_name(
     assert counts == {"line-7": (3, True), "other": (1, False)}
 
 
+@pytest.mark.thorough
 def test_sessions_come_back_field_for_field_and_in_pages(client: httpx.Client) -> None:
     ids = [make_session(client, name=f"page {n} “é” 😀", cell=CELL_TO_KEEP) for n in range(5)]
     first = client.get("/sessions", params={"limit": 3, "search": "PAGE"}).json()
@@ -234,6 +235,7 @@ def test_captures_keep_their_bytes_and_go_with_their_session(client: httpx.Clien
     assert_problem(client.get(f"/sessions/{session}/captures/p1"), 404)
 
 
+@pytest.mark.thorough(keep=1)
 def test_a_solve_its_archive_and_a_restart(
     start: Callable[..., AbstractContextManager[httpx.Client]], new_place: NewPlace, tmp_path: Path
 ) -> None:

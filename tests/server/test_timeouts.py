@@ -54,6 +54,7 @@ def is_answered(connection: socket.socket) -> bool:
     return answer.status == 200 and bool(answer.read())
 
 
+@pytest.mark.thorough
 def test_heads_that_do_not_come_end_the_connection_and_streams_go_on(start: Any) -> None:
     with start(head_timeout_s=1.0) as client:
         session = make_session(client)
@@ -210,6 +211,7 @@ def test_where_all_connections_of_an_address_are_busy_the_next_is_told(start: An
             assert late.get("/health").status_code == 200
 
 
+@pytest.mark.thorough
 def test_a_body_that_stops_is_told_so(start: Any) -> None:
     with start(body_timeout_s=0.5) as client, connected(client) as connection:
         connection.sendall(

@@ -115,6 +115,7 @@ def data_of_2026_11(tmp_path: Path) -> None:
         data.extractall(tmp_path / "data")
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("data_of_2026_11")
 def test_a_data_folder_of_2026_11_is_served_with_its_cell_s_history(start: Callable[..., Any]) -> None:
     with start() as client:

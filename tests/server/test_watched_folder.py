@@ -104,6 +104,7 @@ def test_poses_come_from_a_table_a_line_beside_it_or_a_record(client: httpx.Clie
     }
 
 
+@pytest.mark.thorough
 def test_a_file_written_in_portions_is_taken_whole(tmp_path: Path, folder: Path) -> None:
     with watching(tmp_path, rest_s=1.0) as client:
         session = watched_session(client)
@@ -120,6 +121,7 @@ def test_a_file_written_in_portions_is_taken_whole(tmp_path: Path, folder: Path)
         assert client.get(f"/sessions/{session}/captures/slow/files/slow.csv").content == content
 
 
+@pytest.mark.thorough
 def test_what_is_refused_says_why_and_is_tried_again_once_mended(client: httpx.Client, folder: Path) -> None:
     session = watched_session(client)
     (folder / "p1.csv").write_bytes(profile(0))
@@ -135,6 +137,7 @@ def test_what_is_refused_says_why_and_is_tried_again_once_mended(client: httpx.C
     assert client.get(f"/sessions/{session}/sources/folder").json()["watch"]["taken"] == 1
 
 
+@pytest.mark.thorough
 def test_each_file_once_also_after_a_restart_and_again_when_written_anew(tmp_path: Path, folder: Path) -> None:
     with watching(tmp_path) as client:
         session = watched_session(client)

@@ -144,6 +144,7 @@ def test_a_webhook_of_one_cell_hears_of_no_other(client: httpx.Client) -> None:
         client.delete(f"/webhooks/{webhook['id']}")
 
 
+@pytest.mark.thorough
 def test_what_is_not_taken_is_sent_again_also_by_the_next_server(
     start: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -40,6 +40,7 @@ def backup(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.thorough
 def test_from_a_backup_to_a_patched_backup(open_page: Callable[..., Any], backup: Path, tmp_path: Path) -> None:
     page, watched = open_page("/")
     hand = Hand(page)
@@ -112,6 +113,7 @@ def check_move_for_another_tool(page: Page) -> None:
     expect(dialog).to_have_count(0)
 
 
+@pytest.mark.thorough
 def test_a_capture_keeps_file_and_line_and_what_was_said_of_its_file(
     open_page: Callable[..., Any], address: str, backup: Path
 ) -> None:

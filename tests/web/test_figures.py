@@ -30,6 +30,7 @@ def rows(page: Page) -> Any:
     return page.locator(".captures tbody tr")
 
 
+@pytest.mark.thorough
 def test_a_real_set_takes_few_actions(open_page: Callable[..., Any], data_folder: Path) -> None:  # noqa: F811
     page, watched = open_page()
     by = Hand(page)
@@ -49,6 +50,7 @@ def test_a_real_set_takes_few_actions(open_page: Callable[..., Any], data_folder
     assert watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_two_browsers_on_one_session(open_page: Callable[..., Any], api: httpx.Client) -> None:
     session = simulated_session(api, captures=9)
     (one, first), (two, second) = (open_page(f"/sessions/{session}") for _ in range(2))
@@ -73,12 +75,14 @@ def test_two_browsers_on_one_session(open_page: Callable[..., Any], api: httpx.C
     assert first.complaints == second.complaints == []
 
 
+@pytest.mark.thorough
 def test_many_captures_are_picked_changed_and_solved(browser: Browser, address: str, api: httpx.Client) -> None:
     """How long the page's tasks take is held by `scancell bench page`: a busy machine says nothing of it."""
     with fresh_page(browser, address) as page:
         assert len(longest_tasks_ms(page, api, many_captures(api, 110), 110)) == 9
 
 
+@pytest.mark.thorough
 def test_a_slow_link_says_what_it_waits_for(open_page: Callable[..., Any], api: httpx.Client) -> None:
     session = simulated_session(api, captures=3)
     page, watched = open_page("/")
@@ -95,6 +99,7 @@ def test_a_slow_link_says_what_it_waits_for(open_page: Callable[..., Any], api: 
     assert watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_without_a_server_nothing_is_lost(open_page: Callable[..., Any], api: httpx.Client, watch: Watch) -> None:
     watch.announce("ERR_INTERNET_DISCONNECTED")
     session = make_session(api)
@@ -112,6 +117,7 @@ def test_without_a_server_nothing_is_lost(open_page: Callable[..., Any], api: ht
     expect(page.locator(".match tbody tr")).to_contain_text("600.0 mm")
 
 
+@pytest.mark.thorough
 def test_a_restart_in_the_middle_of_a_solve(profile: SharedProfile, tmp_path: Path, watch: Watch) -> None:
     watch.allow("ERR_CONNECTION_REFUSED")
     settings: dict[str, Any] = {"data": tmp_path / "data", "warm_up": False}

@@ -22,6 +22,7 @@ def seen_so_far(page: Page) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
+@pytest.mark.thorough
 def test_the_page_leads_from_board_frames_to_the_tcp(open_page: Callable[..., Any]) -> None:
     page, watched = open_page(width=1400, height=1000)
     page.get_by_role("button", name="With raw camera frames").click()

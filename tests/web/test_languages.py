@@ -84,6 +84,7 @@ def page(request: pytest.FixtureRequest, profile: SharedProfile) -> Page:
     return page
 
 
+@pytest.mark.thorough(keep=1)
 def test_no_text_is_cut_off(page: Page, session: str, watch: Watch) -> None:
     found: dict[str, list[str]] = {}
 

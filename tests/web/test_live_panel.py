@@ -110,6 +110,7 @@ def merged_points(api: httpx.Client, session: str, result: Any) -> Any:
     return parse_cloud(api.get(f"/sessions/{session}/clouds/{name}").content, name)
 
 
+@pytest.mark.thorough
 def test_tool_table_and_merge_are_calibrated_in_the_page(
     open_page: Callable[..., Any], api: httpx.Client, cell: SimulatedDevices, watch: Watch
 ) -> None:

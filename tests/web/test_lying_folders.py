@@ -33,6 +33,7 @@ def drop(page: Page, folder: Path) -> None:
         browser.send("Input.dispatchDragEvent", {"type": kind, "x": 640, "y": 400, "data": data})
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("name", FOLDERS)
 def test_a_folder_dropped_whole_is_listed_paired_and_solved(
     open_page: Callable[..., Any], api: httpx.Client, tmp_path: Path, name: str

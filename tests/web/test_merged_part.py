@@ -29,6 +29,7 @@ def click_at(page: Page, across: float, up: float) -> None:
     plot.click(position={"x": across * box["width"], "y": up * box["height"]})
 
 
+@pytest.mark.thorough
 def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
     open_page: Callable[..., Any], address: str, tmp_path: Path
 ) -> None:
@@ -102,6 +103,7 @@ MARKS = """() => Object.keys(window.__viserSceneTree?.getState() ?? {})
           .filter((name) => name.startsWith("/scans/merged/picked/")).length"""
 
 
+@pytest.mark.thorough
 def test_points_clicked_in_the_scene_measure_and_cut(
     open_page: Callable[..., Any], address: str, tmp_path: Path
 ) -> None:

@@ -10,6 +10,7 @@ from tests.web.browsing import Watch
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.thorough
 def test_a_random_walk_finds_no_error_and_no_dead_end(browser: Browser, address: str, watch: Watch) -> None:
     watch.allow("server responded with a status of 4")  # a refusal, which the walk itself asks to be told
     with httpx.Client(base_url=f"{address}/api/v1/", timeout=300, trust_env=False) as client:

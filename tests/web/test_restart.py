@@ -84,6 +84,7 @@ def all_is_right(page: Page) -> None:
     expect(page.locator(".toasts").get_by_text(re.compile(PROBLEMS))).to_have_count(0, timeout=BACK_MS)
 
 
+@pytest.mark.thorough
 def test_guide_scene_and_rows_come_back(outage: Outage, api: httpx.Client, visit: Callable[..., Page]) -> None:
     session = simulated_session(api, captures=3)
     page = visit(f"/sessions/{session}", scene=True)
@@ -131,6 +132,7 @@ def test_parts_that_are_asked_for_while_it_is_away_come_later(
     expect(page.locator("sc-result")).to_contain_text("Not solved yet", timeout=60_000)
 
 
+@pytest.mark.thorough
 def test_an_upload_goes_on(outage: Outage, api: httpx.Client, visit: Callable[..., Page], tmp_path: Path) -> None:
     archive = tmp_path / "cell.zip"
     archive.write_bytes(api.get(f"/sessions/{simulated_session(api, captures=3)}/archive").content)
@@ -145,6 +147,7 @@ def test_an_upload_goes_on(outage: Outage, api: httpx.Client, visit: Callable[..
     expect(page.locator("table.captures tbody tr").first).to_be_visible()
 
 
+@pytest.mark.thorough
 def test_a_live_cell_says_since_when_and_goes_on(
     outage: Outage, api: httpx.Client, visit: Callable[..., Page]
 ) -> None:
@@ -173,6 +176,7 @@ def test_a_live_cell_says_since_when_and_goes_on(
         cell.stop()
 
 
+@pytest.mark.thorough
 def test_a_dialog_keeps_what_was_typed(outage: Outage, api: httpx.Client, visit: Callable[..., Page]) -> None:
     session = make_session(api, name="dialog")
     page = visit(f"/sessions/{session}")
@@ -189,6 +193,7 @@ def test_a_dialog_keeps_what_was_typed(outage: Outage, api: httpx.Client, visit:
     expect(page.locator(".session-title")).to_contain_text("sphere 50.003 mm", timeout=BACK_MS)
 
 
+@pytest.mark.thorough
 def test_a_silent_line_is_told_within_three_seconds(
     outage: Outage, api: httpx.Client, visit: Callable[..., Page]
 ) -> None:

@@ -158,6 +158,7 @@ def test_from_a_result_to_its_history_and_to_the_comparison(
     assert [c for c in watched.complaints if "404" not in c] == []
 
 
+@pytest.mark.thorough
 def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) -> None:
     page.goto(f"/sessions/{session}/review")
     expect(page.locator("sc-review-captures tbody tr")).to_have_count(14)

@@ -13,6 +13,7 @@ from tests.web.moments import moment, scene_frame
 pytestmark = pytest.mark.browser
 
 
+@pytest.mark.thorough
 def test_measuring_and_its_result_have_their_own_layers_and_views(
     open_page: Callable[..., Any], address: str
 ) -> None:

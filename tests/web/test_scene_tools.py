@@ -47,6 +47,7 @@ def scene_of(page: Page) -> Frame:
     raise AssertionError("the scene's page is not loaded")
 
 
+@pytest.mark.thorough
 def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp_path: Path) -> None:
     with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
         session = simulated_session(api, captures=3)
@@ -111,6 +112,7 @@ def test_the_page_and_its_scene(open_page: Callable[..., Any], address: str, tmp
     assert watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_what_is_not_there_is_refused(address: str) -> None:
     with httpx.Client(base_url=address, timeout=300, trust_env=False) as client:
         session = client.post("/api/v1/sessions", json={"cell": {"pose_convention": "ur"}}).json()["id"]

@@ -118,6 +118,7 @@ def look_into_the_merged_part(page: Page, axe: str) -> None:
         assert violations(page) == []
 
 
+@pytest.mark.thorough
 def test_the_page_leads_to_the_whole_chain_and_the_merged_part(open_page: Callable[..., Any], axe: str) -> None:
     page, watched = open_page(width=1400, height=1000)
     page.get_by_role("button", name="With a turntable").click()

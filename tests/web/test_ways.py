@@ -54,6 +54,7 @@ def follow(person: Person, step: str) -> None:
     raise AssertionError(f"{step} is not done after {person.done}")
 
 
+@pytest.mark.thorough(keep=1)
 def test_an_own_folder(begin: Callable[..., Person], backup: Path) -> None:  # noqa: F811
     person = begin()
     person.choose_files("Open a session folder", backup)
@@ -64,6 +65,7 @@ def test_an_own_folder(begin: Callable[..., Person], backup: Path) -> None:  # n
     follow(person, "tcp")
 
 
+@pytest.mark.thorough(keep=1)
 def test_an_archive(begin: Callable[..., Person], api: httpx.Client, tmp_path: Path) -> None:
     session = simulated_session(api, captures=12)
     wait_for(api, api.post(f"/sessions/{session}/solve/tcp").json()["id"])
@@ -81,6 +83,7 @@ def test_an_archive(begin: Callable[..., Person], api: httpx.Client, tmp_path: P
     expect(report.value.locator("body")).to_contain_text("simulated tcp, seed 7")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("begins", "steps"),
     [
@@ -105,6 +108,7 @@ def captured(person: Person, rows: Locator, count: int) -> bool:
     return told.value.status == 201
 
 
+@pytest.mark.thorough
 def test_a_live_cell(begin: Callable[..., Person], api: httpx.Client, watch: Watch) -> None:
     watch.allow("status of 409.*/live/capture")
     cell = SimulatedDevices("turntable", 3, rate_hz=16.0, travel_s=0.25, scanner_clock_s=0.037)

@@ -37,6 +37,7 @@ def stored(api: httpx.Client, mistake: Mistake, table: bool) -> str:
     return session
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("mistake", "table", "words", "deed"),
     [

@@ -198,6 +198,7 @@ def person(here: World, chromium: Browser, shared_profile: SharedProfile) -> Ite
         shared_profile.clear()
 
 
+@pytest.mark.thorough(keep=4)
 @pytest.mark.parametrize("way", by.WAYS, ids=lambda way: way.__name__)
 def test_it_is_refused_or_marked(way: Callable[[World], str], here: World, person: Person) -> None:
     for channel in (way, by.BY_COMMAND.get(way)):

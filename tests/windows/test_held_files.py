@@ -89,6 +89,7 @@ def test_a_live_frame_that_is_held_is_read_when_it_is_let_go(
     assert (frame.name, frame.content) == ("f.csv", b"0,200\n")
 
 
+@pytest.mark.thorough
 def test_a_file_that_is_listed_with_an_earlier_size_is_taken_when_it_is_closed(
     client: Any,  # noqa: F811
     folder: Path,  # noqa: F811

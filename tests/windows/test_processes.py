@@ -115,6 +115,7 @@ def test_processes_are_started_where_the_console_tells_them_nothing(monkeypatch:
     assert told[-1] == (None, False)
 
 
+@pytest.mark.thorough
 def test_the_server_ends_in_order_by_what_windows_sends(tmp_path: Path) -> None:
     """Closing the window and Ctrl-Break are SIGBREAK there; here another signal has its name."""
     code = """import signal, sys

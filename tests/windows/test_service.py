@@ -118,6 +118,7 @@ def test_a_link_is_read_back_by_its_format() -> None:
     assert data[at + size :] == bytes(4)
 
 
+@pytest.mark.thorough
 def test_serve_opens_the_browser_once_it_serves_and_where_it_runs_already(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
