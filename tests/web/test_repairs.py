@@ -1,6 +1,7 @@
 """From the refusal of a solve to the repaired answer; every kind of mistake: `scancell bench repairs`."""
 
 import httpx
+import pytest
 from bench_repairs import mended
 
 from tests.web.browsing import SharedProfile
