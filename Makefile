@@ -4,7 +4,7 @@ SERVE ?= 1
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-fast warm runtime setup system-runtime system-tests lint types web-types unit lock catalogues test-windows wheelhouse portable release
+.PHONY: demo test test-all test-fast warm runtime setup system-runtime system-tests lint types web-types unit lock catalogues test-windows wheelhouse portable release
 
 runtime: $(VENV)/.runtime
 

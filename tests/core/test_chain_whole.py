@@ -70,6 +70,7 @@ def test_errors_are_near_the_bound_and_the_covariance_is_true():
     assert 5 - 4 * np.sqrt(10 / len(nees)) < np.mean(nees) < 5 + 4 * np.sqrt(10 / len(nees))
 
 
+@pytest.mark.thorough
 def test_the_tables_captures_improve_the_tool():
     alone = np.mean([np.trace(np.array(results(s)["tcp"].covariance)[3:, 3:]) for s in SEEDS])
     chain = np.mean([np.trace(np.array(results(s)["chain"].covariance)[3:, 3:]) for s in SEEDS])

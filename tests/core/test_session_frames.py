@@ -61,6 +61,7 @@ def test_a_stored_plane_serves_later_stages_until_its_captures_change(
     remembered("laser-plane", plane.inputs_sha256, plane)
 
 
+@pytest.mark.thorough
 def test_a_solved_calibration_in_the_cell_measures_the_sphere_as_the_boards_do(
     cell: SimulatedSession, plane: LaserPlaneResult
 ) -> None:

@@ -39,6 +39,7 @@ def test_red_line_on_an_arm(data_folder: Path) -> None:
     assert not rows["f14"].used  # the laser alone in the dark
 
 
+@pytest.mark.thorough
 def test_green_line_on_a_bowed_board(data_folder: Path) -> None:
     result = solved(data_folder / "laser-plane-green-line")
     assert result.plane_rms_mm < 0.4

@@ -77,6 +77,7 @@ def test_what_is_compiled_is_counted() -> None:
     assert compiled_for(part) == 0
 
 
+@pytest.mark.thorough
 def test_ctrl_c_ends_all_that_compile_without_a_word_of_theirs(tmp_path: Path) -> None:
     command, place = [sys.executable, "-m", "server.cli", "warm"], os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     with subprocess.Popen(

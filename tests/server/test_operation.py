@@ -140,7 +140,7 @@ def test_a_server_told_to_stop_finishes_what_it_has_begun(tmp_path: Path) -> Non
     assert not [line for line in lines if line["level"] == "error"], said
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 @pytest.mark.skipif(os.name == "nt", reason="a terminal's Ctrl-C is another thing there")
 @pytest.mark.parametrize("after_s", [0.0, 0.4, 1.0, 2.0])
 @pytest.mark.parametrize("times", [1, 2])

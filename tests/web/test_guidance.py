@@ -58,6 +58,7 @@ def test_the_spheres_certificate_fills_the_new_cell(page: Page, address: str) ->
     expect(page.locator("input[name=diameter_sigma]")).to_have_value("0.0002")
 
 
+@pytest.mark.thorough
 def test_a_point_is_picked_in_the_field_of_the_budget(
     page: Page, watch: Watch, address: str, session: str, axe: str
 ) -> None:

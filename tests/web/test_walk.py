@@ -95,6 +95,7 @@ def test_keyboard_alone_calibrates_the_simulated_cell(open_page: Callable[..., A
     assert watched.hosts == {urlsplit(page.url).netloc}
 
 
+@pytest.mark.thorough
 def test_mouse_alone_and_a_pick_that_lights_up_everywhere(open_page: Callable[..., Any]) -> None:
     page, watched = open_page()
     hand = Hand(page)
