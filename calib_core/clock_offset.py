@@ -92,9 +92,8 @@ def clock_offset(
             largest_s=largest_s,
         )
         need = "{least_exposures} exposures with the sphere"
-        raise MeasurementError(
-            need, got, "Move back and forth for longer, the sphere in view.", least_exposures=_LEAST_EXPOSURES
-        )
+        to_do = "Move back and forth for longer, the sphere in view."
+        raise MeasurementError(need, got, to_do, least_exposures=_LEAST_EXPOSURES)
     seen_s, measured = seen_s[inside], measured[inside]
     track = CubicSpline(at_s, way_mm)
 

@@ -144,9 +144,8 @@ class RigidTransform:
         _require_rigid(matrix, _EXACT)
         for frame in (self.into, self.outof):
             if frame not in FRAMES:
-                raise InputError(
-                    "a frame among {frames}", repr(frame), "Name one of these.", frames=", ".join(FRAMES)
-                )
+                to_do = "Name one of these."
+                raise InputError("a frame among {frames}", repr(frame), to_do, frames=", ".join(FRAMES))
         matrix.flags.writeable = False
         object.__setattr__(self, "matrix", matrix)
 
@@ -267,9 +266,8 @@ def stack_matrices(transforms: Sequence[RigidTransform]) -> FloatArray:
 
 def _require_rigid(matrix: FloatArray, tolerance: float) -> None:
     if matrix.shape != (4, 4):
-        raise InputError(
-            "a 4×4 matrix", "an array of shape {shape}", "Give 16 numbers, row by row.", shape=matrix.shape
-        )
+        to_do = "Give 16 numbers, row by row."
+        raise InputError("a 4×4 matrix", "an array of shape {shape}", to_do, shape=matrix.shape)
     rows = matrix.tolist()  # plain numbers: many times faster than arrays of nine
     if not all(map(isfinite, chain.from_iterable(rows))):
         raise InputError("a finite matrix", "NaN or infinity", "Check where the poses come from.")
@@ -287,9 +285,8 @@ def _require_rigid(matrix: FloatArray, tolerance: float) -> None:
         to_do = "Check that the numbers are given row by row and that nothing was scaled."
         raise InputError(need, "rows that are off by {error:.2g}", to_do, error=error)
     if xx * (yy * zz - yz * zy) + xy * (yz * zx - yx * zz) + xz * (yx * zy - yy * zx) < 0:
-        raise InputError(
-            "a right-handed rotation", "a mirrored one (determinant −1)", "Check the signs of the axes."
-        )
+        to_do = "Check the signs of the axes."
+        raise InputError("a right-handed rotation", "a mirrored one (determinant −1)", to_do)
     if max(abs(last[0]), abs(last[1]), abs(last[2]), abs(last[3] - 1)) > tolerance:
         to_do = "Give the matrix row by row; if it is given by columns, transpose it."
         raise InputError("a last row of 0 0 0 1", " ".join(f"{v:g}" for v in last), to_do)

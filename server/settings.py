@@ -123,9 +123,8 @@ class Settings(BaseSettings):
     def _require_both_of_tls(self) -> "Settings":
         for name, path in (("tls_certificate", self.tls_certificate), ("tls_key", self.tls_key)):
             if path is None and (self.tls_certificate or self.tls_key):
-                raise InputError(
-                    "tls_certificate and tls_key together", "one of them", "Set {name} too.", name, name=name
-                )
+                to_do = "Set {name} too."
+                raise InputError("tls_certificate and tls_key together", "one of them", to_do, name, name=name)
             if path is not None and not path.is_file():
                 raise InputError("a PEM file", "none", "Check the path.", f"{name}: {path}")
         return self

@@ -24,6 +24,5 @@ def require_captures_of(session: Session, stage: StageName, what: str, known: st
     if not any(not capture.excluded for capture in stage_captures(session, stage)):
         got = "neither {known} nor captures with step '{stage}'"
         to_do = "Capture the board for '{stage}', or bring {known}."
-        raise InputError(
-            "{what} to turn frames into points", got, to_do, "session.json", what=what, known=known, stage=stage
-        )
+        need = "{what} to turn frames into points"
+        raise InputError(need, got, to_do, "session.json", what=what, known=known, stage=stage)

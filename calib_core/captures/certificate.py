@@ -66,12 +66,9 @@ def read_certificate(data: bytes, where: str = "certificate", *, of_sphere: bool
         If it is no whole XML, declares entities, is no DCC, or, `of_sphere`, has no diameter in a unit of length.
     """
     if len(data) > _LARGEST_BYTES:
-        raise InputError(
-            "a certificate of at most 20 MB",
-            plural("{count} byte", "{count} bytes", by="count", count=len(data)),
-            "Give the XML alone.",
-            where,
-        )
+        need = "a certificate of at most 20 MB"
+        to_do = "Give the XML alone."
+        raise InputError(need, plural("{count} byte", "{count} bytes", by="count", count=len(data)), to_do, where)
     found = elements(data, where)
     if not found or found[0].name != "digitalCalibrationCertificate":
         got = f"<{found[0].name}>" if found else message("nothing")

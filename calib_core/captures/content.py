@@ -47,19 +47,14 @@ def reading_of(capture: Capture, read: ReadFile) -> Reading:
     """
     if len(capture.files) != 1:
         got = plural("{count} file", "{count} files", by="count", count=len(capture.files))
-        raise InputError(
-            "one file in a {kind} capture", got, "Give each its own capture.", capture.id, kind=capture.kind
-        )
+        to_do = "Give each its own capture."
+        raise InputError("one file in a {kind} capture", got, to_do, capture.id, kind=capture.kind)
     name = capture.files[0]
     if capture.kind in ("profile", "cloud"):
         return read_as(capture, name, read, capture.kind)
-    raise InputError(
-        "a capture of kind profile, cloud or center",
-        "kind '{kind}', which this version cannot turn into points",
-        "Export the scanner's calibrated profiles or clouds.",
-        capture.id,
-        kind=capture.kind,
-    )
+    got = "kind '{kind}', which this version cannot turn into points"
+    to_do = "Export the scanner's calibrated profiles or clouds."
+    raise InputError("a capture of kind profile, cloud or center", got, to_do, capture.id, kind=capture.kind)
 
 
 def read_points(capture: Capture, read: ReadFile) -> FloatArray:
@@ -72,13 +67,9 @@ def pose_of(cell: Cell, capture: Capture) -> RigidTransform:
     if capture.pose is None and stands_apart(cell, capture):
         return RigidTransform.identity("base", "tool0")
     if capture.pose is None:
-        raise InputError(
-            "the robot's pose in the capture's field 'pose' ({pose_convention})",
-            "none",
-            "Read the pose of the flange from the controller and add it.",
-            capture.id,
-            pose_convention=cell.pose_convention,
-        )
+        need = "the robot's pose in the capture's field 'pose' ({pose_convention})"
+        to_do = "Read the pose of the flange from the controller and add it."
+        raise InputError(need, "none", to_do, capture.id, pose_convention=cell.pose_convention)
     return parse_pose(cell.pose_convention, capture.pose, capture.id)
 
 
@@ -91,12 +82,8 @@ def sphere_of(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
         Where it is missing and a capture needs it.
     """
     if any(c.kind in ("profile", "frame", "sweep") and not sizes_in_sight(cell, c) for c in captures):
-        raise InputError(
-            "the sphere's diameter in cell.sphere_diameter_mm",
-            "none",
-            "Add it from the sphere's certificate: profiles cannot be understood without it.",
-            "session.json",
-        )
+        to_do = "Add it from the sphere's certificate: profiles cannot be understood without it."
+        raise InputError("the sphere's diameter in cell.sphere_diameter_mm", "none", to_do, "session.json")
     seen = {size for capture in captures for size in sizes_in_sight(cell, capture)}
     own = SphereSize(cell.sphere_diameter_mm or 1.0, diameter_sigma_mm(cell))  # measured centres need none
     return max(seen or _told_sizes(cell, balls_in_sight(cell)) or {own}, key=lambda size: size.diameter_mm)
@@ -125,13 +112,9 @@ def own_size(cell: Cell, capture: Capture) -> SphereSize | None:
     """
     sizes = sizes_in_sight(cell, capture)
     if len(sizes) > 1 and capture.step != "tcp":
-        raise InputError(
-            "the sphere that it shows, by its name in the capture's field 'mount'",
-            "one that may have {count} sizes",
-            "Name the sphere of cell.spheres.",
-            capture.id,
-            count=len(sizes),
-        )
+        need = "the sphere that it shows, by its name in the capture's field 'mount'"
+        to_do = "Name the sphere of cell.spheres."
+        raise InputError(need, "one that may have {count} sizes", to_do, capture.id, count=len(sizes))
     differ = len(_told_sizes(cell, balls_in_sight(cell))) > 1
     return sizes[0] if differ and len(sizes) == 1 else None
 

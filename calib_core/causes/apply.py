@@ -67,15 +67,13 @@ def changes_for(session: Session, cause: RootCause) -> Changes:
         If it has no remedy, or its captures are gone.
     """
     if cause.changes is None:
-        raise InputError(
-            "a root cause with a remedy", "'{cause}', which has none", cause.sentence, "cause", cause=cause.id
-        )
+        need = "a root cause with a remedy"
+        raise InputError(need, "'{cause}', which has none", cause.sentence, "cause", cause=cause.id)
     there = {capture.id for capture in session.captures}
     gone = sorted({*cause.changes.captures, *cause.poses_from.values()} - there)
     if gone:
-        raise InputError(
-            "the captures that the cause is about", "{gone} removed since", _AGAIN, "cause", gone=", ".join(gone)
-        )
+        need = "the captures that the cause is about"
+        raise InputError(need, "{gone} removed since", _AGAIN, "cause", gone=", ".join(gone))
     if cause.pose_reading is not None:
         return changes_of(Reading.recorded(cause.pose_reading), session.cell, session.captures)
     if cause.poses_from:
@@ -109,11 +107,6 @@ def cause_named(causes: Sequence[RootCause], name: str) -> RootCause:
         found = [causes[int(name) - 1]]
     if not found:
         listed = ", ".join(f"'{cause.id}'" for cause in causes) or "none was found in this session"
-        raise InputError(
-            "a root cause among {listed}",
-            repr(name)[:80],
-            "Solve the session to see them.",
-            "cause",
-            listed=listed,
-        )
+        to_do = "Solve the session to see them."
+        raise InputError("a root cause among {listed}", repr(name)[:80], to_do, "cause", listed=listed)
     return found[0]

@@ -40,9 +40,8 @@ def _require_names(cell: Cell, axes: Sequence[CellAxis]) -> None:
     ):
         twice = [name for name, count in Counter(names).items() if count > 1]
         if twice:
-            raise InputError(
-                "names that differ", "'{name}' twice", "Rename or remove one.", f"cell.{where}", name=twice[0]
-            )
+            to_do = "Rename or remove one."
+            raise InputError("names that differ", "'{name}' twice", to_do, f"cell.{where}", name=twice[0])
     taken = [axis.name for axis in axes if axis.name in FRAMES]
     if taken:
         need = message("a name for the axis that no frame has")
@@ -172,9 +171,8 @@ def _require_readings(axes: Sequence[CellAxis], captures: Sequence[Capture]) -> 
         if shown and not read:
             field = "axes_deg" if axis.kind == "rotary" else "axes_mm"
             to_do = message("Add {field} to the captures, or remove the axis.", field=field)
-            raise InputError(
-                "readings of the axis '{name}'", "none in any capture", to_do, "cell.axes", name=axis.name
-            )
+            need = "readings of the axis '{name}'"
+            raise InputError(need, "none in any capture", to_do, "cell.axes", name=axis.name)
         travel = max(read, default=0.0) - min(read, default=0.0)
         if axis.kind == "linear" and 0 < travel < _LEAST_TRAVEL_MM:
             raise InputError(

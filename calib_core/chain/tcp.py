@@ -335,12 +335,9 @@ def _require_motion(observations: Sequence[SphereObservation]) -> None:
         return
     count = len(observations)
     if count < LEAST_CAPTURES:
-        raise MotionError(
-            "at least {least_captures} captures of the sphere (better 10 to 15)",
-            str(count),
-            "Add two shifts of the scanner without turning it, then three tilts about different axes.",
-            least_captures=LEAST_CAPTURES,
-        )
+        need = "at least {least_captures} captures of the sphere (better 10 to 15)"
+        to_do = "Add two shifts of the scanner without turning it, then three tilts about different axes."
+        raise MotionError(need, str(count), to_do, least_captures=LEAST_CAPTURES)
     rotations = np.array([o.base_from_tool0.rotation for o in observations])
     positions = np.array([o.base_from_tool0.translation_mm for o in observations])
     if orientation_span(rotations)[0] >= EQUAL_ORIENTATION_RAD:

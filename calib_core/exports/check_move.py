@@ -87,9 +87,8 @@ def check_move(answer: Answer, settings: CheckSettings) -> CheckMove:
     answer.require_usable()
     _ = answer.tool  # of a scanner that stands still there is no tool to check
     if "undetermined" in (result := answer.results[answer.stage]) and result["undetermined"]:
-        raise ConflictError(
-            "a tool that is determined", "one that is not, in parts", "Capture what the guide asks."
-        )
+        to_do = "Capture what the guide asks."
+        raise ConflictError("a tool that is determined", "one that is not, in parts", to_do)
     seen = seen_in_laser_mm(answer.session, result)
     if seen is None or "sphere_center_in_base_mm" not in result:
         to_do = message("Capture the sphere standing still, with the robot's poses.")

@@ -72,9 +72,8 @@ def read(data: bytes, name: str, settings: GocatorSettings, kind: PointKind | No
     if not fitting:
         found = ", ".join(section.name for section in sections) or "none"
         need = message("a section Profile, RawProfile, Part, Surface or SurfacePointCloud")
-        raise InputError(
-            need, "the sections {found}", "Export the scan data, not measurements alone.", name, found=found
-        )
+        to_do = "Export the scan data, not measurements alone."
+        raise InputError(need, "the sections {found}", to_do, name, found=found)
     section = fitting[0]
     if section.name in _PROFILES:
         reading = _profile(section, name, settings, kind)
@@ -179,18 +178,16 @@ def _frame_points(rows: list[dict[str, Any]], header: list[str], section: _Secti
     """Return x, y and z (N, 3) of one frame."""
     by_axis = {row["Axis"]: row for row in rows}
     if "Z" not in by_axis:
-        raise InputError(
-            "a row with Axis Z for the frame", "none", "Export the ranges, not intensities alone.", where
-        )
+        to_do = "Export the ranges, not intensities alone."
+        raise InputError("a row with Axis Z for the frame", "none", to_do, where)
     z = _numbers(by_axis["Z"]["values"], by_axis["Z"]["line"], where)
     if "X" in by_axis:
         x = _numbers(by_axis["X"]["values"], by_axis["X"]["line"], where)
     else:
         x = _numbers(header[header.index("Axis") + 1 :], section.first_line, where)
         if np.isnan(x).any() or (np.diff(x) == 0).any():
-            raise InputError(
-                "x positions behind Axis in the header", "something else", "Copy or export it again.", where
-            )
+            to_do = "Copy or export it again."
+            raise InputError("x positions behind Axis in the header", "something else", to_do, where)
     return np.column_stack([x, np.full(len(z), by_axis["Z"]["Y"]), z])
 
 
@@ -220,9 +217,8 @@ def _point_cloud(section: _Section, where: str, settings: GocatorSettings) -> Re
     table = parse_table("\n".join(section.lines[3:]), where, _EXAMPLE, section.first_line + 3)
     rows, width = table.values.shape
     if width % 3:
-        raise InputError(
-            "x, y, z after each other in a line", "{width} values", "Copy or export it again.", where, width=width
-        )
+        to_do = "Copy or export it again."
+        raise InputError("x, y, z after each other in a line", "{width} values", to_do, where, width=width)
     axes = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
     reading = points_of(table.values.reshape(-1, 3), axes, "cloud", where, settings)
     return replace(reading, grid=(rows, width // 3)) if min(rows, width // 3) > 1 else reading

@@ -130,9 +130,8 @@ def _require_plausible(data: bytes, name: str) -> bool:
         need = "a whole LAS or LAZ file"
         raise InputError(need, "points that begin at byte {first_point}", _TO_DO, name, first_point=first_point)
     if records * _RECORD_HEAD > first_point - header_size:
-        raise InputError(
-            "a whole LAS or LAZ file", "{records} records before the points", _TO_DO, name, records=records
-        )
+        need = "a whole LAS or LAZ file"
+        raise InputError(need, "{records} records before the points", _TO_DO, name, records=records)
     if packed and first_point + 8 <= len(data):
         (table,) = struct.unpack_from("<q", data, first_point)
         table = struct.unpack_from("<q", data, len(data) - 8)[0] if table == -1 else table
@@ -157,9 +156,8 @@ def _require_item_sizes(records: bytes, point_bytes: int, name: str) -> None:
         sizes = []
     if sum(sizes) != point_bytes:
         got = message("{sizes} in its packing", sizes=sum(sizes))
-        raise InputError(
-            "points of {point_bytes} bytes, as its header says", got, _TO_DO, name, point_bytes=point_bytes
-        )
+        need = "points of {point_bytes} bytes, as its header says"
+        raise InputError(need, got, _TO_DO, name, point_bytes=point_bytes)
 
 
 _STEP_M: Final = 1e-6

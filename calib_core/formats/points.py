@@ -46,14 +46,8 @@ def recognise(data: bytes, name: str, kind: Kind | None = None) -> tuple[Format,
     if not match.sure:
         endings = ", ".join(endings_of(kind) if kind else endings_of())
         to_do = message("Export it in one of these formats.")
-        raise InputError(
-            "a {kind} as {endings}",
-            ending_of(name) or "no ending",
-            to_do,
-            name,
-            kind=kind or "file",
-            endings=endings,
-        )
+        need = "a {kind} as {endings}"
+        raise InputError(need, ending_of(name) or "no ending", to_do, name, kind=kind or "file", endings=endings)
     return entry, match
 
 
@@ -88,13 +82,11 @@ def read_file(
     require_file_size(len(data), name, MAX_PROFILE_BYTES if kind == "profile" else MAX_FILE_BYTES)
     entry = FORMATS.get(format_name, name) if format_name else recognise(data, name, kind)[0]
     if not data:
-        raise InputError(
-            "a {kind} with points", "an empty file", "Copy or export it again.", name, kind=kind or "file"
-        )
+        to_do = "Copy or export it again."
+        raise InputError("a {kind} with points", "an empty file", to_do, name, kind=kind or "file")
     if entry.read is None:
-        raise InputError(
-            "a file of points", "a file of the format '{entry}'", "Export its points.", name, entry=entry.name
-        )
+        to_do = "Export its points."
+        raise InputError("a file of points", "a file of the format '{entry}'", to_do, name, entry=entry.name)
     told = _settings(entry, settings or {}, name)
     try:
         reading = entry.read(data, name, told, kind)
@@ -103,9 +95,8 @@ def read_file(
     except Exception as error:  # a reader of another package: its fault must not look like one of the file alone
         if not entry.read.__module__.startswith("calib_core."):
             got = f"{type(error).__name__}: {error}"[:200]
-            raise InputError(
-                "a file as '{entry}'", got, "Tell the makers of that format.", name, entry=entry.name
-            ) from error
+            to_do = "Tell the makers of that format."
+            raise InputError("a file as '{entry}'", got, to_do, name, entry=entry.name) from error
         raise
     require_kind(reading.kind, kind, name, message("the axes {axes}", axes=", ".join(reading.axes)))
     reading = reading.scaled(told)

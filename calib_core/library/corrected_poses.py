@@ -161,9 +161,8 @@ def _joint_table(path: Path, count: int) -> tuple[list[_Row], list[dict[str, Any
         return None
     if len(columns) < count:
         node = f"j{len(columns) + 1}_deg"
-        raise InputError(
-            "a column for each of the arm's joints, j1_deg …", "none of {node}", "Add it.", path.name, node=node
-        )
+        need = "a column for each of the arm's joints, j1_deg …"
+        raise InputError(need, "none of {node}", "Add it.", path.name, node=node)
     named = head.index("name") if "name" in head else -1
     rows: list[_Row] = []
     skipped: list[dict[str, Any]] = []

@@ -49,9 +49,8 @@ def find_charuco(grey: NDArray[np.uint8], board: Board) -> tuple[FloatArray, NDA
     pitch_x_mm, pitch_y_mm = board.pitches_mm
     places[:, 0], places[:, 1] = (ids % columns + 1) * pitch_x_mm, (ids // columns + 1) * pitch_y_mm
     if np.linalg.matrix_rank(places[:, :2] - places[0, :2], tol=0.1 * board.pitch_mm) < 2:
-        raise MeasurementError(
-            "corners in at least two rows and columns", "corners in one line", "Show more of the board."
-        )
+        to_do = "Show more of the board."
+        raise MeasurementError("corners in at least two rows and columns", "corners in one line", to_do)
     clean = np.ones(len(ids), dtype=bool)
     fitted = _fitted(grey, board, points, places)
     if fitted is not None and fitted.clean.sum() >= _FEWEST_CORNERS:
@@ -153,13 +152,10 @@ def _why_not(grey: NDArray[np.uint8], board: Board, corners: int, markers: int) 
             return MeasurementError(*MIRRORED)
         assert board.dictionary is not None
         if markers < _FEWEST_MARKERS and (other := dictionary_in(grey)):
+            need = "markers of {dictionary}, as cell.board says"
+            to_do = "Correct the dictionary in cell.board."
             return MeasurementError(
-                "markers of {dictionary}, as cell.board says",
-                "markers of {other}",
-                "Correct the dictionary in cell.board.",
-                CELL_BOARD,
-                dictionary=board.dictionary,
-                other=other,
+                need, "markers of {other}", to_do, CELL_BOARD, dictionary=board.dictionary, other=other
             )
     if corners or markers:
         return MeasurementError(

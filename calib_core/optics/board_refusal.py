@@ -42,12 +42,8 @@ def board_words(kind: str, columns: int, rows: int) -> Message:
 
 def other_board(board: Board, seen: Message) -> MeasurementError:
     """Return that a frame shows another board than the told one."""
-    return MeasurementError(
-        board_words(board.kind, board.columns, board.rows),
-        seen,
-        "Correct kind, columns and rows in cell.board.",
-        CELL_BOARD,
-    )
+    to_do = "Correct kind, columns and rows in cell.board."
+    return MeasurementError(board_words(board.kind, board.columns, board.rows), seen, to_do, CELL_BOARD)
 
 
 def grey_eight_bit(image: NDArray[Any]) -> Grey:
@@ -105,9 +101,8 @@ def refuse_flat_image(grey: Grey) -> None:
         if bright < 30
         else message("a blank frame, grey {dark:.0f} to {bright:.0f} of 255", dark=dark, bright=bright)
     )
-    raise MeasurementError(
-        "a frame that shows the board", got, "Light the board, and check the exposure and lens cap."
-    )
+    to_do = "Light the board, and check the exposure and lens cap."
+    raise MeasurementError("a frame that shows the board", got, to_do)
 
 
 def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> MeasurementError:
@@ -115,24 +110,16 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
     need = message("the whole board, {board}", board=board_words(board.kind, board.columns, board.rows))
     saturated = float((grey >= 255).mean())
     if saturated > 0.5:
-        return MeasurementError(
-            need,
-            "a frame that is saturated over {saturated:.0%}",
-            "Shorten the exposure or dim the laser or the lamps.",
-            saturated=saturated,
-        )
+        to_do = "Shorten the exposure or dim the laser or the lamps."
+        return MeasurementError(need, "a frame that is saturated over {saturated:.0%}", to_do, saturated=saturated)
     (bright,) = grey_levels(grey, [99.5])
     if bright < 60:
-        return MeasurementError(
-            need,
-            "a frame too dark to find it (brightest grey {bright:.0f} of 255)",
-            "Light the board, and check the exposure and lens cap.",
-            bright=bright,
-        )
+        got = "a frame too dark to find it (brightest grey {bright:.0f} of 255)"
+        to_do = "Light the board, and check the exposure and lens cap."
+        return MeasurementError(need, got, to_do, bright=bright)
     if is_blurred(grey):
-        return MeasurementError(
-            need, "a blurred frame without a sharp edge", "Focus the lens, hold the board still, or expose less."
-        )
+        to_do = "Focus the lens, hold the board still, or expose less."
+        return MeasurementError(need, "a blurred frame without a sharp edge", to_do)
     if seen is not None:
         rows, columns = seen.shape[:2]
         if columns * rows > board.columns * board.rows or (columns > board.columns and rows >= board.rows):
@@ -155,11 +142,8 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
             columns=columns,
             rows=rows,
         )
-    return MeasurementError(
-        need,
-        "no board",
-        "Bring the whole board into the frame, evenly lit, and check kind, columns and rows in cell.board.",
-    )
+    to_do = "Bring the whole board into the frame, evenly lit, and check kind, columns and rows in cell.board."
+    return MeasurementError(need, "no board", to_do)
 
 
 def is_blurred(grey: Grey) -> bool:

@@ -75,18 +75,14 @@ class CameraModel:
         matrix = np.array(self.camera_matrix, dtype=float)
         distortion = _full_distortion(self.distortion)
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
-            raise InputError(
-                "a camera matrix of 3×3 numbers with positive focal lengths",
-                str(np.array2string(matrix, precision=4)).replace("\n", ""),
-                "Give fx 0 cx / 0 fy cy / 0 0 1 in pixels.",
-            )
+            need = "a camera matrix of 3×3 numbers with positive focal lengths"
+            to_do = "Give fx 0 cx / 0 fy cy / 0 0 1 in pixels."
+            raise InputError(need, str(np.array2string(matrix, precision=4)).replace("\n", ""), to_do)
         if (self.model == "segmental") != (len(self.segments) > 1):
+            need = "at least two bands of depth for a segmental camera, and none for another"
+            to_do = "Give the segments that the calibration found."
             raise InputError(
-                "at least two bands of depth for a segmental camera, and none for another",
-                "model '{model}' with {count} bands",
-                "Give the segments that the calibration found.",
-                model=self.model,
-                count=len(self.segments),
+                need, "model '{model}' with {count} bands", to_do, model=self.model, count=len(self.segments)
             )
         object.__setattr__(self, "camera_matrix", matrix)
         object.__setattr__(self, "distortion", distortion)
@@ -104,12 +100,9 @@ class CameraModel:
         """
         unknown = sorted(set(distortion) - set(COEFFICIENTS))
         if unknown:
-            raise InputError(
-                "distortion coefficients among {coefficients}",
-                ", ".join(unknown),
-                "Use OpenCV's names; the tilts are tauX and tauY in rad.",
-                coefficients=", ".join(COEFFICIENTS),
-            )
+            need = "distortion coefficients among {coefficients}"
+            to_do = "Use OpenCV's names; the tilts are tauX and tauY in rad."
+            raise InputError(need, ", ".join(unknown), to_do, coefficients=", ".join(COEFFICIENTS))
         d = np.array([float(distortion.get(name, 0.0)) for name in COEFFICIENTS])
         return cls(np.asarray(camera_matrix, dtype=float), d, _simplest_model(d), image_size)
 
@@ -225,11 +218,8 @@ class CameraModel:
         elif self.inverse_depth_of_laser is not None:
             q[:] = self.inverse_depth_of_laser
         else:
-            raise InputError(
-                "the plane of light, or a depth, for a camera whose distortion changes with depth",
-                "neither",
-                "Calibrate the laser plane first.",
-            )
+            need = "the plane of light, or a depth, for a camera whose distortion changes with depth"
+            raise InputError(need, "neither", "Calibrate the laser plane first.")
         return self.within_fold(undistort_over_depth(p, self.rays_from_pixels, *self.bands, q))
 
 

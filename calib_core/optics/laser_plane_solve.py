@@ -148,11 +148,9 @@ def solve_plane(
         If too few boards carry the stripe, or their lines do not fix a plane.
     """
     if len(views) < 2:
-        raise MotionError(
-            "at least two boards with the stripe on them, better five at different distances",
-            f"{len(views)}",
-            "Capture the board with the stripe on it at other distances and tilts.",
-        )
+        need = "at least two boards with the stripe on them, better five at different distances"
+        to_do = "Capture the board with the stripe on it at other distances and tilts."
+        raise MotionError(need, f"{len(views)}", to_do)
     others = () if camera_uncertainty is None else camera_uncertainty.boards or ()
     shape = None if camera_uncertainty is None else camera_uncertainty.shape
     corners = _corners([*(v.board for v in views), *others], shape)

@@ -238,21 +238,15 @@ def _no_stripe(
 
     need = message("a laser stripe with at least {least_centers} clean peaks", least_centers=options.least_centers)
     if int(image.min()) >= saturation:
-        return MeasurementError(
-            need, "a saturated frame, white all over", "Shorten the exposure or dim the laser or the lamps."
-        )
+        to_do = "Shorten the exposure or dim the laser or the lamps."
+        return MeasurementError(need, "a saturated frame, white all over", to_do)
     if int(image.max()) == int(image.min()):
-        return MeasurementError(
-            need,
-            "a blank frame (every pixel is {image})",
-            "Check that laser and exposure are on.",
-            image=int(image.max()),
-        )
+        to_do = "Check that laser and exposure are on."
+        return MeasurementError(need, "a blank frame (every pixel is {image})", to_do, image=int(image.max()))
     counts = np.bincount(codes, minlength=len(_REASONS))
     if float(np.mean(image >= saturation)) > 0.3 or counts[kernel.SATURATED] > counts.sum() / 4:
-        return MeasurementError(
-            need, "a frame that is saturated", "Shorten the exposure or dim the laser or the lamps."
-        )
+        to_do = "Shorten the exposure or dim the laser or the lamps."
+        return MeasurementError(need, "a frame that is saturated", to_do)
     advice = {
         kernel.DOUBLE: ("two peaks of like brightness in most columns", "Shade reflections and other lasers."),
         kernel.SHAPE: ("peaks that are irregular or too wide", "Focus the camera and dim the room."),

@@ -58,11 +58,9 @@ class ProfileCalibration:
         frame = camera_from_laser or camera_from_laser_of(n, d)
         y_axis, origin = frame.rotation[:, 1], frame.translation_mm
         if abs(abs(float(y_axis @ n)) - 1) > 1e-6 or abs(float(n @ origin) - d) > 1e-3:
-            raise InputError(
-                "a camera_from_laser whose y axis is the plane's normal and whose origin lies in the plane",
-                "one that is off the plane",
-                "Leave camera_from_laser out; it follows from the plane.",
-            )
+            need = "a camera_from_laser whose y axis is the plane's normal and whose origin lies in the plane"
+            to_do = "Leave camera_from_laser out; it follows from the plane."
+            raise InputError(need, "one that is off the plane", to_do)
         return cls(camera.with_laser_plane(n, d) if camera.segments else camera, n, d, frame)
 
     @cached_property

@@ -119,9 +119,8 @@ def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
     best = [name for name, count in counts.items() if count == most]
     if len(best) > 1:
         to_do = message("Name the brand with --brand: {best}.", best=", ".join(best))
-        raise InputError(
-            "files of one brand", "files that {best} could have written", to_do, where, best=" and ".join(best)
-        )
+        need = "files of one brand"
+        raise InputError(need, "files that {best} could have written", to_do, where, best=" and ".join(best))
     return BRANDS.get(best[0])
 
 

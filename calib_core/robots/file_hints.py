@@ -44,9 +44,8 @@ class Told:
         names = [field.name for field in fields(cls)]
         for name, word in words.items():
             if name not in names:
-                raise InputError(
-                    "one of {names}", f"'{name}'", "Say it as NAME=VALUE.", "told", names=", ".join(names)
-                )
+                to_do = "Say it as NAME=VALUE."
+                raise InputError("one of {names}", f"'{name}'", to_do, "told", names=", ".join(names))
             if len(word) > _LONGEST:
                 need = "at most {longest} characters"
                 raise InputError(need, f"{len(word)}", "Shorten it.", f"told: {name}", longest=_LONGEST)

@@ -42,12 +42,9 @@ def retake(simulated: SimulatedSession, capture: str, name: str, seed: int) -> t
     world = simulated.world
     shot = None if world is None else next((shot for shot in world.shots if shot.name == capture), None)
     if world is None or shot is None:
-        raise ConflictError(
-            "a simulated capture of the sphere by a scanner of profiles, clouds or centres",
-            "{capture!r}, which is none",
-            "Delete it and capture: the simulated cell then takes it as it did.",
-            capture=capture,
-        )
+        need = "a simulated capture of the sphere by a scanner of profiles, clouds or centres"
+        to_do = "Delete it and capture: the simulated cell then takes it as it did."
+        raise ConflictError(need, "{capture!r}, which is none", to_do, capture=capture)
     again = _again(world, shot, name, np.random.default_rng([seed, 20_265]))
     return Capture.model_validate(shot_record(again, world)), shot_files(again, world)
 

@@ -123,19 +123,16 @@ def fit_arc(
 def _distinct_finite(given: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     """Return the distinct finite points in their order, and each given row's point (−1 for blanks)."""
     if np.isinf(given).any():
+        need = "finite numbers, or NaN where nothing came back"
+        to_do = "Write blanks or NaN where the scanner saw nothing."
         raise MeasurementError(
-            "finite numbers, or NaN where nothing came back",
-            "infinity in row {given}",
-            "Write blanks or NaN where the scanner saw nothing.",
-            given=int(np.isinf(given).any(axis=1).argmax()) + 1,
+            need, "infinity in row {given}", to_do, given=int(np.isinf(given).any(axis=1).argmax()) + 1
         )
     rows = np.flatnonzero(np.isfinite(given).all(axis=1))
     if len(rows) == 0:
-        raise MeasurementError(
-            "a profile with points",
-            plural("{count} row, all blank", "{count} rows, all blank", by="count", count=len(given)),
-            "Bring the sphere into the scanner's range and check the exposure.",
-        )
+        got = plural("{count} row, all blank", "{count} rows, all blank", by="count", count=len(given))
+        to_do = "Bring the sphere into the scanner's range and check the exposure."
+        raise MeasurementError("a profile with points", got, to_do)
     keys = given[rows, 0] + 1j * given[rows, 1]  # sorts faster than rows do
     _, first, member = np.unique(keys, return_index=True, return_inverse=True)
     by_first = np.argsort(first)
@@ -228,11 +225,8 @@ def _the_one(arcs: list[FoundArc], diameter_mm: float | None, z_axis: str | None
         return max(possible, key=lambda arc: (arc.is_long, arc.sharpness))
     clear = [arc for arc in arcs if arc.is_clear]
     if not clear:
-        raise MeasurementError(
-            "the arc of a sphere in the profile",
-            "none: nothing in it is round enough",
-            "Aim the stripe at the sphere, off its edge, and see that nothing hides it.",
-        )
+        to_do = "Aim the stripe at the sphere, off its edge, and see that nothing hides it."
+        raise MeasurementError("the arc of a sphere in the profile", "none: nothing in it is round enough", to_do)
     best = max(clear, key=lambda arc: (arc.is_long, arc.sharpness))
     if not best.tells_enough:
         raise MeasurementError(

@@ -169,11 +169,9 @@ def _found(sample: FloatArray, diameter_mm: float | None) -> tuple[FloatArray, f
 
 
 def _no_sphere() -> MeasurementError:
-    return MeasurementError(
-        "a sphere in the cloud",
-        "none: nothing in it is round enough on every side that is seen",
-        "See that a quarter of the sphere or more is in view, and that the cloud holds several stripes of it.",
-    )
+    need = "a sphere in the cloud"
+    to_do = "See that a quarter of the sphere or more is in view, and that the cloud holds several stripes of it."
+    return MeasurementError(need, "none: nothing in it is round enough on every side that is seen", to_do)
 
 
 def _search(sample: FloatArray, radius_mm: float | None) -> tuple[FloatArray, float] | None:

@@ -32,17 +32,13 @@ def points_as_rows(points: ArrayLike, columns: int, what: str) -> FloatArray:
     """
     array = np.asarray(points, dtype=float)
     if array.size == 0:
-        raise MeasurementError(
-            "a {kind} with points", "an empty one", "Check the scanner's exposure and its file.", kind=what
-        )
+        to_do = "Check the scanner's exposure and its file."
+        raise MeasurementError("a {kind} with points", "an empty one", to_do, kind=what)
     if array.ndim != 2 or array.shape[1] != columns:
+        need = "a {what} as an array of N rows and {columns} columns"
+        to_do = "Write one point a line."
         raise MeasurementError(
-            "a {what} as an array of N rows and {columns} columns",
-            "an array of shape {shape}",
-            "Write one point a line.",
-            what=what,
-            columns=columns,
-            shape=array.shape,
+            need, "an array of shape {shape}", to_do, what=what, columns=columns, shape=array.shape
         )
     return array
 
@@ -50,9 +46,8 @@ def points_as_rows(points: ArrayLike, columns: int, what: str) -> FloatArray:
 def require_diameter(diameter_mm: float | None) -> None:
     """Raise MeasurementError unless the diameter is None or a positive finite number."""
     if diameter_mm is not None and not (np.isfinite(diameter_mm) and diameter_mm > 0):
-        raise MeasurementError(
-            "a positive diameter in mm", f"{diameter_mm}", "Give the diameter from the sphere's certificate."
-        )
+        to_do = "Give the diameter from the sphere's certificate."
+        raise MeasurementError("a positive diameter in mm", f"{diameter_mm}", to_do)
 
 
 def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> MeasurementError:
@@ -79,9 +74,8 @@ def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> Measure
             to_do = message("The points look like micrometres: give them in mm.")
         return MeasurementError(need, got, to_do)
     if _explains(radius_mm * 1000, stated_mm, shape):
-        return MeasurementError(
-            need, got, "The points look like metres: give them in mm (multiply by 1000, or state the unit m)."
-        )
+        to_do = "The points look like metres: give them in mm (multiply by 1000, or state the unit m)."
+        return MeasurementError(need, got, to_do)
     if radius_mm > _CLEARLY_LARGER * stated_mm and _explains(radius_mm, diameter_mm, shape):
         return MeasurementError(
             need,
@@ -91,12 +85,8 @@ def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> Measure
             diameter_mm=2 * diameter_mm,
         )
     larger = "larger" if radius_mm > stated_mm else "smaller"
-    return MeasurementError(
-        need,
-        got,
-        "The sphere measured is {larger} than stated: correct the diameter, or keep other round things away.",
-        larger=larger,
-    )
+    to_do = "The sphere measured is {larger} than stated: correct the diameter, or keep other round things away."
+    return MeasurementError(need, got, to_do, larger=larger)
 
 
 def _explains(radius_mm: float, stated_mm: float, shape: str) -> bool:

@@ -115,9 +115,8 @@ def solve_stage(
         to_do = message(
             "Correct sigmas that are far too large or too small; `scancell check` names doubtful captures."
         )
-        raise MotionError(
-            "captures and sigmas that determine an answer", "equations without one", to_do, stage
-        ) from None
+        need = "captures and sigmas that determine an answer"
+        raise MotionError(need, "equations without one", to_do, stage) from None
     result = judged(result, temperature_findings(session, entry))
     return with_evidence(session, complete(result))
 

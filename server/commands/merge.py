@@ -96,12 +96,8 @@ def _captures(files: dict[str, Path], poses: Path | None) -> Iterable[dict[str, 
     scans = [(name, k, own) for name, path in files.items() for k, own in enumerate(_own_poses(path))]
     if told is not None and len(told) != len(scans):
         to_do = message("Give one for each, in their order.")
-        raise InputError(
-            plural("{count} pose", "{count} poses", by="count", count=len(scans)),
-            f"{len(told)}",
-            to_do,
-            str(poses),
-        )
+        need = plural("{count} pose", "{count} poses", by="count", count=len(scans))
+        raise InputError(need, f"{len(told)}", to_do, str(poses))
     for number, (name, k, own) in enumerate(scans):
         listed = None if told is None else parse_pose(told[number].convention, told[number].pose or ())
         pose = own if listed is None else listed.matrix.ravel().tolist()

@@ -57,13 +57,9 @@ def _run(options: argparse.Namespace) -> int:
         shown = [c for c in session.captures if not c.excluded and c.kind != "frame"]
         measured = [measure_capture(session, capture, read) for capture in shown]
     if options.step not in planned_steps():
-        raise InputError(
-            "a step among {planned_steps}",
-            f"'{options.step}'",
-            "Name one of these.",
-            "--step",
-            planned_steps=", ".join(planned_steps()),
-        )
+        need = "a step among {planned_steps}"
+        to_do = "Name one of these."
+        raise InputError(need, f"'{options.step}'", to_do, "--step", planned_steps=", ".join(planned_steps()))
     if options.count is None:
         now = guide(session, measured, results, stale).current
         print_result(options, _text(now), now.to_json())

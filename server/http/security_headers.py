@@ -64,9 +64,8 @@ class SecurityHeaders:
             _check_origin(headers, host)
         length, limit = headers.get("content-length", ""), self._limit(scope)
         if length.isdecimal() and int(length) > limit:
-            raise TooLargeError(
-                "at most {limit} bytes in one request", length, "Send less at once.", "request", limit=limit
-            )
+            to_do = "Send less at once."
+            raise TooLargeError("at most {limit} bytes in one request", length, to_do, "request", limit=limit)
 
     def _is_own(self, host: str) -> bool:
         try:

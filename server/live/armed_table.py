@@ -188,9 +188,8 @@ class ArmedTables:
             to_do = message("Install it: pip install 'scancell[{extra}]'.", extra=entry.extra)
             raise ConflictError("what {title} needs", "not installed", to_do, "mover", title=entry.title) from None
         except OSError as error:
-            raise ConflictError(
-                "a table that answers", str(error), "Check address, cable and power.", "host"
-            ) from None
+            to_do = "Check address, cable and power."
+            raise ConflictError("a table that answers", str(error), to_do, "host") from None
         armed = self._armed[session_id] = ArmedTable(mover, arming, lambda: self._newest(session_id))
         armed.end = threading.Timer(60.0 * arming.minutes, self._expire, (session_id, armed))
         armed.end.daemon = True

@@ -156,9 +156,8 @@ def pose_of(sent: Message, convention: str) -> tuple[list[float], RigidTransform
     rows = parse_pose_lines(convention, sent.pose.replace('"', " "))
     if len(rows) != 1 or rows[0].numbers is None or rows[0].pose is None:
         got = rows[0].problem if len(rows) == 1 and rows[0].problem else message("no pose")
-        raise InputError(
-            "a pose as {convention} writes it", got, "Send the flange's pose in the base.", convention=convention
-        )
+        to_do = "Send the flange's pose in the base."
+        raise InputError("a pose as {convention} writes it", got, to_do, convention=convention)
     return rows[0].numbers, rows[0].pose
 
 

@@ -121,9 +121,8 @@ class LiveCells:
         source = SOURCES.get(source_name, "source")
         if source.connect is None:
             live = ", ".join(other.name for other in SOURCES if other.connect)
-            raise InputError(
-                "a live source among {live}", f"'{source_name}'", "Name one of these.", "source", live=live
-            )
+            to_do = "Name one of these."
+            raise InputError("a live source among {live}", f"'{source_name}'", to_do, "source", live=live)
         with self._lock:
             with self._store.write() as db:
                 session = locked_session(db, session_id)

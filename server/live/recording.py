@@ -154,9 +154,8 @@ def on_one_clock(recorded: Recorded, clocks: MeasuredClocks) -> tuple[Recorded, 
     kept_s = [track_s[k] for k in around]
     gap_s = max((later - earlier for earlier, later in pairwise(kept_s)), default=0.0)
     if gap_s > _MOST_GAP_S:
-        raise MeasurementError(
-            "a recording without a gap", "{gap_s:.2f} s without one", "Let the robot send more often.", gap_s=gap_s
-        )
+        to_do = "Let the robot send more often."
+        raise MeasurementError("a recording without a gap", "{gap_s:.2f} s without one", to_do, gap_s=gap_s)
     speed_mm_s = speed_of(kept)
     if speed_mm_s > _STANDS_MM_S:
         _require_offset(speed_mm_s, clocks, same_clocks)

@@ -197,9 +197,8 @@ class RobotPorts:
             return Answer(
                 True, "good" if stored.measured["verdict"] == "pass" else "weak", message.capture, zone
             ), shot
-        raise ConflictError(
-            "a new capture", "{capture} is stored already", "Use another name.", capture=message.capture
-        )
+        to_do = "Use another name."
+        raise ConflictError("a new capture", "{capture} is stored already", to_do, capture=message.capture)
 
     async def _serve(self, port: OpenPort, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         address = str(writer.get_extra_info("peername")[0])

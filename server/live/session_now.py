@@ -74,6 +74,5 @@ class SessionNow:
 
 
 def _no_file(name: str) -> bytes:
-    raise InputError(
-        "camera and plane of light in the cell", "the file {name} to solve them from", "Solve them.", name=name
-    )
+    need = "camera and plane of light in the cell"
+    raise InputError(need, "the file {name} to solve them from", "Solve them.", name=name)

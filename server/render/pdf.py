@@ -112,9 +112,8 @@ def pdf_of(
         except OSError as error:
             raise InputError("a browser that prints", f"{program}: {error}"[:200], instead, where) from None
         if not target.exists():
-            raise InputError(
-                "a browser that prints", "{program}, which wrote no PDF", instead, where, program=program
-            )
+            need = "a browser that prints"
+            raise InputError(need, "{program}, which wrote no PDF", instead, where, program=program)
         if target.stat().st_size > _LARGEST_BYTES:
             need = "a PDF of {largest_bytes} bytes at most"
             raise InputError(need, "a larger one", instead, where, largest_bytes=_LARGEST_BYTES)

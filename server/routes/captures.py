@@ -88,13 +88,8 @@ async def add(
     if not isinstance(data, dict):
         raise InputError("a JSON object as the record", type(data).__name__, "Send one at a time.", "record")
     if len(files) > settings.max_files_per_capture:
-        raise TooLargeError(
-            "at most {most_files} files",
-            f"{len(files)}",
-            "Split it.",
-            "files",
-            most_files=settings.max_files_per_capture,
-        )
+        need = "at most {most_files} files"
+        raise TooLargeError(need, f"{len(files)}", "Split it.", "files", most_files=settings.max_files_per_capture)
     data.pop("measured", None)  # of a record that came from here
     async with memory.taken(sum(file.size or 0 for file in files)):
         contents = named_files(data, [(file.filename or "", await file.read()) for file in files])

@@ -215,9 +215,8 @@ def picture(session_id: ExistingSession, cells: LiveCellsDep) -> Response:
     ending = exposure.frame.name.rpartition(".")[2].lower() if exposure else ""
     media = {"png": "image/png", "jpg": "image/jpeg", "jpeg": "image/jpeg", "bmp": "image/bmp"}.get(ending)
     if exposure is None or media is None:
-        raise NotFoundError(
-            "an image of a camera that is connected", "none", "Connect one in the session's devices.", "devices"
-        )
+        to_do = "Connect one in the session's devices."
+        raise NotFoundError("an image of a camera that is connected", "none", to_do, "devices")
     return Response(exposure.frame.content, media_type=media, headers={"Cache-Control": "no-store"})
 
 

@@ -98,9 +98,8 @@ async def read_back_tool(
             with store.read() as db:
                 answer = session_answer(db, load_session(db, store.blobs, session_id))
             if bool(numbers.strip()) == bool(contents):
-                raise InputError(
-                    "the controller's files or numbers", "both or neither", "Name one of these.", "read-back"
-                )
+                to_do = "Name one of these."
+                raise InputError("the controller's files or numbers", "both or neither", to_do, "read-back")
             if contents:
                 known, pose = frame_in(contents, brand or None, tool or None, answer.mount_from_laser)
             else:

@@ -78,9 +78,8 @@ class FanucCurpos:
                 raise InputError("the world position", "none that is calibrated", "Master the robot.", "world")
             if tool not in (None, 0) and not chosen.tool:
                 to_do = message("Give its X Y Z W P R in the source's settings, or activate UTOOL 0.")
-                raise InputError(
-                    "the flange: UTOOL 0", "UTOOL {tool}, whose place is not known", to_do, "tool", tool=tool
-                )
+                need = "the flange: UTOOL 0"
+                raise InputError(need, "UTOOL {tool}, whose place is not known", to_do, "tool", tool=tool)
             pose = flange_of(chosen, "fanuc", parse_pose("fanuc", list(told["world"])))
         return Sample(host_now_s(), None, pose, joints or None, self._table(groups), None, tool)
 

@@ -141,9 +141,8 @@ def _fields(text: str, note: str) -> dict[str, Any]:
     try:
         data: Any = json.loads(text)
     except ValueError as error:
-        raise InputError(
-            "JSON", "something else ({error})", "Write the capture's record as JSON.", note, error=error
-        ) from None
+        to_do = "Write the capture's record as JSON."
+        raise InputError("JSON", "something else ({error})", to_do, note, error=error) from None
     if not isinstance(data, dict):
         raise InputError("a JSON object", type(data).__name__, "Write the capture's record as JSON.", note)
     return {name: value for name, value in data.items() if name not in ("files", "measured")}

@@ -210,9 +210,8 @@ class Watcher:
         with os.fdopen(handle, "rb") as file:
             content = file.read(self._max_bytes + 1)
         if len(content) > self._max_bytes:
-            raise TooLargeError(
-                "at most {max_bytes} bytes", "more", "Thin the points.", path.name, max_bytes=self._max_bytes
-            )
+            to_do = "Thin the points."
+            raise TooLargeError("at most {max_bytes} bytes", "more", to_do, path.name, max_bytes=self._max_bytes)
         return content
 
     def _inside(self, folder: str) -> Path:

@@ -137,9 +137,8 @@ class Rosbridge:
             return self._heard(kind, told["msg"], is_static=told["topic"] == "/tf_static")
         except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
             got = message("one without {error}", error=error)
-            raise InputError(
-                "a message of {types}", got, "Check the topic's type.", kind, types=_TYPES[kind]
-            ) from None
+            to_do = "Check the topic's type."
+            raise InputError("a message of {types}", got, to_do, kind, types=_TYPES[kind]) from None
 
     def _heard(self, kind: str, message: dict[str, Any], *, is_static: bool) -> Sample | None:
         if kind == "pose":

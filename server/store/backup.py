@@ -89,9 +89,8 @@ def back_up(settings: Settings, target: Path, progress: Progress = lambda _fract
         return _written(settings, source, target, progress)
     except OSError as error:
         got = (error.strerror or type(error).__name__).lower()
-        raise InputError(
-            "a place to write to", got, "Make room there, or name another folder.", str(target)
-        ) from None
+        to_do = "Make room there, or name another folder."
+        raise InputError("a place to write to", got, to_do, str(target)) from None
 
 
 def _is_ours(path: Path) -> bool:
@@ -245,9 +244,8 @@ def _manifest(source: Path) -> dict[str, Any]:
     manifest = parse_json(file.read_bytes(), str(file))
     if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
         need = "a backup of the form {format}"
-        raise InputError(
-            need, "something else", "Use the version that wrote it, or a later one.", str(file), format=_FORMAT
-        )
+        to_do = "Use the version that wrote it, or a later one."
+        raise InputError(need, "something else", to_do, str(file), format=_FORMAT)
     return manifest
 
 
@@ -275,9 +273,8 @@ def _lines(path: Path) -> Iterator[bytes]:
         with path.open("rb") as file:
             yield from file
     except FileNotFoundError:
-        raise NotFoundError(
-            "the table {file}", "nothing", "Use another backup.", str(path), file=path.name
-        ) from None
+        to_do = "Use another backup."
+        raise NotFoundError("the table {file}", "nothing", to_do, str(path), file=path.name) from None
 
 
 def _renumber(connection: sa.Connection, table: sa.Table) -> None:

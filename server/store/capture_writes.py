@@ -116,9 +116,8 @@ def _refusal(
         if known != digest:
             got = "{name}, which capture '{owner}' has with other content"
             to_do = "Name the file otherwise in the record's `files`."
-            return ConflictError(
-                "file names that are new in this session", got, to_do, capture.id, name=name, owner=owner
-            )
+            need = "file names that are new in this session"
+            return ConflictError(need, got, to_do, capture.id, name=name, owner=owner)
     return None
 
 

@@ -36,12 +36,9 @@ def folder_lock(folder: Path) -> Generator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
-        raise InputError(
-            "a folder for the data that can be written to",
-            (error.strerror or type(error).__name__).lower(),
-            "Choose another with --data, or correct its permissions.",
-            str(folder),
-        ) from None
+        need = "a folder for the data that can be written to"
+        to_do = "Choose another with --data, or correct its permissions."
+        raise InputError(need, (error.strerror or type(error).__name__).lower(), to_do, str(folder)) from None
     try:
         if not try_lock(handle):
             to_do = "End the other server, or choose another folder with --data."

@@ -126,9 +126,8 @@ def _required(row: SessionRow | None, session_id: str) -> SessionRow:
 
 def no_such_session(session_id: str) -> NotFoundError:
     """Return what is said where a session is not there."""
-    return NotFoundError(
-        "the name of a session", repr(session_id), "List the sessions: it may have been removed.", "session"
-    )
+    to_do = "List the sessions: it may have been removed."
+    return NotFoundError("the name of a session", repr(session_id), to_do, "session")
 
 
 def require_revision(row: SessionRow | CaptureRow, if_match: str | None) -> None:

@@ -158,12 +158,9 @@ def _refused(got: str, names: Sequence[str], where: str, header_above: int | Non
         listed=listed,
     )
     in_settings = message("{found} in the setting 'columns': {listed}", found=got, listed=listed)
-    return InputError(
-        "columns named x and z (a profile) or x, y and z (a cloud)",
-        in_settings if header_above is None else in_header,
-        "Name the columns in the file, or in the capture's format_settings by 'columns'.",
-        where,
-    )
+    need = "columns named x and z (a profile) or x, y and z (a cloud)"
+    to_do = "Name the columns in the file, or in the capture's format_settings by 'columns'."
+    return InputError(need, in_settings if header_above is None else in_header, to_do, where)
 
 
 def _for_kind(

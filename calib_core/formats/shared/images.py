@@ -117,9 +117,8 @@ def _header(data: bytes) -> tuple[int, int, float, bool]:
         return width, height, max(3.0, bits / 8), len(data) >= needed
     if data[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         return _tiff_header(data)
-    raise InputError(
-        "an image in PNG, TIFF, BMP or JPEG format", "something else", "Save it as PNG or TIFF of 8 or 16 bit."
-    )
+    to_do = "Save it as PNG or TIFF of 8 or 16 bit."
+    raise InputError("an image in PNG, TIFF, BMP or JPEG format", "something else", to_do)
 
 
 def _png_is_whole(data: bytes) -> bool:

@@ -35,9 +35,8 @@ class Style:
 def decode_text(data: bytes, where: str, example: str) -> str:
     """Return the text of a file in UTF-8, UTF-16 or Windows' Latin; raises InputError where it is none."""
     if not data.strip():
-        raise InputError(
-            "lines of numbers ({example})", "an empty file", "Copy or export it again.", where, example=example
-        )
+        to_do = "Copy or export it again."
+        raise InputError("lines of numbers ({example})", "an empty file", to_do, where, example=example)
     text = _decoded(data)
     if text is None:
         need = "lines of numbers as text ({example})"

@@ -198,8 +198,7 @@ def _parse_with_care(lines: list[str], head: Head, before: int, where: str, exam
             else:
                 got = "{word} in line {number}"
                 to_do = "Correct this line."
-                raise InputError(
-                    "numbers ({example})", got, to_do, where, example=example, word=shown_line(word), number=number
-                )
+                need = "numbers ({example})"
+                raise InputError(need, got, to_do, where, example=example, word=shown_line(word), number=number)
         rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, head.width)

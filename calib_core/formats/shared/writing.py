@@ -103,9 +103,8 @@ def require_replaceable(path: Path) -> None:
         raise InputError("a file or a new name", "a link, which is not replaced", to_do, str(path))
     if path.exists() and not path.is_file():
         got = "a folder" if path.is_dir() else "a device or the like"
-        raise InputError(
-            "a file or a new name", "{found}, which is not replaced", "Name another.", str(path), found=got
-        )
+        to_do = "Name another."
+        raise InputError("a file or a new name", "{found}, which is not replaced", to_do, str(path), found=got)
 
 
 def _in_large_steps(pieces: Iterable[bytes | memoryview]) -> Iterator[list[bytes | memoryview]]:
@@ -161,9 +160,8 @@ def table_of(values: ArrayLike, names: tuple[str, ...], kind: str = "<f4") -> ND
     """Return points as a table (N, K); raises InputError where there are none or names do not fit."""
     table = np.ascontiguousarray(values, dtype=kind)
     if table.ndim != 2 or not len(table):
-        raise InputError(
-            "at least one point to write", "an array of shape {shape}", "Merge scans first.", shape=table.shape
-        )
+        to_do = "Merge scans first."
+        raise InputError("at least one point to write", "an array of shape {shape}", to_do, shape=table.shape)
     if table.shape[1] != len(names) or names[:3] != XYZ:
         raise InputError(
             plural(
@@ -183,9 +181,8 @@ def faces_of(triangles: ArrayLike, points: int) -> NDArray[np.int32]:
     """Return triangles (M, 3); raises InputError where there are none or one names a point that is not there."""
     faces = np.asarray(triangles)
     if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
-        raise InputError(
-            "triangles of three corners", "an array of shape {shape}", "Mesh the cloud first.", shape=faces.shape
-        )
+        to_do = "Mesh the cloud first."
+        raise InputError("triangles of three corners", "an array of shape {shape}", to_do, shape=faces.shape)
     if faces.min() < 0 or faces.max() >= points:
         need = "corners among {points} points"
         to_do = "Give mesh and points together."

@@ -71,9 +71,8 @@ def _columns(head: list[str], width: int, told: Told, where: str) -> tuple[str, 
     if told.columns:
         convention = told.convention or ("quaternion-xyzw" if {"qx", "qw"} <= set(told.columns) else None)
         if convention is None:
-            raise InputError(
-                "the convention of the poses", "columns alone", "Say convention=kuka or the like.", where
-            )
+            to_do = "Say convention=kuka or the like."
+            raise InputError("the convention of the poses", "columns alone", to_do, where)
         wanted = [n.lower() for n in convention_named(convention).numbers.split()]
         roles = [column.strip().lower() for column in told.columns]
         if len(roles) != width:

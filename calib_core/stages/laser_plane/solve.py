@@ -62,9 +62,8 @@ def solve_laser_plane(
     views, failed = _find_all(given, boards)
     if not views:
         if not failed:
-            raise InputError(
-                "frames of the board with the stripe on it", "none", "Capture some and add them.", "captures"
-            )
+            to_do = "Capture some and add them."
+            raise InputError("frames of the board with the stripe on it", "none", to_do, "captures")
         first_name, first = likeliest_failure(failed)
         got = message(
             "{found} (none of {count} captures shows both board and stripe)", found=first.got, count=len(failed)

@@ -120,9 +120,8 @@ def plan_merge(given: StageInput) -> MergePlan:
     """Return the scans to be merged, after solving the calibration; raises as `solve` does."""
     captures = [capture for capture in given.captures if not capture.excluded]
     if not captures:
-        raise InputError(
-            "captures with step 'scan'", "none that is not excluded", "Scan the object from around.", "captures"
-        )
+        to_do = "Scan the object from around."
+        raise InputError("captures with step 'scan'", "none that is not excluded", to_do, "captures")
     found = unfit(given.session.cell, captures)
     unused = reasons_of(found)
     calibration = calibration_of_session(

@@ -81,13 +81,9 @@ def solve(given: StageInput) -> VerifyResult:
     limits = given.session.cell.verification
     count = len({o.capture for o in observed.observations})
     if count < LEAST_CAPTURES and not (same and _limited(limits)):
-        raise MotionError(
-            "{least_captures} captures with step 'verify' that show the sphere, ten are good",
-            f"{count}",
-            "Capture the sphere, standing still, from poses that were not used for the TCP.",
-            "captures",
-            least_captures=LEAST_CAPTURES,
-        )
+        need = "{least_captures} captures with step 'verify' that show the sphere, ten are good"
+        to_do = "Capture the sphere, standing still, from poses that were not used for the TCP."
+        raise MotionError(need, f"{count}", to_do, "captures", least_captures=LEAST_CAPTURES)
     groups = by_sphere(observed.observations, of_sphere)
     alone = [
         mount or scanner
@@ -96,13 +92,9 @@ def solve(given: StageInput) -> VerifyResult:
     ]
     if alone and count >= LEAST_CAPTURES:
         to_do = message("Capture sphere '{alone}' again, or give its capture the right `mount`.", alone=alone[0])
+        need = "{least_captures} captures of each sphere"
         raise MotionError(
-            "{least_captures} captures of each sphere",
-            "one of '{alone}'",
-            to_do,
-            "captures",
-            least_captures=LEAST_CAPTURES,
-            alone=alone[0],
+            need, "one of '{alone}'", to_do, "captures", least_captures=LEAST_CAPTURES, alone=alone[0]
         )
     flat = _plate(given, tool, axes)
     late = limit_findings(limits)
@@ -205,12 +197,10 @@ def _of_one_size(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
     """Return the size of the sphere that captures show; raises InputError where they show several."""
     sizes = {size.diameter_mm for capture in captures for size in sizes_in_sight(cell, capture)}
     if len(sizes) > 1:
+        need = "spheres of one size to verify with"
+        to_do = "Verify with those of one diameter."
         raise InputError(
-            "spheres of one size to verify with",
-            "{sizes}",
-            "Verify with those of one diameter.",
-            "captures",
-            sizes=", ".join(f"{one:g} mm" for one in sorted(sizes)),
+            need, "{sizes}", to_do, "captures", sizes=", ".join(f"{one:g} mm" for one in sorted(sizes))
         )
     return sphere_of(cell, captures)
 
