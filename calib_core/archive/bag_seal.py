@@ -9,6 +9,7 @@ from calib_core.archive.keys import keys
 from calib_core.archive.seals import seal_state, sealed, session_sha256
 from calib_core.errors import InputError
 from calib_core.findings.codes.provenance import NOT_SIGNED, SEAL_BROKEN
+from calib_core.records import ResultsData
 from calib_core.records.findings import Finding
 
 SEAL_FILE: Final = "scancell-seal.json"
@@ -42,7 +43,7 @@ def seal_of(record: Mapping[str, Any], digests: Mapping[str, str], moment: str) 
     return to_json_bytes(data) if "seal" in data else None
 
 
-def check_seal(bag: Bag, results: Mapping[str, Mapping[str, Any]]) -> Sealed:
+def check_seal(bag: Bag, results: ResultsData) -> Sealed:
     """Compare a bag, and the results in it, with what was signed."""
     broken = [f"results/{stage}.json" for stage, result in results.items() if seal_state(result) is False]
     data = _seal(bag)

@@ -1,19 +1,19 @@
 """When a session folder's answer was solved: solvers know no clock, and an archive's files no time."""
 
-from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from calib_core.errors import InputError
 from calib_core.moment import text_of, text_of_seconds
+from calib_core.records import ResultsData
 from calib_core.steps import tool_stages
 
 ANSWER_FILE: Final = "answer.json"
 """The name of a session's answer in an archive."""
 
 
-def solved_when(folder: Path, results: Mapping[str, Mapping[str, Any]], *, unpacked: bool) -> str:
+def solved_when(folder: Path, results: ResultsData, *, unpacked: bool) -> str:
     """Return when the results in a folder were solved, as ISO 8601 text in UTC; "" where nobody knows.
 
     Parameters
@@ -42,7 +42,7 @@ def solved_when(folder: Path, results: Mapping[str, Mapping[str, Any]], *, unpac
     return text_of_seconds(max(times_s))
 
 
-def _told(file: Path, results: Mapping[str, Mapping[str, Any]]) -> str:
+def _told(file: Path, results: ResultsData) -> str:
     """Return what an answer file says; "" where it is of others or tells no time. It may come from anywhere."""
     from calib_core.archive.folder import parse_json
 

@@ -6,6 +6,7 @@ from typing import Any, Final
 from calib_core.archive.folder import parse_json, to_json_bytes
 from calib_core.archive.seals import seal_state, sealed
 from calib_core.errors import InputError
+from calib_core.records import ResultsData
 from calib_core.records.faults import in_order
 
 RELEASE_FILE: Final = "release.json"
@@ -22,7 +23,7 @@ def release_bytes(release: Mapping[str, Any]) -> bytes:
     return to_json_bytes(sealed({"format": "scancell-release/1", **told}, {}, str(release["created"])))
 
 
-def release_told(content: bytes, results: Mapping[str, Mapping[str, Any]], solved: str) -> dict[str, Any] | None:
+def release_told(content: bytes, results: ResultsData, solved: str) -> dict[str, Any] | None:
     """Return what such a file tells of these results, solved then: `signed` is whether by one who is trusted here.
 
     None of other results, and of a file that is not what was signed: it may come from anywhere.

@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.arms.errors import ArmTerm, arm_moves, arm_terms, corrected_pose, joint_readings
 from calib_core.arms.kinematics import arm_of
 from calib_core.captures.content import pose_of
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.poses.numbers import to_pose
 from calib_core.records import Capture, Cell
@@ -20,9 +20,7 @@ def terms_of(cell: Cell) -> tuple[ArmTerm, ...]:
     return () if cell.robot.arm is None else arm_terms(arm_of(cell.robot.arm))
 
 
-def with_arm_moves(
-    cell: Cell, captures: Sequence[Capture], observations: Sequence[SphereObservation]
-) -> list[SphereObservation]:
+def with_arm_moves(cell: Cell, captures: Sequence[Capture], observations: Observations) -> list[SphereObservation]:
     """Return observations with how their flange moves by the arm's errors, where joints are known."""
     each = {capture.id: moves for capture in captures if (moves := moves_of(cell, capture)) is not None}
     return [replace(one, arm_moves=each.get(one.capture)) for one in observations]

@@ -1,9 +1,8 @@
 """Stripe centres that were dropped as they have no ray: counted as a frame is read, said wherever it counts."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations
 from calib_core.findings import Finding
 from calib_core.findings.codes.captures import LOST_RAYS
 from calib_core.frames import FloatArray
@@ -22,6 +21,6 @@ def lost_rays(dropped: int) -> list[Finding]:
     return [LOST_RAYS(count=dropped)] if dropped else []
 
 
-def lost_rays_of(observations: Sequence[SphereObservation]) -> list[Finding]:
+def lost_rays_of(observations: Observations) -> list[Finding]:
     """Return the same of the captures that a result rests on."""
     return lost_rays(sum(o.without_ray for o in observations))

@@ -3,9 +3,6 @@
 What was solved is remembered by what it was solved from, so that fourteen frames of a sphere calibrate once.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +13,7 @@ from calib_core.captures.solved_optics import camera_from_result, solve_once
 from calib_core.errors import InputError
 from calib_core.messages import plural
 from calib_core.optics.triangulate import ProfileCalibration, stripe_in_frame
-from calib_core.records import Capture, KnownCamera, KnownPlane, Session
+from calib_core.records import Capture, KnownCamera, KnownPlane, ResultsData, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import LaserPlaneResult, RefinedCamera
@@ -80,7 +77,7 @@ def can_be_calibrated(session: Session) -> bool:
     return plane and (known.camera is not None or not steps.isdisjoint(steps_that_show("board")))
 
 
-def with_solved_calibration(session: Session, results: Mapping[str, Mapping[str, Any]]) -> Session:
+def with_solved_calibration(session: Session, results: ResultsData) -> Session:
     """Return the session with camera and plane of light as they were solved, where the user brought none.
 
     Parameters

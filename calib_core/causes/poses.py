@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.causes.order import Order, handed_out, shifts, whole_orders
 from calib_core.causes.readings import Reading, changes_of, moved_poses, poses_of, readings
 from calib_core.causes.search import Posed, best_starts, misfits_mm, resettled
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.start import Centers, Start, badness, centers_of, find_start
 from calib_core.chain.start_search import random_rotations
 from calib_core.findings import Finding
@@ -48,7 +48,7 @@ class _Tried:
 
 
 def pose_causes(
-    cell: Cell, captures: Sequence[Capture], observations: Sequence[SphereObservation], sphere: SphereSize
+    cell: Cell, captures: Sequence[Capture], observations: Observations, sphere: SphereSize
 ) -> list[Finding]:
     """Return what would make the captures fit far better: another reading of all poses, or poses handed out anew.
 
@@ -90,7 +90,7 @@ def pose_causes(
 
 
 def _tried(
-    cell: Cell, rows: Sequence[Sequence[float]], observations: Sequence[SphereObservation], sphere: SphereSize
+    cell: Cell, rows: Sequence[Sequence[float]], observations: Observations, sphere: SphereSize
 ) -> list[_Tried]:
     count = len(rows)
     everyone = np.ones(count, dtype=bool)
@@ -193,7 +193,7 @@ def _cause(
     told: Reading,
     cell: Cell,
     captures: Sequence[Capture],
-    observations: Sequence[SphereObservation],
+    observations: Observations,
 ) -> Finding:
     if one.reading == told:
         return _order_cause(one, captures, observations)
@@ -218,7 +218,7 @@ def _cause(
     )
 
 
-def _order_cause(one: _Tried, captures: Sequence[Capture], observations: Sequence[SphereObservation]) -> Finding:
+def _order_cause(one: _Tried, captures: Sequence[Capture], observations: Observations) -> Finding:
     names = [o.capture for o in observations]
     places = one.order.pose_of.tolist()
     moved, lost = one.order.moved, one.order.lost

@@ -1,7 +1,6 @@
 """The root causes of a session: those of its results or, where it cannot be solved, those its files tell."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from calib_core.findings import causes_of
 from calib_core.findings.codes import causes as codes
 from calib_core.frames import RigidTransform
 from calib_core.messages import message
-from calib_core.records import BeforeAfter, Capture, Changes, RootCause, Session
+from calib_core.records import BeforeAfter, Capture, Changes, ResultsData, RootCause, Session
 from calib_core.records.callbacks import ReadFile
 
 _NO_POSE = np.eye(4).ravel().tolist()
@@ -32,7 +31,7 @@ _UNITS = ("m", "cm", "in", "um")
 
 
 def session_causes(
-    session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]], stale: Collection[str] = ()
+    session: Session, read: ReadFile, results: ResultsData, stale: Collection[str] = ()
 ) -> list[RootCause]:
     """Return the root causes of a session with all that applying them would change, the likeliest first.
 

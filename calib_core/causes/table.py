@@ -11,7 +11,7 @@ import numpy as np
 
 from calib_core.cell.axes import with_direction
 from calib_core.chain.model import ChainState
-from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.observations import SphereSize, TableObservation, TableObservations
 from calib_core.chain.table_angles import with_found_angles
 from calib_core.chain.table_frame import LEVEL, TableFrame
 from calib_core.chain.table_start import Mounts, TableStart, table_guess
@@ -46,7 +46,7 @@ class _Tried:
 
 
 def table_causes(
-    captures: Sequence[Capture], observations: Sequence[TableObservation], sphere: SphereSize, mounts: Mounts
+    captures: Sequence[Capture], observations: TableObservations, sphere: SphereSize, mounts: Mounts
 ) -> list[Finding]:
     """Return what would make captures of the sphere on the table fit far better: angles read otherwise.
 
@@ -84,7 +84,7 @@ def table_causes(
     return [_cause(one, now, captures) for one in tried[:1]]
 
 
-def _guess(observations: Sequence[TableObservation], sphere: SphereSize, mounts: Mounts) -> TableStart | None:
+def _guess(observations: TableObservations, sphere: SphereSize, mounts: Mounts) -> TableStart | None:
     try:
         return table_guess(observations, sphere, mounts)
     except CalibrationError:  # fewer than three angles
@@ -129,7 +129,7 @@ def axis_direction_findings(cell: Cell, state: ChainState) -> list[Finding]:
     return found
 
 
-def read_anew(observations: Sequence[TableObservation], reading: TableReading) -> list[TableObservation]:
+def read_anew(observations: TableObservations, reading: TableReading) -> list[TableObservation]:
     """Return captures of the table with their angles read in another way."""
     names = [o.sphere.capture for o in observations]
     first = names.index(reading.since) if reading.since in names else 0
@@ -152,7 +152,7 @@ def angles_of(reading: TableReading, captures: Sequence[Capture]) -> Changes:
     return Changes(captures=patches)
 
 
-def _factors(observations: Sequence[TableObservation], found_rad: FloatArray) -> list[tuple[TableReading, str]]:
+def _factors(observations: TableObservations, found_rad: FloatArray) -> list[tuple[TableReading, str]]:
     """Return the factor of the told angles by which they turn as the sphere did, and the name of their unit."""
     told = np.array([o.angle_rad for o in observations])
     spread = float(np.ptp(told))
@@ -174,7 +174,7 @@ def _factors(observations: Sequence[TableObservation], found_rad: FloatArray) ->
     return [(TableReading(factor=factor), "factor")]
 
 
-def _lost_steps(observations: Sequence[TableObservation], found_rad: FloatArray) -> list[tuple[TableReading, str]]:
+def _lost_steps(observations: TableObservations, found_rad: FloatArray) -> list[tuple[TableReading, str]]:
     """Return the captures from which on the table stood further, or less far, than told, and by how much."""
     told = np.array([o.angle_rad for o in observations])
     best: tuple[float, str, float] | None = None
@@ -195,7 +195,7 @@ def _lost_steps(observations: Sequence[TableObservation], found_rad: FloatArray)
     return [(TableReading(offset_deg=degrees, since=best[1]), "step")]
 
 
-def _mounts(observations: Sequence[TableObservation]) -> list[np.ndarray]:
+def _mounts(observations: TableObservations) -> list[np.ndarray]:
     """Return the places of the captures of each mounting."""
     names = np.array([o.mount for o in observations])
     return [np.flatnonzero(names == mount) for mount in dict.fromkeys(names.tolist())]

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.cell.layout import Carrier
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.frames import FloatArray, RigidTransform
 
 
@@ -55,7 +55,7 @@ class Answer:
 
 
 def answer_of(
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     used: np.ndarray,
     sides: np.ndarray,
     state: ChainState,

@@ -17,7 +17,7 @@ from calib_core.arms.alike import alike_correlation
 from calib_core.arms.errors import MEMBERS, ArmTerm, Member
 from calib_core.chain.likelihood import NoiseShapes, linearised_at
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations
 from calib_core.estimation import maximum
 from calib_core.frames import FloatArray
 
@@ -95,7 +95,7 @@ class ArmModel:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
-def arm_input(observations: Sequence[SphereObservation], terms: Sequence[ArmTerm]) -> ArmInput | None:
+def arm_input(observations: Observations, terms: Sequence[ArmTerm]) -> ArmInput | None:
     """Return what is known of the arm; None where joints of some captures are not."""
     moves = [one.arm_moves for one in observations if one.arm_moves is not None]
     return ArmInput(tuple(terms), np.array(moves)) if terms and len(moves) == len(observations) else None

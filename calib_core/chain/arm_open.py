@@ -4,7 +4,6 @@ Where an answer ends, its unknowns have moved the arm's errors on: these are tak
 so that whoever uses the answer has the poses that belong to it.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,20 +13,20 @@ from calib_core.chain.arm_model import ArmInput, ArmModel, arm_columns
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import linearised_at
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.chain.rejection import Judged
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
 
 
-def corrected(observations: Sequence[SphereObservation], model: ArmModel) -> list[SphereObservation]:
+def corrected(observations: Observations, model: ArmModel) -> list[SphereObservation]:
     """Return observations with poses corrected by a model; those whose joints are not known stay as they are."""
     every = [(one, one.arm_moves) for one in observations]
     own = [one if moves is None else replace(one, arm_moves=moves[:, model.kept]) for one, moves in every]
     return _moved(own, model.values)
 
 
-def _moved(observations: Sequence[SphereObservation], values: FloatArray) -> list[SphereObservation]:
+def _moved(observations: Observations, values: FloatArray) -> list[SphereObservation]:
     found: list[SphereObservation] = []
     for one in observations:
         if one.arm_moves is not None:
@@ -38,9 +37,7 @@ def _moved(observations: Sequence[SphereObservation], values: FloatArray) -> lis
     return found
 
 
-def with_open_arm(
-    data: ChainData, state: ChainState, observations: Sequence[SphereObservation], model: ArmModel
-) -> ChainData:
+def with_open_arm(data: ChainData, state: ChainState, observations: Observations, model: ArmModel) -> ChainData:
     """Return the captures of corrected observations, with what is left open of the arm as unknowns they share."""
     none = np.zeros((6, len(model.terms)))
     moves = np.array([none if one.arm_moves is None else one.arm_moves for one in observations])
@@ -49,7 +46,7 @@ def with_open_arm(
     return replace(data, arm_columns=columns, arm_means=-model.values / scales)
 
 
-def with_poses_of(data: ChainData, observations: Sequence[SphereObservation]) -> ChainData:
+def with_poses_of(data: ChainData, observations: Observations) -> ChainData:
     """Return the same captures with the poses of some observations of them."""
     rotations = np.array([one.base_from_tool0.rotation for one in observations])
     translations = np.array([one.base_from_tool0.translation_mm for one in observations])
@@ -59,7 +56,7 @@ def with_poses_of(data: ChainData, observations: Sequence[SphereObservation]) ->
 
 
 def settled(
-    model: ArmModel, observations: Sequence[SphereObservation], judged: Judged, held: Held
+    model: ArmModel, observations: Observations, judged: Judged, held: Held
 ) -> tuple[ArmModel, list[SphereObservation], Judged, Held]:
     """Return an answer whose unknowns leave nothing open of the arm: model and poses are those that belong to it.
 

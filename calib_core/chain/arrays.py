@@ -9,14 +9,14 @@ from calib_core.cell.layout import Layout, MovedAxis, index_of
 from calib_core.cell.walk import Carrier, Walk, ways
 from calib_core.chain import scanner
 from calib_core.chain.model import ARM_SCALE_SIGMA, DRIFT_SIGMA_MM, ChainData
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.frames import FloatArray
 
 _MOST_POINTS = 128  # a profile's arc in steps of about a degree: finer ones say the same
 
 
 def chain_data(
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     sphere: SphereSize,
     profile_sigma_mm: float | None,
     priors: scanner.ScannerPriors | None = None,
@@ -101,7 +101,7 @@ def chain_data(
     )
 
 
-def layout_of(observations: Sequence[SphereObservation], axes: Sequence[MovedAxis] = ()) -> Layout:
+def layout_of(observations: Observations, axes: Sequence[MovedAxis] = ()) -> Layout:
     """Return the layout that observations lead over, in the order in which they first appear.
 
     Of axes that are not told, a ball that rides on one has it turn.
@@ -134,7 +134,7 @@ def _point_sigma(observation: SphereObservation, profile_sigma_mm: float | None)
 
 
 def _nuisances(
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     sphere: SphereSize,
     of_scanner: np.ndarray,
     scanners: int,

@@ -12,7 +12,7 @@ from itertools import permutations
 import numpy as np
 
 from calib_core.cell.layout import KnownDistance
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.start import Centers, Start, centers_of, find_starts
 from calib_core.chain.start_search import random_few, random_rotations
 from calib_core.frames import FloatArray
@@ -57,7 +57,7 @@ class Balls:
 
 
 def labelled(
-    observations: Sequence[SphereObservation], sphere: SphereSize, groups: Sequence[np.ndarray]
+    observations: Observations, sphere: SphereSize, groups: Sequence[np.ndarray]
 ) -> list[SphereObservation] | None:
     """Return the arcs of each scanner's group with the names of their balls; None where none come together.
 
@@ -88,12 +88,12 @@ def labelled(
     return [replace(o, ball=n, sphere=size) for o, n, size in zip(observations, names, sizes, strict=True)]
 
 
-def _centers(arcs: Sequence[SphereObservation], size: SphereSize | None, sphere: SphereSize) -> Centers:
+def _centers(arcs: Observations, size: SphereSize | None, sphere: SphereSize) -> Centers:
     """Return the centres of arcs, those of an open size as of one."""
     return centers_of([replace(o, sphere=o.sphere or size) for o in arcs] if size else arcs, sphere)
 
 
-def _one_each(observations: Sequence[SphereObservation], found: Balls) -> np.ndarray:
+def _one_each(observations: Observations, found: Balls) -> np.ndarray:
     """Return 0 for the arc of each profile that is of the first ball, for its first arc without one, −1 else."""
     chosen, profiles = np.full(len(observations), -1), dict[tuple[str, bytes], list[int]]()
     for k, o in enumerate(observations):  # of a sweep each has a pose of its own

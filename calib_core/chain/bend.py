@@ -4,7 +4,6 @@ It is sought only where a score test finds it: how much likelier all captures ge
 follows it is found by differences, all captures' own centres settled anew.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -13,7 +12,7 @@ import numpy as np
 from calib_core.chain.answer import radii_of
 from calib_core.chain.likelihood import linearised_at
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.chain.rejection import Judged, judge_from, with_more_spread
 from calib_core.chain.score import Scores
 from calib_core.chain.unmodelled import LEAST_MM, RARE, can_show, unmodelled_of
@@ -53,7 +52,7 @@ class Bend:
 
 
 def straightened(
-    observations: Sequence[SphereObservation], data: ChainData, judged: Judged, given: GivenSigmas
+    observations: Observations, data: ChainData, judged: Judged, given: GivenSigmas
 ) -> tuple[list[SphereObservation], ChainData, Judged, Bend | None]:
     """Return captures and arrays with their points where a bent sheet of light was, the answer, and the bend.
 
@@ -94,7 +93,7 @@ def doubted(judged: Judged, bend: Bend | None) -> Judged:
 
 
 def unbent(
-    observations: Sequence[SphereObservation], data: ChainData, state: ChainState, bend: Bend | None
+    observations: Observations, data: ChainData, state: ChainState, bend: Bend | None
 ) -> tuple[list[SphereObservation], ChainData]:
     """Return captures and arrays with their points where a bent sheet of light was that is solved.
 
@@ -114,7 +113,7 @@ def unbent(
 
 
 def in_one_plane(
-    observations: Sequence[SphereObservation], sheet_per_mm: float, centers: FloatArray, radius_mm: float
+    observations: Observations, sheet_per_mm: float, centers: FloatArray, radius_mm: float
 ) -> list[SphereObservation]:
     """Return profiles of a bent sheet of light with their points in the plane y = 0, as far from the ball.
 

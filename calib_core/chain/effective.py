@@ -1,19 +1,16 @@
 """Every capture's points with their effective number, for all that weighs them: tool, centres, table, chain."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.scanner import incidence_shapes
 from calib_core.frames import FloatArray
 from calib_core.sphere.independent import along_profiles, form_floor, in_cloud
 
 
-def with_effective_points(
-    observations: Sequence[SphereObservation], sphere: SphereSize
-) -> list[SphereObservation]:
+def with_effective_points(observations: Observations, sphere: SphereSize) -> list[SphereObservation]:
     """Return observations that say how many of their points count as one independent one.
 
     Profiles share one estimate, from all of them; the form of the sphere adds to it the more, the shorter an arc.

@@ -15,7 +15,7 @@ import numpy as np
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import foot_moves
 from calib_core.chain.axes_start import turns_about
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.spread import robust_costs
 from calib_core.chain.start import Centers, Start, centers_of, find_starts
 from calib_core.chain.start_search import random_rotations
@@ -57,7 +57,7 @@ class _Guess:
 
 
 def foot_axes(
-    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout
+    observations: Observations, sphere: SphereSize, layout: Layout
 ) -> tuple[tuple[AxisState, ...], Start]:
     """Return how the axes under the robot lie by one scanner's captures of one ball, and its start by them."""
     readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
@@ -75,7 +75,7 @@ def foot_axes(
 
 
 def feet_of(
-    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
+    observations: Observations, sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
 ) -> tuple[tuple[AxisState, ...], float]:
     """Return how the axes under the robot lie by the scanner whose captures they bring together best; how well.
 
@@ -90,9 +90,7 @@ def feet_of(
     return min(found, key=lambda one: one[1])
 
 
-def on_foot(
-    observations: Sequence[SphereObservation], layout: Layout, axes: Sequence[AxisState]
-) -> list[SphereObservation]:
+def on_foot(observations: Observations, layout: Layout, axes: Sequence[AxisState]) -> list[SphereObservation]:
     """Return observations with the robot's poses as the axes under it have moved them."""
     readings = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
     feet = zip(*foot_moves(layout.axes, axes, readings), strict=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from calib_core.chain.leave_one_out import without_each
 from calib_core.chain.likelihood import ChainLinearisation, without_pose_errors
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.chain.rejection import Judged, judge_these
 from calib_core.chain.variance import GivenSigmas
 from calib_core.estimation import covariance_of
@@ -49,10 +49,7 @@ class Happened:
 
 
 def named_causes(
-    observations: Sequence[SphereObservation],
-    judged: Judged,
-    offset_in_base_mm: FloatArray,
-    given: GivenSigmas = (None, None),
+    observations: Observations, judged: Judged, offset_in_base_mm: FloatArray, given: GivenSigmas = (None, None)
 ) -> list[Happened]:
     """Return the causes that are beyond doubt.
 
@@ -83,7 +80,7 @@ def named_causes(
 
 
 def _moved_at_an_end(
-    observations: Sequence[SphereObservation], rejected: np.ndarray, offset_in_base_mm: FloatArray
+    observations: Observations, rejected: np.ndarray, offset_in_base_mm: FloatArray
 ) -> Happened | None:
     """Return the moved sphere where the rejected captures are the last or first ones and agree on a new place."""
     if len(rejected) < _LEAST_AFTER or np.any(np.diff(rejected) != 1):
@@ -106,7 +103,7 @@ def _moved(names: Sequence[str], since: int, distance_mm: float, when: str, capt
     return Happened(codes.MOVED_SPHERE, tuple(names[since:]), values)
 
 
-def _change(observations: Sequence[SphereObservation], judged: Judged) -> Happened | None:
+def _change(observations: Observations, judged: Judged) -> Happened | None:
     """Return the likeliest change of sphere or tool within the session, where one is clear and large."""
     gains, sizes = change_scores(judged)
     names = [o.capture for o in observations]
@@ -180,7 +177,7 @@ def _by_all(reduced: FloatArray, at: ChainLinearisation) -> FloatArray:
     return product
 
 
-def _swapped(observations: Sequence[SphereObservation], judged: Judged) -> list[Happened]:
+def _swapped(observations: Observations, judged: Judged) -> list[Happened]:
     """Return pairs of rejected captures that both fit with each other's pose."""
     rejected = np.flatnonzero(~judged.used)
     if not 2 <= len(rejected) <= _MOST_SWAPS:

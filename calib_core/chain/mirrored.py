@@ -14,7 +14,7 @@ import numpy as np
 from calib_core.cell.layout import AxisState, MovedAxis
 from calib_core.chain.likelihood import fit
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import TABLE, SphereObservation
+from calib_core.chain.observations import TABLE, Observations
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table_frame import LEVEL
 from calib_core.chain.table_judging import EncoderScales
@@ -50,7 +50,7 @@ def told_directions(axes: Sequence[MovedAxis], of_table: int | None) -> dict[str
 
 
 def likelier_side(
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     start: ChainState,
     core: np.ndarray,
     judge: Callable[[ChainState, np.ndarray], JudgedTable],
@@ -66,7 +66,7 @@ def likelier_side(
 
 
 def mirror_image(
-    observations: Sequence[SphereObservation], data: ChainData, found: ChainFit, directions: Mapping[str, int]
+    observations: Observations, data: ChainData, found: ChainFit, directions: Mapping[str, int]
 ) -> MirrorImage | None:
     """Return the likeliest mirror image of a fit; None where captures, or what is told, leave no doubt.
 

@@ -149,14 +149,18 @@ class TableObservation:
         return replace(self, sphere=replace(placed, carriers=own.carriers, ball=own.ball, readings=own.readings))
 
 
-def by_scanner(observations: Sequence[SphereObservation]) -> list[np.ndarray]:
+Observations = Sequence[SphereObservation]
+TableObservations = Sequence[TableObservation]
+
+
+def by_scanner(observations: Observations) -> list[np.ndarray]:
     """Return which observations are of each scanner, in the order in which scanners first appear."""
     names = [(o.scanner, o.carriers.scanner) for o in observations]
     return [np.flatnonzero([other == name for other in names]) for name in dict.fromkeys(names)]
 
 
 def with_own_sigmas(
-    observations: Sequence[SphereObservation], sphere: SphereSize, told_mm: float | None
+    observations: Observations, sphere: SphereSize, told_mm: float | None
 ) -> list[SphereObservation]:
     """Return observations of several scanners with the points' noise of each."""
     groups, found = by_scanner(observations), list(observations)
@@ -168,7 +172,7 @@ def with_own_sigmas(
     return found
 
 
-def pooled_point_sigma(observations: Sequence[SphereObservation], sphere: SphereSize) -> float | None:
+def pooled_point_sigma(observations: Observations, sphere: SphereSize) -> float | None:
     """Return the points' noise across the sphere, pooled over the profiles; None without any.
 
     A profile meets the sphere's surface aslant: a distance in its plane is R/r times the distance to the sphere.

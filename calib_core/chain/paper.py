@@ -1,6 +1,5 @@
 """The paper's two steps, beside the joint answer: on the same captures, with its sides and the sphere's size."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy as np
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import Answer, answer_of
 from calib_core.chain.model import ChainState
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.rejection import Judged
 from calib_core.chain.two_step import TwoStepAnswer, two_step, without_capture
 from calib_core.chain.two_step_covariance import two_step_covariance
@@ -19,11 +18,7 @@ _MOST_LEFT_OUT = 60
 
 
 def by_paper(
-    observations: Sequence[SphereObservation],
-    sphere: SphereSize,
-    judged: Judged,
-    state: ChainState,
-    sides: np.ndarray,
+    observations: Observations, sphere: SphereSize, judged: Judged, state: ChainState, sides: np.ndarray
 ) -> tuple[Answer | None, TwoStepAnswer, FloatArray | None]:
     """Return the paper's method on the used captures, its sides and the sphere's size those of the joint answer.
 

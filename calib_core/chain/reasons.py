@@ -1,10 +1,8 @@
 """Why a capture was rejected: what was measured, and what is likely."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations
 from calib_core.frames import FloatArray
 from calib_core.messages import Value
 
@@ -12,10 +10,7 @@ _SAME_PLACE_MM = 0.01
 
 
 def rejection_reasons(
-    observations: Sequence[SphereObservation],
-    used: np.ndarray,
-    squared_distance: FloatArray,
-    offset_mm: FloatArray,
+    observations: Observations, used: np.ndarray, squared_distance: FloatArray, offset_mm: FloatArray
 ) -> dict[str, dict[str, Value]]:
     """Return what is to be said of each capture that is not used, by capture.
 
@@ -47,7 +42,7 @@ def rejection_reasons(
     return found
 
 
-def _same_pose(positions: FloatArray, observations: Sequence[SphereObservation], k: int) -> str | None:
+def _same_pose(positions: FloatArray, observations: Observations, k: int) -> str | None:
     near = np.linalg.norm(positions - positions[k], axis=1) < _SAME_PLACE_MM
     near[k] = False
     twins = np.flatnonzero(near)

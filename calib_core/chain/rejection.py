@@ -8,7 +8,6 @@ until it no longer changes, so that bad ones can neither hide each other nor inf
 by.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from calib_core.chain.leave_one_out import without_each
 from calib_core.chain.likelihood import noise_of, spheres_of
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations
 from calib_core.chain.scanner import spheres_seen
 from calib_core.chain.sides import with_better_sides
 from calib_core.chain.variance import (
@@ -109,11 +108,7 @@ def with_doubted_priors(judged: Judged) -> Judged:
 
 
 def judge_from(
-    observations: Sequence[SphereObservation],
-    data: ChainData,
-    state: ChainState,
-    core: np.ndarray,
-    sigmas: GivenSigmas,
+    observations: Observations, data: ChainData, state: ChainState, core: np.ndarray, sigmas: GivenSigmas
 ) -> Judged:
     """Return the captures that belong together, grown from those of a mask (K,) on which a near state agrees.
 
@@ -161,7 +156,7 @@ def _is_contradicted(data: ChainData, told: ChainFit, given: GivenSigmas) -> boo
 
 
 def _grown(
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     data: ChainData,
     state: ChainState,
     used: np.ndarray,
@@ -191,7 +186,7 @@ def _grown(
 
 
 def judge_these(
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     data: ChainData,
     state: ChainState,
     used: np.ndarray,
@@ -223,7 +218,7 @@ def _threshold(count: int, freedom: int, estimated: bool) -> float:
     return float(3 * fdtri(3, max(freedom, 3), 1 - _FALSE_ALARM_ESTIMATED / count))
 
 
-def _squared_distances(observations: Sequence[SphereObservation], data: ChainData, found: ChainFit) -> FloatArray:
+def _squared_distances(observations: Observations, data: ChainData, found: ChainFit) -> FloatArray:
     """Return each capture's squared Mahalanobis distance from what the other used captures expect, (K,)."""
     state, at = found.state, found.minimum.at
     radii, _ = spheres_of(data, state)

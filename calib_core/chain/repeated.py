@@ -4,12 +4,11 @@ A lag that is always in one direction of the flange is the tool's own shift to e
 comes back to a pose from another side, the sphere appears beside where it was.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import stack_matrices
 
 _SAME_MM, _SAME_RAD = 0.1, 2e-4  # as controllers report one pose twice
@@ -34,7 +33,7 @@ class Repeat:
         return self.shift_mm > _MIDDLES * self.sigma_mm
 
 
-def repeats(observations: Sequence[SphereObservation]) -> list[Repeat]:
+def repeats(observations: Observations) -> list[Repeat]:
     """Return each capture of a pose that was taken before, beside the first one of that pose.
 
     Parameters

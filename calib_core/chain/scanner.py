@@ -5,12 +5,11 @@ do, in part.  What these leave open stays in the covariance.  At a workpiece the
 did to the tool, since both were seen at about the same distance.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import FloatArray
 from calib_core.sphere.circle import circle_step, circle_steps
 
@@ -96,7 +95,7 @@ def _times(moves: FloatArray, change: FloatArray) -> FloatArray:
 
 
 def spheres_seen(
-    observations: Sequence[SphereObservation], values: FloatArray, half_width_mm: float, radii_mm: FloatArray
+    observations: Observations, values: FloatArray, half_width_mm: float, radii_mm: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the centres (K, 3) and circles' radii (K,), NaN where none, that a right scanner had measured.
 

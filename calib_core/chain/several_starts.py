@@ -11,7 +11,7 @@ from calib_core.cell.walk import Position
 from calib_core.chain.balls import candidates, middle_of
 from calib_core.chain.foot_start import feet_of, on_foot
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.rejection import core_of
 from calib_core.chain.sides import ChosenSides
 from calib_core.chain.start import Centers, Start, centers_of, find_starts
@@ -20,7 +20,7 @@ from calib_core.frames import FloatArray
 _STILL_MM = 2.0
 
 
-def main_balls(observations: Sequence[SphereObservation], groups: Sequence[np.ndarray]) -> list[np.ndarray]:
+def main_balls(observations: Observations, groups: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return which observations of each scanner are of the ball that it saw most."""
     found: list[np.ndarray] = []
     for some in groups:
@@ -47,14 +47,14 @@ def with_other_balls(
     return ChainState.at(data, replace(at, places=places)), core
 
 
-def moving_axes(observations: Sequence[SphereObservation], axes: Sequence[MovedAxis]) -> tuple[MovedAxis, ...]:
+def moving_axes(observations: Observations, axes: Sequence[MovedAxis]) -> tuple[MovedAxis, ...]:
     """Return the axes that carry the robot and that moved between captures of the still sphere."""
     moved = [axis for axis in axes if axis.carries == "robot"]
     return tuple(axis for axis in moved if len({o.readings.get(axis.name, 0.0) for o in observations}) > 1)
 
 
 def starts_of(
-    observations: Sequence[SphereObservation], sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
+    observations: Observations, sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
 ) -> tuple[tuple[AxisState, ...], list[list[Start]]]:
     """Return the axes under the robot, and each scanner's starts, the likeliest first."""
     if not layout.axes:
@@ -64,7 +64,7 @@ def starts_of(
     return axes, [_with_others(standing, sphere, some) for some in groups]
 
 
-def _with_others(observations: Sequence[SphereObservation], sphere: SphereSize, some: np.ndarray) -> list[Start]:
+def _with_others(observations: Observations, sphere: SphereSize, some: np.ndarray) -> list[Start]:
     """Return the starts of a scanner's captures of its main ball that let its other balls stand still as well."""
     main = observations[some[0]]
     starts = find_starts(centers_of([observations[k] for k in some], sphere))

@@ -8,12 +8,11 @@ them: neither pure translations nor clean captures are needed.  What comes out i
 scatter of the centres.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.start_search import Sought, apart, random_few, random_rotations
 from calib_core.frames import FloatArray
 
@@ -103,7 +102,7 @@ class Start:
     rival_scatter_mm: float | None
 
 
-def centers_of(observations: Sequence[SphereObservation], sphere: SphereSize) -> Centers:
+def centers_of(observations: Observations, sphere: SphereSize) -> Centers:
     """Return the captures' own sphere centres and poses as arrays."""
     measured = np.array([o.sphere_center_in_laser_mm(sphere, o.side or 1) for o in observations])
     zone = np.array([(o.circle_radius_mm or 0.0) / o.size(sphere).radius_mm for o in observations])

@@ -6,12 +6,11 @@ capture's angle is then its sphere's azimuth about that axis.  What the angles s
 sense in which the table turns, its zero, its encoder, and one of the three numbers of every capture.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.observations import SphereSize, TableObservation, TableObservations
 from calib_core.chain.spread import (
     AGREE_MM,
     TRIALS_BY_ALL,
@@ -38,7 +37,7 @@ _LEAST_AREA = 0.02  # of a triangle beside the square of its longest edge: flatt
 
 
 def with_found_angles(
-    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: Mounts, direction: int = 1
+    observations: TableObservations, sphere: SphereSize, mount_from_laser: Mounts, direction: int = 1
 ) -> list[TableObservation]:
     """Return captures with the angles that their spheres' places tell, the first one's zero.
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.chain.observations import TableObservation
+from calib_core.chain.observations import TableObservations
 from calib_core.chain.spread import spread_over
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding
@@ -16,9 +16,7 @@ _SAME_PLACE_MM = 2.0
 _FITS = 0.1  # of the residual: a capture that fits another label so much better belongs there
 
 
-def table_reasons(
-    observations: Sequence[TableObservation], table: TurntableSolution
-) -> dict[str, dict[str, Value]]:
+def table_reasons(observations: TableObservations, table: TurntableSolution) -> dict[str, dict[str, Value]]:
     """Return what is to be said of each capture that is not used, by capture."""
     residuals, frame = table.residuals, table.frame
     found: dict[str, dict[str, Value]] = {}
@@ -46,7 +44,7 @@ def _other_mount(
     return names[best] if names[best] != own and off[best] < max(_FITS * distance_mm, 1.0) else None
 
 
-def remounted(observations: Sequence[TableObservation], table: TurntableSolution) -> Finding | None:
+def remounted(observations: TableObservations, table: TurntableSolution) -> Finding | None:
     """Return where three rejected captures or more agree on a place of their own on the table."""
     rejected = np.flatnonzero(~table.used)
     if len(rejected) < 3:

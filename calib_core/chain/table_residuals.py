@@ -1,6 +1,5 @@
 """How the captures of a turntable lie about the solved axis: along it, across it and around it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +8,7 @@ from calib_core.cell.walk import Walk
 from calib_core.chain.answer import surface_distances
 from calib_core.chain.axes_start import moved_back
 from calib_core.chain.model import ChainState
-from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.observations import SphereSize, TableObservations
 from calib_core.chain.table_frame import TableFrame
 from calib_core.chain.table_start import both_centers_in_base
 from calib_core.frames import FloatArray
@@ -56,7 +55,7 @@ class TableResiduals:
 
 
 def table_residuals(
-    observations: Sequence[TableObservation], walk: Walk, state: ChainState, frame: TableFrame
+    observations: TableObservations, walk: Walk, state: ChainState, frame: TableFrame
 ) -> TableResiduals:
     """Return how captures of the table lie about a solution; each profile's side is the nearer one.
 

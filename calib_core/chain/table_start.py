@@ -7,14 +7,14 @@ wins: neither right sides nor clean captures are needed.  The sense of b × d is
 Of many captures few propose guesses; all of them say how well these fit.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
 
 from calib_core.cell.walk import Position
-from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.observations import SphereSize, TableObservations
 from calib_core.chain.spread import (
     AGREE_MM,
     TRIALS_BY_ALL,
@@ -64,7 +64,7 @@ class TableStart:
         return float(np.median(self.misfit_mm))
 
 
-def readings_of(observations: Sequence[TableObservation]) -> tuple[TableReadings, tuple[str, ...]]:
+def readings_of(observations: TableObservations) -> tuple[TableReadings, tuple[str, ...]]:
     """Return the captures' readings, and the mountings' names in the order in which they first appear."""
     names = tuple(dict.fromkeys(o.mount for o in observations))
     mounts = np.array([names.index(o.mount) for o in observations])
@@ -72,7 +72,7 @@ def readings_of(observations: Sequence[TableObservation]) -> tuple[TableReadings
 
 
 def both_centers_in_base(
-    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: Mounts
+    observations: TableObservations, sphere: SphereSize, mount_from_laser: Mounts
 ) -> FloatArray:
     """Return each capture's possible sphere centres in base, (K, 2, 3): on the +y and on the −y side."""
     centers = np.empty((len(observations), 2, 3))
@@ -89,9 +89,7 @@ def both_centers_in_base(
     return centers
 
 
-def find_table_start(
-    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: Mounts
-) -> TableStart:
+def find_table_start(observations: TableObservations, sphere: SphereSize, mount_from_laser: Mounts) -> TableStart:
     """Return the guess on which most captures agree.
 
     Raises
@@ -122,9 +120,7 @@ def find_table_start(
     return TableStart(start.state, sides * start.sides, start.misfit_mm)
 
 
-def table_guess(
-    observations: Sequence[TableObservation], sphere: SphereSize, mount_from_laser: Mounts
-) -> TableStart:
+def table_guess(observations: TableObservations, sphere: SphereSize, mount_from_laser: Mounts) -> TableStart:
     """Return the guess on which most captures agree, however badly; raises MotionError without three angles."""
     readings, _ = readings_of(observations)
     _require_angles(readings)
@@ -177,7 +173,7 @@ def _require_motion(readings: TableReadings, centers: FloatArray) -> None:
 
 
 def _require_one_place(
-    observations: Sequence[TableObservation], readings: TableReadings, centers: FloatArray, start: TableStart
+    observations: TableObservations, readings: TableReadings, centers: FloatArray, start: TableStart
 ) -> None:
     """Refuse a mounting of which a third of the captures or more agree on another place of the sphere."""
     places = _turned_back(readings, centers, start.state.rotation, start.state.origin)

@@ -4,7 +4,7 @@ Reads as a table of contents: find a start, fit jointly, reject what does not be
 covariance, residuals, leave-one-out, undetermined directions, and the paper's two steps beside it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from calib_core.chain.leave_one_out import WithoutOne, without_each
 from calib_core.chain.model import ChainData, ChainState, Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import (
+    Observations,
     SphereObservation,
     SphereSize,
     by_scanner,
@@ -191,7 +192,7 @@ class TcpSolution:
 
 
 def solve_tcp(
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     sphere: SphereSize,
     options: TcpOptions | None = None,
     progress: Progress | None = None,
@@ -328,7 +329,7 @@ def say_nothing(_fraction: float, _message: str) -> None:
     """Take progress and tell nobody."""
 
 
-def _require_motion(observations: Sequence[SphereObservation]) -> None:
+def _require_motion(observations: Observations) -> None:
     if len(groups := by_scanner(observations)) > 1:
         for some in groups:
             _require_motion([observations[k] for k in some])
@@ -355,9 +356,7 @@ def _require_motion(observations: Sequence[SphereObservation]) -> None:
         )
 
 
-def as_corrected(
-    observations: Sequence[SphereObservation], data: ChainData, state: ChainState
-) -> list[SphereObservation]:
+def as_corrected(observations: Observations, data: ChainData, state: ChainState) -> list[SphereObservation]:
     """Return observations as scanners without the errors of a state would have made them."""
     each = zip(observations, data.own(state.scanner), strict=True)
     return [without_errors(o, values, data.half_width_mm) for o, values in each]
@@ -371,7 +370,7 @@ def seen_point(data: ChainData, state: ChainState, used: np.ndarray) -> FloatArr
     return seen * [1.0, 0.0, 1.0] if len(data.points) else seen
 
 
-def sides_of(observations: Sequence[SphereObservation], data: ChainData, state: ChainState) -> np.ndarray:
+def sides_of(observations: Observations, data: ChainData, state: ChainState) -> np.ndarray:
     """Return the sign of each profile's sphere centre along y of L, as a state expects it; 0 for other kinds."""
     heights = data.walk.seen(state.position)[:, 1]
     return np.array(

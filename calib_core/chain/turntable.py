@@ -10,7 +10,7 @@ together and belong together, and its uncertainty is carried into the answer's. 
 the table see elsewhere, as far as that is more than chance: a scanner that was moved in between, by little.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -39,6 +39,7 @@ from calib_core.chain.observations import (
     SphereObservation,
     SphereSize,
     TableObservation,
+    TableObservations,
     pooled_point_sigma,
     with_own_sigmas,
 )
@@ -213,7 +214,7 @@ class TurntableSolution:
 
 
 def solve_turntable(
-    observations: Sequence[TableObservation],
+    observations: TableObservations,
     sphere: SphereSize,
     tool: KnownTool,
     options: TurntableOptions | None = None,
@@ -304,11 +305,7 @@ def mirror_of(spread: FloatArray, state: ChainState, direction: int | None) -> T
 
 
 def paper_circles(
-    observations: Sequence[TableObservation],
-    sphere: SphereSize,
-    tool: KnownTool,
-    sides: np.ndarray,
-    used: np.ndarray,
+    observations: TableObservations, sphere: SphereSize, tool: KnownTool, sides: np.ndarray, used: np.ndarray
 ) -> PaperAxis:
     """Return the paper's circles and axis through the captures' own centres, by the two steps' tool if any."""
     both = both_centers_in_base(observations, sphere, _by_paper(tool))
@@ -324,14 +321,14 @@ def _by_paper(tool: KnownTool) -> Mounts:
     return tool.two_step if isinstance(tool.mounts, RigidTransform) else tool.mounts
 
 
-def _require_captures(observations: Sequence[TableObservation]) -> None:
+def _require_captures(observations: TableObservations) -> None:
     if len(observations) < _LEAST_CAPTURES:
         need = "at least {least_captures} captures of the sphere on the turntable (better 8 at each of 2 heights)"
         to_do = "Turn the table by 45° and capture the sphere again, all around; then do so at a second height."
         raise MotionError(need, str(len(observations)), to_do, least_captures=_LEAST_CAPTURES)
 
 
-def _with_still_robot(observations: Sequence[TableObservation], options: TurntableOptions) -> TurntableOptions:
+def _with_still_robot(observations: TableObservations, options: TurntableOptions) -> TurntableOptions:
     """Return options in which a robot that stood still throughout has no orientation scatter to be estimated."""
     poses = np.array([o.sphere.base_from_tool0.matrix for o in observations])
     if options.orientation_sigma_rad is None and np.abs(poses - poses[0]).max() < _SAME_POSE_MM:
@@ -340,7 +337,7 @@ def _with_still_robot(observations: Sequence[TableObservation], options: Turntab
 
 
 def _data(
-    observations: Sequence[TableObservation],
+    observations: TableObservations,
     sphere: SphereSize,
     point_sigma: float | None,
     tool: KnownTool,
@@ -368,13 +365,13 @@ def _data(
     return replace(data, tool_prior=prior, nuisance_sigmas=sigmas)
 
 
-def _layout(observations: Sequence[TableObservation], tool: KnownTool, options: TurntableOptions) -> Layout:
+def _layout(observations: TableObservations, tool: KnownTool, options: TurntableOptions) -> Layout:
     layout = layout_of([o.placed for o in observations], options.axes)
     return layout if tool.held is None else replace(layout, mounts=tool.held.state.walk.layout.mounts)
 
 
 def _start(
-    observations: Sequence[TableObservation], sphere: SphereSize, tool: KnownTool, options: TurntableOptions
+    observations: TableObservations, sphere: SphereSize, tool: KnownTool, options: TurntableOptions
 ) -> TableStart:
     """Return where the fit starts: by circles about one axis, or by all axes' directions."""
     if not options.axes:
@@ -386,7 +383,7 @@ def _start(
 
 
 def balls_of_arcs(
-    observations: Sequence[TableObservation], sphere: SphereSize, tool: KnownTool, options: TurntableOptions
+    observations: TableObservations, sphere: SphereSize, tool: KnownTool, options: TurntableOptions
 ) -> np.ndarray | None:
     """Return which ball of its mounting each arc is of, as `balls_on_axes` does."""
     data, centers = start_data(observations, sphere, tool, options)
@@ -394,7 +391,7 @@ def balls_of_arcs(
 
 
 def start_data(
-    observations: Sequence[TableObservation], sphere: SphereSize, tool: KnownTool, options: TurntableOptions
+    observations: TableObservations, sphere: SphereSize, tool: KnownTool, options: TurntableOptions
 ) -> tuple[ChainData, FloatArray]:
     """Return captures as arrays and their balls' possible centres in base."""
     layout = _layout(observations, tool, options)
@@ -417,23 +414,21 @@ def _mounts(tool: KnownTool) -> tuple[FloatArray, FloatArray]:
     return answer.mount_rotations, answer.mount_translations
 
 
-def table_with_effective_points(
-    observations: Sequence[TableObservation], sphere: SphereSize
-) -> list[TableObservation]:
+def table_with_effective_points(observations: TableObservations, sphere: SphereSize) -> list[TableObservation]:
     """Return captures of the table that say how many of their points count as one independent one."""
     spheres = with_effective_points([o.sphere for o in observations], sphere)
     return [replace(o, sphere=s) for o, s in zip(observations, spheres, strict=True)]
 
 
 def with_table_sigmas(
-    observations: Sequence[TableObservation], sphere: SphereSize, told_mm: float | None
+    observations: TableObservations, sphere: SphereSize, told_mm: float | None
 ) -> list[TableObservation]:
     """Return captures of the table by several scanners with the points' noise of each."""
     spheres = with_own_sigmas([o.sphere for o in observations], sphere, told_mm)
     return [replace(o, sphere=s) for o, s in zip(observations, spheres, strict=True)]
 
 
-def corrected_table(observations: Sequence[TableObservation], held: Held) -> list[TableObservation]:
+def corrected_table(observations: TableObservations, held: Held) -> list[TableObservation]:
     """Return captures of the table as a scanner without the errors that were found would have made them."""
     widths = [np.abs(o.sphere.points_in_laser_mm[:, 0]).max(initial=1.0) for o in observations]
     half_width = float(max(widths))

@@ -1,13 +1,11 @@
 """How uncertain the paper's two-step answer is: the centres' errors propagated through both steps."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from calib_core.cell.walk import Walk
 from calib_core.chain.likelihood import pose_spread
 from calib_core.chain.model import Sigmas
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.two_step import both_steps, pure_translations
 from calib_core.chain.variance import ChainFit
@@ -18,7 +16,7 @@ _MOST_CAPTURES = 60
 
 
 def two_step_covariance(
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     sphere: SphereSize,
     centers: FloatArray,
     rotations: FloatArray,
@@ -68,7 +66,7 @@ def two_step_covariance(
     return covariance + np.outer(common, common)
 
 
-def _by_size(observations: Sequence[SphereObservation], sphere: SphereSize, centers: FloatArray) -> FloatArray:
+def _by_size(observations: Observations, sphere: SphereSize, centers: FloatArray) -> FloatArray:
     """Return how the centres (K, 3) move with one sigma of the sphere's size, as the scanner shows it."""
     moved = np.zeros_like(centers)
     sigma = float(np.hypot(sphere.sigma_mm / 2, ScannerPriors().incidence_mm))

@@ -15,7 +15,7 @@ import numpy as np
 from calib_core.chain.incidents import by_mount, by_place
 from calib_core.chain.likelihood import ChainLinearisation, without_pose_errors
 from calib_core.chain.model import ChainData
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations
 from calib_core.chain.rejection import Judged
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
@@ -130,9 +130,7 @@ class _Drift:
         return float(fdtrc(3, self.freedom, self.gain / 3 / self.scale))
 
 
-def warm_up_of(
-    observations: Sequence[SphereObservation], judged: Judged, taken_at_s: Mapping[str, float]
-) -> WarmUp | None:
+def warm_up_of(observations: Observations, judged: Judged, taken_at_s: Mapping[str, float]) -> WarmUp | None:
     """Return how far scanner or sphere drifted within a session, None of one with too few captures.
 
     Parameters

@@ -16,7 +16,7 @@ from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import message
 from calib_core.moment import now
-from calib_core.records import Record, Session, Verdict
+from calib_core.records import Record, ResultsData, Session, Verdict
 from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.faults import NOT_CONFIRMED, in_order, refuse_faults
 from calib_core.records.results import FoundFrame
@@ -58,7 +58,7 @@ class Answer:
     """
 
     session: Session
-    results: Mapping[str, Mapping[str, Any]]
+    results: ResultsData
     stage: str
     mount_from_laser: RigidTransform
     tool_covariance: FloatArray

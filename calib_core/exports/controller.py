@@ -1,14 +1,14 @@
 """The answer for a controller that knows nothing of corrected poses: the one that is best with its own."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
 from calib_core.frames import RigidTransform
+from calib_core.records import ResultsData
 
 POSES: Final = "poses"
 """The setting of every export that says with which poses it will be used: "controller" or "corrected"."""
@@ -36,5 +36,5 @@ def for_poses(answer: Answer, poses: str) -> Answer:
             tool = RigidTransform.from_rounded(frame["matrix"], into, "laser")
             answer = replace(answer, mount_from_laser=tool, tool_covariance=covariance)
             found["covariance"] = frame["covariance"]
-    results: Mapping[str, Mapping[str, Any]] = {**answer.results, answer.stage: found}
+    results: ResultsData = {**answer.results, answer.stage: found}
     return replace(answer, results=results)

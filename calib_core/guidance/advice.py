@@ -17,7 +17,7 @@ from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
 from calib_core.guidance.prior import MOST_TAKEN, Contradiction, known_of, situation_of
 from calib_core.messages import message
-from calib_core.records import ArmTable, Capture, Cell, Measured, Meter, MeterPoint, Session
+from calib_core.records import ArmTable, Capture, Cell, Measured, Meter, MeterPoint, ResultsData, Session
 from calib_core.steps import steps_that_show, table_stages, tool_stages
 
 _OPEN_MM = 20.0  # beyond it ± is no figure yet
@@ -108,9 +108,7 @@ def amount(expanded_mm: float | None) -> str:
     )
 
 
-def tcp_advice(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
-) -> Advice | None:
+def tcp_advice(session: Session, measured: Sequence[Measured], results: ResultsData) -> Advice | None:
     """Return what to do next for the TCP, None where too little is known for a pose to be chosen.
 
     The same captures give the same advice; it is kept, because page, scene and command line ask for it at once.
@@ -118,9 +116,7 @@ def tcp_advice(
     return _advised(inputs_of(session, measured, results, ("tcp",), _NEWEST))
 
 
-def verify_pose(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
-) -> NextPose | None:
+def verify_pose(session: Session, measured: Sequence[Measured], results: ResultsData) -> NextPose | None:
     """Return the verification's next pose: away from the calibration's, and telling most beside its own."""
     return _to_verify(inputs_of(session, measured, results, steps_that_show("sphere")))
 
@@ -128,7 +124,7 @@ def verify_pose(
 def inputs_of(
     session: Session,
     measured: Sequence[Measured],
-    results: Mapping[str, Mapping[str, Any]],
+    results: ResultsData,
     steps: tuple[str, ...],
     newest: int | None = None,
 ) -> str:
@@ -177,7 +173,7 @@ def _advised(told: str) -> Advice | None:
     return None if known is None else advice_in(known, session.cell.wanted_mm, _stated(results))
 
 
-def _stated(results: Mapping[str, Mapping[str, Any]]) -> float | None:
+def _stated(results: ResultsData) -> float | None:
     """Return the ± (k = 2) at the workpiece that a result states which is up to date."""
     for stage in tool_stages():
         result = results.get(stage)

@@ -12,7 +12,7 @@ from calib_core.arms.kinematics import arm_of
 from calib_core.captures.content import pose_of
 from calib_core.chain.arm_model import ArmInput, arm_columns
 from calib_core.chain.model import ChainData, ChainState
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations
 from calib_core.frames import FloatArray
 from calib_core.guidance.candidates import Candidates
 from calib_core.records import ArmTable, Capture, Cell
@@ -52,7 +52,7 @@ class ArmUnknowns:
         moves = _moves(self.table, joints[good], len(self.terms))
         return replace(poses.chosen(np.flatnonzero(good)), arm_moves=moves)
 
-    def columns(self, data: ChainData, state: ChainState, observations: Sequence[SphereObservation]) -> FloatArray:
+    def columns(self, data: ChainData, state: ChainState, observations: Observations) -> FloatArray:
         """Return how the ball of each observation moves in L by one standard deviation of each term, (K, 3, p)."""
         none = np.zeros((6, len(self.terms)))
         moves = np.array([none if one.arm_moves is None else one.arm_moves for one in observations])

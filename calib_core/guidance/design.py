@@ -16,7 +16,7 @@ from calib_core.chain.arrays import chain_data
 from calib_core.chain.held import point_rows
 from calib_core.chain.likelihood import NoiseShapes, linearise, linearised_at, without_pose_errors
 from calib_core.chain.model import ChainData, ChainState, Sigmas, prior
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
@@ -84,7 +84,7 @@ class Added:
 class Design:
     """Captures, taken or only thought of, of which any set's covariance can be asked for."""
 
-    def __init__(self, observations: Sequence[SphereObservation], assumed: Assumed) -> None:
+    def __init__(self, observations: Observations, assumed: Assumed) -> None:
         self.assumed = assumed
         data = chain_data(observations, assumed.sphere, None, assumed.priors)
         tool, arm = assumed.mount_from_laser, assumed.arm

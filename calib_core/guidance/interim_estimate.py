@@ -1,9 +1,8 @@
 """Tool, sphere and table as far as the captures tell them before they are solved, with their uncertainty."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import inputs_of, inputs_read
@@ -11,7 +10,7 @@ from calib_core.guidance.design import Design
 from calib_core.guidance.prior import situation_of
 from calib_core.guidance.table_advice import table_situation
 from calib_core.guidance.table_design import TableDesign
-from calib_core.records import Measured, Session
+from calib_core.records import Measured, ResultsData, Session
 from calib_core.steps import steps_that_show
 
 
@@ -58,9 +57,7 @@ class TableSoFar:
     mounts: dict[str, FloatArray]
 
 
-def known_so_far(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
-) -> KnownSoFar | None:
+def known_so_far(session: Session, measured: Sequence[Measured], results: ResultsData) -> KnownSoFar | None:
     """Return what the TCP's captures tell by now; None where too little is known to say where the sphere is.
 
     Parameters
@@ -86,9 +83,7 @@ def _so_far(told: str) -> KnownSoFar | None:
     )
 
 
-def table_so_far(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
-) -> TableSoFar | None:
+def table_so_far(session: Session, measured: Sequence[Measured], results: ResultsData) -> TableSoFar | None:
     """Return what the captures on the table tell by now; None where too few tell where its axis is.
 
     The arguments are those of `known_so_far`.

@@ -12,7 +12,7 @@ from calib_core.guidance.budget import Budget, budget
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.field import FieldPoint, field_over_table
 from calib_core.messages import message
-from calib_core.records import Session
+from calib_core.records import ResultsData, Session
 from calib_core.steps import steps_that_show, tool_stages
 
 _MOST_VIEWS = 24
@@ -31,10 +31,7 @@ class BudgetAtPart(Budget):
 
 
 def budget_at(
-    session: Session,
-    results: Mapping[str, Mapping[str, Any]],
-    point_mm: Sequence[float] | None = None,
-    with_field: bool = False,
+    session: Session, results: ResultsData, point_mm: Sequence[float] | None = None, with_field: bool = False
 ) -> BudgetAtPart:
     """Return the error budget of a session's answer.
 

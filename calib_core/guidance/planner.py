@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Candidates, Room, allowed, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
@@ -43,7 +43,7 @@ class Situation:
         The same with the arm's own errors among the unknowns, where these are to be solved.
     """
 
-    taken: Sequence[SphereObservation]
+    taken: Observations
     assumed: Assumed
     room: Room
     agreed: bool = True

@@ -1,7 +1,6 @@
 """Planned poses as a list for the controller: numbers in the user's convention, each with its approach."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from calib_core.guidance.prior import situation_of
 from calib_core.guidance.table_advice import planned_shots, table_situation
 from calib_core.messages import message
 from calib_core.poses.numbers import to_pose
-from calib_core.records import Matrix4, Measured, Record, Session
+from calib_core.records import Matrix4, Measured, Record, ResultsData, Session
 from calib_core.records.base import PlannedStep
 
 APPROACH_MM = 150.0
@@ -52,11 +51,7 @@ class PoseList(Record):
 
 
 def planned_poses(
-    session: Session,
-    measured: Sequence[Measured],
-    results: Mapping[str, Mapping[str, Any]],
-    captures: int,
-    step: PlannedStep = "tcp",
+    session: Session, measured: Sequence[Measured], results: ResultsData, captures: int, step: PlannedStep = "tcp"
 ) -> PoseList:
     """Return a planned set for the next captures of a step.
 
@@ -88,9 +83,7 @@ def planned_poses(
     return found.model_copy(update={"note": reached})
 
 
-def _for_table(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]], captures: int
-) -> PoseList:
+def _for_table(session: Session, measured: Sequence[Measured], results: ResultsData, captures: int) -> PoseList:
     now = table_situation(session, measured, results)
     if now is None:
         raise _too_little(

@@ -12,7 +12,7 @@ from calib_core.captures.content import sphere_of
 from calib_core.cell.carriers import ball_on_flange, tells_diameter
 from calib_core.cell.found import ON_FLANGE, known_scanner, placed_scanner, scanner_frame
 from calib_core.chain.model import Sigmas
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
@@ -23,7 +23,7 @@ from calib_core.guidance.field_of_view import Sight, sight_of
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.scatter import GROSS, solved_quickly
 from calib_core.poses.numbers import parse_pose
-from calib_core.records import Capture, Cell, Measured, Session
+from calib_core.records import Capture, Cell, Measured, ResultsData, Session
 from calib_core.steps import tool_stages
 
 _LEAST_SEARCHED = 5  # captures from which tool and sphere are found whatever the motions
@@ -51,7 +51,7 @@ class Contradiction:
 
 
 def situation_of(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]], step: str = "tcp"
+    session: Session, measured: Sequence[Measured], results: ResultsData, step: str = "tcp"
 ) -> Situation | None:
     """Return what is known of tool, sphere and scanner, None where too little is for a pose to be chosen.
 
@@ -62,7 +62,7 @@ def situation_of(
 
 
 def known_of(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]], step: str = "tcp"
+    session: Session, measured: Sequence[Measured], results: ResultsData, step: str = "tcp"
 ) -> Situation | Contradiction | None:
     """Return what is known of tool, sphere and scanner, or that the captures contradict each other.
 
@@ -140,7 +140,7 @@ def _calibration_poses(session: Session) -> tuple[RigidTransform, ...]:
 
 
 def _to_verify(
-    cell: Cell, seen: Sequence[SphereObservation], sphere: SphereSize, result: Mapping[str, Any] | None
+    cell: Cell, seen: Observations, sphere: SphereSize, result: Mapping[str, Any] | None
 ) -> _Place | None:
     """Return the tool that is verified, and where the sphere stands: by its own captures, else as it was."""
     tool = known_scanner(cell) or placed_scanner(result or {})
@@ -183,7 +183,7 @@ def _given(cell: Cell) -> GivenSigmas:
     return cell.robot.position_sigma_mm, cell.robot.orientation_sigma_rad
 
 
-def _solved(results: Mapping[str, Mapping[str, Any]]) -> Mapping[str, Any] | None:
+def _solved(results: ResultsData) -> Mapping[str, Any] | None:
     for stage in tool_stages():
         result = results.get(stage)
         if not result or (result.get("verdict") == "fail" and not result.get("undetermined")):
@@ -239,7 +239,7 @@ def observations_of(
     return found
 
 
-def _home(cell: Cell, seen: Sequence[SphereObservation]) -> FloatArray | None:
+def _home(cell: Cell, seen: Observations) -> FloatArray | None:
     if seen:
         return seen[0].base_from_tool0.rotation
     nominal = cell.nominal
@@ -249,7 +249,7 @@ def _home(cell: Cell, seen: Sequence[SphereObservation]) -> FloatArray | None:
 
 
 def _place(
-    cell: Cell, seen: Sequence[SphereObservation], sphere: SphereSize, result: Mapping[str, Any] | None
+    cell: Cell, seen: Observations, sphere: SphereSize, result: Mapping[str, Any] | None
 ) -> _Place | Contradiction | None:
     if result is not None:
         return _Place(
@@ -258,7 +258,7 @@ def _place(
     return _searched(seen, sphere) or _by_shifts(seen, sphere) or _by_drawing(cell, seen)
 
 
-def _searched(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | Contradiction | None:
+def _searched(seen: Observations, sphere: SphereSize) -> _Place | Contradiction | None:
     """Return tool and sphere as the captures' own centres tell them, where these are enough."""
     from calib_core.chain.start import centers_of, find_start
 
@@ -286,7 +286,7 @@ def _turned(rotations: FloatArray) -> int:
     return int(np.sum(turns > _LEAST_TURN_RAD))
 
 
-def _by_shifts(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place | None:
+def _by_shifts(seen: Observations, sphere: SphereSize) -> _Place | None:
     """Return what shifts tell: the scanner's rotation; where it sits on the flange only as far as turns tell."""
     from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
     from calib_core.guidance.sphere_guess import SeenCenter, probable_place
@@ -308,7 +308,7 @@ def _by_shifts(seen: Sequence[SphereObservation], sphere: SphereSize) -> _Place 
     return None if place is None else _Place(place.mount_from_laser, place.center_in_base_mm, 150.0, 0.05)
 
 
-def _by_drawing(cell: Cell, seen: Sequence[SphereObservation]) -> _Place | None:
+def _by_drawing(cell: Cell, seen: Observations) -> _Place | None:
     """Return what a drawing tells, with the sphere where the captures so far saw it by that."""
     nominal = cell.nominal
     tool = None if nominal is None else placed_scanner(nominal.model_dump())

@@ -4,7 +4,6 @@ As a solve finds it (`chain.variance`), from the arcs that were measured instead
 assumed an ordinary arm promised 0.28 mm where the result stated 1.3 mm.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -13,7 +12,7 @@ import numpy as np
 from calib_core.arms.alike import visits
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.scanner import COUNT, ScannerPriors
 from calib_core.chain.variance import GivenSigmas, fit_with_sigmas, mean_sigmas
 from calib_core.frames import FloatArray, RigidTransform
@@ -41,7 +40,7 @@ class QuickSolve:
 
 
 def solved_quickly(
-    seen: Sequence[SphereObservation],
+    seen: Observations,
     sphere: SphereSize,
     mount_from_laser: RigidTransform,
     center_in_base_mm: FloatArray,
@@ -84,7 +83,7 @@ def _tool_prior(data: ChainData, mount_from_laser: RigidTransform) -> ToolPrior:
     return ToolPrior(*mount, np.zeros(COUNT), information)
 
 
-def _misfit(seen: Sequence[SphereObservation], state: ChainState) -> FloatArray:
+def _misfit(seen: Observations, state: ChainState) -> FloatArray:
     """Return how far each measured sphere, or circle of it, lies from where a state expects it, mm, (K,)."""
     found: list[float] = []
     for one, expected in zip(seen, state.centers_in_laser, strict=True):

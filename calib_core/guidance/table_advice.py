@@ -1,13 +1,13 @@
 """The next capture of the sphere on the table: angle, height and pose, by what they take off the ±."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation, TableObservation
+from calib_core.chain.observations import SphereObservation, TableObservation, TableObservations
 from calib_core.chain.table_start import find_table_start
 from calib_core.errors import CalibrationError
 from calib_core.evidence.numbers import COVERAGE
@@ -17,7 +17,7 @@ from calib_core.guidance.candidates import allowed, candidates
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.prior import observations_of, situation_of
 from calib_core.guidance.table_design import TableDesign, TableGuess
-from calib_core.records import Cell, Measured, Meter, Session
+from calib_core.records import Cell, Measured, Meter, ResultsData, Session
 from calib_core.steps import steps_that_show
 
 _LEAST = 3  # captures of one mounting from which the table is known about
@@ -87,9 +87,7 @@ class TableAdvice:
     next: TableShot | None
 
 
-def table_situation(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
-) -> TableSituation | None:
+def table_situation(session: Session, measured: Sequence[Measured], results: ResultsData) -> TableSituation | None:
     """Return what is known of tool and table; None where too little is for a capture to be chosen."""
     still = situation_of(session, measured, results)
     if still is None:
@@ -114,7 +112,7 @@ def table_situation(
     return TableSituation(still, table, taken, _points(cell, table))
 
 
-def _with_angle_sigma(cell: Cell, results: Mapping[str, Mapping[str, Any]], still: Situation) -> Situation:
+def _with_angle_sigma(cell: Cell, results: ResultsData, still: Situation) -> Situation:
     found = next((r["angle_sigma_deg"] for r in results.values() if r.get("angle_sigma_deg") is not None), None)
     degrees = cell.turntable.angle_sigma_deg if cell.turntable.angle_sigma_deg is not None else found
     if degrees is None:
@@ -123,7 +121,7 @@ def _with_angle_sigma(cell: Cell, results: Mapping[str, Mapping[str, Any]], stil
     return replace(still, assumed=replace(still.assumed, sigmas=sigmas))
 
 
-def _guess(cell: Cell, taken: Sequence[TableObservation], still: Situation) -> TableGuess | None:
+def _guess(cell: Cell, taken: TableObservations, still: Situation) -> TableGuess | None:
     names = tuple(dict.fromkeys(o.mount for o in taken))
     if any(sum(o.mount == name for o in taken) >= _LEAST for name in names):
         try:
@@ -206,7 +204,7 @@ def _best(
     return shots[k][0], shots[k][1], after[k]
 
 
-def _after(now: TableSituation, sets: Sequence[Sequence[TableObservation]]) -> list[float]:
+def _after(now: TableSituation, sets: Sequence[TableObservations]) -> list[float]:
     """Return the standard deviation at the workpiece after each of some sets of captures."""
     count = len(now.taken)
     every = [*now.taken, *(one for some in sets for one in some)]
@@ -282,9 +280,7 @@ def _free(now: TableSituation, mount: int) -> list[float]:
     return free or _all_around(15.0 + (taken[0] if taken else 0.0))
 
 
-def table_advice(
-    session: Session, measured: Sequence[Measured], results: Mapping[str, Mapping[str, Any]]
-) -> TableAdvice | None:
+def table_advice(session: Session, measured: Sequence[Measured], results: ResultsData) -> TableAdvice | None:
     """Return what to do next for the table, None where too little is known; kept, as `advice.tcp_advice` is."""
     if not any(c.step == "turntable" for c in session.captures):
         return None

@@ -15,7 +15,7 @@ from calib_core.cell.layout import Layout, MovedAxis
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.likelihood import linearised_at
 from calib_core.chain.model import ChainState
-from calib_core.chain.observations import TABLE, SphereObservation, TableObservation
+from calib_core.chain.observations import TABLE, Observations, TableObservations
 from calib_core.chain.table import TableState
 from calib_core.chain.table_frame import TableFrame, frame_by_rule, pose_by_unknowns
 from calib_core.estimation import covariance_of
@@ -71,8 +71,8 @@ class TableDesign:
 
     def __init__(
         self,
-        still: Sequence[SphereObservation],
-        on_table: Sequence[TableObservation],
+        still: Observations,
+        on_table: TableObservations,
         assumed: Assumed,
         table: TableGuess,
         points_in_turntable: FloatArray,

@@ -5,7 +5,7 @@ from io import BytesIO
 from typing import Any
 
 from calib_core.frames import FloatArray
-from calib_core.records import Result, Session
+from calib_core.records import Result, ResultsData, Session
 
 
 class Results(dict[str, Any]):
@@ -32,7 +32,7 @@ class Results(dict[str, Any]):
         return np.concatenate(list(stored.tables()))[:, :3].astype(float)
 
 
-def as_records(session: Session, stored: Mapping[str, Mapping[str, Any]]) -> dict[str, Result]:
+def as_records(session: Session, stored: ResultsData) -> dict[str, Result]:
     """Return results given as JSON data as records; evidence that an older version did not write is made."""
     from calib_core.archive.stored_results import result_record
     from calib_core.stages.evidence import stored_evidence

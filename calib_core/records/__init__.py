@@ -15,6 +15,7 @@ from calib_core.records.base import (
     PoseConvention,
     Positive,
     Record,
+    ResultsData,
     Rows,
     StageName,
     StepName,
@@ -82,9 +83,9 @@ __all__ = [
     "FlangeReading", "FoundAxis", "FoundSphere", "Guide", "GuideLast", "GuideNow", "GuideStatus", "GuideStep",
     "GuidedStep", "Identifier", "Kind", "Known", "KnownCamera", "KnownFrame", "KnownPlane", "LimitChange",
     "Matrix4", "Measured", "MergeSettings", "MessageParts", "Meter", "MeterPoint", "MountedScanner",
-    "NotNegative", "PartAlignment", "PoseConvention", "PoseReading", "Positive", "Record", "Result", "Robot",
-    "RootCause", "Rows", "Scanner", "Session", "Severity", "Sphere", "SphereDistance", "StageName", "StepName",
-    "Still", "TableReading", "TimedPose", "Turntable", "Undetermined", "VarianceComponents", "Vector3",
+    "NotNegative", "PartAlignment", "PoseConvention", "PoseReading", "Positive", "Record", "Result", "ResultsData",
+    "Robot", "RootCause", "Rows", "Scanner", "Session", "Severity", "Sphere", "SphereDistance", "StageName",
+    "StepName", "Still", "TableReading", "TimedPose", "Turntable", "Undetermined", "VarianceComponents", "Vector3",
     "Verdict", "Verification", "input_error", "input_error_from_details", "parse_capture", "parse_cell",
     "parse_session"
 ]  # fmt: skip

@@ -1,5 +1,6 @@
 """What records are made of: names, numbers with limits, a frozen base that keeps fields it does not know."""
 
+from collections.abc import Mapping
 from math import isnan, nan
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -39,6 +40,8 @@ Matrix4 = Annotated[
     list[Annotated[list[Finite], Field(min_length=4, max_length=4)]], Field(min_length=4, max_length=4)
 ]
 Rows = list[list[float]]
+ResultsData = Mapping[str, Mapping[str, Any]]
+"""Results as JSON data, by stage."""
 Open = Annotated[
     float,
     BeforeValidator(lambda number: nan if number is None else number),

@@ -18,7 +18,7 @@ from calib_core.findings.codes.faults import FAULT_CODES
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.keys import Graph
 from calib_core.poses.conventions import CONVENTIONS
-from calib_core.records import Finding, Finite, Matrix4, Record, Session, Severity, Verdict
+from calib_core.records import Finding, Finite, Matrix4, Record, ResultsData, Session, Severity, Verdict
 from calib_core.records.base import Open, Rows
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.decided_before import DecidedBefore
@@ -149,7 +149,7 @@ def answer_as_read(
 
 
 def answer_of_folder(
-    session: Session, results: Mapping[str, Mapping[str, Any]], read: ReadFile, date: str = "", **beside: Any
+    session: Session, results: ResultsData, read: ReadFile, date: str = "", **beside: Any
 ) -> SessionAnswer | None:
     """Return the answer of a session whose files can be read; None where neither chain nor tcp is solved.
 

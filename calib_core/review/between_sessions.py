@@ -15,7 +15,7 @@ import numpy as np
 from calib_core.captures.poses import middle_pose
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
-from calib_core.records import Session
+from calib_core.records import ResultsData, Session
 from calib_core.records.policy import Environment, Equipment
 from calib_core.review.common_errors import Common
 
@@ -39,7 +39,7 @@ class SolvedSession:
     session: str
     name: str
     date: str
-    results: Mapping[str, Mapping[str, Any]]
+    results: ResultsData
     stale: frozenset[str] = frozenset()
     limit_mm: float | None = None
     environment: Environment | None = None
@@ -106,12 +106,7 @@ def together(measured: Sequence[Measured], of: Common | None, places: FloatArray
 
 
 def solved_session(
-    identifier: str,
-    date: str,
-    session: Session,
-    results: Mapping[str, Mapping[str, Any]],
-    stale: frozenset[str],
-    unnamed: str = "",
+    identifier: str, date: str, session: Session, results: ResultsData, stale: frozenset[str], unnamed: str = ""
 ) -> SolvedSession:
     """Return a session as drift takes it, with the poses that its answer rests on."""
     found = SolvedSession(

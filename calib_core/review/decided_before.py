@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 from calib_core.archive.seals import decisions_sealed, seal_state
-from calib_core.records import Session, parse_session
+from calib_core.records import ResultsData, Session, parse_session
 from calib_core.records.decided_before import DecidedBefore, LeftOut
 
 Solved = tuple[Mapping[str, Any], Session | None]
@@ -51,7 +51,7 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
 
 
 def decided_before_in(
-    past: Mapping[str, Any], session: Session, results: Mapping[str, Mapping[str, Any]]
+    past: Mapping[str, Any], session: Session, results: ResultsData
 ) -> tuple[DecidedBefore, ...]:
     """Return the same of a session by the past that its folder keeps."""
     if "verify" not in results:

@@ -11,13 +11,13 @@ from calib_core.errors import InputError
 from calib_core.evidence.numbers import number_text, quantity, quantity_text
 from calib_core.evidence.text import cell_text, figure_text, verdict_words
 from calib_core.findings.catalogues import LANGUAGES, catalogue
-from calib_core.records import Session
+from calib_core.records import ResultsData, Session
 from calib_core.records.base import Verdict
 from calib_core.records.decided_before import DECISIONS
 from calib_core.records.evidence import AnyBlock, Figure, Frame, Plot, Series, Table
 from calib_core.stages.evidence import stored_evidence
 
-_Results = Mapping[str, Mapping[str, Any]]
+_Results = ResultsData
 _NUMBER: Final = re.compile(r"−?\d[\d\u202f]*(?:\.\d+)?")
 _VERDICT: Final = re.compile(r'<(?:strong|span) class="verdict (\w+)">([^<]*)<')
 _ROW: Final = re.compile(r'<td class="(pass|warn|fail)">([^<]*)</td>')

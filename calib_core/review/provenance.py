@@ -26,7 +26,7 @@ from calib_core.findings.codes.provenance import (
     SEAL_BROKEN,
 )
 from calib_core.graph.keys import Graph
-from calib_core.records import Session
+from calib_core.records import ResultsData, Session
 from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.records.faults import OF_RESULTS
 from calib_core.records.findings import Finding
@@ -47,7 +47,7 @@ _EQUAL_COVARIANCE: Final = 1e-4
 
 
 def replayed(
-    session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]], progress: Progress | None = None
+    session: Session, read: ReadFile, results: ResultsData, progress: Progress | None = None
 ) -> dict[str, dict[str, Any]]:
     """Return results, given as JSON data, with those of the answer solved anew whose provenance no seal proves.
 
@@ -94,7 +94,7 @@ def verify(source: BagSource, where: str = "", limits: ArchiveLimits = LIMITS) -
     return facts.model_copy(update={"findings": findings})
 
 
-def _disagreeing(bag: Bag, session: Session, results: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+def _disagreeing(bag: Bag, session: Session, results: ResultsData) -> Iterator[Finding]:
     """Give what stands in an archive beside its results and says something else."""
     graph = Graph(session, bag.sha256)
     try:
@@ -180,7 +180,7 @@ def _same_covariance(a: Any, b: Any) -> bool:
         return False
 
 
-def _history(bag: Bag, results: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+def _history(bag: Bag, results: ResultsData) -> Iterator[Finding]:
     """Give the results of an archive's past that are not what was signed, and a past that is of other results."""
     data = parse_json(bag.read(HISTORY_FILE), HISTORY_FILE)
     past: list[Any] = data.get("results") or [] if isinstance(data, dict) else []

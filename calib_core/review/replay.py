@@ -16,7 +16,7 @@ from calib_core.frames import RigidTransform
 from calib_core.graph.keys import Graph
 from calib_core.graph.stage import SOFTWARE
 from calib_core.messages import SAID, message
-from calib_core.records import Record, Session
+from calib_core.records import Record, ResultsData, Session
 from calib_core.records.callbacks import Progress, ReadFile
 from calib_core.records.findings import Finding
 from calib_core.stages.pipeline import solve_stage
@@ -98,7 +98,7 @@ class Replay(Record):
 def replay(
     session: Session,
     read: ReadFile,
-    results: Mapping[str, Mapping[str, Any]],
+    results: ResultsData,
     progress: Progress | None = None,
     where: str = "",
     fresh: Callable[[str, dict[str, Any]], None] = lambda _stage, _result: None,

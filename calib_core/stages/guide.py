@@ -24,6 +24,7 @@ from calib_core.records import (
     GuideStep,
     Measured,
     Result,
+    ResultsData,
     Session,
     Severity,
 )
@@ -50,7 +51,7 @@ class GuideView:
 
     session: Session
     measured: Sequence[Measured]
-    results: Mapping[str, Mapping[str, Any]]
+    results: ResultsData
     statuses: Mapping[str, GuideStatus]
 
     def captures(self, step: str) -> list[Capture]:

@@ -13,7 +13,7 @@ from calib_core.captures.stripe_frames import with_solved_calibration
 from calib_core.errors import CalibrationError, NotFoundError
 from calib_core.frames import FloatArray
 from calib_core.graph.registry import stages
-from calib_core.records import Capture, Measured, Session
+from calib_core.records import Capture, Measured, ResultsData, Session
 from calib_core.records.callbacks import ReadFile
 from server.scenes.deviation import ReferenceMesh
 from server.scenes.merged import ReadOutput, merged_cloud, merged_scans
@@ -30,7 +30,7 @@ def scene_input(
     session: Session,
     read: ReadFile,
     measured: Iterable[Measured],
-    results: Mapping[str, Mapping[str, Any]],
+    results: ResultsData,
     read_output: ReadOutput = lambda _name: None,
 ) -> SceneInput:
     """Return what a session's scene is drawn from.

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.chain.observations import TableObservation
+from calib_core.chain.observations import TableObservations
 from calib_core.chain.whole import ChainSolution
 from calib_core.findings import Code, Finding, judgement
 from calib_core.findings.codes import turntable as codes
@@ -26,7 +26,7 @@ _CHI2_6_RARE, _CHI2_5_RARE = 22.5, 20.5  # 99.9 %
 
 def chain_result(
     solution: ChainSolution,
-    observations: Sequence[TableObservation],
+    observations: TableObservations,
     software: str,
     inputs_sha256: str,
     findings: Sequence[Finding],

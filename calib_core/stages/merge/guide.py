@@ -1,8 +1,7 @@
 """The steps of scanning and merging: from where the object must still be seen, then the merge, then its answer."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from calib_core.cell.carriers import scanner_told
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
 from calib_core.messages import message, sentences
-from calib_core.records import GuideNow, Session
+from calib_core.records import GuideNow, ResultsData, Session
 from calib_core.stages.guide import GuideView
 from calib_core.stages.reviewed import review
 from calib_core.stages.turntable.guide import wants_turntable
@@ -76,7 +75,7 @@ def guide(view: GuideView) -> GuideNow | None:
     return (_around if turns else _from_all_sides)(views, again=merge is not None)
 
 
-def _placement(session: Session, data: Mapping[str, Mapping[str, Any]]) -> Placement | None:
+def _placement(session: Session, data: ResultsData) -> Placement | None:
     """Return tool and table as they were solved last, or as the user brought them; None without a tool."""
     solved = [data[stage] for stage in ("chain", "turntable", "tcp") if stage in data]
     return placement_of(session.cell, [one for one in session.captures if one.step == "scan"], solved)

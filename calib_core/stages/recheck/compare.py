@@ -4,12 +4,12 @@ The robot repeats a pose far better than it reaches it, and its errors are alike
 differences of repeated captures tell a change that the answer's own covariance would hide.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.estimation import chance_of, covariance_of
 from calib_core.frames import FloatArray
 from calib_core.stages.recheck.record import Changed
@@ -92,8 +92,8 @@ class Change:
 
 
 def compared(
-    then: Sequence[SphereObservation],
-    now: Sequence[SphereObservation],
+    then: Observations,
+    now: Observations,
     radius_mm: float,
     center_in_base_mm: FloatArray,
     tool: Tool,
@@ -168,8 +168,8 @@ def _fitted(
 
 
 def _not_cancelled(
-    then: Sequence[SphereObservation],
-    now: Sequence[SphereObservation],
+    then: Observations,
+    now: Observations,
     radius_mm: float,
     center_in_base_mm: FloatArray,
     tool: Tool,

@@ -1,6 +1,5 @@
 """The recheck's step: three poses of the calibration again, the sphere still in its place."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from calib_core.captures.poses import base_from_tool0_by_capture
 from calib_core.errors import CalibrationError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.messages import message
-from calib_core.records import GuideNow, Matrix4, Record, Session
+from calib_core.records import GuideNow, Matrix4, Record, ResultsData, Session
 from calib_core.records.base import Finite
 from calib_core.stages.guide import GuideView
 from calib_core.stages.recheck.solve import ENOUGH, is_repeated
@@ -35,7 +34,7 @@ class RecheckPlan(Record):
     still_needed: int
 
 
-def recheck_plan(session: Session, results: Mapping[str, Mapping[str, Any]]) -> RecheckPlan:
+def recheck_plan(session: Session, results: ResultsData) -> RecheckPlan:
     """Return the poses to repeat: three that the answer used, turned furthest apart.
 
     Raises

@@ -16,7 +16,7 @@ from calib_core.chain.balls import by_distances, labelled
 from calib_core.chain.foot_start import foot_axes, on_foot
 from calib_core.chain.held import Held
 from calib_core.chain.model import ChainState
-from calib_core.chain.observations import SphereObservation, SphereSize, by_scanner
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize, by_scanner
 from calib_core.chain.several_starts import moving_axes
 from calib_core.chain.tcp import LEAST_CAPTURES, TcpSolution
 from calib_core.findings import Finding
@@ -35,7 +35,7 @@ _LEAST_WITH_MORE = 3
 
 
 def all_arcs(
-    given: StageInput, observations: Sequence[SphereObservation], carriers: Iterable[str]
+    given: StageInput, observations: Observations, carriers: Iterable[str]
 ) -> list[SphereObservation] | None:
     """Return observations with those of further arcs in their captures; None where nothing hints at several balls.
 
@@ -73,7 +73,7 @@ def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) ->
     return Observed([o for o in found if o.ball], observed.failed, unused)
 
 
-def named_by_sizes(cell: Cell, arcs: Sequence[SphereObservation]) -> list[SphereObservation]:
+def named_by_sizes(cell: Cell, arcs: Observations) -> list[SphereObservation]:
     """Return arcs of several balls with the names of those that the cell tells by their sizes."""
     shown = {(o.carriers.ball, o.ball): o.sphere for o in arcs if o.ball}
     found = {
@@ -86,9 +86,7 @@ def named_by_sizes(cell: Cell, arcs: Sequence[SphereObservation]) -> list[Sphere
     return [replace(o, ball=found.get((o.carriers.ball, o.ball), o.ball)) for o in arcs]
 
 
-def _named_by_mounts(
-    given: StageInput, observations: Sequence[SphereObservation]
-) -> list[SphereObservation] | None:
+def _named_by_mounts(given: StageInput, observations: Observations) -> list[SphereObservation] | None:
     """Return observations of the balls that captures name as their mountings; None where these are not several."""
     names = {capture.id: capture.mount or "" for capture in given.captures}
     balls = {names[o.capture] for o in observations}
@@ -98,7 +96,7 @@ def _named_by_mounts(
 
 
 def balls_in_turn(
-    given: StageInput, observations: Sequence[SphereObservation], sphere: SphereSize
+    given: StageInput, observations: Observations, sphere: SphereSize
 ) -> list[SphereObservation] | None:
     """Return captures of balls that are never seen at once, told apart; None where one ball was moved."""
     if any(o.ball for o in observations):
@@ -112,7 +110,7 @@ def balls_in_turn(
     return [replace(o, ball=one.ball, sphere=one.sphere) for o, one in both if one.ball]
 
 
-def _standing(cell: Cell, arcs: Sequence[SphereObservation], sphere: SphereSize) -> Sequence[SphereObservation]:
+def _standing(cell: Cell, arcs: Observations, sphere: SphereSize) -> Observations:
     """Return arcs as of a robot whose foot stands still, by a scanner that sees one ball; else as they are."""
     layout = layout_of(arcs, moving_axes(arcs, moved_axes(cell)))
     for some in by_scanner(arcs) if layout.axes else ():
@@ -124,7 +122,7 @@ def _standing(cell: Cell, arcs: Sequence[SphereObservation], sphere: SphereSize)
     return arcs
 
 
-def of_no_ball(own: Sequence[str], found: Sequence[SphereObservation]) -> list[Finding]:
+def of_no_ball(own: Sequence[str], found: Observations) -> list[Finding]:
     """Return the captures none of whose arcs is of a ball."""
     kept = {o.capture for o in found if o.ball}
     stray = list(dict.fromkeys(name for name in own if name not in kept))
@@ -161,7 +159,7 @@ def _alone(cell: Cell, carrier: str, name: str) -> str:
 
 
 def named_by_distances(
-    cell: Cell, observations: Sequence[SphereObservation], solution: TcpSolution
+    cell: Cell, observations: Observations, solution: TcpSolution
 ) -> list[SphereObservation] | None:
     """Return observations whose balls have the cell's names, where distances of those are told; None without."""
     if not told_distances(cell):
@@ -172,9 +170,7 @@ def named_by_distances(
     return found if np.any(changed) and len(solution.held.state.position.places) > 1 else None
 
 
-def other_arcs(
-    given: StageInput, observations: Sequence[SphereObservation], used: np.ndarray
-) -> list[SphereObservation] | None:
+def other_arcs(given: StageInput, observations: Observations, used: np.ndarray) -> list[SphereObservation] | None:
     """Return observations in which captures of two arcs that were not used show the other one; None without."""
     by_id = {capture.id: capture for capture in given.captures}
     single, found = Counter(o.capture for o in observations), list(observations)

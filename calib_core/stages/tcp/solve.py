@@ -15,7 +15,7 @@ from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, sa
 from calib_core.causes.flange import flange_findings
 from calib_core.cell.axes import foot_moved, moved_axes, reading_sigmas
 from calib_core.cell.carriers import told_balls, told_distances
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.errors import MeasurementError, MotionError
 from calib_core.findings import Finding, reasons_of, sentence_of, verdict_of
 from calib_core.findings.codes import spheres
@@ -103,7 +103,7 @@ def of_several_balls(given: StageInput, solved: SolvedTcp, found: list[Finding])
     return [spheres.BALLS_NOT_TOLD_APART(count=told), *others]
 
 
-def _balls_not_told_apart(cell: Cell, observations: Sequence[SphereObservation]) -> int:
+def _balls_not_told_apart(cell: Cell, observations: Observations) -> int:
     """Return of how many balls the arcs may be that no ball is named for, or one while the robot's foot moved."""
     moved = (foot_moved(cell, o.readings) for o in observations)
     carriers = {o.carriers.ball for o, foot in zip(observations, moved, strict=True) if foot or not o.ball}
@@ -215,7 +215,7 @@ def _solved(
     return (seen, solution) if balls is None else (balls, solve_tcp(balls, sphere, options))
 
 
-def _second_arcs(clearest: Sequence[SphereObservation], seen: Sequence[SphereObservation]) -> list[Finding]:
+def _second_arcs(clearest: Observations, seen: Observations) -> list[Finding]:
     """Return which captures of one ball show something rounder where no ball is."""
     if any(o.ball for o in seen):
         return []

@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.causes.incidents import incident_finding
 from calib_core.chain.held import ScannerError
 from calib_core.chain.model import Sigmas
-from calib_core.chain.observations import SphereObservation, SphereSize, named
+from calib_core.chain.observations import Observations, SphereSize, named
 from calib_core.chain.repeated import repeats
 from calib_core.chain.tcp import TcpSolution
 from calib_core.chain.undetermined import OpenDirection, about_travel, without_turns
@@ -242,7 +242,7 @@ def is_beyond(scatter_mm: float, expected_mm: float) -> bool:
     return scatter_mm > _MUCH_MORE * max(expected_mm, _LEAST_SCATTER_MM)
 
 
-def lag_findings(observations: Sequence[SphereObservation], sigmas: Sigmas) -> list[Finding]:
+def lag_findings(observations: Observations, sigmas: Sigmas) -> list[Finding]:
     """Return what captures of a pose that was taken twice say of lag and play, or that nothing says it.
 
     Parameters

@@ -1,18 +1,17 @@
 """Mountings of several balls on a table or positioner: arcs told apart, and named as the cell names them."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 from calib_core.cell.carriers import told_balls, told_distances
-from calib_core.chain.observations import SphereSize, TableObservation
+from calib_core.chain.observations import SphereSize, TableObservation, TableObservations
 from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution, balls_of_arcs
 from calib_core.records import Cell
 from calib_core.stages.tcp.balls import with_told_names
 
 
 def balls_of_mountings(
-    arcs: Sequence[TableObservation], sphere: SphereSize, tool: KnownTool, options: TurntableOptions
+    arcs: TableObservations, sphere: SphereSize, tool: KnownTool, options: TurntableOptions
 ) -> list[TableObservation] | None:
     """Return arcs with a mounting for each ball, None where one ball in each explains them.
 
@@ -26,11 +25,7 @@ def balls_of_mountings(
 
 
 def balls_in_turn(
-    cell: Cell,
-    captures: Sequence[TableObservation],
-    sphere: SphereSize,
-    tool: KnownTool,
-    options: TurntableOptions,
+    cell: Cell, captures: TableObservations, sphere: SphereSize, tool: KnownTool, options: TurntableOptions
 ) -> list[TableObservation] | None:
     """Return captures of balls that are never seen at once, with a mounting for each; None where there are none.
 
@@ -54,7 +49,7 @@ def _with_ball(arc: TableObservation, ball: int, among_several: bool) -> TableOb
 
 
 def named_by_distances(
-    cell: Cell, arcs: Sequence[TableObservation], solution: TurntableSolution
+    cell: Cell, arcs: TableObservations, solution: TurntableSolution
 ) -> list[TableObservation] | None:
     """Return arcs whose balls have the cell's names, where told distances name them; None where they do not."""
     told, known = told_distances(cell), with_told_names(cell, solution.state, solution.unknowns_covariance)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.cell.axes import frame_of
-from calib_core.chain.observations import TableObservation
+from calib_core.chain.observations import TableObservations
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.frames import FloatArray
@@ -30,7 +30,7 @@ METHOD = "joint maximum likelihood over points, errors of poses and angles integ
 
 def turntable_result(
     solution: TurntableSolution,
-    observations: Sequence[TableObservation],
+    observations: TableObservations,
     software: str,
     inputs_sha256: str,
     findings: Sequence[Finding],
@@ -59,7 +59,7 @@ def mount_fields(solution: TurntableSolution) -> dict[str, Any]:
     return {f"{mount.into}_from_laser": mount.to_rows()}
 
 
-def table_fields(observations: Sequence[TableObservation], table: TurntableSolution) -> dict[str, Any]:
+def table_fields(observations: TableObservations, table: TurntableSolution) -> dict[str, Any]:
     """Return the fields of `TableFields` by name."""
     frame, covariance, residuals, used = table.frame, table.covariance, table.residuals, table.used
     counts = Counter(o.mount for o, u in zip(observations, used, strict=True) if u)
@@ -106,7 +106,7 @@ def table_fields(observations: Sequence[TableObservation], table: TurntableSolut
     }
 
 
-def balls_on_table(observations: Sequence[TableObservation], table: TurntableSolution) -> list[FoundSphere]:
+def balls_on_table(observations: TableObservations, table: TurntableSolution) -> list[FoundSphere]:
     """Return each mounting's ball on the last axis that carries one, and who saw it."""
     layout, covariance = table.state.walk.layout, table.covariance.mounts
     some = [o for o, used in zip(observations, table.used, strict=True) if used]
@@ -125,7 +125,7 @@ def balls_on_table(observations: Sequence[TableObservation], table: TurntableSol
 
 
 def table_rows(
-    observations: Sequence[TableObservation], table: TurntableSolution, findings: Sequence[Finding]
+    observations: TableObservations, table: TurntableSolution, findings: Sequence[Finding]
 ) -> list[TurntableResidual]:
     """Return one row a capture of the table, those that are not used with the reasons that findings give."""
     residuals, reasons = table.residuals, reasons_of(findings)

@@ -1,13 +1,12 @@
 """Whether a turntable can be trusted: everything that is noticed of a solution, as findings."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from calib_core.causes.table import axis_direction_findings, direction_findings
 from calib_core.cell.carriers import carrier_of_all
-from calib_core.chain.observations import TableObservation, named
+from calib_core.chain.observations import TableObservations, named
 from calib_core.chain.table_frame import TableCovariance
 from calib_core.chain.table_moves import TableMove
 from calib_core.chain.table_patterns import Pattern
@@ -30,9 +29,7 @@ _LARGE_ANGLE_RAD = np.deg2rad(0.05)
 _HOPELESS_MM = 5.0
 
 
-def table_findings(
-    table: TurntableSolution, observations: Sequence[TableObservation], cell: Cell
-) -> list[Finding]:
+def table_findings(table: TurntableSolution, observations: TableObservations, cell: Cell) -> list[Finding]:
     """Return what is noticed of a turntable: root causes first, and not what follows from them."""
     failures = [*_undetermined(table), *_failures(table, observations)]
     found = [*failures, *_doubts_about_captures(table, observations), *direction_findings(cell, table.frame)]
@@ -116,7 +113,7 @@ def undetermined_of_table(table: TurntableSolution) -> list[Undetermined]:
     return found
 
 
-def _failures(table: TurntableSolution, observations: Sequence[TableObservation]) -> list[Finding]:
+def _failures(table: TurntableSolution, observations: TableObservations) -> list[Finding]:
     found: list[Finding] = []
     rejected, count = int(np.count_nonzero(~table.used)), len(table.captures)
     if rejected > _MOST_REJECTED * count:
@@ -140,7 +137,7 @@ def _worst_axis(table: TurntableSolution) -> str:
     return max(scatter, key=lambda name: scatter[name], default="")
 
 
-def _doubts_about_captures(table: TurntableSolution, observations: Sequence[TableObservation]) -> list[Finding]:
+def _doubts_about_captures(table: TurntableSolution, observations: TableObservations) -> list[Finding]:
     tool = table.tool_move.finding if table.tool_move else None
     moved = (
         table.move.finding(table.captures) if table.move and not _is_behind(table.move, table.pattern) else None

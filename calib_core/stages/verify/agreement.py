@@ -1,11 +1,10 @@
 """Held-out captures that do not agree with the others: each is predicted from all others, whatever the tool is."""
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations
 from calib_core.estimation import chance_of, f_chance_of
 from calib_core.stages.verify.held_out import Asked, asked_by
 from calib_core.stages.verify.tool import Tool
@@ -15,9 +14,7 @@ _LEAST: Final = 6  # fewer do not tell which of them is wrong
 _MOST_SHARE: Final = 0.25  # of the captures may be named; beyond that nobody knows who is right
 
 
-def disagreeing(
-    observations: Sequence[SphereObservation], radius_mm: float, asked: Asked, tool: Tool
-) -> dict[str, float]:
+def disagreeing(observations: Observations, radius_mm: float, asked: Asked, tool: Tool) -> dict[str, float]:
     """Return the captures that the others contradict, the worst first, each with its distance in sigmas.
 
     Parameters
@@ -48,7 +45,7 @@ def disagreeing(
     return found
 
 
-def _worst(observations: Sequence[SphereObservation], asked: Asked) -> tuple[str, float] | None:
+def _worst(observations: Observations, asked: Asked) -> tuple[str, float] | None:
     """Return the capture that lies furthest off its prediction, None where chance explains it."""
     captures = [o.capture for o in observations]
     names = list(dict.fromkeys(captures))

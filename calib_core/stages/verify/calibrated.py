@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.findings.codes.verify import NOT_HELD_OUT
 from calib_core.frames import vector_from_rotation
 from calib_core.records import Capture
@@ -20,8 +20,8 @@ _SAME_MM, _SAME_RAD = 0.1, 2e-4  # as controllers report one pose twice
 def that_calibrated(
     held_out: Sequence[Capture],
     calibrating: Sequence[Capture],
-    seen: Sequence[SphereObservation],
-    seen_when_calibrating: Sequence[SphereObservation],
+    seen: Observations,
+    seen_when_calibrating: Observations,
     read: ReadFile,
 ) -> list[Finding]:
     """Return a finding for each way in which captures of the verification are those of the calibration.
@@ -67,9 +67,7 @@ def _content(capture: Capture, read: ReadFile) -> tuple[str, ...]:
 _Alike = Callable[[SphereObservation, SphereObservation], bool]
 
 
-def _same(
-    seen: Sequence[SphereObservation], before: Sequence[SphereObservation], alike: _Alike
-) -> Iterator[tuple[str, str]]:
+def _same(seen: Observations, before: Observations, alike: _Alike) -> Iterator[tuple[str, str]]:
     for one in seen:
         other = next((other for other in before if alike(one, other)), None)
         if other is not None:

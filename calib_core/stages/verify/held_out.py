@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.estimation import chance_of, covariance_of
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.stages.verify.sides import likeliest_sides
@@ -70,7 +70,7 @@ class HeldOut:
         return chance_of(self.chi_squared, self.degrees_of_freedom)
 
 
-def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool) -> HeldOut:
+def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> HeldOut:
     """Return where held-out captures (at least two) see one still sphere.
 
     What is compared of a profile is its circle (x, z, radius), since its y, ± √(R² − r²), says nothing near a
@@ -103,9 +103,7 @@ def held_out(observations: Sequence[SphereObservation], sphere: SphereSize, tool
     )
 
 
-def in_one_plane(
-    observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool
-) -> list[SphereObservation]:
+def in_one_plane(observations: Observations, sphere: SphereSize, tool: Tool) -> list[SphereObservation]:
     """Return captures of one sphere as they were in one plane, where the answer has the sheet of light bent."""
     if not tool.sheet_per_mm:
         return list(observations)
@@ -130,7 +128,7 @@ def together(parts: Sequence[HeldOut]) -> HeldOut:
 
 
 def linearised(
-    observations: Sequence[SphereObservation], radius_mm: float, center: FloatArray, tool: Tool
+    observations: Observations, radius_mm: float, center: FloatArray, tool: Tool
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return K captures' figures at a centre on what carries the ball, and how they follow it and the tool.
 
@@ -182,18 +180,14 @@ class Asked:
         """The squared length of what is left, in standard deviations."""
         return float(np.einsum("ki,kij,kj->", self.residuals, self.weights, self.residuals))
 
-    def surface_rms_mm(self, observations: Sequence[SphereObservation], radius_mm: float) -> FloatArray:
+    def surface_rms_mm(self, observations: Observations, radius_mm: float) -> FloatArray:
         """Return how far each capture's points (K,) lie off the ball that all ask for; NaN without points."""
         tool, sphere = Tool(self.mount_from_laser, np.zeros((6, 6))), SphereSize(2 * radius_mm)
         return np.array([_Seen(o, sphere, tool).surface_rms_mm(self.center_mm) for o in observations])
 
 
 def asked_by(
-    observations: Sequence[SphereObservation],
-    radius_mm: float,
-    start: RigidTransform,
-    center_mm: FloatArray,
-    tool: Tool,
+    observations: Observations, radius_mm: float, start: RigidTransform, center_mm: FloatArray, tool: Tool
 ) -> Asked:
     """Return the tool that captures of one still sphere ask for.
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.arms.errors import places_of_zeros
 from calib_core.captures.arm_joints import terms_of
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereSize
 from calib_core.estimation import chance_of
 from calib_core.findings.codes.verify import JOINT_MOVED
 from calib_core.frames import FloatArray, skew
@@ -33,7 +33,7 @@ class Bump:
 
 
 def by_errors_of_arm(
-    seen: Sequence[SphereObservation], center: FloatArray, by_center: FloatArray, terms: Mapping[int, int]
+    seen: Observations, center: FloatArray, by_center: FloatArray, terms: Mapping[int, int]
 ) -> dict[int, FloatArray]:
     """Return how K captures' figures follow errors of the arm, (3 K, 1) a unit; empty where joints are not known.
 
@@ -110,12 +110,7 @@ def _log_likelihood(design: FloatArray, off: FloatArray) -> float:
 
 
 def joint_findings(
-    cell: Cell,
-    arm: ArmModelFound | None,
-    seen: Sequence[SphereObservation],
-    sphere: SphereSize,
-    tool: Tool,
-    found: HeldOut,
+    cell: Cell, arm: ArmModelFound | None, seen: Observations, sphere: SphereSize, tool: Tool, found: HeldOut
 ) -> list[Finding]:
     """Return which joint's zero moved since the calibration, where that explains held-out captures of one sphere.
 

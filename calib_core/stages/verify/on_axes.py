@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.cell.axes import axes_needed, carrier_told, moved_axes, reading_sigmas
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.records import Capture, Cell
 from calib_core.stages.tcp.record import ToolResult
@@ -24,7 +24,7 @@ def axes_of_answer(cell: Cell, answer: ToolResult) -> Placement | None:
 
 
 def on_axes(
-    observations: Sequence[SphereObservation], captures: Sequence[Capture], axes: Placement | None
+    observations: Observations, captures: Sequence[Capture], axes: Placement | None
 ) -> list[SphereObservation]:
     """Return observations with the flange where the axes brought it, as seen from what carries the ball."""
     if axes is None:

@@ -6,13 +6,12 @@ takes wrong sides that agree better.  So tool and sphere are fitted together, fr
 sides follow from where the fit expects the sphere.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.stages.verify.tool import Tool
 
@@ -47,7 +46,7 @@ class Sides:
     open: bool
 
 
-def likeliest_sides(observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool) -> Sides:
+def likeliest_sides(observations: Observations, sphere: SphereSize, tool: Tool) -> Sides:
     """Return the sides on which captures of a still sphere agree best, whatever the tool's error."""
     search = _Search(observations, sphere, tool)
     ends: dict[bytes, _End] = {}
@@ -83,7 +82,7 @@ class _End:
 class _Search:
     """Captures as arrays, and fits of tool and sphere to them."""
 
-    def __init__(self, observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool) -> None:
+    def __init__(self, observations: Observations, sphere: SphereSize, tool: Tool) -> None:
         self._given = tool.mount_from_laser
         self._rotations = np.array([o.ball_from_scanner.rotation for o in observations])
         self._places = np.array([o.ball_from_scanner.translation_mm for o in observations])

@@ -12,7 +12,7 @@ from calib_core.captures.contradictions import EXCLUDED
 from calib_core.captures.placement import Placement
 from calib_core.cell.carriers import other_end, scanner_mount
 from calib_core.cell.found import known_scanner, mounts_of, told_by
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereSize
 from calib_core.errors import InputError, MotionError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import verify as codes
@@ -174,7 +174,7 @@ def _centers(found: Mapping[str, list[float]]) -> dict[str, Any]:
 
 
 def _that_calibrated(
-    given: StageInput, held_out: Sequence[Capture], seen: Sequence[SphereObservation], axes: Placement | None
+    given: StageInput, held_out: Sequence[Capture], seen: Observations, axes: Placement | None
 ) -> list[Finding]:
     """Return which captures of the verification are those of the calibration."""
     verifying, steps = {c.id for c in held_out}, steps_that_show("sphere", "sphere-on-table")
@@ -205,9 +205,7 @@ def _of_one_size(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
     return sphere_of(cell, captures)
 
 
-def _disagreeing(
-    observations: Sequence[SphereObservation], sphere: SphereSize, tool: Tool, found: HeldOut
-) -> list[Finding]:
+def _disagreeing(observations: Observations, sphere: SphereSize, tool: Tool, found: HeldOut) -> list[Finding]:
     """Return which captures the others contradict."""
     named = disagreeing(observations, sphere.radius_mm, found.asked, tool)
     each = {name: {"sigmas": round(sigmas, 1)} for name, sigmas in named.items()}
@@ -267,7 +265,7 @@ def _by_plate_alone(
 
 def _checks(
     given: StageInput,
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     sphere: SphereSize,
     tool: Tool,
     errors: Sequence[Estimate],
@@ -322,7 +320,7 @@ def unchecked_limits(limits: Verification, checks: Sequence[VerifyCheck], flat: 
 
 
 def _spacing(
-    given: StageInput, spheres: Mapping[str, Sequence[SphereObservation]], sphere: SphereSize, tool: Tool
+    given: StageInput, spheres: Mapping[str, Observations], sphere: SphereSize, tool: Tool
 ) -> list[VerifyCheck]:
     """Return the ball bar's figure, where its calibrated length is told and both of its spheres were captured."""
     told = given.session.cell.verification
@@ -360,7 +358,7 @@ def scatter_findings(found: HeldOut, knows_uncertainty: bool, decision: Decision
 
 def _rows(
     captures: Sequence[Capture],
-    observations: Sequence[SphereObservation],
+    observations: Observations,
     unused: dict[str, str],
     found: HeldOut | None,
     radius_mm: float,

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation, SphereSize
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.frames import FloatArray
 from calib_core.records import Capture
 from calib_core.stages.verify.decision import Estimate
@@ -17,7 +17,7 @@ _FREEDOM = 3
 
 
 def by_sphere(
-    observations: Sequence[SphereObservation], captures: Sequence[Capture]
+    observations: Observations, captures: Sequence[Capture]
 ) -> dict[tuple[str, str], list[SphereObservation]]:
     """Return the observations by their capture's `mount` and their scanner, those of most captures first."""
     mounts = {capture.id: capture.mount or "" for capture in captures}
@@ -28,7 +28,7 @@ def by_sphere(
 
 
 def spacing(
-    spheres: Mapping[str, Sequence[SphereObservation]],
+    spheres: Mapping[str, Observations],
     sphere: SphereSize,
     tool: Tool,
     calibrated_mm: float,

@@ -1,6 +1,6 @@
 """The tool that is verified."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.captures.placement import sheet_per_mm_of
 from calib_core.cell.found import as_used, mounts_of
 from calib_core.chain.bend import in_one_plane
-from calib_core.chain.observations import SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.record import ToolResult
 
@@ -57,7 +57,7 @@ class Tool:
         )
 
     def straightened(
-        self, observations: Sequence[SphereObservation], center_mm: FloatArray, radius_mm: float
+        self, observations: Observations, center_mm: FloatArray, radius_mm: float
     ) -> list[SphereObservation]:
         """Return profiles in one plane where the sheet of light is bent, of a ball (3,) on what carries it."""
         if not self.sheet_per_mm:

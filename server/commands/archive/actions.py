@@ -2,9 +2,7 @@
 
 import argparse
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from calib_core.archive import archive
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts
@@ -18,7 +16,7 @@ from calib_core.errors import CalibrationError, InputError
 from calib_core.findings import in_language
 from calib_core.messages import message
 from calib_core.moment import now
-from calib_core.records import Session
+from calib_core.records import ResultsData, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.review.answer import answer_of_folder
 from calib_core.review.decided_before import decided_before_in
@@ -121,12 +119,7 @@ def _content(path: Path) -> bytes:
 
 
 def _report(
-    options: argparse.Namespace,
-    folder: Path,
-    session: Session,
-    read: ReadFile,
-    results: Mapping[str, Mapping[str, Any]],
-    date: str,
+    options: argparse.Namespace, folder: Path, session: Session, read: ReadFile, results: ResultsData, date: str
 ) -> dict[str, Content]:
     from calib_core.graph.keys import Graph
     from server.render.report.folder import circumstances_in
@@ -150,7 +143,7 @@ def _report(
 
 
 def _scene(
-    options: argparse.Namespace, session: Session, read: ReadFile, results: Mapping[str, Mapping[str, Any]]
+    options: argparse.Namespace, session: Session, read: ReadFile, results: ResultsData
 ) -> dict[str, Content]:
     from server.measuring import measure
     from server.scenes.offline import scene_html

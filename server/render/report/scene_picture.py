@@ -11,7 +11,7 @@ from calib_core.cell.found import scanner_frame
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import ENGLISH, Catalogue, message
-from calib_core.records import Session
+from calib_core.records import ResultsData, Session
 from calib_core.steps import steps_that_show, tool_stages
 
 _SIZE: Final = 300.0
@@ -23,7 +23,7 @@ _ABOVE, _BESIDE = message("from above"), message("from the side")
 _RIM: Final = np.linspace(0.0, 2 * np.pi, 49)
 
 
-def scene_picture(session: Session, results: Mapping[str, Mapping[str, Any]], said: Catalogue = ENGLISH) -> str:
+def scene_picture(session: Session, results: ResultsData, said: Catalogue = ENGLISH) -> str:
     """Return an SVG of the answer's cell in base, empty where there is no answer or no pose can be read."""
     result = next((results[name] for name in tool_stages() if name in results), None)
     if result is None or not result.get("sphere_center_in_base_mm"):
