@@ -27,7 +27,7 @@ def base_from_tool0_by_capture(cell: Cell, captures: Sequence[Capture]) -> dict[
         If a pose is missing or wrong, or all are plainly in another unit than the convention says.
     """
     poses = {capture.id: middle_pose(cell, capture) for capture in captures}
-    _require_unit(cell, captures)
+    require_unit(cell, captures)
     return poses
 
 
@@ -49,7 +49,8 @@ def _pose_rows(captures: Sequence[Capture]) -> list[list[float]]:
     return rows
 
 
-def _require_unit(cell: Cell, captures: Sequence[Capture]) -> None:
+def require_unit(cell: Cell, captures: Sequence[Capture]) -> None:
+    """Refuse poses that are all plainly in another unit than the convention says; raises InputError."""
     convention = CONVENTIONS[cell.pose_convention]
     rows = _pose_rows(captures)
     if not rows:

@@ -116,6 +116,25 @@ def carrier_told(cell: Cell, capture: Capture) -> str:
     return told.get(capture.mount or "") or "base"
 
 
+def riders(cell: Cell) -> set[str]:
+    """Return the balls that are told to be on an axis, by their names."""
+    names = {axis.name for axis in cell.axes or ()}
+    return {ball.name for ball in cell.spheres or () if ball.on in names}
+
+
+def axis_that_moved(cell: Cell, captures: Sequence[Capture]) -> str | None:
+    """Return the first axis that carries the object and stood elsewhere in one capture than in another."""
+    read = [readings(capture) for capture in captures]
+    return next(
+        (
+            axis.name
+            for axis in cell.axes or ()
+            if axis.carries == "object" and len({where[axis.name] for where in read if axis.name in where}) > 1
+        ),
+        None,
+    )
+
+
 def axes_needed(cell: Cell) -> set[str]:
     """Return the axes by which the robot, or a ball that is told to be on one, is moved."""
     needed = {axis.name for axis in cell.axes or [] if axis.carries == "robot"}

@@ -6,6 +6,7 @@ import pytest
 
 from calib_core.archive.folder import parse_json
 from calib_core.captures.contradictions import unfit
+from calib_core.cell.axes import axis_that_moved
 from calib_core.errors import InputError, MotionError
 from calib_core.records import Capture, parse_capture, parse_cell, parse_session
 from calib_core.stages.pipeline import solve_stage
@@ -191,3 +192,15 @@ def test_too_few_captures_are_told_with_why_others_were_left_out() -> None:
     session = parse_session({"format": "scancell-session/1", "cell": cell, "captures": read})
     with pytest.raises(MotionError, match=r"got 1\. p1–p5 are not used: .* the axis rail stood\. Add the axis's"):
         solve_stage(session, "tcp", {}.__getitem__)
+
+
+def test_a_sphere_that_is_told_to_ride_on_an_axis_that_moved_is_refused_among_tcp_captures() -> None:
+    own = [{"axes_deg": {"tilt": 10.0 * (k // 3)}, "mount": "ab"[k % 2]} for k in range(6)]
+    read = [one.model_dump(mode="json", exclude_none=True) for one in captures_of(*own)]
+    balls = [{"name": "a", "on": "base"}, {"name": "b", "on": "tilt"}]
+    cell = {"pose_convention": "kuka", "sphere_diameter_mm": 40.0, "axes": [TILT], "spheres": balls}
+    session = parse_session({"format": "scancell-session/1", "cell": cell, "captures": read})
+    with pytest.raises(MotionError, match=r"seems to ride on the axis 'tilt', which moved.*step 'turntable'"):
+        solve_stage(session, "tcp", {}.__getitem__)
+    assert axis_that_moved(session.cell, session.captures[:3]) is None
+    assert axis_that_moved(session.cell, session.captures) == "tilt"

@@ -14,6 +14,7 @@ from calib_core.captures.arm_joints import corrected_captures
 from calib_core.captures.ball_side import side_of_ball
 from calib_core.captures.contradictions import unfit
 from calib_core.captures.placement import Placement
+from calib_core.captures.poses import require_unit
 from calib_core.captures.scans import ScanGroup, SessionScans, local_origin_mm, poses_of, scan_groups
 from calib_core.cell.found import told_by
 from calib_core.errors import InputError
@@ -128,6 +129,8 @@ def plan_merge(given: StageInput) -> MergePlan:
         given, with_table=any(capture.table_deg is not None for capture in captures)
     )
     fit = [capture for capture in captures if capture.id not in unused]
+    if not np.array_equal(calibration.placement.mount_from_laser.matrix, np.eye(4)):  # else no robot's poses
+        require_unit(given.session.cell, fit)
     groups = scan_groups(corrected_captures(given.session.cell, fit, calibration.arm))
     settings = given.session.cell.merge
     scans = SessionScans(given.session, groups, calibration.placement, given.read)

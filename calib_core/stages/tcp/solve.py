@@ -13,7 +13,7 @@ from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.captures.observe import observe_capture
 from calib_core.captures.poses import base_from_tool0_by_capture, duplicates, same_place
 from calib_core.causes.flange import flange_findings
-from calib_core.cell.axes import foot_moved, moved_axes, reading_sigmas
+from calib_core.cell.axes import axis_that_moved, foot_moved, moved_axes, reading_sigmas, riders
 from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.errors import MeasurementError, MotionError
@@ -64,6 +64,8 @@ def solve(given: StageInput) -> TcpResult:
     found = _findings(given, solved)
     if verdict_of(found) == "fail":
         found += _doubts_of_pitch(given)
+    if not any(one.remedy for one in found) and any(one.code == codes.POSES_DO_NOT_FIT.name for one in found):
+        _require_still(given)
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256, found)
     result = result.model_copy(update={"spheres": spheres_found(given.session.cell, solved.solution)})
     result = without_open_places(result, solved.solution.shifts)
@@ -147,6 +149,19 @@ def _doubts_of_pitch(given: StageInput) -> list[Finding]:
     return [doubt] if doubt else []
 
 
+def _require_still(given: StageInput, ball: str = "") -> None:
+    """Refuse captures, or those of one ball, where an axis that carries the object moved between them."""
+    some = [c for c in given.captures if not c.excluded and (not ball or c.mount == ball)]
+    if (axis := axis_that_moved(given.session.cell, some)) is not None:
+        raise MotionError(
+            "a sphere that stands still in captures with step 'tcp'",
+            "one that seems to ride on the axis '{axis}', which moved",
+            "Give captures of a sphere on an axis the step 'turntable', and capture one that stands still.",
+            "captures",
+            axis=axis,
+        )
+
+
 def solve_tcp_captures(given: StageInput) -> SolvedTcp:
     """Return the tcp captures' solution, with what it was solved from; raises as `solve` does."""
     if given.kept.tcp is None:
@@ -160,6 +175,8 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     from calib_core.stages.tcp.balls import named_by_distances, other_arcs, with_all_balls
 
     cell = given.session.cell
+    for ball in riders(cell):
+        _require_still(given, ball)
     sphere = sphere_of(cell, [capture for capture in given.captures if not capture.excluded])
     clearest = observe_stage(given)
     observed = with_all_balls(given, clearest, sphere)
