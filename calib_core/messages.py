@@ -115,7 +115,8 @@ def filled(text: str, values: Mapping[str, Value]) -> str:
 
 def explained(what: str, why: object) -> Message:
     """Return what something is said of, a colon, and what is said."""
-    return message("{what}: {why}", what=what, why=str(why))
+    said = str(why)  # an error's text alone: which message it was made of is remembered
+    return message("{what}: {why}", what=what, why=made_lately(said) or Message(said, {}))
 
 
 class Names(tuple[str, ...]):

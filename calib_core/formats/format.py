@@ -272,10 +272,10 @@ def require_kind(kind: PointKind, wanted: PointKind | None, where: str, columns:
     if wanted is not None and kind != wanted:
         raise InputError(
             "a profile (x and z)" if wanted == "profile" else "a cloud (x, y and z)",
-            "a {kind} with {columns}",
-            "Give the capture the kind '{kind}', or export the file as a {wanted}.",
+            "a {has} with {columns}",
+            "Give the capture the kind '{has}', or export the file as a {kind}.",
             where,
-            kind=kind,
+            has=kind,
             columns=columns,
-            wanted=wanted,
+            kind=wanted,
         )

@@ -66,7 +66,7 @@ function piecesOf(known, register) {
   const put = (/** @type {Equipment[]} */ now) => {
     pieces = now;
     list.replaceChildren(...(pieces.length ? pieces.map((piece) => h("li", { class: "row" }, h("span", {}, pieceWords(piece)),
-      h("button", { type: "button", class: "plain", "aria-label": t("equipment.remove", { piece: pieceWords(piece) }), onclick: () => put(pieces.filter((one) => one !== piece)) }, t("equipment.take_away"))))
+      h("button", { type: "button", class: "plain", "aria-label": t("equipment.remove", { name: pieceWords(piece) }), onclick: () => put(pieces.filter((one) => one !== piece)) }, t("equipment.take_away"))))
       : [h("li", { class: "soft" }, t("circumstances.no_equipment"))]));
     const left = register.filter(({ id }) => !pieces.some((one) => one.register_id === id));
     choice.replaceChildren(...left.map((one) => h("option", { value: one.id }, pieceWords(one))));

@@ -45,7 +45,7 @@ export class RegisterElement extends HTMLElement {
       h("td", { class: "right" }, h("div", { class: "row" }, input,
         h("button", { type: "button", needs: "admin", "aria-label": t("equipment.keep_certificate", { piece: words }), onclick: () => input.click() }, t("equipment.certificate")),
         h("button", { type: "button", needs: "admin", "aria-label": t("equipment.correct", { piece: words }), onclick: () => this.#edit(piece) }, t("equipment.edit")),
-        h("button", { type: "button", class: "danger", needs: "admin", "aria-label": t("equipment.remove", { piece: words }), onclick: () => this.#askToRemove(piece) }, t("equipment.take_away")))));
+        h("button", { type: "button", class: "danger", needs: "admin", "aria-label": t("equipment.remove", { name: words }), onclick: () => this.#askToRemove(piece) }, t("equipment.take_away")))));
   }
 
   /** @param {string} id @param {File | undefined} file */
@@ -80,7 +80,7 @@ export class RegisterElement extends HTMLElement {
         await this.#load();
       });
     };
-    const dialog = openDialog("remove-piece", t("equipment.remove", { piece: pieceWords(piece) }), [h("p", {}, t("equipment.remove_words")), h("div", { class: "row end" },
+    const dialog = openDialog("remove-piece", t("equipment.remove", { name: pieceWords(piece) }), [h("p", {}, t("equipment.remove_words")), h("div", { class: "row end" },
       closeButton(t("cancel"), { autofocus: true }), h("button", { type: "button", class: "danger", onclick: () => void remove() }, t("equipment.take_away")))]);
   }
 }

@@ -60,7 +60,7 @@ function found(plan) {
   return [
     h("p", { class: `plan-sentence ${state}` }, h("strong", {}, said(plan.sentence))),
     h("p", {}, t("plan.seen", { distance: fixed(plan.distance_mm, 0), offset: fixed(plan.offset_mm, 0) })),
-    h("p", {}, plan.where), h("p", { class: "soft" }, t("plan.limited", { by: plan.limited_by })),
+    h("p", {}, plan.where), h("p", { class: "soft" }, t("plan.limited", { limited_by: plan.limited_by })),
     tableOf([t("plan.sphere"), t("plan.captures"), t("plan.then")], rows, t("plan.sphere")),
     ...(plan.table && layouts ? [h("p", {}, h("strong", {}, said(plan.table.sentence))),
       tableOf([t("plan.off_axis"), t("plan.heights"), t("plan.angles"), t("plan.captures"), t("plan.then")], layouts, t("plan.table"))] : []),

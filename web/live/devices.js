@@ -48,7 +48,7 @@ export class DevicesElement extends HTMLElement {
         row.dataset["told"] = told;
         row.dataset["status"] = status;
         row.classList.toggle("old", since !== "");
-        row.replaceChildren(...this.#row(item, status, problem, since ? t("devices.since", { since }) : status === "live" ? `${Math.round(rate_hz)}/s` : ""));
+        row.replaceChildren(...this.#row(item, status, problem, since ? t("devices.since", { date: since }) : status === "live" ? `${Math.round(rate_hz)}/s` : ""));
       }
     });
   }

@@ -206,7 +206,7 @@ function figures({ exposure, robot, table_deg, clocks }) {
     if (picture.stripe_width_px) rows.push([t("preview.focus"), [`${fixed(picture.stripe_width_px, 1)} px`]]);
   }
   const place = robot?.base_from_tool0?.slice(0, 3).map((row) => fixed(row[3] ?? 0, 1));
-  if (robot && place) rows.push([t("preview.robot"), [`${place.join("  ")} mm`, robot.age_s > OLD_S && ` · ${t("devices.since", { since: ago(robot.age_s) })}`].filter((part) => part !== false)]);
+  if (robot && place) rows.push([t("preview.robot"), [`${place.join("  ")} mm`, robot.age_s > OLD_S && ` · ${t("devices.since", { date: ago(robot.age_s) })}`].filter((part) => part !== false)]);
   if (table_deg !== null) rows.push([t("column.table"), [`${fixed(table_deg, 2)}°`]]);
   if (clocks) rows.push([t("preview.clocks"), [`${clocks.offset_s < 0 ? "" : "+"}${fixed(1000 * clocks.offset_s, 1)}\u00a0±\u00a0${fixed(2000 * clocks.sigma_s, 1)} ms`]]);
   return rows.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "number" }, ...value)));

@@ -195,7 +195,7 @@ export class ChainPictureElement extends HTMLElement {
       fields.push(field("chain-carries", t("chain.carries"), carries));
     }
     if (part.implied) return fields;
-    return [...fields, h("button", { type: "button", class: "plain wide", onclick: () => this.#remove(part) }, t("chain.remove", { part: words(part) }))];
+    return [...fields, h("button", { type: "button", class: "plain wide", onclick: () => this.#remove(part) }, t("chain.remove", { name: words(part) }))];
   }
 
   /** @param {Part} part @param {HTMLInputElement} input @param {(what: Partial<Part>) => void} change */

@@ -91,7 +91,7 @@ export class FileReadingElement extends HTMLElement {
     return [
       t("reading.read", { title, points, kind: maybe(`reading.kind_${kind}`, kind) }),
       grid ? t("reading.grid", { rows: grid[0] ?? 0, columns: grid[1] ?? 0 }) : "",
-      missing ? t("reading.missing", { missing }) : "",
+      missing ? t("reading.missing", { count: missing }) : "",
       Object.entries(columns).map(([axis, name]) => `${axis} = ${said(name)}`).join(", "),
       t("reading.in_unit", { unit, from: maybe(`reading.from_${from}`, from) }),
     ].filter(Boolean).join(t("reading.join"));
@@ -107,7 +107,7 @@ export class FileReadingElement extends HTMLElement {
     const offers = units.map((one) => h("button", { type: "button", class: "primary", onclick: () => {
       this.#unit.value = one;
       void this.#look();
-    } }, t("reading.read_as", { unit: one })));
+    } }, t("reading.read_as", { name: one })));
     if (first && second && !more.length) offers.push(h("button", { type: "button", onclick: () => {
       const now = this.#settings.columns ?? [first, second];
       this.#columns.value = [...now].reverse().join(" ");

@@ -102,7 +102,7 @@ export class ComparePage extends HTMLElement {
     const items = id ? await api.history(id, stage) : [];
     this.#chosen[side].solve.replaceChildren(
       h("option", { value: "" }, t("history.latest")),
-      ...items.map((item) => h("option", { value: item.number, selected: String(item.number) === number }, `${when(item.created)} · ${maybe(`verdict.${item.verdict}`, item.verdict)} · ${t("evidence.used_of", { used: item.used, all: item.captures })}`)));
+      ...items.map((item) => h("option", { value: item.number, selected: String(item.number) === number }, `${when(item.created)} · ${maybe(`verdict.${item.verdict}`, item.verdict)} · ${t("evidence.used_of", { rows: item.used, count: item.captures })}`)));
   }
 }
 

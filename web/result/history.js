@@ -31,7 +31,7 @@ function table(items, sessionId, stage) {
     h("thead", {}, h("tr", {}, ...heads.map((head) => h("th", { scope: "col" }, head)))),
     h("tbody", {}, ...items.map((item) => h("tr", {},
       h("th", { scope: "row" }, when(item.created)), h("td", {}, mark(item.verdict, maybe(`verdict.${item.verdict}`, item.verdict))),
-      h("td", {}, t("evidence.used_of", { used: item.used, all: item.captures })), h("td", {}, item.software),
+      h("td", {}, t("evidence.used_of", { rows: item.used, count: item.captures })), h("td", {}, item.software),
       h("td", {}, item === latest || !latest ? plural(items.length, "history.only", "history.latest") : h("a", { href: compareAddress(sessionId, stage, item.number, latest.number) }, t("result.compare")))))));
 }
 

@@ -86,7 +86,7 @@ def checked(name: str, estimate: Estimate, limit_mm: float | None, count: int = 
                 told=reason,
             )
         else:
-            reason = message("{told}.", told=reason)
+            reason = message("{text}.", text=reason)
     return VerifyCheck(
         name=name,
         title=str(title),
