@@ -16,6 +16,7 @@ from server.scenes.colors import Rgb
 
 METRES_PER_MM = 1e-3
 _PLACE = ("position", "wxyz")
+_NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
 _AXES_UNIT = 100.0
 """Axes are made this long and scaled down: for every node that can be clicked the client prepares an outline, and
 compares all corners within 0.01 of each other, which in axes of a few centimetres are nearly all of them."""
@@ -57,26 +58,20 @@ class Node:
 
 def axes(name: str, pose: RigidTransform, length_mm: float, origin: Rgb, thickness: float = 0.03) -> Node:
     """Return a frame drawn as three axes (red x, green y, blue z) with a coloured origin; thickness by length."""
-    return Node(
-        name,
-        "add_frame",
-        {
-            **_place(pose),
-            "axes_length": _AXES_UNIT,
-            "axes_radius": _AXES_UNIT * thickness,
-            "origin_radius": _AXES_UNIT * 3.6 * thickness,
-            "origin_color": origin,
-            "scale": length_mm * METRES_PER_MM / _AXES_UNIT,
-        },
-    )
+    looks = {
+        "axes_length": _AXES_UNIT,
+        "axes_radius": _AXES_UNIT * thickness,
+        "origin_radius": _AXES_UNIT * 3.6 * thickness,
+        "origin_color": origin,
+        "scale": length_mm * METRES_PER_MM / _AXES_UNIT,
+    }
+    return Node(name, "add_frame", {**_place(pose), **looks})
 
 
 def many_axes(name: str, poses: Sequence[RigidTransform], length_mm: float, instances: tuple[str, ...]) -> Node:
     """Return axes at many places as one node; `instances` says whose each of them is."""
-    places = [_place(pose) for pose in poses]
     arguments = {
-        "batched_wxyzs": np.array([place["wxyz"] for place in places], dtype=np.float32),
-        "batched_positions": np.array([place["position"] for place in places], dtype=np.float32),
+        **_places(poses),
         "axes_length": length_mm * METRES_PER_MM,
         "axes_radius": 0.04 * length_mm * METRES_PER_MM,
     }
@@ -87,18 +82,15 @@ def many_arrowheads(
     name: str, poses: Sequence[RigidTransform], length_mm: float, colors: Sequence[Rgb], instances: tuple[str, ...]
 ) -> Node:
     """Return pyramids that point along z, a colour each, as one node: far fewer triangles than `many_axes`."""
-    places = [_place(pose) for pose in poses]
     corners = np.array([[0.2, 0, 0], [-0.1, 0.17, 0], [-0.1, -0.17, 0], [0, 0, 1]]) * length_mm
     arguments = {
         "vertices": _metres(corners).astype(np.float32),
         "faces": np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3], [2, 1, 0]], dtype=np.uint32),
-        "batched_wxyzs": np.array([place["wxyz"] for place in places], dtype=np.float32),
-        "batched_positions": np.array([place["position"] for place in places], dtype=np.float32),
+        **_places(poses),
         "batched_colors": np.array(colors, dtype=np.uint8),
         "lod": "off",
         "flat_shading": True,
-        "cast_shadow": False,
-        "receive_shadow": False,
+        **_NO_SHADOW,
     }
     return Node(name, "add_batched_meshes_simple", arguments, instances)
 
@@ -117,11 +109,8 @@ def label(name: str, position_mm: ArrayLike, text: str, size: float = 1.0, ancho
 
 def lines(name: str, segments_mm: FloatArray, color: Rgb, width_px: float = 2.0) -> Node:
     """Return straight pieces (N, 2, 3) of constant width on the screen."""
-    return Node(
-        name,
-        "add_line_segments",
-        {"points": _metres(segments_mm), "colors": color, "thickness": width_px, "thickness_units": "screen"},
-    )
+    looks = {"colors": color, "thickness": width_px, "thickness_units": "screen"}
+    return Node(name, "add_line_segments", {"points": _metres(segments_mm), **looks})
 
 
 def polyline(name: str, points_mm: FloatArray, color: Rgb, width_px: float = 2.0) -> Node:
@@ -147,38 +136,23 @@ def points(
 ) -> Node:
     """Return points (N, 3) with a colour each, in single precision about a local origin."""
     origin = np.asarray(origin_mm, dtype=float)
-    return Node(
-        name,
-        "add_point_cloud",
-        {
-            "points": _metres(points_mm - origin),
-            "position": tuple((origin * METRES_PER_MM).tolist()),
-            "colors": colors,
-            "point_size": size_mm * METRES_PER_MM,
-            "point_shape": "circle",
-            "point_shading": "flat",
-            "precision": "float32",
-        },
-    )
+    arguments = {
+        "points": _metres(points_mm - origin),
+        "position": tuple((origin * METRES_PER_MM).tolist()),
+        "colors": colors,
+        "point_size": size_mm * METRES_PER_MM,
+    }
+    looks = {"point_shape": "circle", "point_shading": "flat", "precision": "float32"}
+    return Node(name, "add_point_cloud", {**arguments, **looks})
 
 
 def surface(
     name: str, pose: RigidTransform, corners_mm: FloatArray, faces: NDArray[np.uint32], color: Rgb, opacity: float
 ) -> Node:
     """Return translucent triangles, seen from both sides, with corners (N, 3) in the pose's own frame."""
+    looks = {"color": color, "opacity": opacity, "side": "double", **_NO_SHADOW}
     return Node(
-        name,
-        "add_mesh_simple",
-        {
-            **_place(pose),
-            "vertices": _metres(corners_mm),
-            "faces": faces,
-            "color": color,
-            "opacity": opacity,
-            "side": "double",
-            "cast_shadow": False,
-            "receive_shadow": False,
-        },
+        name, "add_mesh_simple", {**_place(pose), "vertices": _metres(corners_mm), "faces": faces, **looks}
     )
 
 
@@ -196,26 +170,15 @@ def disc(name: str, radius_mm: float, height_mm: float, color: Rgb, opacity: flo
 def ball(name: str, center_mm: ArrayLike, radius_mm: float, color: Rgb, opacity: float, detail: int = 6) -> Node:
     """Return a translucent sphere; each edge of an icosahedron is cut into `detail` + 1 pieces."""
     center = np.asarray(center_mm, dtype=float) * METRES_PER_MM
-    return Node(
-        name,
-        "add_icosphere",
-        {
-            "radius": radius_mm * METRES_PER_MM,
-            "position": tuple(center.tolist()),
-            "color": color,
-            "opacity": opacity,
-            "subdivisions": detail,
-            "cast_shadow": False,
-            "receive_shadow": False,
-        },
-    )
+    size = {"radius": radius_mm * METRES_PER_MM, "position": tuple(center.tolist()), "subdivisions": detail}
+    return Node(name, "add_icosphere", {**size, "color": color, "opacity": opacity, **_NO_SHADOW})
 
 
 def ellipsoid(name: str, pose: RigidTransform, half_mm: FloatArray, color: Rgb, opacity: float) -> Node:
     """Return a translucent ellipsoid with its half axes (3,) along those of a pose."""
     scale = tuple((half_mm * METRES_PER_MM).tolist())
     looks = {"radius": 1.0, "scale": scale, "color": color, "opacity": opacity, "subdivisions": 12}
-    return Node(name, "add_icosphere", {**_place(pose), **looks, "cast_shadow": False, "receive_shadow": False})
+    return Node(name, "add_icosphere", {**_place(pose), **looks, **_NO_SHADOW})
 
 
 def _metres(values_mm: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -228,3 +191,10 @@ def _place(pose: RigidTransform) -> dict[str, tuple[float, ...]]:
 
     x, y, z, w = Rotation.from_matrix(pose.rotation).as_quat().tolist()
     return {"position": tuple((pose.translation_mm * METRES_PER_MM).tolist()), "wxyz": (w, x, y, z)}
+
+
+def _places(poses: Sequence[RigidTransform]) -> dict[str, NDArray[np.float32]]:
+    """Return viser's quaternions and positions of many poses."""
+    places = [_place(pose) for pose in poses]
+    by_name = {"batched_wxyzs": "wxyz", "batched_positions": "position"}
+    return {name: np.array([place[of] for place in places], np.float32) for name, of in by_name.items()}
