@@ -6,15 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from calib_core.cell.found import UpToShift
-from calib_core.evidence.numbers import (
-    decimals_of,
-    fixed,
-    number_text,
-    plus_minus,
-    quantity,
-    rms,
-    same_decimals,
-)
+from calib_core.evidence.numbers import decimals_of, fixed, number_text, plus_minus, quantity, rms, same_decimals
 from calib_core.evidence.words import by_cause, captures_text
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import AtWorkpiece, at_workpiece

@@ -69,9 +69,8 @@ async def arrived(request: Request, store: StoreDep) -> AsyncGenerator[IO[bytes]
         async with request.form(max_files=1, max_fields=10) as form:
             upload = next((part for part in form.values() if isinstance(part, UploadFile)), None)
             if upload is None:
-                raise InputError(
-                    "an archive, a .zip file", "a form without a file", "Send it as the part `file`.", "request"
-                )
+                to_do = "Send it as the part `file`."
+                raise InputError("an archive, a .zip file", "a form without a file", to_do, "request")
             yield upload.file
         return
     with store.blobs.scratch() as file:

@@ -129,9 +129,8 @@ def past_result(db: Transaction, session_id: str, stage: str, number: int | None
     found = [r for r in stage_history(db, session_id, stage) if number is None or r.number == number]
     if not found:
         got = message("'{stage}', which was not solved", stage=stage) if number is None else f"{number}"
-        raise NotFoundError(
-            "a result of this stage", got, "List its history; solve the stage where it is empty.", "number"
-        )
+        to_do = "List its history; solve the stage where it is empty."
+        raise NotFoundError("a result of this stage", got, to_do, "number")
     return found[0]
 
 

@@ -80,15 +80,13 @@ def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> D
         If the cell does not have it.
     """
     if fault not in ACKNOWLEDGED:
-        raise InputError(
-            "one of {names}", f"'{fault[:40]}'", "Name one of these.", "fault", names=", ".join(ACKNOWLEDGED)
-        )
+        to_do = "Name one of these."
+        raise InputError("one of {names}", f"'{fault[:40]}'", to_do, "fault", names=", ".join(ACKNOWLEDGED))
     cell_history(db, cell)
     found = open_steps(db, cell) if fault == "drift" else _changes(db, cell) - _changes_acknowledged(db, cell)
     if not found:
-        raise ConflictError(
-            "a cell with the fault {fault}", "one without", "Nothing has to be done.", cell, fault=fault
-        )
+        to_do = "Nothing has to be done."
+        raise ConflictError("a cell with the fault {fault}", "one without", to_do, cell, fault=fault)
     row = AcknowledgedRow(cell=cell, fault=fault, of=sorted(found), who=who, why=why, created=now())
     db.add(row)
     db.flush()
@@ -107,9 +105,8 @@ def require_four_eyes(db: Transaction, cell: str, session_id: str, who: str) -> 
     captured = _who_captured(db, session_id)
     if not captured or _NOBODY in (*captured, who):
         to_do = message("Capture with a login of one's own, or ask the administrator for the cell's policy.")
-        raise ConflictError(
-            "a session of which it is known who captured it", "one of which it is not", to_do, cell
-        )
+        need = "a session of which it is known who captured it"
+        raise ConflictError(need, "one of which it is not", to_do, cell)
     if who in captured:
         to_do = message("Ask somebody else: the cell's policy asks for four eyes.")
         raise ConflictError("somebody who did not capture the session", "'{who}', who did", to_do, cell, who=who)

@@ -153,12 +153,10 @@ def _require_still(given: StageInput, ball: str = "") -> None:
     """Refuse captures, or those of one ball, where an axis that carries the object moved between them."""
     some = [c for c in given.captures if not c.excluded and (not ball or c.mount == ball)]
     if (axis := axis_that_moved(given.session.cell, some)) is not None:
+        need = "a sphere that stands still in captures with step 'tcp'"
+        to_do = "Give captures of a sphere on an axis the step 'turntable', and capture one that stands still."
         raise MotionError(
-            "a sphere that stands still in captures with step 'tcp'",
-            "one that seems to ride on the axis '{axis}', which moved",
-            "Give captures of a sphere on an axis the step 'turntable', and capture one that stands still.",
-            "captures",
-            axis=axis,
+            need, "one that seems to ride on the axis '{axis}', which moved", to_do, "captures", axis=axis
         )
 
 
