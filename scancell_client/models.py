@@ -1154,12 +1154,15 @@ class UpToShift(Record):
     """Scanner and table up to one shift of both, by a machine that did not turn enough to tell more."""
     directions: list[list[float]]
     travel: list[float] | None = None
+    own_base: Literal[True] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
     base_from_turntable: list[list[float]] | None = None
     covariance: list[list[float]]
     turntable_covariance: list[list[float]] | None = None
     cross_covariance: list[list[float]] | None = None
+    axes: list[FoundAxis] | None = None
+    frames: list[FoundFrame] | None = None
 
 
 class VarianceComponents(Record):

@@ -153,3 +153,10 @@ def readings(capture: Capture) -> dict[str, float]:
     """Return where a capture's axes stood, in degrees and mm, by their names."""
     table = {} if capture.table_deg is None else {TABLE: capture.table_deg}
     return {**table, **(capture.axes_deg or {}), **(capture.axes_mm or {})}
+
+
+def without_directions(cell: Cell) -> Cell:
+    """Return a cell whose axes count in no sense that is told: senses are told about up, which is in base."""
+    axes = cell.axes and [axis.model_copy(update={"direction": None}) for axis in cell.axes]
+    table = cell.turntable.model_copy(update={"direction": None})
+    return cell.model_copy(update={"axes": axes, "turntable": table})

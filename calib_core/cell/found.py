@@ -1,19 +1,19 @@
 """Where a result, or what is known of a cell, says that scanner and ball are."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
-from calib_core.cell.carriers import scanner_mount
+from calib_core.cell.carriers import scanner_mount, scanner_name, scanner_told, stands_still
 from calib_core.cell.layout import Carrier
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
-from calib_core.records import Cell
+from calib_core.records import Capture, Cell
 from calib_core.records.base import Matrix4, OpenMatrix4, Record, Rows, Vector3
 from calib_core.records.results import FoundFrame
-from calib_core.records.topology import KnownFrame
+from calib_core.records.topology import FoundAxis, KnownFrame
 
 _MOUNTS: Final[tuple[Carrier, ...]] = ("tool0", "base")
 ON_FLANGE: Final = "tool0_from_laser"
@@ -29,17 +29,21 @@ class UpToShift(Record):
 
     The scanner's place along `directions`, in the frame of what carries it, is not determined.  Here it is as if
     one component for each of them were zero: all that scanner and table are used for together does not depend on
-    it.  The other fields are those of the result by the same names, with numbers in place of null.
+    it.  Where nothing ties both to base (`own_base`), base is the scanner's own frame here, z towards the scanner.
+    The other fields are those of the result by the same names, with numbers in place of null.
     """
 
     directions: list[Vector3]
     travel: Vector3 | None = None
+    own_base: Literal[True] | None = None
     tool0_from_laser: Matrix4 | None = None
     base_from_laser: Matrix4 | None = None
     base_from_turntable: Matrix4 | None = None
     covariance: Rows
     turntable_covariance: Rows | None = None
     cross_covariance: Rows | None = None
+    axes: list[FoundAxis] | None = None
+    frames: list[FoundFrame] | None = None
 
 
 class ScannerPlaced(Record):
@@ -114,6 +118,23 @@ def known_scanner(cell: Cell) -> RigidTransform | None:
     mount = scanner_mount(cell)
     rows = getattr(cell.known, f"{mount}_from_laser")
     return None if rows is None else RigidTransform.from_rounded(rows, mount, "laser")
+
+
+def own_base(cell: Cell, captures: Iterable[Capture]) -> RigidTransform | None:
+    """Return base_from_laser of a scanner that stands before a table and that nothing ties to the robot's base.
+
+    Base is then taken as the scanner's own frame, z towards the scanner, so that tables seen from above point up.
+    None where any scanner that saw the table is on the flange, is known, or took captures of step tcp.
+    """
+    some = [one for one in captures if not one.excluded]
+    before = {scanner_name(cell, one): one for one in some if one.step == "turntable"}
+    tied = {scanner_name(cell, one) for one in some if one.step == "tcp"} | {*mounts_of(cell.known.frames or [])}
+    still = all(stands_still(cell, one) for one in before.values())
+    if not before or not still or tied & before.keys() or known_scanner(cell) is not None:
+        return None
+    toward = scanner_told(cell, next(iter(before.values()))).z_axis == "toward"
+    turn = [0.0 if toward else np.pi, 0.0, 0.0]
+    return RigidTransform.of(turn, [0.0, 0.0, 0.0], "base", "laser")
 
 
 def no_scanner(need: str) -> InputError:

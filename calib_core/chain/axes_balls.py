@@ -140,11 +140,12 @@ def _split(walk: Walk, ball: np.ndarray) -> Walk:
 def _placed(split: Walk, at: Position, walk: Walk, centers: FloatArray) -> Position:
     """Return the axes of a guess with each ball where its arcs lie."""
     back = moved_back(walk, centers, at)
-    places = [_middle(back[split.place == n]) for n in range(len(split.layout.places))]
+    places = [middle_of_arcs(back[split.place == n]) for n in range(len(split.layout.places))]
     return replace(at, places=np.array(places))
 
 
-def _middle(both: FloatArray) -> FloatArray:
+def middle_of_arcs(both: FloatArray) -> FloatArray:
+    """Return where most of one ball's arcs, of possible centres (K, 2, 3), have it."""
     flat = both.reshape(-1, 3)
     apart = np.linalg.norm(both[None] - flat[:, None, None], axis=3).min(axis=2)
     return flat[int(np.argmin(robust_costs(apart)))]

@@ -19,6 +19,7 @@ from calib_core.chain.bend import doubted, unbent
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
+from calib_core.chain.late_scanner import LateScanner
 from calib_core.chain.leave_one_out import without_each
 from calib_core.chain.mirrored import (
     JudgedTable,
@@ -43,7 +44,7 @@ from calib_core.chain.table_judging import EncoderScales, judge_table
 from calib_core.chain.table_moves import table_move_of
 from calib_core.chain.table_patterns import pattern_of
 from calib_core.chain.table_residuals import table_residuals
-from calib_core.chain.table_tool import with_tool_move
+from calib_core.chain.table_tool import ToolMove, with_tool_move
 from calib_core.chain.tcp import (
     Progress,
     TcpSolution,
@@ -113,6 +114,7 @@ def solve_chain(
     turntable: TurntableSolution,
     options: TurntableOptions,
     progress: Progress | None = None,
+    late: Sequence[LateScanner] = (),
 ) -> ChainSolution:
     """Return tool and turntable from all captures, beginning with the stages' own answers.
 
@@ -126,15 +128,18 @@ def solve_chain(
     options : TurntableOptions
     progress : callable, optional
         Called with the fraction done and what is being done.
+    late : sequence of LateScanner
+        Scanners that the table places, whose captures count last.
     """
     tell = progress or say_nothing
     tell(0.1, "Fitting all captures of both kinds jointly")
     tcp_observations = with_effective_points(tcp_observations, sphere)
+    table_observations = [*table_observations, *(o for one in late for o in one.observations)]
     table_observations = table_with_effective_points(table_observations, sphere)
     tcp_observations = with_own_sigmas(tcp_observations, sphere, options.point_sigma_mm)
     table_observations = with_table_sigmas(table_observations, sphere, options.point_sigma_mm)
     spheres, (judged, encoders), image, point_sigma = _judge(
-        tcp_observations, table_observations, sphere, tcp, turntable, options
+        tcp_observations, table_observations, sphere, tcp, turntable, options, late
     )
     judged = doubted(judged, tcp.bend)
 
@@ -145,7 +150,7 @@ def solve_chain(
         tcp = replace(tcp, arm=arm)
     tcp_observations, on_table = spheres[: len(tcp_observations)], spheres[len(tcp_observations) :]
     table_observations = [o.seen_as(seen) for o, seen in zip(table_observations, on_table, strict=True)]
-    held = with_tool_move(unmoved, turntable.tool_move, len(tcp_observations))
+    held = with_tool_move(unmoved, _of_every_mount(turntable.tool_move, tcp, late), len(tcp_observations))
     spread = mirror_spread(judged.data, held.state, image)
     held = replace(held, covariance=with_spread(held.covariance, spread))
     covariance = held.covariance
@@ -187,6 +192,12 @@ def solve_chain(
     )
 
 
+def _of_every_mount(move: ToolMove | None, tcp: TcpSolution, late: Sequence[LateScanner]) -> ToolMove | None:
+    """Return how the tool moved with room for scanners that were placed later, which did not."""
+    before = 6 * len(tcp.held.state.position.mount_rotations)
+    return move and replace(move, off=np.insert(move.off, before, np.zeros(6 * len(late))))
+
+
 def _judge(
     tcp_observations: Sequence[SphereObservation],
     table_observations: Sequence[TableObservation],
@@ -194,6 +205,7 @@ def _judge(
     tcp: TcpSolution,
     turntable: TurntableSolution,
     options: TurntableOptions,
+    late: Sequence[LateScanner],
 ) -> tuple[list[SphereObservation], JudgedTable, MirrorImage | None, float | None]:
     spheres = [*tcp_observations, *(o.placed for o in table_observations)]
     point_sigma = options.point_sigma_mm or pooled_point_sigma(spheres, sphere)
@@ -207,12 +219,18 @@ def _judge(
     for axis, encoder in turntable.encoders.items():
         data = data.holding(layout.scale(axis), not encoder.applied)
     one, other = tcp.held.state.position, turntable.state.position
-    mounts = one.mount_rotations, one.mount_translations
-    start = ChainState.at(data, Position(*mounts, np.concatenate([one.places, other.places]), other.axes))
-    start = replace(start, scanner=np.where(data.nuisance_sigmas > 0, tcp.held.state.scanner, 0.0))
+    mounts = (
+        np.array([*one.mount_rotations, *(own.rotation for own in late)]),
+        np.array([*one.mount_translations, *(own.translation for own in late)]),
+    )
+    places = np.concatenate([one.places, other.places, *(own.places for own in late)])
+    start = ChainState.at(data, Position(*mounts, places, other.axes))
+    known = np.zeros(len(data.nuisance_sigmas))
+    known[: len(tcp.held.state.scanner)] = tcp.held.state.scanner
+    start = replace(start, scanner=np.where(data.nuisance_sigmas > 0, known, 0.0))
     if tcp.arm is not None and tcp.arm.applied:
         data = with_open_arm(data, start, spheres, tcp.arm)
-    core = np.concatenate([tcp.used, turntable.used])
+    core = np.concatenate([tcp.used, turntable.used, *(own.core for own in late)])
     spheres, data = unbent(spheres, data, start, tcp.bend)
 
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
@@ -281,7 +299,8 @@ def _table_part(
     residuals = table_residuals(observations, walk, state, frame)
     used = judged.used[-count:]
     two_step = tcp.two_step.mount_from_laser if tcp.two_step else None
-    tool = KnownTool(tcp.joint.mount_from_laser, tcp.held, two_step)
+    all_known = len(tcp.held.state.walk.layout.mounts) == len(state.walk.layout.mounts)
+    tool = KnownTool(tcp.joint.mount_from_laser, tcp.held if all_known else held, two_step)
     size = judged.data.walk.layout.axis_and_places(judged.data.walk.layout.table)
     return TurntableSolution(
         frame=frame,

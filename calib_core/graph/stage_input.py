@@ -1,6 +1,6 @@
 """What a stage's solver gets, and what the stages of one run hand on to each other."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from calib_core.records import Capture, Finding, Result, Session
 from calib_core.records.callbacks import Progress, ReadFile, StoreFile
 
 if TYPE_CHECKING:
+    from calib_core.chain.late_scanner import LateScanner
     from calib_core.chain.tcp import TcpSolution
     from calib_core.chain.turntable import TurntableSolution
     from calib_core.fusion.crew import Crew, MergeOptions
@@ -51,11 +52,12 @@ class SolvedTcp:
 
 @dataclass(frozen=True, eq=False)
 class SolvedTable:
-    """The table captures' solution and what it was solved from."""
+    """The table captures' solution and what it was solved from; scanners that it places, for the whole chain."""
 
     solution: "TurntableSolution"
     observations: list[TableObservation]
     unused: list[Finding]
+    late: "Sequence[LateScanner]" = ()
 
 
 @dataclass(eq=False)

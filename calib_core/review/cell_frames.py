@@ -77,7 +77,7 @@ def session_frames(
     graph = frame_graph(session, results, stale, capture)
     told = None
     if asked is not None:
-        told = _between_scanners(_Solved(results, stale), *asked)
+        told = _told_by_result(_Solved(results, stale), *asked)
         if told is None:
             into, outof, scanner = _of_one_scanner(session, *asked)
             way = (frame_graph(session, results, stale, capture, scanner) if scanner else graph).find(into, outof)
@@ -151,11 +151,12 @@ class _Solved:
         return FrameEdge(*frames, "solved", stage, transform, known, scanner, stage in self.stale)
 
 
-def _between_scanners(solved: _Solved, into: str, outof: str) -> AskedFrame | None:
-    """Return a scanner's pose in another's frame, `laser:NAME` each; None where not asked or not solved."""
-    stage = solved.first(tool_stages())
-    for frame in [] if stage is None else solved.results[stage].get("frames") or []:
-        if {frame["into"], frame["outof"]} != {into, outof} or not into.startswith("laser:"):
+def _told_by_result(solved: _Solved, into: str, outof: str) -> AskedFrame | None:
+    """Return a scanner's pose in another's frame, or a table's in a scanner's, where a result has it as it is."""
+    found = [stage for stage in (solved.first(tool_stages()), solved.first(table_stages())) if stage]
+    every = [(stage, frame) for stage in found for frame in solved.results[stage].get("frames") or []]
+    for stage, frame in every:
+        if {frame["into"], frame["outof"]} != {into, outof} or not frame["into"].startswith("laser"):
             continue
         there = RigidTransform.from_rounded(frame["matrix"], "base", "tool0")
         covariance = np.array(frame["covariance"], dtype=float)

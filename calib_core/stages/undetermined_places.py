@@ -6,6 +6,8 @@ import numpy as np
 
 from calib_core.cell.found import UpToShift
 from calib_core.chain.without_turns import OpenShifts
+from calib_core.frames import RigidTransform
+from calib_core.records.results import FoundFrame
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
@@ -13,8 +15,11 @@ from calib_core.stages.turntable.record import TurntableResult
 _R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)
 
 
-def without_open_places(result: _R, shifts: OpenShifts) -> _R:
-    """Return a result in which what the motions do not determine is null, and how it is used all the same."""
+def without_open_places(result: _R, shifts: OpenShifts, *, own_base: bool = False) -> _R:
+    """Return a result in which what the motions do not determine is null, and how it is used all the same.
+
+    `own_base`: base is the scanner's own frame.
+    """
     if not len(shifts.directions):
         return result
     mount, turned = result.mount_from_laser, shifts.travel is not None
@@ -67,10 +72,32 @@ def without_open_places(result: _R, shifts: OpenShifts) -> _R:
         else frame
         for frame in result.frames
     ]
-    own = result.model_dump(include=set(UpToShift.model_fields) - {"directions", "travel"})
-    travel = None if shifts.travel is None else shifts.travel.tolist()
-    told["up_to_shift"] = UpToShift(directions=shifts.directions.tolist(), travel=travel, **own)
+    own = result.model_dump(by_alias=True, include=set(UpToShift.model_fields) - {"directions", "travel"})
+    travel = None if shifts.travel is None or own_base else shifts.travel.tolist()
+    told["up_to_shift"] = UpToShift(
+        directions=shifts.directions.tolist(), travel=travel, own_base=own_base or None, **own
+    )
     return result.model_copy(update=told)
+
+
+def without_base(result: TurntableResult, scanner: str) -> TurntableResult:
+    """Return a table that its scanner alone is tied to: null in base, where to each other told in frames."""
+    base_from_laser = result.mount_from_laser
+    laser_from_base = base_from_laser.inverse()
+    table = laser_from_base @ RigidTransform.from_rounded(result.base_from_turntable, "base", "turntable")
+    moves = np.eye(6)
+    moves[3:, 3:] = laser_from_base.rotation
+    covariance = moves @ np.array(result.covariance, dtype=float) @ moves.T
+    seen = FoundFrame(
+        into=f"laser:{scanner}" if scanner else "laser",
+        outof="turntable",
+        matrix=table.to_rows(),
+        covariance=covariance.tolist(),
+    )
+    every = OpenShifts(np.eye(3), np.eye(3), travel=np.zeros(3))
+    placed = FoundFrame(into="base", outof="laser", scanner=scanner or None, matrix=base_from_laser.to_rows())
+    opened = without_open_places(result.model_copy(update={"frames": [placed]}), every, own_base=True)
+    return opened.model_copy(update={"frames": [*opened.frames, seen]})
 
 
 def _open_table(result: TurntableResult | ChainResult, in_base: np.ndarray) -> dict[str, Any]:

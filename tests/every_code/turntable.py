@@ -18,11 +18,14 @@ from calib_core.chain.turntable import KnownTool, TurntableSolution, solve_turnt
 from calib_core.chain.whole import ChainSolution, solve_chain
 from calib_core.findings import Finding
 from calib_core.frames import FloatArray
-from calib_core.records import Cell
+from calib_core.library.opened import OpenSession
+from calib_core.records import Capture, Cell
+from calib_core.simulation.topology import BallOptions
 from calib_core.stages.chain.result import disagreements
 from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.solve import about_tool, table_options
 from calib_core.stages.turntable.verdict import table_findings
+from tests.core.test_late_scanner import BESIDE, FIXED, HELD, MOUNTED, seen_by
 from tests.every_code.made import CELL, Case, solved, table_of
 
 
@@ -51,6 +54,42 @@ def table(**fields: Any) -> Case:
         return table_findings(replace(chain.turntable, **fields), turning, cell)
 
     return case
+
+
+def seen_alone(stage: str, *, known: bool) -> Case:
+    """Return what is noticed where a scanner that stands still saw the table alone."""
+
+    def case() -> Iterable[Finding]:
+        session, truth = seen_by(replace(FIXED, balls=(HELD, *MOUNTED)), lambda one: one.step != "tcp")
+        brought = {"base_from_laser": truth["base_from_laser"]} if known else {}
+        told = session.record.cell.known.model_copy(update=brought)
+        cell = session.record.cell.model_copy(update={"known": told})
+        return (
+            OpenSession(session.record.model_copy(update={"cell": cell}), session.read).run(stage)[stage].findings
+        )
+
+    return case
+
+
+def seen_late(by_arm: str, *by_gate: str) -> Case:
+    """Return what is noticed where one scanner saw the table alone, and the other a still ball, too."""
+
+    def case() -> Iterable[Finding]:
+        return late(frozenset({by_arm, *by_gate}), frozenset(by_gate))
+
+    return case
+
+
+@cache
+def late(by_arm: frozenset[str], by_gate: frozenset[str]) -> list[Finding]:
+    """Return what the table's stage notices of both scanners."""
+    of = {"arm": by_arm, "gate": by_gate}
+
+    def keep(one: Capture) -> bool:
+        return one.scanner == "arm" if one.step == "tcp" else one.mount in of[one.scanner or ""]
+
+    session, _ = seen_by(replace(BESIDE, balls=(BallOptions(), HELD, *MOUNTED)), keep)
+    return session.run("turntable")["turntable"].findings
 
 
 def both(field: str, beyond: Any, within: Any) -> tuple[Case, Case]:
@@ -181,6 +220,9 @@ CASES: dict[str, tuple[Case, Case]] = {
         of_covariance(axis_direction=np.deg2rad(0.49) ** 2),
     ),
     "axis-mirrored": (mirrored(0.51), mirrored(0.49)),
+    "table-without-base": (seen_alone("turntable", known=False), seen_alone("turntable", known=True)),
+    "scanner-left-to-chain": (seen_late("low", "low", "high"), seen_late("low", "low")),
+    "scanner-not-placed": (seen_late("low", "low"), seen_late("low", "low", "high")),
     "axis-place-undetermined": (of_covariance(axis_point=3.1**2), of_covariance(axis_point=2.9**2)),
     "many-table-captures-contradict": (rejected(6), rejected(5)),
     "table-captures-contradict": (rejected(1), rejected(0)),

@@ -18,14 +18,62 @@ AXIS_MIRRORED = Code(
     "error",
     text="Not determined: the axis, mirrored at the scanner's plane of light, fits the captures as well; it leans by "
     "{lean_deg:.1f}° from the stated one.",
-    to_do="Tell in which sense the table's angles count (turntable.direction), or of one capture on the table on which "
-    "side of the plane of light the sphere's centre is (side: 1 or −1 along the scanner's y).",
+    to_do="Tell of one capture on the table on which side of the plane of light the sphere's centre is (side: 1 or −1 "
+    "along the scanner's y); or, where the scanner is placed in the robot's base, in which sense the table's angles "
+    "count (turntable.direction).",
     meaning="A scanner that stands still before an axis sees the same profiles of the mirrored axis and spheres. A "
     "part that is merged by the mirrored answer is the part's mirror image.",
     decided="Only profiles of scanners that stand still show the axis, no capture's side is told, the mirrored "
     "answer has a chance of 1 % or more, and both lie more than 0.5° apart.",
     usual_causes="A scanner that stands still before a turntable.",
     fixed=True,
+)
+
+TABLE_WITHOUT_BASE = Code(
+    "table-without-base",
+    "note",
+    text="Scanner and table are determined to each other, not in the robot's base: the scanner saw no sphere on the "
+    "flange.",
+    to_do="Where the base matters, capture a sphere on the flange with step 'tcp'.",
+    meaning="Nothing that the robot carries was seen by the scanner that stands still before the table. Scans on the "
+    "table are merged rightly all the same; what lies in base has no number.",
+    decided="Every scanner with captures on the table stands still, and none of them has captures of step tcp.",
+    usual_causes="A cell without a robot.",
+    fixed=True,
+)
+
+SCANNER_LEFT_TO_CHAIN = Code(
+    "scanner-left-to-chain",
+    "note",
+    text="The scanner '{scanner}' has captures on the table alone: the stage chain finds where it is.",
+    reason="by '{scanner}', which the stage chain places",
+    meaning="A scanner that never saw the still sphere is placed by the sphere on the table, which others saw too. The "
+    "stage turntable goes by scanners that were placed before.",
+    decided="The scanner has captures on the table and none with step tcp.",
+    usual_causes="A scanner that only sees the table.",
+)
+
+SCANNER_NOT_PLACED = Code(
+    "scanner-not-placed",
+    "warning",
+    text={
+        "nothing-common": "Not determined: where the scanner '{scanner}' is. It saw no mounting of the sphere that another scanner saw.",
+        "one-height": "Not determined: where the scanner '{scanner}' is. All spheres that it shares with others move in one plane: "
+        "it may be mirrored at it.",
+        "no-agreement": "Its captures bring the scanner '{scanner}' to no one place.",
+    },
+    to_do={
+        "nothing-common": "Capture one mounting of the sphere with both scanners, at four angles or more.",
+        "one-height": "Capture with it a second mounting, 20 mm higher or lower, that the other scanner sees too.",
+        "no-agreement": "Check its captures' table angles, mountings and scanner.",
+    },
+    reason="by '{scanner}', whose place is not determined",
+    by="why",
+    by_to_do="why",
+    meaning="A scanner without captures of step tcp is placed by spheres on the table whose places others tell.",
+    decided="Fewer than four captures of such mountings; or another place whose median misfit is below 3 × that of the "
+    "best + 0.3 mm; or a median misfit above 5 mm.",
+    usual_causes="Mountings that only this scanner saw, one height.",
 )
 
 AXIS_PLACE_OPEN = Code(

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.cell.found import SCANNER_FRAMES
+from calib_core.cell.found import SCANNER_FRAMES, own_base
 from calib_core.graph.stage import SPHERE_FIELDS, SPHERE_READS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 
@@ -30,6 +30,10 @@ class Chain(Stage):
     }
     optional = True
     needs_every_step = True
+
+    def is_wanted(self, session: "Session") -> bool:
+        """Return whether anything ties the captures of the table to those of the still sphere."""
+        return own_base(session.cell, session.captures) is None
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stages that it begins at, and what turns raw frames into points."""

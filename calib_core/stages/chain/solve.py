@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from calib_core.captures.lost_rays import lost_rays_of
+from calib_core.cell.found import own_base
 from calib_core.errors import InputError
 from calib_core.findings import Finding, judged
 from calib_core.graph.stage import SOFTWARE
@@ -38,6 +39,13 @@ def solve(given: StageInput) -> ChainResult:
                 "captures",
                 step=step,
             )
+    if own_base(given.session.cell, given.session.captures) is not None:
+        raise InputError(
+            "captures by which a scanner sees both the robot's sphere and the table's",
+            "none: the scanner before the table has no captures with step 'tcp'",
+            "Capture a sphere on the flange with it; or solve the stages 'tcp' and 'turntable' alone.",
+            "captures",
+        )
     solved = tcp_of(given)
     tool = tool_of(solved)
     table = table_of(
@@ -51,7 +59,10 @@ def solve(given: StageInput) -> ChainResult:
         table.solution,
         replace(table_options(given.session.cell), distances=table.solution.options.distances),
         part_of(given.progress, _TABLE_SHARE, 1.0),
+        table.late,
     )
+    late = [observation for one in table.late for observation in one.observations]
+    table = replace(table, observations=[*table.observations, *late])
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.captures.frame_uncertainty import chain_with_calibration_uncertainty
 
@@ -95,7 +106,7 @@ def _findings(
     from calib_core.stages.tcp.result import solution_findings
     from calib_core.stages.tcp.verdict import lag_findings
 
-    tool = tool_of(solved).mounts
+    tool = tool_of(replace(solved, solution=solution.tcp) if table.late else solved).mounts
     used = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
     both = [*solved.observations, *(one.sphere for one in table.observations)]
     return [

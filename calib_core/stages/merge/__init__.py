@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.cell.found import known_scanner
+from calib_core.cell.found import known_scanner, own_base
 from calib_core.graph.stage import SCAN_FIELDS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 from calib_core.steps import CaptureStep
@@ -41,7 +41,8 @@ class Merge(Stage):
         known = session.cell.known
         optics = rests_on_optics(session, self.takes)
         if known.base_from_turntable is None and self._turns(session):
-            return (*optics, "chain") if known_scanner(session.cell) is None else (*optics, "tcp", "turntable")
+            apart = known_scanner(session.cell) or own_base(session.cell, session.captures)
+            return (*optics, "chain") if apart is None else (*optics, "tcp", "turntable")
         return (*optics, "tcp") if known.base_from_turntable is None else (*optics, "tcp", "turntable")
 
     def reads_of_cell(self, session: "Session") -> tuple[str, ...]:

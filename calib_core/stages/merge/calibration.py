@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.captures.scans import ScanGroup, poses_of
-from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange
+from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange, own_base
 from calib_core.errors import InputError
 from calib_core.findings.codes import merge as codes
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
@@ -53,7 +53,7 @@ class Calibration:
 def calibration_of_session(given: StageInput, with_table: bool) -> Calibration:
     """Return tool and table: brought by the user, or solved from the session's own captures."""
     known, steps = given.session.cell.known, {c.step for c in given.session.captures if not c.excluded}
-    scanner = known_scanner(given.session.cell)
+    scanner = known_scanner(given.session.cell) or own_base(given.session.cell, given.session.captures)
     table_to_solve = known.base_from_turntable is None and "turntable" in steps
     if with_table and known.base_from_turntable is None and not table_to_solve:
         raise InputError(

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.cell.found import placed_table
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms
+from calib_core.frames import RigidTransform
 from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Table
@@ -75,6 +76,15 @@ def axis_sigmas(result: TableLike) -> list[AnyBlock]:
 
 def table_frame(session: Session, result: TableLike, covariance: Sequence[Sequence[float]]) -> AnyBlock:
     """Return the table's frame in the robot's base at angle zero; z is the axis."""
+    if result.up_to_shift is not None and result.up_to_shift.own_base:
+        seen = next(
+            frame for frame in result.frames if frame.outof == "turntable" and frame.into.startswith("laser")
+        )
+        frame = RigidTransform.from_rounded(seen.matrix, "laser", "turntable")
+        believed = None if result.verdict == "fail" else seen.covariance
+        return frame_block(
+            session.cell.pose_convention, frame, believed, id="table", title="Turntable seen from the scanner"
+        )
     if result.up_to_shift is not None:
         frame = placed_table(result.model_dump())
         return open_frame(session, frame, "Turntable in the robot's base", result.up_to_shift)

@@ -8,9 +8,16 @@ import numpy as np
 
 from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import lost_rays_of
-from calib_core.cell.axes import axis_of_mounts, moved_axes, names_axes, reading_sigmas, scales_asked
+from calib_core.cell.axes import (
+    axis_of_mounts,
+    moved_axes,
+    names_axes,
+    reading_sigmas,
+    scales_asked,
+    without_directions,
+)
 from calib_core.cell.carriers import told_distances
-from calib_core.cell.found import known_scanner, no_scanner
+from calib_core.cell.found import known_scanner, no_scanner, own_base
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.without_turns import open_shifts
 from calib_core.errors import InputError, MotionError
@@ -26,9 +33,10 @@ from calib_core.stages.turntable.play import play_findings
 from calib_core.stages.turntable.record import TurntableResult
 
 if TYPE_CHECKING:
+    from calib_core.chain.late_scanner import LateScanner
     from calib_core.chain.table_start import Mounts
     from calib_core.chain.tcp import TcpSolution
-    from calib_core.chain.turntable import KnownTool, TurntableOptions
+    from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution
 
 _TCP_SHARE = 0.4
 
@@ -48,10 +56,14 @@ def solve(given: StageInput) -> TurntableResult:
     from calib_core.chain.turntable import KnownTool
     from calib_core.stages.tcp.verdict import beyond_told_sigma
     from calib_core.stages.turntable.result import turntable_result
+    from calib_core.stages.undetermined_places import without_base, without_open_places
 
     cell = given.session.cell
-    known = known_scanner(cell)
-    found: list[Finding] = []
+    own = own_base(cell, given.session.captures)
+    known, found = known_scanner(cell) or own, list[Finding]()
+    if own is not None:
+        given = replace(given, session=given.session.model_copy(update={"cell": without_directions(cell)}))
+        found.append(codes.TABLE_WITHOUT_BASE())
     if known is not None:
         tool, sphere = KnownTool(known), sphere_of(cell, given.captures)
     else:
@@ -64,15 +76,26 @@ def solve(given: StageInput) -> TurntableResult:
         raise (error.adding(sentence_of(found[0])) if found else error) from None
     found += findings_of_table(given, table, sphere, tool.mounts)
     found += beyond_told_sigma(table.solution.sigmas, table.solution.options.position_sigma_mm)
-    found += [*lost_rays_of([one.sphere for one in table.observations]), *table.unused]
+    unused = [*table.unused, *_left_to_chain(table)]
+    found += [*lost_rays_of([one.sphere for one in table.observations]), *unused]
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256, found)
     if cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
     if tool.held is not None:
-        from calib_core.stages.undetermined_places import without_open_places
-
         result = without_open_places(result, open_shifts(tool.held.data))
-    return with_all_rows(result, given.captures, table.unused)
+    if own is not None:
+        result = without_base(result, table.observations[0].sphere.scanner)
+    return with_all_rows(result, given.captures, unused)
+
+
+def _left_to_chain(table: SolvedTable) -> list[Finding]:
+    """Return that captures of scanners that the table places count in the whole chain alone."""
+    return [
+        codes.SCANNER_LEFT_TO_CHAIN(
+            [o.sphere.capture for o in one.observations], scanner=one.observations[0].sphere.scanner
+        )
+        for one in table.late
+    ]
 
 
 def findings_of_table(
@@ -143,10 +166,12 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     if turning.angles != "unknown" and not names_axes(cell):
         _require_angles(captures)
     observed = observe_stage(replace(given, progress=part_of(progress, 0.0, 0.3)))
-    _require_placed(observed.observations, tool)
+    waiting = _not_placed(observed.observations, tool)
+    observed = replace(observed, observations=[o for o in observed.observations if o not in waiting])
     by_id = {capture.id: capture for capture in captures}
     carriers = axis_of_mounts(cell, captures)
     seen = observed.observations if tool.arm is None else corrected(observed.observations, tool.arm)
+    waiting = waiting if tool.arm is None else corrected(waiting, tool.arm)
     options = table_options(cell)
 
     def placed(some: Sequence[SphereObservation]) -> list[TableObservation]:
@@ -172,20 +197,40 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
             solution = solve_turntable(observations, sphere, tool, options)
     except MotionError as error:
         raise observed.explaining(error) from None
-    return SolvedTable(solution, observations, unused)
+    late, told = _late(placed(waiting), sphere, solution)
+    return SolvedTable(solution, observations, [*unused, *told], late)
 
 
-def _require_placed(seen: Sequence[SphereObservation], tool: "KnownTool") -> None:
-    """Refuse captures by a scanner of several that no capture of step tcp places."""
+def _not_placed(seen: Sequence[SphereObservation], tool: "KnownTool") -> list[SphereObservation]:
+    """Return captures by scanners of several that none of step tcp places; raises InputError where all are."""
     placed = {name for name, _ in tool.held.state.walk.layout.mounts} if tool.held else {o.scanner for o in seen}
-    if missing := [o for o in seen if o.scanner not in placed]:
+    missing = [o for o in seen if o.scanner not in placed]
+    if missing and len(missing) == len(seen):
         raise InputError(
-            "captures with step 'tcp' by each scanner that sees the sphere on an axis",
+            "captures with step 'tcp' by a scanner that sees the sphere on an axis",
             "none by '{scanner}'",
             "Take some; for a scanner that stands still put a sphere on the flange. Or exclude what it saw.",
             missing[0].capture,
             scanner=missing[0].scanner,
         )
+    return missing
+
+
+def _late(
+    waiting: Sequence[TableObservation], sphere: SphereSize, solution: "TurntableSolution"
+) -> "tuple[list[LateScanner], list[Finding]]":
+    """Return the scanners that the table places, and what is said of those that it does not."""
+    from calib_core.chain.late_scanner import LateScanner, late_scanner
+
+    found, told = list[LateScanner](), list[Finding]()
+    for name in dict.fromkeys(o.sphere.scanner for o in waiting):
+        own = [o for o in waiting if o.sphere.scanner == name]
+        one = late_scanner(own, sphere, solution)
+        if isinstance(one, LateScanner):
+            found.append(one)
+        else:
+            told.append(codes.SCANNER_NOT_PLACED([o.sphere.capture for o in own], scanner=name, why=one))
+    return found, told
 
 
 def _of_balls(

@@ -1,0 +1,95 @@
+"""Scanners that saw the table alone: placed by the sphere on it, or known to the table and to nothing else."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import calib_core as cc
+from calib_core.library.opened import OpenSession, in_memory
+from calib_core.records import Capture
+from calib_core.review.cell_frames import session_frames
+from calib_core.simulation import TOPOLOGY_SCENARIOS, TopologyScenario
+from calib_core.simulation.topology import BallOptions, ScannerOptions
+from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.stages.evidence import text_of
+from tests.topology_errors import distances
+
+CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
+
+
+FIXED = TOPOLOGY_SCENARIOS["fixed-scanner-turntable"]
+HELD, *MOUNTED = (
+    replace(ball, at_mm=(*ball.at_mm[:2], z)) for ball, z in zip(FIXED.balls, (130, 436, 460), strict=True)
+)
+BESIDE = replace(FIXED, scanners=(ScannerOptions("arm"), ScannerOptions("gate", "base")), told="names")
+
+
+def seen_by(
+    scenario: str | TopologyScenario, keep: Callable[[Capture], bool]
+) -> tuple[OpenSession, dict[str, Any]]:
+    made = TOPOLOGY_SCENARIOS[scenario] if isinstance(scenario, str) else scenario
+    session, files, truth = simulate_topology(made, "", 1)
+    kept = [one for one in session.captures if keep(one)]
+    return in_memory(session.model_copy(update={"captures": kept}), files), truth
+
+
+def test_a_scanner_is_placed_by_the_sphere_on_the_table_that_another_saw_too() -> None:
+    session, truth = seen_by("two-scanners-turntable", lambda one: one.step != "tcp" or one.scanner == "left")
+    results = session.run()
+    of_right = {one.id for one in session.record.captures if one.scanner == "right"}
+    rows = {row.capture: row for row in results["turntable"].residuals}
+    assert not any(rows[name].used for name in of_right)
+    assert {rows[name].reason for name in of_right} == {"by 'right', which the stage chain places"}
+    chain = results["chain"]
+    assert chain.verdict == "pass"
+    assert all(row.used for row in chain.residuals)
+    found = list(distances(chain, truth))
+    assert [name for name, *_ in found] == [
+        "tool0_from_laser", "tool0_from_laser", "laser:left_from_laser:right", "table"
+    ]  # fmt: skip
+    for name, squared, freedom, _ in found:
+        assert squared < CHI2[freedom], name
+
+
+@pytest.mark.parametrize(("mounts", "why"), [(("low", "low"), "one-height"), (("low", "high"), "nothing-common")])
+def test_a_scanner_that_the_table_does_not_tell_is_named_and_all_else_solved(
+    mounts: tuple[str, str], why: str
+) -> None:
+    of = dict(zip(("arm", "gate"), mounts, strict=True))
+
+    def keep(one: Capture) -> bool:
+        return one.scanner == "arm" if one.step == "tcp" else one.mount == of[one.scanner or ""]
+
+    session, _ = seen_by(replace(BESIDE, balls=(BallOptions(), HELD, *MOUNTED)), keep)
+    result = session.run("turntable")["turntable"]
+    told = next(one for one in result.findings if one.code == "scanner-not-placed")
+    assert (told.severity, told.values["scanner"], told.values["why"]) == ("warning", "gate", why)
+    assert {row.used for row in result.residuals if row.capture in told.captures} == {False}
+    assert all(row.used for row in result.residuals if row.capture not in told.captures)
+
+
+def test_a_scanner_before_a_table_that_saw_nothing_of_the_robot_is_known_to_the_table_alone() -> None:
+    session, truth = seen_by(replace(FIXED, balls=(HELD, *MOUNTED)), lambda one: one.step != "tcp")
+    results = session.run()
+    assert list(results) == ["turntable"]
+    result = results["turntable"]
+    assert result.verdict == "pass"
+    assert "table-without-base" in {one.code for one in result.findings}
+    for told in (result.base_from_laser, result.base_from_turntable):
+        assert np.isnan(np.array(told, dtype=float)[:3]).all()
+    assert np.isnan([*result.axis_direction_in_base, *result.axis_point_in_base_mm]).all()
+    assert "Turntable seen from the scanner" in text_of(result)
+
+    data = {"turntable": result.to_json()}
+    seen = session_frames(session.record, data, asked=("laser", "turntable")).asked
+    assert seen is not None
+    with pytest.raises(cc.CalibrationError, match="base_from_laser"):
+        session_frames(session.record, data, asked=("base", "laser"))
+    axis = np.linalg.inv(truth["base_from_laser"])[:3, :3] @ truth["axes"][0]["axis_direction"]
+    found, covariance = np.array(seen.matrix)[:3, :3], np.array(seen.covariance)[:2, :2]
+    axis = axis * np.sign(axis @ found[:, 2])
+    tilts = (found.T @ np.cross(found[:, 2], axis))[:2]
+    assert tilts @ np.linalg.solve(covariance, tilts) < CHI2[2]
