@@ -25,6 +25,8 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--poses", type=Path, metavar="FILE", help="a list of poses, one a scan in the files' order"
     )
+    units = ("mm", "m", "um", "cm", "in")
+    parser.add_argument("--unit", choices=units, help="the files' unit (default: their own, mm)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="writes result, cloud and mesh here")
     edge = "edge of a voxel (default 0.5, or the points' spacing)"
     parser.add_argument("--voxel-mm", type=float, metavar="V", help=edge)
@@ -52,7 +54,7 @@ def _run(options: argparse.Namespace) -> int:
     from server.console.progress import progress_bar
 
     files = {f"captures/{k:03d}-{path.name}": path for k, path in enumerate(options.files)}
-    captures = list(_captures(files, options.poses))
+    captures = list(_captures(files, options.poses, options.unit))
     merge: dict[str, Any] = {"voxel_mm": options.voxel_mm, "mesh": options.mesh, "registration": options.register}
     merge |= {"holes": "fill" if options.fill_holes else None, "mesh_tolerance_mm": options.mesh_tolerance_mm}
     if options.reference is not None:
@@ -86,7 +88,7 @@ def _run(options: argparse.Namespace) -> int:
     return NOT_ACCEPTED if result.verdict == "fail" else OK
 
 
-def _captures(files: dict[str, Path], poses: Path | None) -> Iterable[dict[str, Any]]:
+def _captures(files: dict[str, Path], poses: Path | None, unit: str | None) -> Iterable[dict[str, Any]]:
     """Give a capture a scan, with its pose: that of the list, else that of its file."""
     from calib_core.errors import InputError
     from calib_core.library.machines import read_poses
@@ -104,9 +106,9 @@ def _captures(files: dict[str, Path], poses: Path | None) -> Iterable[dict[str, 
         if pose is None and len(scans) > 1:
             to_do = message("Give --poses FILE, or export the scans as E57 or PTX with their poses.")
             raise InputError("scans with their poses", "none", to_do, str(files[name]))
-        settings = {"format_settings": {"scan": k}} if _holds_scans(files[name]) else {}
+        settings = ({"scan": k} if _holds_scans(files[name]) else {}) | ({"unit": unit} if unit else {})
         capture = {"id": f"s{number + 1:03d}", "step": "scan", "kind": "cloud", "files": [name]}
-        yield capture | settings | {"pose": pose or _NOWHERE}
+        yield capture | ({"format_settings": settings} if settings else {}) | {"pose": pose or _NOWHERE}
 
 
 def _holds_scans(path: Path) -> bool:

@@ -35,3 +35,18 @@ def test_an_e57_of_several_scans_is_merged_by_its_own_poses(tmp_path: Path, caps
     assert (told["mesh_open_edges"], told["triangles"] > 1000) == (0, True)
     assert (out / "clouds" / "merged.ply").stat().st_size > 10_000
     assert json.loads((out / "results" / "merge.json").read_text())["points"] == told["points"]
+
+
+def test_scans_in_metres_are_merged_by_the_unit_that_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    x, y = (one.ravel() for one in np.meshgrid(np.arange(-20.0, 20.5), np.arange(-20.0, 20.5)))
+    points_mm = np.column_stack([x, y, 200 + 0.005 * (x**2 + y**2)])
+    names = [str(tmp_path / f"{k}.xyz") for k in range(2)]
+    for name in names:
+        np.savetxt(name, points_mm / 1000, fmt="%.6f")
+    poses = tmp_path / "poses.csv"
+    poses.write_text("x,y,z,qw,qx,qy,qz\n500,0,300,1,0,0,0\n500,0,300.01,1,0,0,0\n")
+    main(["merge", *names, "--poses", str(poses), "--unit", "m", "--mesh", "none", "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert [one["format_settings"] for one in told["session"]["captures"]] == [{"unit": "m"}] * 2
+    assert told["results"]["merge"]["points"] > 1000
+    assert "merge-scans-in-metres" not in {one["code"] for one in told["results"]["merge"]["findings"]}
