@@ -21,7 +21,7 @@ ARM_APPLIED = Code(
     "note",
     text="Poses are corrected by the arm's own errors: other poses are predicted to {after_mm:.2f} mm instead of "
     "{before_mm:.2f} mm (RMS of poses left out).",
-    to_do="The controller knows nothing of it: exports give the tool that is best with its own poses.",
+    to_do="The controller knows nothing of it: exports give the pose of the scanner that is best with its own poses.",
     meaning="`cell.robot.errors` is `apply`: this stage and all later ones use corrected poses.",
     decided="As `arm-errors-worth-it`.",
     usual_causes="It was asked for.",
