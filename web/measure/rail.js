@@ -5,6 +5,7 @@ import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
 import { figureWords } from "../blocks/figure.js";
 import { StateElement } from "../components/base.js";
+import { isRefuted } from "../state/standing.js";
 
 /** @import {FigureBlock, StageResult} from "../state/model.js" */
 
@@ -41,13 +42,14 @@ export class RailElement extends StateElement {
     // Done, but not accepted: a tick would promise more than the verdict does.
     const isSolving = !result && this.state.without(this.state.stageOf(step)) === "solving" && this.state.job?.stage === step;
     const usable = known === "done" && result?.verdict === "warn" && this.state.stageOf(step) === step;
-    const status = isSolving ? "solving" : usable ? "usable" : known;
+    const refuted = known === "done" && isRefuted(this.state, step);
+    const status = isSolving ? "solving" : refuted ? "failing" : usable ? "usable" : known;
     const open = step === this.state.step;
     const next = this.state.guide?.current.step === step;
     return h("li", {}, h(
-      "button", { type: "button", class: `rail-step status-${status}`, "data-step": step, "aria-current": open && "step", title: told?.note ? said(told.note) : false, onclick: () => this.state.open(step) },
+      "button", { type: "button", class: `rail-step status-${status}`, "data-step": step, "aria-current": open && "step", title: refuted ? t("release.fault.verify-fail") : told?.note ? said(told.note) : false, onclick: () => this.state.open(step) },
       mark(SIGNS[status] ?? "todo", stepName(this.state, step)),
-      h("span", { class: "status" }, usable ? t("verdict.warn") : maybe(`status.${status}`, status), next && !open && h("span", { class: "visually-hidden" }, ` ${t("rail.next")}`)),
+      h("span", { class: "status" }, status === "usable" ? t("verdict.warn") : maybe(`status.${status}`, status), next && !open && h("span", { class: "visually-hidden" }, ` ${t("rail.next")}`)),
       result && result.verdict !== "fail" && this.state.stageOf(step) === step && answer(result)));
   }
 }

@@ -10,6 +10,7 @@ import { explains } from "./finding.js";
 import { glossed } from "../components/glossary.js";
 import { stepName } from "../measure/rail.js";
 import { nextStep } from "../state/next-step.js";
+import { isRefuted } from "../state/standing.js";
 import { faultMarks } from "./release-words.js";
 import { causesOf, evidenceOfCause, mendable } from "./remedy.js";
 
@@ -24,7 +25,6 @@ export function answer(result, state, stage) {
   const verdict = result.stale ? "stale" : result.verdict;
   const failed = verdict === "fail";
   const told = messages(result);
-  const verified = /** @type {{ decision?: string } | undefined} */ (state.results["verify"]);
   const figures = h("dl", { class: failed ? "headline number small" : "headline number" }, ...shownFigures(result).map((figure, index) => headline(figure, !failed && figure.headline === true && index < BESIDE)));
   const card = h(
     "section", { class: `panel answer-card answer-${verdict}`, "data-verdict": verdict, "aria-labelledby": "answer-title" },
@@ -33,7 +33,7 @@ export function answer(result, state, stage) {
     ...(failed ? [...told, figures] : [figures, ...told]),
     next(state, stage),
   );
-  stand(card, isTheAnswer(state, stage) && verified?.decision?.endsWith("fail") ? ["verify-fail"] : []);
+  stand(card, isRefuted(state, stage) ? ["verify-fail"] : []);
   return card;
 }
 
@@ -44,9 +44,6 @@ export function stand(card, faults) {
   card.classList.toggle("against", told.length > 0);
   card.querySelector(".standing")?.replaceChildren(...(told.length ? faultMarks(told) : [mark(verdict, maybe(`verdict.${verdict}`, verdict))]));
 }
-
-/** Whether a stage's result is the session's one answer. @param {SessionState} state @param {string} stage */
-export const isTheAnswer = ({ results, stages }, stage) => stage === stages.findLast(({ name, is_answer }) => is_answer && results[name])?.name;
 
 /** @param {FigureBlock} figure @param {boolean} first */
 function headline(figure, first) {

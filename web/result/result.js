@@ -3,10 +3,11 @@
 import { h, make, putChildren } from "../dom.js";
 import { t } from "../texts.js";
 import { figures } from "../blocks/figure.js";
-import { answer, evidenceOf, isTheAnswer, leading, otherFigures } from "./answer.js";
+import { answer, evidenceOf, leading, otherFigures } from "./answer.js";
 import { StateElement } from "../components/base.js";
 import { later } from "../components/lazy-parts.js";
 import { loaded } from "../state/http.js";
+import { isTheAnswer } from "../state/standing.js";
 import { historySection, resultLinks } from "./history.js";
 import { truthSection } from "./truth.js";
 
