@@ -174,7 +174,7 @@ def _first(turns: bool) -> GuideNow:
         now = _capture(
             "Scan the object from its first side.",
             "Robot and calibration put every scan where it belongs: no markers and no registration are needed.",
-            progress=message("0 of {wanted_sides} sides", wanted_sides=WANTED_SIDES),
+            progress=message("{sides} of {wanted_sides} sides", sides=0, wanted_sides=WANTED_SIDES),
             still_needed=WANTED_SIDES,
         )
         return now.model_copy(update={"exit": _EXIT_WITHOUT_TABLE, "drawing": "scan-first"})
@@ -182,7 +182,7 @@ def _first(turns: bool) -> GuideNow:
         "Put the object on the table and scan it.",
         "Tool and table are calibrated: export them under Result, and stop here; or go on and scan an object from "
         "everywhere, in one frame, without markers or registration.",
-        progress=message("0 of {wanted_around} scans around", wanted_around=WANTED_AROUND),
+        progress=message("{count} of {wanted_around} scans around", count=0, wanted_around=WANTED_AROUND),
         still_needed=WANTED_AROUND,
     )
     return now.model_copy(update={"drawing": "scan-first"})

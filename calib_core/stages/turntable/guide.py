@@ -117,17 +117,20 @@ def _reviewed(cell: Cell, now: GuideNow, advice: TableAdvice | None) -> GuideNow
     return _by_worth(cell, advice, again=False).model_copy(update={"stage": now.stage})
 
 
+def _turn_to(table_deg: float) -> str:
+    return message("Turn the table to about {angle} and capture the sphere there.", angle=f"{table_deg:.0f}°")
+
+
 def _to_do(shot: TableShot) -> str:
-    angle = f"{shot.table_deg:.0f}°"
     if shot.higher_mm is None:
-        return message("Turn the table to about {angle} and capture the sphere there.", angle=angle)
+        return _turn_to(shot.table_deg)
     way = "higher" if shot.higher_mm > 0 else "lower"
     return message(
         "Fix the sphere about {higher_mm:.0f} mm {way}, name that mount, turn the table to about {angle} "
         "and capture it.",
         higher_mm=abs(shot.higher_mm),
         way=way,
-        angle=angle,
+        angle=f"{shot.table_deg:.0f}°",
     )
 
 
@@ -235,9 +238,7 @@ def _next_angle(mount: str, taken: Sequence[float], angles: Mapping[str, Sequenc
     heights = max(WANTED_MOUNTS - len(angles), 0)
     return _now(
         action="capture",
-        instruction=message(
-            "Turn the table to about {taken:.0f}° and capture the sphere there.", taken=_suggested_deg(taken)
-        ),
+        instruction=_turn_to(_suggested_deg(taken)),
         why="Angles all around fix the circle and show the table's wobble. "
         "Where the table or the view ends earlier, spread the angles over what there is.",
         exit=_EXIT,
