@@ -26,12 +26,13 @@ class Agreement(Record):
 
 class Alignment(Record):
     """Where the nominal part lies: `base_from_reference` with its covariance (6, 6) of rx ry rz tx ty tz, the rotation on the right, rad and mm, of the fit and of what calibration and scans leave uncertain."""
-    method: Literal['none', 'best-fit', '3-2-1', 'matrix']
+    method: Literal['none', 'best-fit', '3-2-1', 'datums', 'matrix']
     rms_mm: float | None = None
     base_from_reference: list[list[float]]
     cloud_from_reference: list[list[float]]
     covariance: list[list[float]] | None = None
     alike: int | None = None
+    datums: list[DatumFound] | None = None
     reference_sha256: str
 
 
@@ -180,6 +181,15 @@ class Column(Record):
     decimals: int | None = None
     align: Literal['left', 'right'] | None = None
     own: bool | None = None
+
+
+class DatumFound(Record):
+    """A datum as the merged points have it: `off_mm` is how far from the nominal's after the alignment, `rms_mm` what its points are off it."""
+    kind: Literal['plane', 'sphere']
+    at_mm: list[float]
+    radius_mm: float
+    off_mm: float
+    rms_mm: float
 
 
 class DecidedBefore(Record):

@@ -1,15 +1,15 @@
-"""Where the nominal part lies among the merged points: by a robust best fit, or by six datum points (3-2-1).
+"""Where the nominal part lies among the merged points: by a robust best fit.
 
 A start is sought where the part does not lie near already: turns all over, each drawn near by a few steps on a
 handful of points with their normals.  The fit itself goes by the points' distances along the nominal's normals and
-leaves out what is not of the part.  Both kinds of datum are small systems of the same six unknowns.
+leaves out what is not of the part.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray, rotation_from_vector, skew
@@ -31,7 +31,6 @@ _CELLS = 8  # along the nominal's size: distances within one are counted as alik
 _FEWEST_FREE = 4
 _LEAST_MM = 1e-4
 _SINGLE = 3e-6  # of the nominal's size: what single precision leaves
-_WORST_CONDITION = 1e6
 _FEWEST = 20
 
 
@@ -48,8 +47,6 @@ class Alignment:
         Of the fit alone: rx ry rz tx ty tz, the rotation on the right, the translation added in the cloud's frame.
     share : float
         Of the points that are of the part.
-    gain_at : (K, 3) or None
-        Datum points in the reference's frame, where it goes by those alone.
     alike : int
         Other poses that fit as well.
     """
@@ -58,7 +55,6 @@ class Alignment:
     rms_mm: float
     covariance: FloatArray
     share: float = 1.0
-    gain_at: FloatArray | None = None
     alike: int = 0
 
 
@@ -103,79 +99,23 @@ def best_fit(points_mm: FloatArray, normals: FloatArray, nominal: Nominal, least
     return replace(fine, alike=_others(nearest, alike, nominal))
 
 
-def by_datum_points(
-    points_mm: FloatArray,
-    normals: FloatArray,
-    nominal: Nominal,
-    datum_mm: ArrayLike,
-    radius_mm: float,
-    start: Alignment,
-) -> Alignment:
-    """Return where the nominal lies if it touches the points at six places (3-2-1).
-
-    Parameters
-    ----------
-    points_mm, normals : (N, 3)
-    nominal : Nominal
-    datum_mm : (6, 3)
-        On the nominal, in its own frame: three on the first surface, two on the second, one on the third.
-    radius_mm : float
-        Points within it, along the surface, count as one touch.
-    start : Alignment
-        Of a best fit.
-
-    Raises
-    ------
-    MeasurementError
-        If there are no points at one of the places, or the six do not hold the part.
-    """
-    away, across = nominal.away(datum_mm)
-    datum = np.asarray(datum_mm, dtype=float) - away
-    pose, centre = start.cloud_from_reference.copy(), nominal.middle_mm
-    good = np.isfinite(normals).all(axis=1)
-    touched = [np.zeros(0)] * len(datum)
-    system = np.eye(6)
-    for _ in range(10):
-        there = (points_mm[good] - pose[:3, 3]) @ pose[:3, :3]
-        facing = normals[good] @ pose[:3, :3]
-        for k, (place, normal) in enumerate(zip(datum, across, strict=True)):
-            off = there - place
-            along = off @ normal
-            beside = np.linalg.norm(off - along[:, None] * normal, axis=1)
-            near = (np.abs(along) < radius_mm) & (beside < radius_mm) & (facing @ normal > _FACES)
-            touched[k] = along[near]
-            if not near.any():
-                got = message("none at ({place})", place=", ".join(f"{value:.1f}" for value in place))
-                to_do = message("Pick a place that was scanned, or a larger datum_radius_mm.")
-                raise MeasurementError("points around each datum point", got, to_do, "datum_points_mm")
-        system = _rows(datum, across, pose, centre)
-        scaled = system * np.array([1.0 / nominal.extent_mm] * 3 + [1.0] * 3)
-        if np.linalg.cond(scaled) > _WORST_CONDITION:
-            to_do = message("Pick three on the first surface, two on the second, one on the third.")
-            need = "six places that hold the part in all directions"
-            raise MeasurementError(need, "fewer", to_do, "datum_points_mm")
-        step: FloatArray = np.linalg.solve(system, [float(np.mean(one)) for one in touched]).astype(float)
-        pose = _stepped(pose, step, centre)
-        if np.abs(step[3:]).max() < _LEAST_MM:
-            break
-    variances = np.array([float(np.var(one)) / max(len(one) ** 0.5, 1.0) for one in touched])
-    inverse = np.linalg.inv(system)
-    covariance = about_origin(inverse @ np.diag(variances) @ inverse.T, pose, centre)
-    rms_mm = float(np.sqrt(np.mean(np.concatenate([one - one.mean() for one in touched]) ** 2)))
-    return Alignment(pose, rms_mm, covariance, start.share, datum, start.alike)
-
-
-def _rows(points: FloatArray, normals: FloatArray, pose: FloatArray, centre: FloatArray) -> FloatArray:
+def rows_of(points: FloatArray, normals: FloatArray, pose: FloatArray, centre: FloatArray) -> FloatArray:
     """Return how a small change of the pose about a centre lessens distances, (N, 6)."""
     return np.concatenate([np.cross(points - centre, normals), normals @ pose[:3, :3].T], axis=1)
 
 
-def _stepped(pose: FloatArray, step: FloatArray, centre: FloatArray) -> FloatArray:
+def stepped(pose: FloatArray, step: FloatArray, centre: FloatArray) -> FloatArray:
+    """Return a pose after a small turn about a centre and a shift."""
     turn = rotation_from_vector(step[:3])
     new = pose.copy()
     new[:3, :3] = pose[:3, :3] @ turn
     new[:3, 3] = pose[:3, 3] + pose[:3, :3] @ (centre - turn @ centre) + step[3:]
     return new
+
+
+def facing_alike(cosines: FloatArray) -> NDArray[np.bool_]:
+    """Return which normals face as the nominal's do, by the cosines between them."""
+    return cosines > _FACES
 
 
 def about_origin(covariance: FloatArray, pose: FloatArray, centre: FloatArray) -> FloatArray:
@@ -194,7 +134,7 @@ def _fitted(
     while True:
         there = (points - pose[:3, 3]) @ pose[:3, :3]
         away, across = nominal.away(there)
-        of_it = np.einsum("ij,ij->i", facing @ pose[:3, :3], across) > _FACES
+        of_it = facing_alike(np.einsum("ij,ij->i", facing @ pose[:3, :3], across))
         distance = np.einsum("ij,ij->i", away, across)
         if number < _FIRST_STEPS:  # what lies beyond a border draws the nominal there
             far = np.linalg.norm(away, axis=1)
@@ -209,11 +149,11 @@ def _fitted(
         spread = 1.4826 * float(np.median(np.abs(distance[near])))
         scale = max(min(spread, scale), _LEAST_MM) if number >= _FIRST_STEPS else max(_SLOWLY * scale, spread)
         weights = np.where(near, np.maximum(1 - (distance / (_TUKEY * scale)) ** 2, 0.0) ** 2, 0.0)
-        rows = _rows(there - away, across, pose, centre)
+        rows = rows_of(there - away, across, pose, centre)
         matrix = (rows * weights[:, None]).T @ rows
         matrix += 1e-9 * np.diag([nominal.extent_mm**2] * 3 + [1.0] * 3) * weights.sum()
         step = np.linalg.solve(matrix, rows.T @ (weights * distance))
-        pose = _stepped(pose, step, centre)
+        pose = stepped(pose, step, centre)
         moved = max(float(np.abs(step[3:]).max()), float(np.abs(step[:3]).max()) * nominal.extent_mm)
         number += 1
         if number >= _FINE_STEPS or (moved < 0.1 * _LEAST_MM and number > _FIRST_STEPS + 1):

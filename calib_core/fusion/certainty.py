@@ -1,10 +1,12 @@
 """How well the merged surface stands where it is: what calibration and scans' own errors leave uncertain of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from calib_core.frames import FloatArray, skew
+from calib_core.fusion.datums import Feature, seen_by
 from calib_core.fusion.overlap import Patches, PoseErrors
 
 _MOST_NUMBERS = 20_000_000
@@ -52,8 +54,7 @@ def against_nominal(
     errors: PoseErrors,
     cloud_from_reference: FloatArray,
     aligned: bool,
-    datum_mm: FloatArray | None = None,
-    radius_mm: float = 0.0,
+    datums: Sequence[Feature] = (),
     noise_mm2: float = 0.0,
 ) -> AgainstNominal:
     """Return how uncertain the nominal's place and the deviations from it are.
@@ -65,10 +66,8 @@ def against_nominal(
     cloud_from_reference : (4, 4)
     aligned : bool
         The nominal follows the points; one that lies where it was told takes up nothing of their errors.
-    datum_mm : (6, 3), optional
-        Where it touches them, in the cloud's frame; all over if left out.
-    radius_mm : float
-        Of a touch.
+    datums : sequence of Feature, optional
+        What it goes by, in the nominal's frame; all over if left out.
     noise_mm2 : float
         Mean variance of the merged points by noise alone.
     """
@@ -87,17 +86,22 @@ def against_nominal(
     off[np.arange(len(rows))[:, None], places] = np.einsum("ni,nij->nj", levers, roots[scan])
     covariance, centre = np.zeros((6, 6)), points.mean(axis=0)
     if aligned:
+        rotation, place = cloud_from_reference[:3, :3], cloud_from_reference[:3, 3]
         about = _levers(points - centre, normals)
-        gain = np.linalg.pinv(about)
-        if datum_mm is not None:
-            far = np.linalg.norm(points[None] - datum_mm[:, None], axis=2)
-            touching = far <= np.maximum(radius_mm, far.min(axis=1, keepdims=True))
-            mean = touching / touching.sum(axis=1, keepdims=True)
-            gain = np.linalg.pinv(mean @ about) @ mean
-        moves = gain @ off
+        goes_by, its_off = about, off
+        if datums:
+            there = (points - place) @ rotation
+            goes_by, its_off = np.zeros((0, 6)), np.zeros((0, off.shape[1]))
+            for datum in datums:
+                at, along = (rows @ rotation.T for rows in datum.places())
+                here, share = _levers(at + place, along), seen_by(datum, there, scan, scans)
+                own = np.einsum("ki,sij,s->ksj", here, roots, share).reshape(len(here), -1)
+                common = np.einsum("ki,sid,s->kd", here, errors.common, share)
+                goes_by = np.concatenate([goes_by, _levers(at + place - centre, along)])
+                its_off = np.concatenate([its_off, np.concatenate([common, own], axis=1)])
+        moves = np.linalg.pinv(goes_by) @ its_off
         off = off - about @ moves
         back = np.zeros((6, 6))
-        rotation, place = cloud_from_reference[:3, :3], cloud_from_reference[:3, 3]
         back[:3, :3], back[3:, 3:], back[3:, :3] = rotation.T, np.eye(3), -skew(place - centre)
         covariance = (back @ moves) @ (back @ moves).T
     return AgainstNominal(covariance, float(np.sqrt(np.mean((off**2).sum(axis=1)) + noise_mm2)))

@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from calib_core.errors import MeasurementError
-from calib_core.fusion.alignment import Alignment, best_fit, by_datum_points
+from calib_core.fusion.alignment import Alignment, best_fit
+from calib_core.fusion.datums import Feature, by_datums, on_nominal
 from calib_core.fusion.deviation import Nominal
 from calib_core.simulation.part import build_part
 from tests import shapes
@@ -72,14 +73,67 @@ def test_six_datum_points_hold_the_part_where_it_touches_and_five_do_not() -> No
     start = Alignment(np.eye(4), 0.0, np.eye(6))
     datum = [[-40, -32, 5], [40, -32, 5], [0, -32, 15], [-48, 0, 3], [-48, 0, 15], [10, -20, 30]]
     lifted = points + 0.1 * normals  # the part is 0.1 mm too large all over
-    found = by_datum_points(lifted, normals, nominal, datum, 3.0, start)
+    touches = [on_nominal(nominal, "point", np.array(place, dtype=float), 3.0) for place in datum]
+    found = by_datums(lifted, normals, nominal, touches, start)
     there = np.linalg.inv(found.cloud_from_reference)
     for place in ([0.0, -32.1, 5.0], [-48.1, 0.0, 9.0]):
         assert nominal.distances_mm([there[:3, :3] @ place + there[:3, 3]])[0] == pytest.approx(0, abs=2e-3)
-    with pytest.raises(MeasurementError, match="hold the part"):
-        by_datum_points(points, normals, nominal, [*datum[:5], [10, -32, 5]], 3.0, start)
+    fourth = on_nominal(nominal, "point", np.array([10.0, -32.0, 5.0]), 3.0)
+    with pytest.raises(MeasurementError, match=r"leave open: a shift along \(0, 0, 1\)"):
+        by_datums(points, normals, nominal, [*touches[:5], fourth], start)
     with pytest.raises(MeasurementError, match="none at"):
-        by_datum_points(points + 500.0, normals, nominal, datum, 3.0, start)
+        by_datums(points + 500.0, normals, nominal, touches, start)
+
+
+def features_of(nominal: Nominal) -> list[Feature]:
+    """The part's ball, told by a place on it, and two of its walls."""
+    ball = on_nominal(nominal, "sphere", np.array([-16.0, -16.0, 62.0]), 10.0)
+    walls = [on_nominal(nominal, "plane", np.array(place), 10.0) for place in ([0.0, -32, 14], [48.0, 0, 15])]
+    return [ball, *walls]
+
+
+def test_datum_planes_and_spheres_lay_the_part_within_what_is_stated() -> None:
+    nominal = Nominal(build_part().points_mm, build_part().triangles)
+    features = features_of(nominal)
+    assert features[0].at_mm == pytest.approx([-16, -16, 52], abs=1e-3)
+    points, normals = nominal.spread(40_000)
+    squares = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        pose = pose_of(rng)
+        noisy = points + NOISE_MM * rng.standard_normal((len(points), 1)) * normals
+        stray = rng.choice(len(points), len(points) // 20, replace=False)
+        noisy[stray] += rng.uniform(-2, 2, (len(stray), 3))
+        near = pose.copy()
+        near[:3, :3], near[:3, 3] = (
+            pose[:3, :3] @ Rotation.from_rotvec([0.003, -0.002, 0.002]).as_matrix(),
+            pose[:3, 3] + [0.1, 0.2, -0.1],
+        )
+        cloud = noisy @ pose[:3, :3].T + pose[:3, 3], normals @ pose[:3, :3].T
+        found = by_datums(*cloud, nominal, features, Alignment(near, 0.05, np.eye(6)))
+        error = error_of(found, pose)
+        squares.append(error @ np.linalg.solve(found.covariance, error))
+        assert [round(one.radius_mm, 1) for one in found.measured] == [10, 10, 10]
+    assert chi2.ppf(0.001, 6 * len(squares)) < sum(squares) < chi2.ppf(0.999, 6 * len(squares))
+
+
+def test_what_datums_leave_open_is_named_and_so_is_one_that_is_not_there() -> None:
+    nominal = Nominal(build_part().points_mm, build_part().triangles)
+    ball, front, side = features_of(nominal)
+    points, normals = nominal.spread(40_000)
+    start = Alignment(np.eye(4), 0.02, np.eye(6))
+    for features, open_ways in (
+        ([ball], r"a turn about \(1, 0, 0\), a turn about \(0, 1, 0\) and a turn about \(0, 0, 1\)"),
+        ([front, side], r"open: a shift along \(0, 0, 1\)\."),
+        ([ball, front], r"open: a turn about \(0, 1, 0\)\."),
+    ):
+        with pytest.raises(MeasurementError, match=open_ways):
+            by_datums(points, normals, nominal, features, start)
+    low = points[:, 2] < 40
+    with pytest.raises(MeasurementError, match="points around each datum"):
+        by_datums(points[low], normals[low], nominal, [ball, front, side], start)
+    with pytest.raises(MeasurementError, match="radius 4 mm on the nominal"):
+        on_nominal(nominal, "sphere", np.array([-48.0, 0, 10]), 4.0)
 
 
 @pytest.mark.thorough

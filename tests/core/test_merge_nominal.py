@@ -24,6 +24,10 @@ CLOUD_FROM_REFERENCE[:3, :3] = Rotation.from_rotvec([0.4, -1.2, 2.0]).as_matrix(
 CLOUD_FROM_REFERENCE[:3, 3] = [40.0, 200.0, -30.0]
 
 
+def in_reference(place: Any) -> list[float]:
+    return ((np.array(place) - CLOUD_FROM_REFERENCE[:3, 3]) @ CLOUD_FROM_REFERENCE[:3, :3]).tolist()
+
+
 @lru_cache(maxsize=1)
 def _scanned() -> tuple[dict[str, Any], dict[str, bytes], np.ndarray]:
     simulated = simulate("part", 3)
@@ -110,6 +114,31 @@ def test_told_poses_take_up_nothing_and_a_part_too_large_is_told_by_its_sign() -
     assert as_it_lies.deviation.rms_mm > 1.0
 
 
+def test_datum_features_lay_the_part_and_each_is_told() -> None:
+    datums = [
+        {"kind": "sphere", "center_mm": in_reference(PART.ball_center_mm), "radius_mm": 10.0},
+        {"kind": "plane", "point_mm": in_reference([0.0, -32.0, 14.0]), "radius_mm": 10.0},
+        {"kind": "plane", "point_mm": in_reference([48.0, 0.0, 15.0]), "radius_mm": 10.0},
+    ]
+    result = merged(reference="nominal.ply", alignment={"method": "datums", "datums": datums})
+    assert result.alignment is not None
+    assert result.deviation is not None
+    truth = _scanned()[2] @ CLOUD_FROM_REFERENCE
+    found = np.array(result.alignment.base_from_reference)
+    turned = Rotation.from_matrix(truth[:3, :3].T @ found[:3, :3]).as_rotvec()
+    error = np.concatenate([turned, found[:3, 3] - truth[:3, 3]])
+    assert error @ np.linalg.solve(np.array(result.alignment.covariance), error) < 22.5  # 99.9 % of six
+    assert [one.kind for one in result.alignment.datums] == ["sphere", "plane", "plane"]
+    assert np.array(result.alignment.datums[0].at_mm) == pytest.approx(in_reference(PART.ball_center_mm))
+    assert all(one.off_mm < 0.3 and one.rms_mm < 0.2 for one in result.alignment.datums)
+    assert result.deviation.uncertainty_mm is not None
+    assert 0.5 < result.deviation.rms_mm / result.deviation.uncertainty_mm < 1.5
+    assert "Datums" in {block.title for block in result.evidence}
+    open_part = merged(reference="nominal.ply", alignment={"method": "datums", "datums": datums[:1]})
+    assert open_part.alignment is None
+    assert "a turn about" in open_part.warnings[0]
+
+
 def test_what_is_not_told_changes_no_key_and_a_nominal_changes_it() -> None:
     record, files, _ = _scanned()
 
@@ -153,6 +182,8 @@ def test_a_nominal_in_metres_or_missing_is_named() -> None:
     for wrong, words in (
         ({"method": "matrix"}, "base_from_reference"),
         ({"method": "3-2-1"}, "datum_points_mm"),
+        ({"method": "datums"}, "datums"),
+        ({"method": "datums", "datums": [{"kind": "plane", "radius_mm": 5.0}]}, "point_mm"),
     ):
         with pytest.raises(InputError, match=words):
             parse_session({**record, "cell": {**cell, "merge": {"alignment": wrong}}}, "session")

@@ -74,6 +74,15 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
         for theme in ("dark", "light"):
             page.evaluate(f"document.documentElement.dataset.theme = '{theme}'")
             part.screenshot(path=str(tmp_path / f"{theme}.png"))
+        page.get_by_label("A click in plot or scene").select_option("feature")
+        click_at(page, 0.5, 0.1)
+        part.get_by_label("What it is").select_option("sphere")
+        part.get_by_label("Radius in mm").fill("10")
+        click_at(page, 0.3, 0.5)
+        expect(part.get_by_label("What it is")).to_have_count(2)
+        assert [one.input_value() for one in part.get_by_label("What it is").all()] == ["sphere", "plane"]
+        assert [one.input_value() for one in part.get_by_label("Radius in mm").all()] == ["10", "5"]
+        expect(part.get_by_role("button", name="Align by these points")).to_be_enabled()
         page.get_by_label("A click in plot or scene").select_option("datum")
         click_at(page, 0.5, 0.1)
         expect(part).to_contain_text("1 of 6 datum points")

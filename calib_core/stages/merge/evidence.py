@@ -111,8 +111,12 @@ _METHODS: Final = {
     "none": message("taken as it lies"),
     "best-fit": message("best fit to all points"),
     "3-2-1": message("six datum points (3-2-1)"),
+    "datums": message("datum planes and spheres"),
     "matrix": message("as told"),
 }
+
+_SEEN: Final = (message("Radius"), message("Off the nominal's"), message("Points off it, RMS"))
+_DATUMS: Final = {"plane": message("plane"), "sphere": message("sphere")}
 
 
 def _nominal(result: MergeResult) -> list[AnyBlock]:
@@ -194,6 +198,25 @@ def _laid(alignment: Alignment) -> list[AnyBlock]:
             Figure(label="Place of the nominal's zero", quantity=plus_minus(sum(variances[3:]) ** 0.5, "mm")),
             Figure(label="Turn of the nominal", quantity=plus_minus(degrees(sum(variances[:3]) ** 0.5), "°")),
         ]
+    if alignment.datums:
+        blocks.append(
+            Table(
+                id="datums",
+                title=message("Datums"),
+                caption=message(
+                    "Where each lies in the nominal's frame, and how far the points have it from there."
+                ),
+                columns=[
+                    Column(label=message("Datum"), align="left"),
+                    *(Column(label=axis, unit="mm", decimals=2) for axis in "xyz"),
+                    *(Column(label=label, unit="mm", decimals=3) for label in _SEEN),
+                ],
+                rows=[
+                    Row(cells=[_DATUMS[one.kind], *one.at_mm, one.radius_mm, one.off_mm, one.rms_mm])
+                    for one in alignment.datums
+                ],
+            )
+        )
     return blocks
 
 

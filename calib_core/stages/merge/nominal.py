@@ -1,7 +1,7 @@
 """The merged part beside its nominal: where that lies, and how far the points lie off it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
@@ -12,8 +12,9 @@ from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.findings.codes import merge as codes
 from calib_core.formats.meshes import parse_mesh
 from calib_core.frames import FloatArray
-from calib_core.fusion.alignment import Alignment, about_origin, best_fit, by_datum_points
+from calib_core.fusion.alignment import Alignment, about_origin, best_fit
 from calib_core.fusion.certainty import against_nominal
+from calib_core.fusion.datums import DatumAlignment, Feature, by_datums, on_nominal
 from calib_core.fusion.deviation import Deviations, Nominal, histogram
 from calib_core.fusion.solve import MergeSolution
 from calib_core.graph.stage_input import StageInput
@@ -65,14 +66,12 @@ def compared(
     except CalibrationError as error:
         return Compared(findings=(codes.NOMINAL_NOT_FOUND(why=str(error)),))
     told = wanted.method in ("none", "matrix")
-    datum = None if found.gain_at is None else _moved(found.gain_at, found.cloud_from_reference)
     known = against_nominal(
         solution.patches,
         solution.errors,
         found.cloud_from_reference,
         not told,
-        datum,
-        wanted.datum_radius_mm,
+        found.datums if isinstance(found, DatumAlignment) else (),
         noise_mm2,
     )
     deviation = _deviation(
@@ -89,6 +88,7 @@ def compared(
         cloud_from_reference=cloud_from_reference.tolist(),
         covariance=None if told else _in_base(covariance, base_from_cloud).tolist(),
         alike=found.alike,
+        datums=_datums_found(found, origin_mm) if isinstance(found, DatumAlignment) else [],
         reference_sha256=sha256(data).hexdigest(),
     )
     return Compared(alignment, deviation, tuple(findings))
@@ -132,8 +132,39 @@ def _aligned(
     fit = best_fit(points, normals, nominal)
     if wanted.method == "best-fit":
         return fit
-    datum_mm = np.reshape(wanted.datum_points_mm or [], (-1, 3)) - origin_mm
-    return by_datum_points(points, normals, nominal, datum_mm, wanted.datum_radius_mm, fit)
+    return by_datums(points, normals, nominal, _features(nominal, wanted, origin_mm), fit)
+
+
+def _features(nominal: Nominal, wanted: PartAlignment, origin_mm: FloatArray) -> list[Feature]:
+    if wanted.method == "3-2-1":
+        places = np.reshape(wanted.datum_points_mm or [], (-1, 3)) - origin_mm
+        return [on_nominal(nominal, "point", place, wanted.datum_radius_mm) for place in places]
+    found: list[Feature] = []
+    for datum in wanted.datums or ():
+        if datum.kind == "sphere" and datum.center_mm is not None:
+            centre = np.array(datum.center_mm) - origin_mm
+            found.append(Feature("sphere", centre, datum.radius_mm, np.zeros(3)))
+            continue
+        one = on_nominal(nominal, datum.kind, np.array(datum.point_mm) - origin_mm, datum.radius_mm)
+        if datum.kind == "plane" and datum.normal is not None:
+            normal = np.array(datum.normal) / np.linalg.norm(datum.normal)
+            one = replace(one, normal=normal if normal @ one.normal >= 0 else -normal)
+        found.append(one)
+    return found
+
+
+def _datums_found(found: DatumAlignment, origin_mm: FloatArray) -> list[record.DatumFound]:
+    return [
+        record.DatumFound(
+            kind=datum.kind,
+            at_mm=(datum.at_mm + origin_mm).tolist(),
+            radius_mm=seen.radius_mm,
+            off_mm=seen.off_mm,
+            rms_mm=seen.rms_mm,
+        )
+        for datum, seen in zip(found.datums, found.measured, strict=True)
+        if datum.kind != "point"
+    ]
 
 
 def _points(solution: MergeSolution) -> tuple[FloatArray, FloatArray, float]:
@@ -163,10 +194,6 @@ def _require_alike_size(nominal: Nominal, points: FloatArray) -> None:
             "Export it in millimetres.",
             "reference",
         )
-
-
-def _moved(points_mm: FloatArray, pose: FloatArray) -> FloatArray:
-    return points_mm @ pose[:3, :3].T + pose[:3, 3]
 
 
 def _in_base(covariance: FloatArray, base_from_cloud: FloatArray) -> FloatArray:

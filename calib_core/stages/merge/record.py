@@ -68,21 +68,35 @@ class PoseScatter(Record):
     surface_sigma_mm: float
 
 
+class DatumFound(Record):
+    """A datum as the merged points have it: `off_mm` is how far from the nominal's after the alignment, `rms_mm`
+    what its points are off it.
+    """
+
+    kind: Literal["plane", "sphere"]
+    at_mm: Vector3
+    radius_mm: float
+    off_mm: float
+    rms_mm: float
+
+
 class Alignment(Record):
     """Where the nominal part lies: `base_from_reference` with its covariance (6, 6) of rx ry rz tx ty tz, the
     rotation on the right, rad and mm, of the fit and of what calibration and scans leave uncertain.
 
     `rms_mm` is that of the distances that the method goes by, `alike` counts other poses that fit as well, as
-    those of a symmetric part do.  `cloud_from_reference` is into the cloud's own frame;
+    those of a symmetric part do.  `datums` are those that it goes by, in the nominal's frame.
+    `cloud_from_reference` is into the cloud's own frame;
     `reference_sha256` is the nominal's file.
     """
 
-    method: Literal["none", "best-fit", "3-2-1", "matrix"]
+    method: Literal["none", "best-fit", "3-2-1", "datums", "matrix"]
     rms_mm: float | None = None
     base_from_reference: Matrix4
     cloud_from_reference: Matrix4
     covariance: list[list[float]] | None = None
     alike: int = 0
+    datums: list[DatumFound] = Field(default_factory=list[DatumFound])
     reference_sha256: str
 
 

@@ -20,12 +20,16 @@ const SETTLE_MS = 120;
 const STEPS = 400;
 
 /** What clicks in section and scene do, and how many make it whole. */
-const CLICKS = /** @type {const} */ ({ measure: 2, datum: 6, plane: 3 });
+const CLICKS = /** @type {const} */ ({ measure: 2, datum: 6, feature: 12, plane: 3 });
 /** @typedef {keyof typeof CLICKS} Click */
 /** @typedef {readonly number[]} Point in the cloud's frame, mm */
 
 /** How each session's cloud was looked at last: the page may be left and come back to. @type {Map<string, CloudView>} */
 const views = new Map();
+
+const FEATURES = /** @type {const} */ (["plane", "sphere"]);
+/** What a datum feature is, by the point that was picked on it. @type {WeakMap<Point, {kind: "plane" | "sphere", radius_mm: number}>} */
+const features = new WeakMap();
 
 /** What was picked, by session: the page may be left and come back to. @type {Map<string, Record<Click, Point[]>>} */
 const picks = new Map();
@@ -124,7 +128,7 @@ export class MergedElement extends StateElement {
 
   /** What was picked in this session. */
   get #picks() {
-    const known = picks.get(this.state.id) ?? { measure: [], datum: [], plane: [] };
+    const known = picks.get(this.state.id) ?? { measure: [], datum: [], feature: [], plane: [] };
     picks.set(this.state.id, known);
     return known;
   }
@@ -267,13 +271,14 @@ export class MergedElement extends StateElement {
       return;
     }
     const aligned = this.#merge?.alignment;
+    const touches = this.#click === "datum";
     this.#picked.replaceChildren(
-      h("p", {}, aligned ? t("merged.datum", { count: points.length }) : t("merged.no_alignment")),
-      h("ol", { class: "number" }, ...points.map((point) => h("li", {}, `${point.map((value) => fixed(value, 2)).join(" · ")} mm`))),
+      h("p", {}, aligned ? t(touches ? "merged.datum" : "merged.features", { count: points.length }) : t("merged.no_alignment")),
+      h("ol", { class: "number" }, ...points.map((point) => h("li", {}, `${point.map((value) => fixed(value, 2)).join(" · ")} mm`, ...(touches ? [] : featureFields(point))))),
       h("div", { class: "row" },
-        h("button", { type: "button", needs: "capture", disabled: points.length < CLICKS.datum || !aligned, onclick: () => void this.#align(points) }, t("merged.align")),
+        h("button", { type: "button", needs: "capture", disabled: points.length < (touches ? CLICKS.datum : 1) || !aligned, onclick: () => void this.#align(points) }, t("merged.align")),
         clear,
-        h("button", { type: "button", class: "plain", needs: "capture", hidden: aligned?.method !== "3-2-1", onclick: () => void this.#align(null) }, t("merged.best_fit"))),
+        h("button", { type: "button", class: "plain", needs: "capture", hidden: !aligned || !["3-2-1", "datums"].includes(aligned.method), onclick: () => void this.#align(null) }, t("merged.best_fit"))),
     );
   }
 
@@ -282,14 +287,16 @@ export class MergedElement extends StateElement {
     this.#mark();
   }
 
-  /** Merge again, the nominal laid by six points of the cloud, or by a best fit. @param {readonly Point[] | null} points */
+  /** Merge again, the nominal laid by six points or by features of the cloud, or by a best fit. @param {readonly Point[] | null} points */
   async #align(points) {
     await attempt(async () => {
-      const alignment = this.#merge?.alignment;
-      if (this.state.working || !alignment) return;
-      const datum_points_mm = points?.map((point) => inReference(alignment.cloud_from_reference, point));
-      await api.changeSession(this.state.id, { cell: { merge: { alignment: datum_points_mm ? { method: "3-2-1", datum_points_mm } : null } } });
-      this.#picks.datum = [];
+      const found = this.#merge?.alignment;
+      if (this.state.working || !found) return;
+      const places = points?.map((point) => inReference(found.cloud_from_reference, point));
+      const datums = points?.map((point, index) => ({ point_mm: places?.[index], ...featureOf(point) }));
+      const laid = this.#click === "datum" ? { method: "3-2-1", datum_points_mm: places } : { method: "datums", datums };
+      await api.changeSession(this.state.id, { cell: { merge: { alignment: places ? laid : null } } });
+      this.#picks[this.#click] = [];
       this.state.follows(await api.solve(this.state.id, this.stage));
     });
   }
@@ -309,6 +316,18 @@ export class MergedElement extends StateElement {
     await attempt(() => api.removeReference(this.state.id));
     this.#changed();
   }
+}
+
+/** @param {Point} point */
+const featureOf = (point) => features.get(point) ?? { kind: /** @type {"plane" | "sphere"} */ ("plane"), radius_mm: 5 };
+
+/** What a datum feature is, and its radius. @param {Point} point */
+function featureFields(point) {
+  const { kind, radius_mm } = featureOf(point);
+  const change = () => void features.set(point, { kind: FEATURES[which.selectedIndex] ?? "plane", radius_mm: typedNumber(radius.value) > 0 ? typedNumber(radius.value) : radius_mm });
+  const which = h("select", { "aria-label": t("merged.feature"), onchange: change }, ...FEATURES.map((one) => h("option", { value: one, selected: one === kind }, t(`merged.feature_${one}`))));
+  const radius = h("input", { inputmode: "decimal", autocomplete: "off", size: 5, "aria-label": t("merged.feature_radius"), value: String(inField(radius_mm)), oninput: change });
+  return [" ", which, " ", radius];
 }
 
 /** @param {number | null | undefined} share */
