@@ -45,59 +45,28 @@ class Fault:
 
 _ALL: Final = (
     Fault("stale", "answer", "stale", "one whose inputs have changed", "Solve the session again."),
-    Fault(
-        "fail", "answer", "failed", "one with the verdict 'fail'", "Mend what its result names, and solve again."
-    ),
-    Fault(
-        "differs",
-        "answer",
-        "not what its captures give",
-        "one that came from elsewhere and differs from what its captures give here",
-        "Solve the session again.",
-    ),
-    Fault(
-        "not-replayed",
-        "answer",
-        "not replayed here",
+    Fault("fail", "answer", "failed",
+        "one with the verdict 'fail'", "Mend what its result names, and solve again."),
+    Fault("differs", "answer", "not what its captures give",
+        "one that came from elsewhere and differs from what its captures give here", "Solve the session again."),
+    Fault("not-replayed", "answer", "not replayed here",
         "one that came from elsewhere and was not solved anew here",
-        "Wait for its replay, replay the session, or solve it again.",
-    ),
-    Fault(
-        "verify-fail",
-        "answer",
-        "not confirmed by its verification",
+        "Wait for its replay, replay the session, or solve it again."),
+    Fault("verify-fail", "answer", "not confirmed by its verification",
         "one whose latest verification failed its limits",
-        "Look at the verification, calibrate again, and verify again.",
-    ),
-    Fault(
-        "drift",
-        "moment",
-        "of a cell that has changed",
+        "Look at the verification, calibrate again, and verify again."),
+    Fault("drift", "moment", "of a cell that has changed",
         "one of a cell whose answers changed by more than their uncertainty",
-        "Look at the cell's drift, and acknowledge it.",
-    ),
-    Fault(
-        "overdue",
-        "moment",
-        "overdue",
-        "one that is older than the cell's policy allows",
-        "Calibrate or verify the cell again.",
-    ),
-    Fault(
-        "equipment-changed",
-        "moment",
-        "of other equipment",
+        "Look at the cell's drift, and acknowledge it."),
+    Fault("overdue", "moment", "overdue",
+        "one that is older than the cell's policy allows", "Calibrate or verify the cell again."),
+    Fault("equipment-changed", "moment", "of other equipment",
         "one of other equipment than the answer in force",
-        "Check the serial numbers, and acknowledge the change.",
-    ),
-    Fault(
-        "verify-undecided",
-        "moment",
-        "not verified",
+        "Check the serial numbers, and acknowledge the change."),
+    Fault("verify-undecided", "moment", "not verified",
         "one without the verification that the cell's policy needs, or whose verification decides nothing",
-        "Take captures for the verification until it decides.",
-    ),
-)
+        "Take captures for the verification until it decides."),
+)  # fmt: skip
 
 FAULTS: Final = {fault.name: fault for fault in _ALL}
 """All faults by name, the gravest first."""

@@ -40,36 +40,15 @@ _UNCHANGED = {
     "headers": {"ETag": _ETAG},
 }
 _TAGGED = (
-    "sessions_create",
-    "sessions_get",
-    "sessions_change",
-    "captures_add",
-    "captures_take_simulated",
-    "captures_get",
-    "captures_change",
-    "captures_get_file",
-    "clouds_get_cloud",
-    "cells_get_released",
-    "archives_import_archive",
-    "archives_get_kept",
-    "cells_release",
-    "cells_rollback",
-)
+    "sessions_create", "sessions_get", "sessions_change", "captures_add", "captures_take_simulated",
+    "captures_get", "captures_change", "captures_get_file", "clouds_get_cloud", "cells_get_released",
+    "archives_import_archive", "archives_get_kept", "cells_release", "cells_rollback"
+)  # fmt: skip
 _LOCATED = (
-    "sessions_create",
-    "captures_add",
-    "captures_take_simulated",
-    "archives_import_archive",
-    "solves_solve",
-    "history_recompute",
-    "cells_release",
-    "cells_rollback",
-    "live_take_shot",
-    "live_take_sweep",
-    "access_make",
-    "webhooks_make",
-    "equipment_add",
-)
+    "sessions_create", "captures_add", "captures_take_simulated", "archives_import_archive", "solves_solve",
+    "history_recompute", "cells_release", "cells_rollback", "live_take_shot", "live_take_sweep", "access_make",
+    "webhooks_make", "equipment_add"
+)  # fmt: skip
 _EXAMPLES = Path(__file__).with_name("api_examples.json")
 _UPLOADS = {
     "Body_captures_add": "CaptureUpload",
