@@ -129,11 +129,12 @@ def _labelled(known: Convention, text: str) -> list[float] | None:
     if known.form == "matrix":
         return None
     values: list[float] = []
+    number = _POINT if "." in text else _COMMA
     for name in known.numbers.split():
-        found = re.findall(rf"(?<![\w]){name}\s*[=:]?\s*({_POINT})", text, re.IGNORECASE)
+        found = re.findall(rf"(?<![\w]){name}\s*[=:]?\s*({number})(?!,?\d)", text, re.IGNORECASE)
         if len(found) != 1:
             return None
-        values.append(float(found[0]))
+        values.append(float(found[0].replace(",", ".")))
     return values
 
 

@@ -71,8 +71,11 @@ def _lower(sentence: str) -> str:
     return sentence[:1].lower() + sentence[1:]
 
 
-def typed_numbers(text: str) -> list[float]:
-    """Return numbers as a person types them; raises InputError."""
+def typed_numbers(text: str, convention: str) -> list[float]:
+    """Return a convention's numbers as a person types them, with decimal commas too; raises InputError."""
+    parts = text.replace(";", " ").split()
+    if "." not in text and len(parts) == convention_named(convention).count:
+        text = text.replace(",", ".")
     try:
         return [number(part) for part in text.replace(",", " ").replace(";", " ").split()]
     except ValueError as error:

@@ -40,7 +40,7 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError("FILE or --numbers", "both or neither", "Name one of these.", "read-back")
     if options.numbers is not None:
         convention = options.convention or answer.session.cell.pose_convention
-        numbers = typed_numbers(options.numbers)
+        numbers = typed_numbers(options.numbers, convention)
     else:
         convention, numbers = frame_in(
             files_of(options.file), options.brand, options.tool, answer.mount_from_laser

@@ -103,7 +103,8 @@ async def read_back_tool(
             if contents:
                 known, pose = frame_in(contents, brand or None, tool or None, answer.mount_from_laser)
             else:
-                known, pose = convention or answer.session.cell.pose_convention, typed_numbers(numbers)
+                known = convention or answer.session.cell.pose_convention
+                pose = typed_numbers(numbers, known)
             found = read_back(pose, known, answer.mount_from_laser).of_answer(answer.faults)
             return found.to_json(), dict(answer_headers(answer))
 

@@ -32,6 +32,8 @@ FANUC_PRINT = """P[1]{
         "scan-4;-195,8;1363,305;524,812;-179,924;0,889;179,635",
         "3) -195.8 1363.305 524.812 -179.924 0.889 179.635",
         "P[12] = (-195.8, 1363.305, 524.812, -179.924, 0.889, 179.635), speed 20",
+        "X -195,8 Y 1363,305 Z 524,812 W -179,924 P 0,889 R 179,635",
+        "X = -195,8 mm, Y = 1363,305 mm, Z = 524,812 mm, W = -179,924°, P = 0,889°, R = 179,635°",
         "X=-195.8 mm Y=1363.305 mm Z=524.812 mm W=-179.924 deg P=0.889 deg R=179.635 deg",
         FANUC_PRINT,
     ],
@@ -68,6 +70,11 @@ def test_lines_of_robot_programs(convention: str, text: str, numbers: list[float
     (row,) = parse_pose_lines(convention, text)
     assert row.problem is None
     assert row.numbers == pytest.approx(numbers)
+
+
+def test_points_and_commas_at_once_are_a_problem_and_no_cut_numbers() -> None:
+    (row,) = parse_pose_lines("kuka", "X 1.280,5 Y 0,5 Z -10,5 A 30,5 B 90,5 C 0,5")
+    assert (row.pose, row.problem is not None) == (None, True)
 
 
 def test_a_table_keeps_its_line_numbers_and_names_what_is_wrong() -> None:

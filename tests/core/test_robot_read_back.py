@@ -9,7 +9,7 @@ import pytest
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.robots import CONVENTIONS, to_pose
-from calib_core.robots.read_back import read_back
+from calib_core.robots.read_back import read_back, typed_numbers
 
 TOOL = RigidTransform.of([0.3, -1.1, 0.7], [149.6, -709.5, 487.25], "tool0", "laser")
 AS_POSE = RigidTransform(TOOL.matrix, "base", "tool0")
@@ -68,6 +68,13 @@ def test_another_tool_is_told_by_its_distance() -> None:
     with pytest.raises(InputError, match="6 numbers"):
         read_back([1, 2, 3], "kuka", TOOL)
     assert "no pose" in read_back([1, 2, 3, 9, 9, 9, 9], "abb", TOOL).words
+
+
+@pytest.mark.parametrize(
+    "text", ["1,5 -2 3,25 4 5 6", "1,5; -2; 3,25; 4; 5; 6", "1.5, -2, 3.25, 4, 5, 6", "1.5,-2,3.25,4,5,6"]
+)
+def test_numbers_are_typed_with_points_or_commas(text: str) -> None:
+    assert typed_numbers(text, "kuka") == [1.5, -2, 3.25, 4, 5, 6]
 
 
 @pytest.mark.thorough
