@@ -60,5 +60,5 @@ class PointCache:
             load_points=load,
             load_scans=of("scans", (solved, scans), lambda: scene.load_scans(self._scans)),
             load_merged=of("merged", (solved, scene.outputs), scene.load_merged),
-            load_reference=of("reference", scene.outputs, scene.load_reference),
+            load_reference=of("reference", (solved, scene.outputs), scene.load_reference),
         )

@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 from calib_core.frames import FloatArray, RigidTransform
 from server.scenes import nodes
 from server.scenes.cloud_view import Section
-from server.scenes.colors import SCANS, WAITING, Rgb, diverging_colors, height_colors
+from server.scenes.colors import (
+    DIVERGING,
+    SCANS,
+    WAITING,
+    Rgb,
+    band_numbers,
+    diverging_colors,
+    height_colors,
+)
 from server.scenes.deviation import CloudDeviation
 from server.scenes.display_options import Look
 from server.scenes.merged import MergedScans
@@ -97,7 +105,11 @@ def deviation_colors(values_mm: FloatArray | None, count: int, look: Look) -> ND
     colors = np.tile(np.array(WAITING, dtype=np.uint8), (count, 1))
     if values_mm is not None and isinstance(look.deviation, CloudDeviation):
         known = np.isfinite(values_mm)
-        colors[known] = diverging_colors(values_mm[known], look.deviation.limit_mm)
+        tolerance_mm = look.deviation.tolerance_mm
+        if tolerance_mm is None:
+            colors[known] = diverging_colors(values_mm[known], look.deviation.limit_mm)
+        else:
+            colors[known] = np.array(DIVERGING, dtype=np.uint8)[band_numbers(values_mm[known], tolerance_mm)]
     return colors
 
 

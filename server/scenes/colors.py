@@ -56,6 +56,17 @@ def diverging_colors(residuals_mm: FloatArray, limit_mm: float) -> NDArray[np.ui
     return _between(residuals_mm, -limit_mm, limit_mm, DIVERGING)
 
 
+def band_limits_mm(tolerance_mm: float) -> FloatArray:
+    """Return where the bands of a tolerance end that `DIVERGING` has the colours of: at it and at its half."""
+    return tolerance_mm * np.array([-1.0, -0.5, 0.5, 1.0])
+
+
+def band_numbers(deviations_mm: FloatArray, tolerance_mm: float) -> NDArray[np.int64]:
+    """Return which band each deviation (N,) lies in, from far inside; what lies at a limit is not beyond it."""
+    nearer = np.searchsorted(band_limits_mm(tolerance_mm)[2:], np.abs(deviations_mm))
+    return 2 + np.where(deviations_mm < 0, -nearer, nearer)
+
+
 def faint(color: Rgb) -> Rgb:
     """Return a colour that steps back behind that of the picked capture, on a white and on a black ground."""
     pairs = zip(color, DIVERGING[2], strict=True)

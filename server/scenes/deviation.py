@@ -1,7 +1,7 @@
 """The merged cloud's deviations from a reference, as the scene colours by them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,14 @@ from server.scenes.colors import residual_limit_mm
 
 @dataclass(frozen=True, eq=False)
 class ReferenceMesh:
-    """A mesh that says what the object should be: corners (C, 3) in the cloud's frame, triangles (M, 3)."""
+    """A mesh that says what the object should be: corners (C, 3) in the cloud's frame, triangles (M, 3).
+
+    `tolerance_mm` is how far the object may lie off it, where that was told.
+    """
 
     corners_mm: NDArray[np.floating]
     triangles: NDArray[np.integer]
+    tolerance_mm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +31,7 @@ class CloudDeviation:
     """Signed distances (N,) of the cloud's points; NaN beside the reference.
 
     `limit_mm` is the scale's end, `words` say what they are distances to, `of` gives the distances of further
-    points (K, 3) to the same reference.
+    points (K, 3) to the same reference.  With `tolerance_mm` colours go by bands of it.
     """
 
     values_mm: FloatArray
@@ -35,6 +39,7 @@ class CloudDeviation:
     words: str
     found: Deviations
     of: Callable[[NDArray[np.floating]], FloatArray]
+    tolerance_mm: float | None = None
 
 
 def cloud_deviation(
@@ -84,7 +89,7 @@ def _from_mesh(points_mm: NDArray[np.floating], reference: ReferenceMesh) -> Clo
         return mesh_deviations(points, reference.corners_mm, reference.triangles).values_mm
 
     found = mesh_deviations(points_mm, reference.corners_mm, reference.triangles)
-    return _of(found, message("the reference mesh"), of)
+    return replace(_of(found, message("the reference mesh"), of), tolerance_mm=reference.tolerance_mm)
 
 
 def _from_sphere(points_mm: NDArray[np.floating], diameter_mm: float | None) -> CloudDeviation:

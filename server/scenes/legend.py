@@ -2,6 +2,9 @@
 
 from collections.abc import Collection, Sequence
 from html import escape
+from itertools import pairwise
+
+import numpy as np
 
 from calib_core.evidence.numbers import number_text
 from calib_core.messages import message, plural
@@ -23,6 +26,8 @@ from server.scenes.colors import (
     VIRIDIS,
     WAITING,
     Rgb,
+    band_limits_mm,
+    band_numbers,
     css,
     length_text,
 )
@@ -180,11 +185,12 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
 def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
     if not isinstance(deviation, CloudDeviation):
         return [_line(deviation or message("No deviations yet."))]
+    what = _line(message("Distance to {what}", what=deviation.words))
     limit = length_text(deviation.limit_mm)
     ends = f"<span>≤ −{limit}</span><span>0</span><span>≥ +{limit}</span>"
+    scale = [f'<div>{what}{_bar(DIVERGING)}<div class="ticks">{ends}</div>{_sides()}</div>']
     return [
-        f"<div>{_line(message('Distance to {what}', what=deviation.words))}{_bar(DIVERGING)}"
-        f'<div class="ticks">{ends}</div>{_sides()}</div>',
+        *(scale if deviation.tolerance_mm is None else [what, *_bands(deviation, deviation.tolerance_mm)]),
         _line(
             message(
                 "RMS {rms_mm:.3f} mm over {points} points",
@@ -193,6 +199,24 @@ def _of_deviation(deviation: CloudDeviation | str | None) -> list[str]:
             )
         ),
     ]
+
+
+def _bands(deviation: CloudDeviation, tolerance_mm: float) -> list[str]:
+    """Return the bands of a tolerance, the farthest outside first: colour, limits, and how many points it has."""
+    values = deviation.values_mm[np.isfinite(deviation.values_mm)]
+    counts = np.bincount(band_numbers(values, tolerance_mm), minlength=len(DIVERGING))
+    ends = [f"{'−' if end < 0 else '+'}{length_text(abs(end))}" for end in band_limits_mm(tolerance_mm).tolist()]
+    below, *between, above = (100 * counts / max(len(values), 1)).tolist()
+    said = [
+        message("below {end}: {share:.1f} %", end=ends[0], share=below),
+        *(
+            message("{low} to {high}: {share:.1f} %", low=low, high=high, share=share)
+            for (low, high), share in zip(pairwise(ends), between, strict=True)
+        ),
+        message("above {end}: {share:.1f} %", end=ends[-1], share=above),
+    ]
+    keys = [f"<div>{_key(color, '■', text)}</div>" for color, text in zip(DIVERGING, said, strict=True)]
+    return keys[::-1]
 
 
 def _cut_words(section: Section, frame: str) -> str:

@@ -11,6 +11,7 @@ import pytest
 from calib_core.causes.apply import applied, changes_for
 from calib_core.errors import InputError
 from calib_core.records import Session
+from calib_core.stages.evidence import text_of
 from calib_core.stages.merge.record import MergeResult
 from calib_core.stages.merge.trials import same_arrangement
 from calib_core.stages.pipeline import run
@@ -126,6 +127,7 @@ def test_a_mistake_is_named_first_and_apply_repairs_it(mistake: Mistake, table: 
 def test_scans_that_fit_pass_with_nothing_told(table: bool):
     _, result = solve(*given(table))
     assert (result.verdict, result.normals_outward) == ("pass", "visibility")
+    assert "±" in text_of(result)
     assert result.overlap_rms_mm is not None
     assert result.overlap_expected_mm is not None
     assert 0.7 < result.overlap_rms_mm / result.overlap_expected_mm < 1.4
@@ -140,6 +142,7 @@ def test_rubble_without_a_known_mistake_fails(seed: int):
     _, result = solve(record, files)
     assert (result.verdict, result.findings[0].code) == ("fail", "merge-scans-do-not-fit")
     assert result.mesh is None
+    assert "±" not in text_of(result)  # nothing that such a merge says of its own uncertainty holds
 
 
 def test_poses_that_lie_elsewhere_all_together_are_one_arrangement():

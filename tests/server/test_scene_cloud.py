@@ -9,12 +9,14 @@ import pytest
 from calib_core.archive.stored_clouds import CLOUD_FILE, REFERENCE_FILE
 from calib_core.errors import InputError
 from calib_core.formats.ply import ply_pieces
+from calib_core.fusion.deviation import Deviations
 from calib_core.stages.merge.record import MergeResult
-from server.scenes.cloud_layers import cloud_place, height_range_mm
+from server.scenes.cloud_layers import cloud_place, deviation_colors, height_range_mm
 from server.scenes.cloud_view import Against, CloudView, Section, section_of
 from server.scenes.colors import DIVERGING, SCANS, VIRIDIS, WAITING
 from server.scenes.detail import Gaze, detail
-from server.scenes.display_options import look_at
+from server.scenes.deviation import CloudDeviation
+from server.scenes.display_options import Look, look_at
 from server.scenes.layers import draw
 from server.scenes.legend import legend_html
 from server.scenes.live import LiveScene
@@ -213,6 +215,27 @@ def test_deviations_from_a_mesh_are_blue_inside() -> None:
     assert "Distance to the reference mesh" in legend
     assert "RMS 0.200 mm over 6561 points" in legend
     assert "200 µm" in legend
+
+
+def test_a_tolerance_makes_five_bands_and_the_legend_says_their_shares() -> None:
+    values = np.array([-0.31, -0.3, -0.16, -0.15, 0.0, 0.1, 0.15, 0.151, 0.3, 0.4, np.nan])
+    found = CloudDeviation(values, 1.0, "it", Deviations(values), lambda points: points[:, 0], 0.3)
+    look = Look(0.1, deviation=found)
+    colors = deviation_colors(values, len(values), look)
+    expected = [*(DIVERGING[band] for band in (0, 1, 1, 2, 2, 2, 2, 3, 3, 4)), WAITING]
+    assert colors.tolist() == [list(color) for color in expected]
+    scene = fused_scene(PLATE, ply(REFERENCE, np.array([[0, 1, 2], [0, 2, 3]])))
+    mesh = scene.load_reference()
+    assert mesh is not None
+    scene = replace(scene, load_reference=lambda: replace(mesh, tolerance_mm=0.3))
+
+    def one_band(colors: np.ndarray) -> None:
+        assert (colors == DIVERGING[1]).all()
+
+    legend = live_colors(scene, CloudView("by deviation"), one_band)
+    assert "−300 µm to −150 µm: 100.0 %" in legend
+    assert "above +300 µm: 0.0 %" in legend
+    assert "Distance to the reference mesh" in legend
 
 
 def test_deviations_from_the_sphere_leave_the_rest_grey() -> None:

@@ -31,7 +31,7 @@ def evidence(_session: Session, result: MergeResult) -> list[AnyBlock]:
 
 def _headline(result: MergeResult) -> list[AnyBlock]:
     found: list[AnyBlock] = []
-    if result.surface_sigma_mm is not None:
+    if result.surface_sigma_mm is not None and _believed(result):
         shown = plus_minus(result.surface_sigma_mm, "mm")
         found.append(Figure(label="Merged surface", quantity=shown, remark="along its normal", headline=True))
     if (off := result.deviation) is not None:
@@ -51,6 +51,11 @@ def _headline(result: MergeResult) -> list[AnyBlock]:
             )
         )
     return [*found, Figure(label="Points", quantity=fixed(result.points, 0), headline=True)]
+
+
+def _believed(result: MergeResult) -> bool:
+    """Return whether what the merge says of its own uncertainty holds: where scans do not fit, nothing does."""
+    return result.verdict != "fail"
 
 
 def _apart(result: MergeResult) -> list[AnyBlock]:
@@ -124,7 +129,7 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
     alignment, off = result.alignment, result.deviation
     if alignment is None or off is None:
         return []
-    sigma = None if off.uncertainty_mm is None else quantity(off.uncertainty_mm, "mm")
+    sigma = None if off.uncertainty_mm is None or not _believed(result) else quantity(off.uncertainty_mm, "mm")
     blocks: list[AnyBlock] = [
         Figure(
             title="Against the nominal",
@@ -136,7 +141,7 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
         Figure(label="95 % of the points lie within", quantity=quantity(off.within_95_mm, "mm")),
         Figure(label="Mean deviation, positive outside", quantity=quantity(off.signed_mean_mm, "mm")),
         Figure(label="Points compared", quantity=fixed(off.points, 0), remark=_share(off.counted)),
-        *_laid(alignment),
+        *_laid(alignment, _believed(result)),
     ]
     width = 2 * off.limit_mm / len(off.histogram)
     lower = [-off.limit_mm + width * k for k in range(len(off.histogram))]
@@ -185,16 +190,18 @@ def _share(counted: float) -> str:
     return message("{share:.0f} % of the cloud; the rest is too far off", share=100 * counted)
 
 
-def _laid(alignment: Alignment) -> list[AnyBlock]:
+def _laid(alignment: Alignment, believed: bool) -> list[AnyBlock]:
     """Return how the nominal was laid into the cloud, and how well that is known."""
     alike = message("{count} other poses fit as well", count=alignment.alike) if alignment.alike else None
     blocks: list[AnyBlock] = [
         Figure(label="Alignment of the nominal", text=_METHODS[alignment.method], remark=alike)
     ]
     if alignment.covariance is not None:
+        goes_by = "Points that the alignment goes by lie off, RMS"
+        blocks.append(Figure(label=goes_by, quantity=rms(alignment.rms_mm, "mm")))
+    if alignment.covariance is not None and believed:
         variances = [alignment.covariance[k][k] for k in range(6)]
         blocks += [
-            Figure(label="Points that the alignment goes by lie off, RMS", quantity=rms(alignment.rms_mm, "mm")),
             Figure(label="Place of the nominal's zero", quantity=plus_minus(sum(variances[3:]) ** 0.5, "mm")),
             Figure(label="Turn of the nominal", quantity=plus_minus(degrees(sum(variances[:3]) ** 0.5), "°")),
         ]

@@ -195,7 +195,7 @@ export class MergedElement extends StateElement {
       h("p", {}, t("merged.off", { reference: said(found.reference), points: integer(found.counted) })),
       histogramPlot(found.histogram, found.limit_mm, tolerance),
       h("dl", { class: "pairs number" }, ...pairs.map(([name, value]) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, small(value)))),
-        told?.uncertainty_mm ? h("div", {}, h("dt", {}, t("merged.uncertainty")), h("dd", {}, small(told.uncertainty_mm))) : null,
+        told?.uncertainty_mm && this.#merge?.verdict !== "fail" ? h("div", {}, h("dt", {}, t("merged.uncertainty")), h("dd", {}, small(told.uncertainty_mm))) : null,
         ...(tolerance ? BANDS.map((band) => h("div", {}, h("dt", {}, t(`merged.${band}`, { tolerance: fixed(tolerance, 3) })), h("dd", {}, percent(told?.[`${band}_tolerance`])))) : []),
         found.diameter_mm ? h("div", {}, h("dt", {}, t("merged.found_diameter")), h("dd", {}, `${fixed(found.diameter_mm, 3)} mm`)) : null),
       h("p", { class: "soft small" }, t("merged.signs")),
@@ -215,7 +215,7 @@ export class MergedElement extends StateElement {
     const section = found instanceof Problem ? await api.cloudSection(this.state.id, { ...view, colors: "height" }).catch(refused) : found;
     if (section instanceof Problem) return [mark("warn", section.message)];
     const plot = h("div", {});
-    this.#drawSlab = () => plot.replaceChildren(sectionPlot(section, this.#picks[this.#click], (point) => this.#pick(point)));
+    this.#drawSlab = () => plot.replaceChildren(sectionPlot(section, this.#picks[this.#click], (point) => this.#pick(point), view.against === "mesh" ? this.#merge?.deviation?.tolerance_mm : null));
     this.#drawSlab();
     return [plot, h("p", { class: "soft small" }, t("merged.slice", { width: fixed(section.width_mm, 1), points: integer(section.count) }))];
   }

@@ -11,8 +11,13 @@ const DIVERGING = [[20, 70, 190], [95, 145, 225], [172, 172, 172], [232, 125, 95
 const BINS = 9;
 const SIZE = { width: 560, height: 360, margin: 34 };
 
-/** @param {number} share from −1 (inside) to 1 (outside) */
-function deviationColor(share) {
+/**
+ * Between the ends of the scale; in bands at half and whole of a tolerance, where one is told.
+ * @param {number} value @param {number} limit @param {number | null | undefined} tolerance
+ */
+function deviationColor(value, limit, tolerance) {
+  const beyond = tolerance ? Number(Math.abs(value) > tolerance / 2) + Number(Math.abs(value) > tolerance) : 0;
+  const share = tolerance ? (Math.sign(value) * beyond) / 2 : value / limit;
   const at = (Math.min(1, Math.max(-1, share)) + 1) * 2;
   const low = Math.min(3, Math.floor(at));
   const mix = (/** @type {number} */ channel) => Math.round((DIVERGING[low]?.[channel] ?? 0) * (low + 1 - at) + (DIVERGING[low + 1]?.[channel] ?? 0) * (at - low));
@@ -23,8 +28,9 @@ function deviationColor(share) {
  * @param {CloudSection} section
  * @param {readonly (readonly number[])[]} picked points in the cloud's frame, mm
  * @param {(point: number[]) => void} pick a click picks the nearest point of the cloud
+ * @param {number | null | undefined} tolerance_mm
  */
-export function sectionPlot(section, picked, pick) {
+export function sectionPlot(section, picked, pick, tolerance_mm) {
   const { points, directions } = section;
   const along = (/** @type {readonly number[]} */ point, /** @type {number} */ which) => point.reduce((sum, value, axis) => sum + value * (directions[which]?.[axis] ?? 0), 0);
   const here = picked.filter((point) => Math.abs(along(point, 2) - section.at_mm) <= section.width_mm).map((point) => [along(point, 0), along(point, 1)]);
@@ -35,7 +41,7 @@ export function sectionPlot(section, picked, pick) {
   /** @type {Map<string, string[]>} */
   const dots = new Map();
   points.forEach((point, index) => {
-    const color = colorOf(section, index);
+    const color = colorOf(section, index, tolerance_mm);
     const list = dots.get(color) ?? [];
     list.push(`M${place(point)}h0`);
     dots.set(color, list);
@@ -62,11 +68,11 @@ export function sectionPlot(section, picked, pick) {
   );
 }
 
-/** @param {CloudSection} section @param {number} index */
-function colorOf({ deviations_mm: deviations, limit_mm: limit }, index) {
+/** @param {CloudSection} section @param {number} index @param {number | null | undefined} tolerance */
+function colorOf({ deviations_mm: deviations, limit_mm: limit }, index, tolerance) {
   const value = deviations?.[index];
   if (value === null || value === undefined || !limit) return "";
-  return deviationColor(Math.round((value / limit) * ((BINS - 1) / 2)) / ((BINS - 1) / 2));
+  return tolerance ? deviationColor(value, limit, tolerance) : deviationColor(Math.round((value / limit) * ((BINS - 1) / 2)), (BINS - 1) / 2, null);
 }
 
 /** Ends and names of both axes. @param {CloudSection} section */
@@ -103,7 +109,7 @@ export function histogramPlot(counts, limit_mm, tolerance_mm) {
   const middle = (counts.length - 1) / 2;
   return s(
     "svg", { class: "section-plot", viewBox: "0 0 560 96", role: "img", "aria-label": t("merged.histogram_label", { limit: fixed(limit_mm, 3) }) },
-    ...counts.map((count, index) => s("rect", { x: index * width + 0.5, width: width - 1, y: 76 - (72 * count) / most, height: (72 * count) / most, fill: deviationColor((index - middle) / middle) })),
+    ...counts.map((count, index) => s("rect", { x: index * width + 0.5, width: width - 1, y: 76 - (72 * count) / most, height: (72 * count) / most, fill: deviationColor(((index - middle) / middle) * limit_mm, limit_mm, tolerance_mm) })),
     s("path", { class: "axis", d: "M0 76.5H560M280 76V4" }),
     ...(tolerance_mm && tolerance_mm < limit_mm ? [s("path", { class: "limit", d: [-1, 1].map((side) => `M${fixedPlain(280 * (1 + (side * tolerance_mm) / limit_mm))} 76V2`).join("") })] : []),
     s("text", { class: "tick", x: 0, y: 91 }, `${fixed(-limit_mm, 3)} mm`), s("text", { class: "tick", x: 280, y: 91, "text-anchor": "middle" }, "0"),
