@@ -281,7 +281,7 @@ class _Own(str):
     __slots__ = ()
 
 
-_OWN: Final = frozenset("axes axis capture carrier cell file folder mount scanner session sphere who why".split())  # noqa: SIM905
+_OWN: Final = frozenset("axes axis capture carrier mount scanner sphere who".split())  # noqa: SIM905
 """The places that hold what somebody named; a message in one is said as others are."""
 
 

@@ -113,7 +113,7 @@ def _of_table(table: TableFacts, *, places: bool, circles: bool) -> list[str]:
     parts = [_head(message("Turntable")), _key(AXIS, "↑", message("axis, T at 0°"))]
     mounts = (table.mounts or {}) if places else {}
     parts += [
-        _key(mount_color(table, mount), "●", message("sphere {mount}", mount=mount or "on the table"))
+        _key(mount_color(table, mount), "●", message("sphere {mount}", mount=mount or message("on the table")))
         for mount in mounts
     ]
     if table.circles and circles:

@@ -35,6 +35,6 @@ def test_what_somebody_named_is_said_as_it_stands() -> None:
     words = ("camera", "linear", "one", "Turntable", "Robot")
     assert {word for word in words if any(word in text for text in said)} == set(words)
     assert said[2].startswith("no ")
-    assert "none given" not in said[3]
+    assert "none given" not in said[3]  # of ours, where nobody gave one
     assert told.rows[0].cells == ["linear", german.say("linear")]
     assert told.columns[0].label == german.say("Axis") != "Axis"

@@ -74,6 +74,16 @@ def test_an_answer_is_approved_stands_at_its_cell_and_is_rolled_back(
     expect(approval.get_by_role("button")).to_have_count(0)
     assert violations(page, axe, ".approval") == []
 
+    # An auditor's way on: the report tells the release, the review who decided, and it replays.
+    with page.expect_popup() as opened:
+        page.get_by_role("link", name="Report", exact=True).click()
+    expect(opened.value.locator("body")).to_contain_text("Release 1 by one who may admin")
+    opened.value.close()
+    page.get_by_role("link", name="Review").click()
+    expect(page.locator("sc-review-log")).to_contain_text("Reason: set up after the move")
+    page.get_by_role("button", name="Recompute and compare").click()
+    expect(page.locator(".recomputed .banner")).to_contain_text("All numbers are reproduced", timeout=120_000)
+
     page.goto(f"{site}/sessions/{second}#tcp.result")
     expect(approval).to_contain_text("Its current answer is of another session: Approved by one who may admin")
     approve(page, "new tool")
