@@ -771,7 +771,7 @@ class ChainResult(Record):
 
 
 class HandEyeResult(Record):
-    """The camera on the flange and the board in the base, from frames of a fixed board."""
+    """The camera on the flange and the board in the base, from frames of a fixed board; or the other way round."""
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
@@ -791,15 +791,18 @@ class HandEyeResult(Record):
     frames: list[FoundFrame] | None = None
     evidence: list[Figure | Frame | Table | Plot | Picture | Note] | None = None
     stage: Literal['hand-eye'] | None = None
-    tool0_from_camera: list[list[float]]
+    tool0_from_camera: list[list[float]] | None = None
+    base_from_camera: list[list[float]] | None = None
     covariance: list[list[float]]
-    base_from_board: list[list[float]]
+    base_from_board: list[list[float]] | None = None
+    tool0_from_board: list[list[float]] | None = None
     board_covariance: list[list[float]]
     pitch_factor: float | None = None
     pitch_sigma: float | None = None
     position_sigma_mm: float
     orientation_sigma_deg: float
     tool0_from_laser_by_board: list[list[float]] | None = None
+    base_from_laser_by_board: list[list[float]] | None = None
     laser_covariance: list[list[float]] | None = None
     agreement: Agreement | None = None
     residuals: list[HandEyeResidual] | None = None

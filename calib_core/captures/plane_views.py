@@ -13,7 +13,8 @@ from calib_core.captures.boards import (
     stripe_looks,
     stripe_of,
 )
-from calib_core.captures.content import shows_board
+from calib_core.captures.content import pose_of, shows_board
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView
@@ -25,10 +26,15 @@ from calib_core.optics.laser_plane_solve import PlaneView, board_poses, has_plai
 from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
 from calib_core.optics.stripe_light import light_squares
-from calib_core.poses.numbers import parse_pose
-from calib_core.records import Capture, Session
+from calib_core.records import Capture, Cell, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.camera_result import CameraResult
+
+
+def robot_pose(cell: Cell, capture: Capture) -> RigidTransform:
+    """Return base_from_tool0 of a frame of a board, or its inverse where the flange holds the board."""
+    pose = pose_of(cell, capture)
+    return pose.inverse() if ball_on_flange(cell) else pose
 
 
 class PlaneViews:
@@ -85,7 +91,7 @@ class PlaneViews:
 
     @cached_property
     def frames(self) -> dict[str, tuple[RigidTransform, RigidTransform]]:
-        """base_from_tool0 and camera_from_board by the lit frames that have a pose; raises as `hand_eye`."""
+        """The robot's pose (`robot_pose`) and camera_from_board by the lit frames; raises as `hand_eye`."""
         lit = {name: (self._pose(c), view) for name, (c, view) in self._lit.items() if view.is_numbered}
         boards, _ = board_poses(self._camera, [view for _, view in lit.values()]) if lit else ([], None)
         return {name: (pose, board) for (name, (pose, _)), board in zip(lit.items(), boards, strict=True)}
@@ -145,4 +151,4 @@ class PlaneViews:
 
     def _pose(self, capture: Capture) -> RigidTransform:
         assert capture.pose is not None
-        return parse_pose(self._session.cell.pose_convention, capture.pose, capture.id)
+        return robot_pose(self._session.cell, capture)

@@ -120,6 +120,11 @@ def carrier_of_all(mounts: Iterable[str]) -> str:
     return "base" if {*mounts} == {"base"} else "tool0"
 
 
+def carriers_read(cell: Cell) -> tuple[str, ...]:
+    """Return the cell's fields that say that the flange holds a board before a camera; none where it does not."""
+    return ("arrangement", "scanners") if ball_on_flange(cell) else ()
+
+
 def stands_still(cell: Cell, capture: Capture) -> bool:
     """Return whether the scanner that took a capture stands still, wherever the robot is."""
     return scanner_mount(cell, capture.scanner) == "base"

@@ -1,6 +1,7 @@
-"""The camera on the flange and a board that stands still in the base, from frames at several robot poses.
+"""A camera and a board, one of them on the flange and one in the base, from frames at several robot poses.
 
-base_from_tool0(k) · tool0_from_camera · camera_from_board(k) = base_from_board for every frame k.  Two turns
+robot(k) · mount_from_camera · camera_from_board(k) = holder_from_board for every frame k; robot is base_from_tool0
+where the camera is on the flange, and tool0_from_base where it stands still before a board there.  Two turns
 about axes that are not parallel fix it: first in closed form, then all together, each frame weighed by the
 robot's errors of position and orientation, and by what the camera leaves open where that is told.
 
@@ -49,11 +50,11 @@ class PredictedPose:
 
 @dataclass(frozen=True, eq=False)
 class HandEye:
-    """Where the camera sits on the flange, and the board in the base.
+    """Where camera and board are on what carries them, flange and base or base and flange.
 
     Attributes
     ----------
-    tool0_from_camera, base_from_board : RigidTransform
+    mount_from_camera, holder_from_board : RigidTransform
     pitch_factor : float
         The board's pitch by the robot's lengths, over the told one.
     camera_change : (C,)
@@ -66,8 +67,8 @@ class HandEye:
         Frames that contradict all others.
     """
 
-    tool0_from_camera: RigidTransform
-    base_from_board: RigidTransform
+    mount_from_camera: RigidTransform
+    holder_from_board: RigidTransform
     pitch_factor: float
     camera_change: FloatArray
     covariance: FloatArray
@@ -85,15 +86,15 @@ class HandEye:
         """Standard deviation of the pitch factor."""
         return float(np.sqrt(self.covariance[PAIR, PAIR]))
 
-    def predict(self, base_from_tool0: RigidTransform) -> PredictedPose:
-        """Return where the board stands before the camera at a robot pose."""
+    def predict(self, robot_pose: RigidTransform) -> PredictedPose:
+        """Return where the board is before the camera at a robot pose, told as those were that it is of."""
         state = State(
-            self.tool0_from_camera,
-            self.base_from_board,
+            self.mount_from_camera,
+            self.holder_from_board,
             self.pitch_factor - 1.0,
             np.zeros(len(self.camera_change)),
         )
-        frames = Frames.of([base_from_tool0], None, None)
+        frames = Frames.of([robot_pose], None, None)
         rotations, translations = frames.expected(state)
         told = np.repeat([1.0, 1.0 / self.pitch_factor], 3)
         by_position, by_turn = frames.by_robot(state)
@@ -103,19 +104,21 @@ class HandEye:
 
 
 def solve_hand_eye(
-    base_from_tool0: Sequence[RigidTransform],
+    robot_poses: Sequence[RigidTransform],
     camera_from_board: Sequence[RigidTransform],
     position_sigma_mm: float | None = None,
     orientation_sigma_rad: float | None = None,
     doubt: CameraDoubt | None = None,
     pitch_sigma: float | None = None,
 ) -> HandEye:
-    """Return the camera on the flange, the board in the base and its pitch, from K frames of the board.
+    """Return camera and board on what carries them and the board's pitch, from K frames of the board.
 
     Parameters
     ----------
-    base_from_tool0, camera_from_board : sequences of K
-        The boards in lengths of the told pitch.
+    robot_poses : sequence of K
+        base_from_tool0, or tool0_from_base where the flange holds the board.
+    camera_from_board : sequence of K
+        In lengths of the told pitch.
     position_sigma_mm, orientation_sigma_rad : float, optional
         The robot's errors, per axis; left out, those of an ordinary robot.  Both follow what the frames show.
     doubt : CameraDoubt, optional
@@ -128,17 +131,17 @@ def solve_hand_eye(
     MotionError
         If there are too few frames, or all turns are about one axis.
     """
-    if len(base_from_tool0) < _LEAST_FRAMES:
+    if len(robot_poses) < _LEAST_FRAMES:
         need = "frames of the lit, fixed board from at least {least_frames} robot poses"
         to_do = "Take the lit board from more robot poses, turned differently."
-        raise MotionError(need, f"{len(base_from_tool0)}", to_do, least_frames=_LEAST_FRAMES)
+        raise MotionError(need, f"{len(robot_poses)}", to_do, least_frames=_LEAST_FRAMES)
     position = USUAL_POSITION_SIGMA_MM if position_sigma_mm is None else max(position_sigma_mm, 1e-4)
     turning = USUAL_ORIENTATION_SIGMA_RAD if orientation_sigma_rad is None else max(orientation_sigma_rad, 1e-6)
     usual = np.array([position, turning])
-    used = list(range(len(base_from_tool0)))
+    used = list(range(len(robot_poses)))
 
     def fitted(chosen: list[int]) -> Fit:
-        robots, boards = [base_from_tool0[k] for k in chosen], [camera_from_board[k] for k in chosen]
+        robots, boards = [robot_poses[k] for k in chosen], [camera_from_board[k] for k in chosen]
         frames = Frames.of(robots, boards, None if doubt is None else doubt.take(chosen), pitch_sigma)
         return frames.fit(_start(robots, boards, frames.camera_size), usual)
 
@@ -152,10 +155,10 @@ def solve_hand_eye(
         used, found = without, again
     told = np.array([position_sigma_mm is not None, orientation_sigma_rad is not None])
     sigmas, found = _with_sigmas(found, usual, told)
-    rejected = tuple(sorted(set(range(len(base_from_tool0))) - set(used)))
+    rejected = tuple(sorted(set(range(len(robot_poses))) - set(used)))
     state = found.state
     return HandEye(
-        state.tool0_from_camera, state.base_from_board, 1.0 + state.pitch, state.camera,
+        state.mount_from_camera, state.holder_from_board, 1.0 + state.pitch, state.camera,
         np.asarray(np.linalg.inv(found.hessian), dtype=float), float(sigmas[0]), float(sigmas[1]), rejected,
     )  # fmt: skip
 
@@ -172,12 +175,12 @@ def require_two_axes(robots: Sequence[RigidTransform]) -> None:
 
 def _start(robots: Sequence[RigidTransform], boards: Sequence[RigidTransform], camera_size: int) -> State:
     require_two_axes(robots)
-    tool0_from_camera, base_from_board = solve_ax_zb(
+    mount_from_camera, holder_from_board = solve_ax_zb(
         stack_matrices(robots), stack_matrices([board.inverse() for board in boards])
     )
     return State(
-        RigidTransform(tool0_from_camera, "tool0", "camera"),
-        RigidTransform(base_from_board, "base", "board"),
+        RigidTransform(mount_from_camera, robots[0].outof, "camera"),
+        RigidTransform(holder_from_board, robots[0].into, "board"),
         0.0,
         np.zeros(camera_size),
     )

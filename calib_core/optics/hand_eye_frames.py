@@ -1,4 +1,4 @@
-"""The frames of a fixed board as arrays: residuals and normal equations of the hand-eye's unknowns.
+"""The frames of a board that one thing holds as arrays: residuals and normal equations of the hand-eye's unknowns.
 
 The unknowns are both transforms (12), the pitch factor less one, and the change of the camera's parameters (C).
 """
@@ -42,16 +42,16 @@ class CameraDoubt:
 class State:
     """Where the adjustment stands: both transforms, the pitch factor less one, the camera's change (C,)."""
 
-    tool0_from_camera: RigidTransform
-    base_from_board: RigidTransform
+    mount_from_camera: RigidTransform
+    holder_from_board: RigidTransform
     pitch: float
     camera: FloatArray
 
     def moved(self, step: FloatArray) -> "State":
         """Return the state after a step (13 + C,) of all unknowns, rad, mm, 1 and the camera's units."""
         return State(
-            self.tool0_from_camera.perturbed(step[:6]),
-            self.base_from_board.perturbed(step[6:PAIR]),
+            self.mount_from_camera.perturbed(step[:6]),
+            self.holder_from_board.perturbed(step[6:PAIR]),
             self.pitch + float(step[PAIR]),
             self.camera + step[PAIR + 1 :],
         )
@@ -79,6 +79,7 @@ class Frames:
     follows: FloatArray
     camera_information: FloatArray
     pitch_information: float
+    board_on_flange: bool = False
 
     @classmethod
     def of(
@@ -88,7 +89,10 @@ class Frames:
         doubt: CameraDoubt | None,
         pitch_sigma: float | None = None,
     ) -> "Frames":
-        """Return K frames as arrays; `boards` in lengths of the told pitch, `pitch_sigma` relative."""
+        """Return K frames as arrays; `boards` in lengths of the told pitch, `pitch_sigma` relative.
+
+        Robots are base_from_tool0, or its inverse where the flange holds the board before a standing camera.
+        """
         count = len(robots)
         nothing = CameraDoubt(np.zeros((0, 0)), np.zeros((count, 6, 0)), np.zeros((count, 6, 6)))
         doubt = nothing if doubt is None else doubt
@@ -101,6 +105,7 @@ class Frames:
         return cls(
             a[:, :3, :3], a[:, :3, 3], b[:, :3, :3], b[:, :3, 3], doubt.own, doubt.follows,
             np.asarray(information, dtype=float), max(relative, _LEAST_PITCH_SIGMA) ** -2,
+            robots[0].into == "tool0",
         )  # fmt: skip
 
     @property
@@ -110,29 +115,35 @@ class Frames:
 
     def expected(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Return rotations (K, 3, 3) and translations (K, 3), true mm, of camera_from_board at exact poses."""
-        camera_from_base = np.swapaxes(self.robot_rotations @ state.tool0_from_camera.rotation, 1, 2)
-        places = self.robot_rotations @ state.tool0_from_camera.translation_mm + self.robot_translations
-        off = state.base_from_board.translation_mm - places
-        return camera_from_base @ state.base_from_board.rotation, np.einsum("kij,kj->ki", camera_from_base, off)
+        camera_from_holder = np.swapaxes(self.robot_rotations @ state.mount_from_camera.rotation, 1, 2)
+        places = self.robot_rotations @ state.mount_from_camera.translation_mm + self.robot_translations
+        off = state.holder_from_board.translation_mm - places
+        return camera_from_holder @ state.holder_from_board.rotation, np.einsum(
+            "kij,kj->ki", camera_from_holder, off
+        )
 
     def by_pair(self, state: State) -> FloatArray:
         """Return the derivative (K, 6, 12) of the expected pose by both transforms."""
         rotations, translations = self.expected(state)
-        camera_from_tool0 = state.tool0_from_camera.rotation.T
+        camera_from_mount = state.mount_from_camera.rotation.T
         slopes = np.zeros((len(rotations), 6, PAIR))
         slopes[:, :3, :3], slopes[:, :3, 6:9] = -np.swapaxes(rotations, 1, 2), np.eye(3)
-        slopes[:, 3:, :3], slopes[:, 3:, 3:6] = skew(translations), -camera_from_tool0
-        slopes[:, 3:, 9:] = camera_from_tool0 @ np.swapaxes(self.robot_rotations, 1, 2)
+        slopes[:, 3:, :3], slopes[:, 3:, 3:6] = skew(translations), -camera_from_mount
+        slopes[:, 3:, 9:] = camera_from_mount @ np.swapaxes(self.robot_rotations, 1, 2)
         return slopes
 
     def by_robot(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Return the covariances (K, 6, 6) of the expected pose by an error of the robot of 1 mm, and of 1 rad."""
-        camera_from_tool0 = state.tool0_from_camera.rotation.T
-        tool0_from_base = np.swapaxes(self.robot_rotations, 1, 2)
-        off = state.base_from_board.translation_mm - self.robot_translations
+        camera_from_mount = state.mount_from_camera.rotation.T
+        across = np.swapaxes(self.robot_rotations, 1, 2)
+        off = state.holder_from_board.translation_mm - self.robot_translations
         turn = np.zeros((len(off), 6, 3))
-        turn[:, :3] = -np.swapaxes(tool0_from_base @ state.base_from_board.rotation, 1, 2)
-        turn[:, 3:] = camera_from_tool0 @ skew(np.einsum("kij,kj->ki", tool0_from_base, off))
+        if self.board_on_flange:  # the lever is from the flange to the board
+            turn[:, :3] = state.holder_from_board.rotation.T
+            turn[:, 3:] = -camera_from_mount @ across @ skew(state.holder_from_board.translation_mm)
+        else:
+            turn[:, :3] = -np.swapaxes(across @ state.holder_from_board.rotation, 1, 2)
+            turn[:, 3:] = camera_from_mount @ skew(np.einsum("kij,kj->ki", across, off))
         position = np.zeros((len(off), 6, 6))
         position[:, 3:, 3:] = np.eye(3)
         return position, turn @ np.swapaxes(turn, 1, 2)

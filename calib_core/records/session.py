@@ -105,9 +105,9 @@ class Board(WrittenRecord):
     sheet goes on beyond the squares (circles); left out, the laser's lines tell. `flat` says whether it is taken
     to be flat or has its shape solved with the camera; left out, views that are held out decide.
 
-    A `fixed` one stands still in the robot's base while the scanner moves: then the robot's pose tells where it is
-    in frames that show the stripe alone. `pitch_sigma_mm` is how well the pitch is known, 1 % without it: it
-    counts where a robot's lengths are compared with the board's.
+    A `fixed` one stands still in the robot's base while the scanner moves, or on the flange before a scanner that
+    stands still: then the robot's pose tells where it is in frames that show the stripe alone. `pitch_sigma_mm` is
+    how well the pitch is known, 1 % without it: it counts where a robot's lengths are compared with the board's.
     """
 
     kind: Literal["chessboard", "charuco", "circles", "asymmetric-circles"]

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from calib_core.captures.content import pose_of
-from calib_core.cell.carriers import scanner_mount, scanner_names
+from calib_core.cell.carriers import other_end, scanner_mount, scanner_names
 from calib_core.cell.found import as_used
 from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
@@ -115,7 +115,8 @@ def frame_graph(
         edges.append(_table(session, solved))
     sphere = (*tool_stages(), *table_stages())
     for stage in [one for one in stages() if one.name not in sphere]:
-        edges += [edge for name in stage.frames for edge in _optics(session, solved, stage.name, name)]
+        names = [name for name in stage.frames if _fits(session, name)]
+        edges += [edge for name in names for edge in _optics(session, solved, stage.name, name)]
     return FrameGraph(edges, _shared(session, solved))
 
 
@@ -270,6 +271,14 @@ def _table(session: Session, solved: _Solved) -> FrameEdge:
     if stage is None:
         return FrameEdge("base", "turntable", "sought", table_stages()[-1])
     return solved.edge(stage, "base_from_turntable")
+
+
+def _fits(session: Session, name: str) -> bool:
+    """Return whether what a frame is of, camera or board, is on what carries it in this cell."""
+    into, _, outof = name.partition("_from_")
+    mount = scanner_mount(session.cell)
+    carried = {"camera": mount, "board": other_end(mount)}
+    return carried.get(outof, into) == into
 
 
 def _optics(session: Session, solved: _Solved, stage: str, name: str) -> list[FrameEdge]:

@@ -41,7 +41,7 @@ def exactness(seeds: range) -> list[Row]:
         refined = solve_hand_eye(robots, boards, 0.05, 2e-4, pitch_sigma=1e-5)
         errors["ours"].append(RigidTransform(closed, "tool0", "camera").difference(_CAMERA))
         errors["Park"].append(park(robots, boards).difference(_CAMERA))
-        errors["refined"].append(off := refined.tool0_from_camera.difference(_CAMERA))
+        errors["refined"].append(off := refined.mount_from_camera.difference(_CAMERA))
         squares.append(float(off @ np.linalg.solve(refined.covariance[:6, :6], off)))
     rms = {n: [_rms(np.array(e)[:, :3]) * 1e3, _rms(np.array(e)[:, 3:])] for n, e in errors.items()}
     nees = float(np.mean(squares))

@@ -10,6 +10,7 @@ import calib_core as cc
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
 from calib_core.graph.registry import STAGES
+from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import Session
 from calib_core.records.evidence import Picture
 from calib_core.review.cell_frames import frame_graph
@@ -54,6 +55,32 @@ def test_camera_and_board_against_the_truth_and_the_tool_beside_the_spheres(made
     assert np.allclose((found.transform @ frames[0]).matrix, np.eye(4), atol=1e-9)
     told = [block.model_dump() for block in stored_evidence(made.session, result)]
     assert "units of both uncertainties" in str(told)
+
+
+def test_a_board_on_the_flange_tells_where_a_camera_stands(made: SimulatedSession) -> None:
+    # Poses inverted, the same frames are those of a board on the flange before a camera that stands still.
+    convention = made.session.cell.pose_convention
+    turned = [
+        one.model_copy(
+            update={"pose": to_pose(convention, parse_pose(convention, one.pose or [], one.id).inverse())}
+        )
+        for one in made.session.captures
+    ]
+    known = made.session.cell.known.model_copy(update={"base_from_laser": made.truth["tool0_from_laser"]})
+    cell = made.session.cell.model_copy(update={"arrangement": "sphere-on-robot", "known": known})
+    session = made.session.model_copy(update={"cell": cell, "captures": turned})
+    result = solve_stage(session, "hand-eye", made.files.__getitem__).to_json()
+    assert result["verdict"] == "pass"
+    assert "tool0_from_camera" not in result
+    assert result["agreement"]["with_stage"] == "known"
+    assert result["agreement"]["chance"] > 0.001
+    off = RigidTransform.from_rounded(result["base_from_camera"], "base", "camera").difference(
+        RigidTransform.from_rounded(made.truth["tool0_from_camera"], "base", "camera")
+    )
+    assert off @ np.linalg.solve(np.array(result["covariance"]), off) < 30.0
+    edges = {edge.name for edge in frame_graph(session, {"hand-eye": result}).edges}
+    assert {"base_from_camera", "tool0_from_board"} <= edges
+    assert "tool0_from_camera" not in edges
 
 
 def test_how_well_the_pitch_is_known_counts(made: SimulatedSession) -> None:

@@ -62,9 +62,9 @@ POSE_NOT_REPEATED = Code(
 CAMERA_WEAK = Code(
     "camera-on-flange-weak",
     "warning",
-    text="The camera on the flange is hardly determined by these frames.",
+    text="Where the camera is, these frames hardly determine.",
     to_do="Take the board from more robot poses, turned by 20° about different axes.",
-    meaning="The frames leave the camera's pose on the flange uncertain.",
+    meaning="The frames leave the camera's pose on what carries it uncertain.",
     decided="Its standard deviation is above the limit of a good answer.",
     usual_causes="Few robot poses, or poses turned about one axis.",
 )

@@ -51,7 +51,9 @@ class Camera(Stage):
 
     def reads_of_cell(self, session: "Session") -> tuple[str, ...]:
         """Return the cell's fields that it reads: of a fixed board the robot's too, whose lengths it compares."""
-        return (*self.reads, *_OF_ROBOT) if _is_fixed(session) else self.reads
+        from calib_core.cell.carriers import carriers_read
+
+        return (*self.reads, *_OF_ROBOT, *carriers_read(session.cell)) if _is_fixed(session) else self.reads
 
     def reads_of_captures(self, session: "Session") -> "Iterator[tuple[Capture, tuple[str, ...]]]":
         """Give the captures that it reads, of a fixed board with the robot's pose."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.captures.boards import board_in, board_of, frames_not_used, likeliest_failure, relative_pitch_sigma
 from calib_core.captures.contradictions import EXCLUDED, not_a_frame
+from calib_core.captures.plane_views import robot_pose
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
 from calib_core.findings import Finding, judgement, reasons_of
@@ -20,7 +21,6 @@ from calib_core.optics.camera_evidence import camera_findings
 from calib_core.optics.camera_model import TILT, CameraModel
 from calib_core.optics.camera_solution import CameraSolution
 from calib_core.optics.robot_lengths import RobotLengths, RobotPoses
-from calib_core.poses.numbers import parse_pose
 from calib_core.records import Board, Capture
 from calib_core.records.camera_result import (
     CameraByRobot,
@@ -126,7 +126,7 @@ def _robot_of(given: "StageInput", views: dict[str, BoardView], board: Board) ->
     for name, view in views.items():
         told = captures[name].pose if view.is_numbered else None
         try:
-            poses.append(None if told is None else parse_pose(cell.pose_convention, told, name))
+            poses.append(None if told is None else robot_pose(cell, captures[name]))
         except CalibrationError:  # whoever needs the pose refuses it
             poses.append(None)
     if not any(poses):

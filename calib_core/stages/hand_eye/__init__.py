@@ -1,7 +1,8 @@
-"""The board as a second opinion: camera on the flange from frames of a fixed board, beside the sphere's answer."""
+"""The board as a second opinion: where the camera is by frames of a fixed board, beside the sphere's answer."""
 
 from typing import TYPE_CHECKING, ClassVar
 
+from calib_core.cell.carriers import carriers_read
 from calib_core.cell.found import known_scanner
 from calib_core.graph.stage import FRAME_FIELDS, Stage
 
@@ -14,13 +15,17 @@ _LEAST_FRAMES = 4
 
 
 class BoardHandEye(Stage):
-    """The board as a second opinion: camera on the flange from frames of a fixed board, beside the sphere's."""
+    """The board as a second opinion: where the camera is by frames of a fixed board, beside the sphere's."""
 
     name, title, place = "hand-eye", "Board hand-eye", 57
     takes: ClassVar = {"camera": (*FRAME_FIELDS, "pose"), "laser-plane": (*FRAME_FIELDS, "pose")}
     reads = ("board", "pose_convention", "robot.position_sigma_mm", "robot.orientation_sigma_deg")
     after = ("camera", "laser-plane", "tcp", "chain")
-    frames: ClassVar = {"tool0_from_camera": "covariance", "base_from_board": "board_covariance"}
+    frames: ClassVar = {
+        **dict.fromkeys(("tool0_from_camera", "base_from_camera"), "covariance"),
+        **dict.fromkeys(("base_from_board", "tool0_from_board"), "board_covariance"),
+    }
+    any_arrangement = True
     optional = True
     is_second_opinion = True
     method_revision = 4  # a line over corners makes no two boards of one
@@ -54,7 +59,8 @@ class BoardHandEye(Stage):
         """Return the cell's fields that it reads: a tool that the user brought too, beside which it stands."""
         if not self.is_wanted(session):
             return ()
-        return (*self.reads, "known") if known_scanner(session.cell) is not None else self.reads
+        reads = (*self.reads, *carriers_read(session.cell))
+        return (*reads, "known") if known_scanner(session.cell) is not None else reads
 
 
 def _turns_enough(session: "Session") -> bool:

@@ -11,17 +11,20 @@ from calib_core.stages.frames_left_out import frames_left_out
 from calib_core.stages.hand_eye.record import Agreement, HandEyeResult
 
 _COLUMNS: Final = (("angle_deg", "Turned", "°"), ("shift_mm", "Shifted", "mm"), ("mahalanobis", "Distance", "σ"))
+_ON_FLANGE: Final = message("Camera on the flange, {axis}")
+_IN_BASE: Final = message("Camera in base, {axis}")
 _AXES: Final = ("rx", "ry", "rz", "x", "y", "z")
 
 
 def evidence(session: Session, result: HandEyeResult) -> list[AnyBlock]:
     """Return the hand-eye calibration told in blocks, the agreement with the sphere first."""
-    place = [row[3] for row in result.tool0_from_camera[:3]]
+    place = [row[3] for row in result.camera_on_mount[:3]]
+    label = _ON_FLANGE if result.tool0_from_camera is not None else _IN_BASE
     sigmas = [result.covariance[k][k] ** 0.5 for k in (3, 4, 5)]
     return [
         *_agreement(result.agreement, result.scanner_by_board is not None),
         *(
-            Figure(label=message("Camera on the flange, {axis}", axis=axis), quantity=quantity(value, "mm", sigma))
+            Figure(label=message(label, axis=axis), quantity=quantity(value, "mm", sigma))
             for axis, value, sigma in zip("xyz", place, sigmas, strict=True)
         ),
         *_pitch(result),

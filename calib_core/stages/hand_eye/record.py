@@ -36,33 +36,49 @@ class Agreement(Record):
 
 
 class HandEyeResult(Result):
-    """The camera on the flange and the board in the base, from frames of a fixed board.
+    """The camera on the flange and the board in the base, from frames of a fixed board; or the other way round.
 
-    `covariance` is of tool0_from_camera, `board_covariance` of base_from_board. `tool0_from_laser_by_board` is the
-    tool that follows with the plane of light, `laser_covariance` its own; null where there is none.
+    `covariance` is of the camera's pose, `board_covariance` of the board's. `tool0_from_laser_by_board` or
+    `base_from_laser_by_board` is the scanner that follows with the plane of light, `laser_covariance` its own;
+    null where there is none.
     `pitch_factor` is the board's pitch by the robot's lengths over the told one.
     """
 
     stage: Literal["hand-eye"] = "hand-eye"
-    tool0_from_camera: Matrix4
+    tool0_from_camera: Matrix4 | None = None
+    base_from_camera: Matrix4 | None = None
     covariance: Rows
-    base_from_board: Matrix4
+    base_from_board: Matrix4 | None = None
+    tool0_from_board: Matrix4 | None = None
     board_covariance: Rows
     pitch_factor: float = 1.0
     pitch_sigma: float | None = None
     position_sigma_mm: float
     orientation_sigma_deg: float
     tool0_from_laser_by_board: Matrix4 | None = None
+    base_from_laser_by_board: Matrix4 | None = None
     laser_covariance: Rows | None = None
     agreement: Agreement | None = None
     residuals: list[HandEyeResidual] = Field(default_factory=list[HandEyeResidual])
 
     @property
     def scanner_by_board(self) -> Matrix4 | None:
-        """The tool that follows with the plane of light."""
-        return self.tool0_from_laser_by_board
+        """The scanner that follows with the plane of light."""
+        return self.tool0_from_laser_by_board or self.base_from_laser_by_board
+
+    @property
+    def camera_on_mount(self) -> Matrix4:
+        """The camera's pose on what carries it."""
+        found = self.tool0_from_camera or self.base_from_camera
+        assert found is not None
+        return found
+
+
+def by_name(*found: RigidTransform) -> dict[str, Any]:
+    """Return poses by the names of their fields."""
+    return {f"{one.into}_from_{one.outof}": one.to_rows() for one in found}
 
 
 def by_board(tool: RigidTransform | None) -> dict[str, Any]:
-    """Return the tool that follows with the plane of light by the name of its field."""
-    return {"tool0_from_laser_by_board": None if tool is None else tool.to_rows()}
+    """Return the scanner that follows with the plane of light by the name of its field."""
+    return {} if tool is None else {f"{tool.into}_from_laser_by_board": tool.to_rows()}

@@ -20,7 +20,7 @@ from calib_core.graph.stage_input import StageInput
 from calib_core.optics.hand_eye import HandEye
 from calib_core.records import Session
 from calib_core.records.laser_plane_result import LaserPlaneResult
-from calib_core.stages.hand_eye.record import Agreement, HandEyeResidual, HandEyeResult, by_board
+from calib_core.stages.hand_eye.record import Agreement, HandEyeResidual, HandEyeResult, by_board, by_name
 
 _RARE = 0.01
 _STEP = 1e-5  # rad and mm, of the numerical derivative
@@ -56,9 +56,8 @@ def solve(given: StageInput) -> HandEyeResult:
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         **judgement([*hand_eye_findings(found, agreement), *unused]),
-        tool0_from_camera=found.tool0_from_camera.to_rows(),
+        **by_name(found.mount_from_camera, found.holder_from_board),
         covariance=found.covariance[:6, :6].tolist(),
-        base_from_board=found.base_from_board.to_rows(),
         board_covariance=found.covariance[6:12, 6:12].tolist(),
         pitch_factor=found.pitch_factor,
         pitch_sigma=found.pitch_sigma,
@@ -120,7 +119,7 @@ def _with_plane(given: StageInput, found: HandEye) -> tuple[RigidTransform | Non
     assert isinstance(plane, LaserPlaneResult)
     camera_from_laser = RigidTransform.from_rounded(plane.camera_from_laser, "camera", "laser")
     covariances = found.covariance[:6, :6], np.array(plane.covariance, dtype=float)
-    return composed(found.tool0_from_camera, camera_from_laser, *covariances)
+    return composed(found.mount_from_camera, camera_from_laser, *covariances)
 
 
 def composed(
