@@ -80,7 +80,8 @@ class PlaneViews:
         robot = self._session.cell.robot
         poses = list(self.frames.values())
         told = robot.position_sigma_mm, robot.orientation_sigma_rad, doubt, relative_pitch_sigma(self._board)
-        found = solve_hand_eye([a for a, _ in poses], [b for _, b in poses], *told)
+        on_flange = ball_on_flange(self._session.cell)
+        found = solve_hand_eye([a for a, _ in poses], [b for _, b in poses], *told, board_on_flange=on_flange)
         if not found.frames_agree and any(view.turn_is_ambiguous for _, view in self._lit.values()):
             raise MotionError(
                 "a fixed board with one right way up (a chessboard whose columns + rows is odd, or ChArUco)",

@@ -65,6 +65,8 @@ class HandEye:
         The robot's errors per axis, as the frames show them; never below those that were told.
     rejected : tuple of int
         Frames that contradict all others.
+    board_on_flange : bool
+        Before a camera that stands still.
     """
 
     mount_from_camera: RigidTransform
@@ -75,6 +77,7 @@ class HandEye:
     position_sigma_mm: float
     orientation_sigma_rad: float
     rejected: tuple[int, ...] = ()
+    board_on_flange: bool = False
 
     @property
     def frames_agree(self) -> bool:
@@ -94,7 +97,7 @@ class HandEye:
             self.pitch_factor - 1.0,
             np.zeros(len(self.camera_change)),
         )
-        frames = Frames.of([robot_pose], None, None)
+        frames = Frames.of([robot_pose], None, None, board_on_flange=self.board_on_flange)
         rotations, translations = frames.expected(state)
         told = np.repeat([1.0, 1.0 / self.pitch_factor], 3)
         by_position, by_turn = frames.by_robot(state)
@@ -110,6 +113,7 @@ def solve_hand_eye(
     orientation_sigma_rad: float | None = None,
     doubt: CameraDoubt | None = None,
     pitch_sigma: float | None = None,
+    board_on_flange: bool = False,
 ) -> HandEye:
     """Return camera and board on what carries them and the board's pitch, from K frames of the board.
 
@@ -125,6 +129,8 @@ def solve_hand_eye(
         What the camera leaves open; without it the boards' poses err by the robot alone.
     pitch_sigma : float, optional
         Of the told pitch, relative; left out, that of a board from a printer.
+    board_on_flange : bool
+        Before a camera that stands still.
 
     Raises
     ------
@@ -142,7 +148,9 @@ def solve_hand_eye(
 
     def fitted(chosen: list[int]) -> Fit:
         robots, boards = [robot_poses[k] for k in chosen], [camera_from_board[k] for k in chosen]
-        frames = Frames.of(robots, boards, None if doubt is None else doubt.take(chosen), pitch_sigma)
+        frames = Frames.of(
+            robots, boards, None if doubt is None else doubt.take(chosen), pitch_sigma, board_on_flange
+        )
         return frames.fit(_start(robots, boards, frames.camera_size), usual)
 
     found = fitted(used)
@@ -159,7 +167,7 @@ def solve_hand_eye(
     state = found.state
     return HandEye(
         state.mount_from_camera, state.holder_from_board, 1.0 + state.pitch, state.camera,
-        np.asarray(np.linalg.inv(found.hessian), dtype=float), float(sigmas[0]), float(sigmas[1]), rejected,
+        np.asarray(np.linalg.inv(found.hessian), dtype=float), float(sigmas[0]), float(sigmas[1]), rejected, board_on_flange,
     )  # fmt: skip
 
 

@@ -88,6 +88,7 @@ class Frames:
         boards: Sequence[RigidTransform] | None,
         doubt: CameraDoubt | None,
         pitch_sigma: float | None = None,
+        board_on_flange: bool = False,
     ) -> "Frames":
         """Return K frames as arrays; `boards` in lengths of the told pitch, `pitch_sigma` relative.
 
@@ -105,7 +106,7 @@ class Frames:
         return cls(
             a[:, :3, :3], a[:, :3, 3], b[:, :3, :3], b[:, :3, 3], doubt.own, doubt.follows,
             np.asarray(information, dtype=float), max(relative, _LEAST_PITCH_SIGMA) ** -2,
-            robots[0].into == "tool0",
+            board_on_flange,
         )  # fmt: skip
 
     @property

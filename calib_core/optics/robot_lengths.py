@@ -33,21 +33,23 @@ class RobotPoses:
 
     Attributes
     ----------
-    base_from_tool0 : sequence of RigidTransform or None
-        One a view.
+    poses : sequence of RigidTransform or None
+        base_from_tool0, or its inverse where the flange holds the board, one a view.
     position_sigma_mm, orientation_sigma_rad : float or None
         As told.
     one_way_up : bool
         Whether the board looks different turned, so that no view can be read turned by accident.
     pitch_sigma : float or None
         Of the told pitch, relative.
+    board_on_flange : bool
     """
 
-    base_from_tool0: Sequence[RigidTransform | None]
+    poses: Sequence[RigidTransform | None]
     position_sigma_mm: float | None = None
     orientation_sigma_rad: float | None = None
     one_way_up: bool = True
     pitch_sigma: float | None = None
+    board_on_flange: bool = False
 
 
 def with_robot(solution: CameraSolution, fit: Fit, layout: Layout, robot: RobotPoses) -> CameraSolution:
@@ -67,7 +69,7 @@ def lengths_by_robot(solution: CameraSolution, fit: Fit, layout: Layout, robot: 
         The camera by the boards alone, and the adjustment that it comes from.
     robot : RobotPoses
     """
-    posed = [(k, robot.base_from_tool0[view]) for k, view in enumerate(fit.used)]
+    posed = [(k, robot.poses[view]) for k, view in enumerate(fit.used)]
     chosen = [(k, pose) for k, pose in posed if pose is not None]
     if len(chosen) < _LEAST_VIEWS:
         return None
@@ -79,7 +81,8 @@ def lengths_by_robot(solution: CameraSolution, fit: Fit, layout: Layout, robot: 
     boards = fit.adjusted.state.poses()
     told = robot.position_sigma_mm, robot.orientation_sigma_rad, doubt, robot.pitch_sigma
     try:
-        found = solve_hand_eye([pose for _, pose in chosen], [boards[k] for k in places], *told)
+        seen = [boards[k] for k in places]
+        found = solve_hand_eye([pose for _, pose in chosen], seen, *told, board_on_flange=robot.board_on_flange)
     except MotionError:  # turns about one axis: no hand-eye, no lengths
         return None
     if _is_no_standard(found) or not (found.frames_agree or robot.one_way_up):

@@ -97,7 +97,7 @@ def test_a_board_on_the_flange_before_a_camera_that_stands_still_errs_as_stated(
             error = np.concatenate([rng.normal(0, 4e-4, 3), rng.normal(0, 0.05, 3)])
             robots.append((STANDING @ board @ HELD.inverse()).perturbed(error).inverse())
             boards.append(board)
-        found = solve_hand_eye(robots, boards, 0.05, 4e-4)
+        found = solve_hand_eye(robots, boards, 0.05, 4e-4, board_on_flange=True)
         off = found.mount_from_camera.difference(STANDING), found.holder_from_board.difference(HELD)
         whole.append(np.concatenate(off) @ np.linalg.solve(found.covariance[:12, :12], np.concatenate(off)))
     assert 7.5 < np.mean(whole) < 15.0  # of 12, as of a camera on the flange

@@ -9,6 +9,7 @@ from calib_core.captures.boards import board_in, board_of, frames_not_used, like
 from calib_core.captures.contradictions import EXCLUDED, not_a_frame
 from calib_core.captures.plane_views import robot_pose
 from calib_core.captures.solved_optics import camera_segments, remembered
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.errors import CalibrationError, InputError, MeasurementError, MotionError
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.findings.codes import camera as codes
@@ -133,7 +134,7 @@ def _robot_of(given: "StageInput", views: dict[str, BoardView], board: Board) ->
         return None
     one_way_up = not any(view.turn_is_ambiguous for view in views.values())
     sigmas = cell.robot.position_sigma_mm, cell.robot.orientation_sigma_rad
-    return RobotPoses(poses, *sigmas, one_way_up, relative_pitch_sigma(board))
+    return RobotPoses(poses, *sigmas, one_way_up, relative_pitch_sigma(board), ball_on_flange(cell))
 
 
 def _result(
