@@ -167,7 +167,8 @@ def solve_hand_eye(
     state = found.state
     return HandEye(
         state.mount_from_camera, state.holder_from_board, 1.0 + state.pitch, state.camera,
-        np.asarray(np.linalg.inv(found.hessian), dtype=float), float(sigmas[0]), float(sigmas[1]), rejected, board_on_flange,
+        np.asarray(np.linalg.inv(found.hessian), dtype=float), float(sigmas[0]), float(sigmas[1]),
+        rejected, board_on_flange,
     )  # fmt: skip
 
 
