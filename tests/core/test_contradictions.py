@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from calib_core.arms.kinematics import NAMED_ARMS, arm_of, flange_of_joints, links_mm
 from calib_core.captures.contradictions import unfit
 from calib_core.causes.flange import flange_findings
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MotionError
 from calib_core.findings import reasons_of, sentence_of
 from calib_core.records import ArmJoint, ArmTable, Capture, Cell, Session
 from calib_core.robots import to_pose
@@ -138,7 +138,7 @@ def with_captures(session: Session, **changes: dict[str, Any]) -> Session:
     )
 
 
-def test_a_moving_capture_is_kept_and_told_and_a_table_before_a_fixed_scanner_needs_the_scanner() -> None:
+def test_a_moving_capture_is_kept_and_told_and_a_table_before_a_fixed_scanner_is_to_turn() -> None:
     simulated = simulate("tcp", 5)
     first = simulated.session.captures[4].id
     result = run(with_captures(simulated.session, **{first: {"moving": True}}), simulated.files.__getitem__)["tcp"]
@@ -148,7 +148,7 @@ def test_a_moving_capture_is_kept_and_told_and_a_table_before_a_fixed_scanner_ne
     cell = simulated.session.cell.model_copy(update={"arrangement": "sphere-on-robot"})
     turned = simulated.session.model_copy(update={"cell": cell})
     on_table = [c.model_copy(update={"step": "turntable", "table_deg": 0.0}) for c in turned.captures]
-    with pytest.raises(InputError, match="before the turntable's"):
+    with pytest.raises(MotionError, match="no mounting has three different angles"):
         run(turned.model_copy(update={"captures": on_table}), simulated.files.__getitem__, "turntable")
 
 

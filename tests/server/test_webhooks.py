@@ -96,7 +96,9 @@ def test_captures_results_and_verdicts_are_told_in_their_order_and_signed(client
             came = [message for message in receiver.wait_for(16) if message["session"] == session]
             assert [message["type"] for message in came] == ["capture"] * 14 + ["result", "verdict"]
             assert came[0]["data"] == {"action": "added", "capture": "p01"}
-            assert came[14]["data"] == {"stage": "tcp"}
+            assert came[14]["data"] == {
+                "stage": "tcp", "solved": client.get(f"/sessions/{session}/results/tcp").json()["solved"],
+            }  # fmt: skip
             told = came[15]["data"]
             assert told | {"warnings": [], "findings": []} == {
                 "stage": "tcp", "verdict": "pass", "before": None, "warnings": [], "findings": [],

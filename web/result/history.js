@@ -1,14 +1,10 @@
-// All results that a stage ever had, read when it is opened; each beside the latest, and the session as it was then.
+// The way to all results that a stage ever had, and what leads on from a result.
 
 import { api } from "../state/api.js";
 import { offered } from "../state/registries.js";
 import { h } from "../dom.js";
-import { when } from "../format.js";
-import { mark } from "../icons.js";
-import { maybe, plural, t } from "../texts.js";
+import { t } from "../texts.js";
 import { attempt } from "../components/toasts.js";
-
-/** @import {PastResult} from "../state/model.js" */
 
 /**
  * @param {string} sessionId
@@ -18,26 +14,9 @@ export function historySection(sessionId, stage) {
   const list = h("div", { class: "history table-holder", tabindex: 0, role: "region", "aria-label": t("history.title") }, h("p", { class: "soft" }, t("history.wait")));
   const section = h("details", { class: "panel" }, h("summary", {}, t("history.title")), list);
   section.addEventListener("toggle", () => {
-    if (section.open) void attempt(async () => list.replaceChildren(table(await api.history(sessionId, stage), sessionId, stage)));
+    if (section.open) void attempt(async () => list.replaceChildren((await import("./past-results.js")).pastResults(await api.history(sessionId, stage), sessionId, stage)));
   });
   return section;
-}
-
-/** @param {PastResult[]} items @param {string} sessionId @param {string} stage */
-function table(items, sessionId, stage) {
-  const latest = items[0];
-  const heads = [t("history.when"), t("result.verdict"), t("evidence.captures"), t("history.software"), t("history.beside")];
-  return h("table", { class: "number compare" },
-    h("thead", {}, h("tr", {}, ...heads.map((head) => h("th", { scope: "col" }, head)))),
-    h("tbody", {}, ...items.map((item) => h("tr", {},
-      h("th", { scope: "row" }, when(item.created)), h("td", {}, mark(item.verdict, maybe(`verdict.${item.verdict}`, item.verdict))),
-      h("td", {}, t("evidence.used_of", { rows: item.used, count: item.captures })), h("td", {}, item.software),
-      h("td", {}, item === latest || !latest ? plural(items.length, "history.only", "history.latest") : h("a", { href: compareAddress(sessionId, stage, item.number, latest.number) }, t("result.compare")))))));
-}
-
-/** @param {string} sessionId @param {string} stage @param {number} left @param {number} right */
-function compareAddress(sessionId, stage, left, right) {
-  return `/compare?${new URLSearchParams({ stage, left: `${sessionId}:${left}`, right: `${sessionId}:${right}` })}`;
 }
 
 /** What leads on from a result: the report to print, the review, another session beside it. @param {string} sessionId @param {string} stage */
