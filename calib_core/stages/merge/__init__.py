@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 6  # scans astray are named; voxels follow coarse scans
+    method_revision = 7  # three kinds of datum are one fit, whose covariance follows each scan's share
     step = CaptureStep(
         "scan",
         "Scan",
