@@ -202,15 +202,18 @@ def seen_by(feature: Feature, points_mm: FloatArray, scan: NDArray[np.integer], 
 
 def _measured(feature: Feature, points_mm: FloatArray, normals: FloatArray, rms_mm: float) -> Measured:
     near = feature.near(points_mm, normals, _reach_mm(feature, rms_mm))
+    design = feature.design(points_mm[near], normals[near])
     least = 1 if feature.kind == "point" else LEAST_POINTS
-    if np.count_nonzero(near) < least:
-        got = message("none at ({place})", place=_text(feature.at_mm))
+    if len(design) < least or np.linalg.matrix_rank(design) < design.shape[1]:
+        place = _text(feature.at_mm)
+        line = message("a single line of them at ({place})", place=place)
+        got = message("none at ({place})", place=place) if len(design) < least else line
         to_do = message("Pick a place that was scanned, or a larger datum_radius_mm.")
         raise MeasurementError("points around each datum", got, to_do, "datums")
     points, off = points_mm[near], feature.off(points_mm[near])
     if feature.kind == "sphere":
         return _measured_sphere(feature, points)
-    design, kept = feature.design(points, normals[near]), np.ones(len(points), dtype=bool)
+    kept = np.ones(len(points), dtype=bool)
     values, left = _least(design, off, kept)
     for _ in range(_CUTS if feature.kind == "plane" else 0):
         before, spread = kept, 1.4826 * float(np.median(np.abs(left[kept])))

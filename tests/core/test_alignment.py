@@ -132,6 +132,11 @@ def test_what_datums_leave_open_is_named_and_so_is_one_that_is_not_there() -> No
     low = points[:, 2] < 40
     with pytest.raises(MeasurementError, match="points around each datum"):
         by_datums(points[low], normals[low], nominal, [ball, front, side], start)
+    far = np.linalg.norm(points - front.at_mm, axis=1) > 11
+    row = front.at_mm + np.linspace(-6, 6, 60)[:, None] * [1.0, 0, 0]
+    lined = np.concatenate([points[far], row]), np.concatenate([normals[far], np.tile(front.normal, (60, 1))])
+    with pytest.raises(MeasurementError, match="a single line of them"):
+        by_datums(*lined, nominal, [ball, front, side], start)
     with pytest.raises(MeasurementError, match="radius 4 mm on the nominal"):
         on_nominal(nominal, "sphere", np.array([-48.0, 0, 10]), 4.0)
 
