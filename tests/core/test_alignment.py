@@ -92,6 +92,7 @@ def features_of(nominal: Nominal) -> list[Feature]:
     return [ball, *walls]
 
 
+@pytest.mark.thorough
 def test_datum_planes_and_spheres_lay_the_part_within_what_is_stated() -> None:
     nominal = Nominal(build_part().points_mm, build_part().triangles)
     features = features_of(nominal)

@@ -30,7 +30,7 @@ def sigmas(one: StripeSet, result: LaserPlaneResult) -> float:
     return float(np.sqrt(error @ np.linalg.pinv(result.plane_covariance, rcond=1e-10, hermitian=True) @ error / 3))
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["broken", "thick-6", "pairs-along"])
 def test_lines_that_a_person_sees_are_used_and_as_well_known_as_stated(kind: str) -> None:
     one = stripe_set(kind, 0)
@@ -75,6 +75,7 @@ def test_the_middle_of_a_saturated_stripe_is_between_its_flanks() -> None:
     assert 5 < width < 12  # as wide as it looks
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("seed", [100, 105])
 def test_light_that_falls_off_to_the_border_draws_no_thick_line_to_the_middle(seed: int) -> None:
     one = stripe_set("thick-6", seed)

@@ -81,6 +81,7 @@ def test_the_tables_captures_improve_the_tool():
     )
 
 
+@pytest.mark.thorough
 def test_the_axis_is_better_than_the_papers():
     def error(direction, seed):
         return np.linalg.norm(np.cross(direction, simulated(seed).truth["axis_direction_in_base"]))

@@ -124,6 +124,7 @@ def test_every_format_keeps_the_micrometre(tmp_path: Path) -> None:
     assert np.abs(np.reshape(np.array(numbers, float), (-1, 3)) - mesh.points_mm).max() < MICROMETRE
 
 
+@pytest.mark.thorough
 def test_an_e57_has_a_scan_a_pose_and_each_point_where_it_was(tmp_path: Path) -> None:
     pye57 = pytest.importorskip("pye57")
     for far in (False, True):

@@ -26,7 +26,7 @@ def off(scenario: str, seed: int) -> tuple[FloatArray, FloatArray, str]:
     return true.difference(found), np.array(result.covariance), result.verdict
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize("scenario", ["fixed-scanner", "fixed-scanner-unknown-sigmas"])
 def test_errors_are_as_large_as_they_are_said_to_be(scenario: str) -> None:
     nees: list[float] = []

@@ -234,6 +234,7 @@ def test_the_nearest_of_many_turns_is_the_smallest_angle_between_them() -> None:
     assert nearest_turn_rad(turn, []) == np.pi
 
 
+@pytest.mark.thorough(keep=2)
 @pytest.mark.parametrize("scenario", ["tcp-centers", "tcp-mixed"])
 def test_captures_of_every_kind_are_guided(scenario: str) -> None:
     cell = simulate(scenario, 1)

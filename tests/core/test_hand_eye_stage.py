@@ -57,6 +57,7 @@ def test_camera_and_board_against_the_truth_and_the_tool_beside_the_spheres(made
     assert "units of both uncertainties" in str(told)
 
 
+@pytest.mark.thorough
 def test_a_board_on_the_flange_tells_where_a_camera_stands(made: SimulatedSession) -> None:
     # Poses inverted, the same frames are those of a board on the flange before a camera that stands still.
     convention = made.session.cell.pose_convention

@@ -114,6 +114,7 @@ def test_told_poses_take_up_nothing_and_a_part_too_large_is_told_by_its_sign() -
     assert as_it_lies.deviation.rms_mm > 1.0
 
 
+@pytest.mark.thorough
 def test_datum_features_lay_the_part_and_each_is_told() -> None:
     datums = [
         {"kind": "sphere", "center_mm": in_reference(PART.ball_center_mm), "radius_mm": 10.0},

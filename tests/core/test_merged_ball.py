@@ -28,6 +28,7 @@ def test_scans_lie_apart_as_the_chains_covariance_predicts_before_any_registrati
     assert ratio == pytest.approx(1.0, abs=2 * 0.1 / np.sqrt(len(runs)))
 
 
+@pytest.mark.thorough
 def test_the_ball_is_where_and_as_large_as_stated(runs):
     for run in runs:
         assert abs(run.before.diameter_error_mm) < 3.3 * run.before.diameter_sigma_mm

@@ -42,6 +42,7 @@ def test_the_two_camera_models_agree() -> None:
     np.testing.assert_allclose(model.project(points), camera.pixels(points), atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_the_stripe_lies_on_the_plane_of_light() -> None:
     camera = SimulatedCamera()
     (fx, fy), (cx, cy) = camera.focal_px, camera.center_px

@@ -24,6 +24,7 @@ def stored(solved_folder: Path) -> dict[str, Any]:
     return json.loads((solved_folder / "results" / "tcp.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.thorough
 def test_bit_for_bit_on_one_machine(solved_folder: Path, stored: dict[str, Any]) -> None:
     session, read = load_session(solved_folder)
     again = json.loads(json.dumps(result_data(run(session, read)["tcp"])))

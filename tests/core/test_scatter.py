@@ -38,7 +38,7 @@ def found_in(together: Patches) -> Scatter:
     return found
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("shape", "position", "turning"),
     [

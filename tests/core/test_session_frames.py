@@ -102,6 +102,7 @@ def test_bands_of_depth_are_kept_in_the_cell() -> None:
     assert np.allclose(again, pixels, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_tool_from_frames_tells_what_camera_and_plane_are_not_known_to(cell: SimulatedSession) -> None:
     result = solve_stage(cell.session, "tcp", cell.files.__getitem__)
     assert isinstance(result, TcpResult)

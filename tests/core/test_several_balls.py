@@ -92,6 +92,7 @@ def test_distances_that_differ_by_more_than_what_was_found_errs_name_the_balls()
     assert by_distances(row, 40 * sure + scale, names, told) == []
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("seed", [7, 29])
 def test_two_distances_that_differ_by_two_millimetres_name_the_balls(seed: int) -> None:
     simulated, truth = cc.simulate("plate-distances", seed)
@@ -194,6 +195,7 @@ WIDE = TOPOLOGY_SCENARIOS["plate"].cell
 FLOOR = TOPOLOGY_SCENARIOS["tilt"].balls[0]
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("axis", "height", "radius", "count"), [("table", 440.0, 110.0, 3), ("tilt", 520.0, 90.0, 3)]
 )
@@ -223,6 +225,7 @@ def test_a_ball_that_was_moved_midway_is_still_named() -> None:
         in_memory(moved, files).run("turntable")
 
 
+@pytest.mark.thorough
 def test_balls_around_two_axes_that_turn_together_are_refused_with_what_to_do() -> None:
     balls = around("turn", (1000.0, -250.0, 520.0), 90.0, 3)
     axes = TOPOLOGY_SCENARIOS["positioner"].axes
@@ -243,6 +246,7 @@ FAR = BallOptions("far", "base", (980.0, -60.0, 500.0))
 OFTEN = replace(WIDE, orientations=16)
 
 
+@pytest.mark.thorough
 def test_balls_far_apart_are_told_apart_though_never_seen_at_once() -> None:
     session, files, truth = simulate_topology(TopologyScenario("", balls=(FLOOR, FAR), cell=OFTEN), "far", 1)
     result = in_memory(session, files).run()["tcp"]

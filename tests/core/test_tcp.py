@@ -35,7 +35,7 @@ def squared_error(of: Cell, solution: TcpSolution) -> float:
     return squared(of.error(solution.joint.mount_from_laser), solution.covariance[:6, :6])
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("figures", "seeds"), [(bench_tcp.accuracy, 6), (bench_tcp.rejection, 3)], ids=["accuracy", "rejection"]
 )

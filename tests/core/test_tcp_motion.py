@@ -172,6 +172,7 @@ CONFUSIONS = [
 ]
 
 
+@pytest.mark.thorough(keep=2)
 @pytest.mark.parametrize(("written", "read"), CONFUSIONS)
 def test_numbers_read_in_another_convention_never_pass(written: str, read: str) -> None:
     cell = Cell.of("tcp", 1)

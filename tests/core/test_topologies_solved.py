@@ -100,6 +100,7 @@ LARGE, MIDDLE, SMALL = (
 )
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     ("scanners", "balls"),
     [
@@ -145,6 +146,7 @@ def test_a_plate_that_an_axis_leans_is_not_said_to_be_at_one_height() -> None:
     assert "one-height" not in {finding["code"] for finding in chain_of("plate-on-positioner")["findings"]}
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("apart_mm", [16.0, 24.0])
 def test_heights_before_a_scanner_that_stands_still_are_those_that_its_light_meets(apart_mm: float) -> None:
     fixed = TOPOLOGY_SCENARIOS["fixed-scanner-turntable"]

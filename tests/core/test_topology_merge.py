@@ -44,6 +44,7 @@ def merged(record: Mapping[str, Any], files: Mapping[str, bytes]) -> MergeResult
     return result
 
 
+@pytest.mark.thorough
 def test_each_scanners_scans_go_by_its_own_mount_sense_and_noise() -> None:
     at = pose(np.eye(3), [900.0, 100.0, 50.0])
     views = view_poses(8)

@@ -51,6 +51,7 @@ OF_OTHER_CELLS = [
 CAUSES = {"arms: poses 0.5 % too long": "The robot's poses seem too long by 0.50 ±"}
 
 
+@pytest.mark.thorough(keep=2)
 @pytest.mark.parametrize("name", SOME)
 def test_no_pass_is_far_off_and_what_every_cell_has_passes(name: str) -> None:
     found = outcome(TROUBLES[name], 0)
@@ -65,6 +66,7 @@ def test_no_pass_is_far_off_and_what_every_cell_has_passes(name: str) -> None:
         assert not any("two steps" in warning for warning in found.warnings)  # these follow from it
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("scanners", ["fixed", "two"])
 @pytest.mark.parametrize("name", OF_OTHER_CELLS)
 def test_no_pass_is_far_off_with_a_scanner_that_stands_still_or_with_two(name: str, scanners: Scanners) -> None:

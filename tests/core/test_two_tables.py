@@ -35,6 +35,7 @@ def said(which: str, seed: int, told: Any = None, read_as: float = 1.0, **wrong:
     return [one for one in found.findings if one.severity != "note"]
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("which", ["one", "two"])
 def test_the_table_that_is_told_to_turn_the_other_way_round_is_named(which: str) -> None:
     (direction,) = said(which, 1, told=-1)
@@ -45,6 +46,7 @@ def test_the_table_that_is_told_to_turn_the_other_way_round_is_named(which: str)
     assert {axis["name"]: axis["direction"] for axis in mended} == {"one": 1, "two": 1}
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("which", ["one", "two"])
 def test_the_table_whose_encoder_is_eccentric_is_named(which: str) -> None:
     codes = {one.code: one.values["axis"] for one in said(which, 1, told=1, eccentric=0.002)}
@@ -52,6 +54,7 @@ def test_the_table_whose_encoder_is_eccentric_is_named(which: str) -> None:
     assert set(codes.values()) == {which}
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("which", ["one", "two"])
 def test_the_table_whose_readings_count_too_much_is_named_and_its_scale_found(which: str) -> None:
     (scale,) = said(which, 1, told=1, read_as=1.004)

@@ -104,6 +104,7 @@ def test_captures_of_two_scanners_at_one_stop_lie_off_a_drift_by_what_the_pose_e
     assert np.corrcoef(off[::2], off[1::2])[0, 1] > 0.5  # both saw the same pose's error
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize(
     "name", ["arms: clean", "arms: joints, gears and sag", "books: tool changed midway by 0.5 mm"]
 )

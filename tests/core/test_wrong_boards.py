@@ -20,6 +20,7 @@ CASES = [
 FRAMES = {kind: board_frames(board, 7, 1)[0] for kind, board in RIGHT.items()}
 
 
+@pytest.mark.thorough(keep=3)
 @pytest.mark.parametrize(("kind", "wrong"), CASES)
 def test_a_wrong_description_is_named_with_what_to_correct(kind: str, wrong: Wrong) -> None:
     with pytest.raises(MeasurementError) as caught:

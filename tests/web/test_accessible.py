@@ -116,6 +116,7 @@ def solved(address: str) -> str:
     return session
 
 
+@pytest.mark.thorough(keep=2)
 @pytest.mark.parametrize("language", ["en-GB", "de-DE", "zh-CN"])
 def test_weight(profile: SharedProfile, solved: str, language: str) -> None:
     """Each page, and a look at a result, without data and scene, stays below 300 kB; half of it travels."""

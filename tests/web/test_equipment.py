@@ -90,6 +90,7 @@ def test_a_piece_is_registered_and_a_session_refers_to_it(
     expect(page.get_by_role("button", name="Enter a piece")).to_have_attribute("aria-disabled", "true")
 
 
+@pytest.mark.thorough
 def test_after_a_decision_the_page_asks_why(profile: SharedProfile, world: World) -> None:
     client = world.client
     here = world.session("asked", replace(verified_session(3)))

@@ -79,6 +79,7 @@ def test_a_point_is_picked_in_the_field_of_the_budget(
     expect(dialog.get_by_role("alert")).to_be_visible()
 
 
+@pytest.mark.thorough
 def test_planned_poses_are_saved_as_a_program(
     page: Page, address: str, session: str, axe: str, tmp_path: Path
 ) -> None:

@@ -46,7 +46,7 @@ def main_action_in_sight(page: Page) -> bool:
     return bool(box and size) and box["y"] + box["height"] <= size["height"] and box["x"] >= 0
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 def test_a_tablet_by_touch(tablet: Page, api: httpx.Client) -> None:
     """The whole TCP: captures, the solve, and the result from its top to its end."""
     session = simulated_session(api, captures=1)

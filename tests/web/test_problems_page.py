@@ -47,6 +47,7 @@ def test_every_problem_is_provoked() -> None:
     assert set(NOT_FROM_A_PAGE) <= set(catalogue()) - PROVOKED
 
 
+@pytest.mark.thorough
 @provokes("problem.unreachable", "problem.unreachable_title")
 def test_the_server_cannot_be_reached(profile: SharedProfile, api: httpx.Client, watch: Watch) -> None:
     watch.announce("ERR_INTERNET_DISCONNECTED")

@@ -330,6 +330,7 @@ def test_more_requests_than_there_is_room_for(
             expect(visitor.rows).to_have_count(1)
 
 
+@pytest.mark.thorough
 @provokes("damaged")
 def test_a_stored_file_was_damaged(
     profile: SharedProfile, start: Callable[..., Any], tmp_path: Path, watch: Watch
@@ -354,6 +355,7 @@ def test_a_stored_file_was_damaged(
             expect(visitor.page.locator(".answer-card")).to_be_visible()
 
 
+@pytest.mark.thorough
 @provokes("unavailable")
 def test_another_program_holds_the_database(
     profile: SharedProfile, start: Callable[..., Any], tmp_path: Path, watch: Watch
@@ -373,6 +375,7 @@ def test_another_program_holds_the_database(
             expect(visitor.rows).to_have_count(2)
 
 
+@pytest.mark.thorough
 @provokes("http-504")
 def test_no_answer_in_time_and_it_may_still_end_well(
     profile: SharedProfile, start: Callable[..., Any], tmp_path: Path, watch: Watch
@@ -392,6 +395,7 @@ def test_no_answer_in_time_and_it_may_still_end_well(
             expect(visitor.rows).to_have_count(2)
 
 
+@pytest.mark.thorough
 def test_a_solve_that_takes_too_long(profile: SharedProfile, start: Callable[..., Any]) -> None:
     with start(job_timeout_s=0.01) as client:
         session = simulated_session(client, captures=10)
@@ -414,6 +418,7 @@ def test_a_solve_meets_an_error_of_the_program(
             visitor.picture("http-500")
 
 
+@pytest.mark.thorough
 @provokes("http-503")
 def test_the_worker_of_a_solve_is_killed(
     profile: SharedProfile, start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
@@ -434,6 +439,7 @@ def test_the_worker_of_a_solve_is_killed(
             expect(visitor.rows).to_have_count(6)
 
 
+@pytest.mark.thorough
 @provokes("http-507")
 def test_the_disk_is_full(
     profile: SharedProfile,
@@ -459,6 +465,7 @@ def test_the_disk_is_full(
             expect(visitor.rows).to_have_count(3)
 
 
+@pytest.mark.thorough
 @provokes("http-408")
 def test_a_body_that_stops_on_its_way(profile: SharedProfile, start: Callable[..., Any], watch: Watch) -> None:
     watch.announce("status of 408")

@@ -53,6 +53,7 @@ def approve(page: Page, why: str) -> None:
     expect(page.get_by_role("dialog")).to_have_count(0)
 
 
+@pytest.mark.thorough
 def test_an_answer_is_approved_stands_at_its_cell_and_is_rolled_back(
     profile: SharedProfile, served: tuple[httpx.Client, dict[str, str]], sessions: list[str], axe: str
 ) -> None:

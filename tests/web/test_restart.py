@@ -104,6 +104,7 @@ def test_guide_scene_and_rows_come_back(outage: Outage, api: httpx.Client, visit
     all_is_right(page)
 
 
+@pytest.mark.thorough
 def test_a_solve_is_asked_for_again(outage: Outage, api: httpx.Client, visit: Callable[..., Page]) -> None:
     session = simulated_session(api, captures=14)
     page = visit(f"/sessions/{session}")

@@ -38,6 +38,7 @@ def page(profile: SharedProfile) -> Page:
     return profile.open(reduced_motion="reduce")
 
 
+@pytest.mark.thorough
 def test_keys_move_through_time_and_everything_follows(open_page: Callable[..., Any], session: str) -> None:
     page, watched = open_page(f"/sessions/{session}/review")
     words = page.locator(".timeline-words")
@@ -93,6 +94,7 @@ def test_a_session_that_is_not_there_says_so(open_page: Callable[..., Any], watc
     expect(page.get_by_role("link", name="Back to all sessions")).to_be_visible()
 
 
+@pytest.mark.thorough
 def test_from_a_result_to_its_history_and_to_the_comparison(
     open_page: Callable[..., Any],
     session: str,

@@ -54,7 +54,7 @@ def follow(person: Person, step: str) -> None:
     raise AssertionError(f"{step} is not done after {person.done}")
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 def test_an_own_folder(begin: Callable[..., Person], backup: Path) -> None:  # noqa: F811
     person = begin()
     person.choose_files("Open a session folder", backup)

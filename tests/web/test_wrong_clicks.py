@@ -24,6 +24,7 @@ def count(api: httpx.Client) -> int:
     return len(api.get("/sessions?limit=1000").json()["items"])
 
 
+@pytest.mark.thorough
 def test_a_double_click_makes_one_session(open_page: Callable[..., Any], api: httpx.Client) -> None:
     before = count(api)
     page, _ = open_page()

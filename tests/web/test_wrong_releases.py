@@ -200,7 +200,7 @@ def person(here: World, chromium: Browser, shared_profile: SharedProfile) -> Ite
         shared_profile.clear()
 
 
-@pytest.mark.thorough(keep=4)
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("way", by.WAYS, ids=lambda way: way.__name__)
 def test_it_is_refused_or_marked(way: Callable[[World], str], here: World, person: Person) -> None:
     for channel in (way, by.BY_COMMAND.get(way)):
@@ -209,6 +209,7 @@ def test_it_is_refused_or_marked(way: Callable[[World], str], here: World, perso
         BY_PAGE[way](person)
 
 
+@pytest.mark.thorough
 def test_who_only_captures_is_offered_no_approval(here: World, browser: Browser) -> None:
     # A profile of its own: at the shared one's pages somebody stays logged in, who would be sent away.
     with browser.new_context(reduced_motion="reduce") as profile:
@@ -223,6 +224,7 @@ def test_who_only_captures_is_offered_no_approval(here: World, browser: Browser)
             expect(approval.get_by_role("button")).to_have_count(0)
 
 
+@pytest.mark.thorough
 def test_an_archive_tells_what_it_knows_by_itself(here: World, tmp_path: Path) -> None:
     for cell, fault in OF_THE_SESSION.items():
         made(here, cell)

@@ -52,6 +52,7 @@ def test_a_record_in_a_code_page_is_refused_in_words() -> None:
         parse_json('{"name": "Zelle ü"}'.encode("cp1252"), "session.json")
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("change", [lambda b: b.replace(b"\n", b"\r\n"), lambda b: codecs.BOM_UTF8 + b])
 def test_scans_with_windows_line_ends_or_a_mark_are_the_same(cell: Path, change) -> None:  # type: ignore[no-untyped-def]
     file = next((cell / "captures").glob("*.csv"))

@@ -48,6 +48,7 @@ def long(tmp_path: Path) -> Iterator[Path]:
         _refused.clear()
 
 
+@pytest.mark.thorough
 def test_commands_read_and_write_what_has_a_long_path(solved_folder: Path, long: Path) -> None:
     cell = str(long / "cell")
     for words in (
