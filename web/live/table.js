@@ -10,18 +10,20 @@ import { t } from "../texts.js";
 /** @import {TableMover} from "../api-types.js" */
 
 const LOOK_MS = 2000;
+const STOP_MS = 500;
 
 export class TableElement extends HTMLElement {
   sessionId = "";
   #timer = 0;
+  #stopping = Promise.resolve();
   #told = "";
   #form = h("div", { hidden: true });
   #angle = h("input", { inputmode: "decimal", autocomplete: "off" });
   #state = h("p", { class: "soft small", role: "status" });
   #arm = h("button", { type: "button", needs: "admin", onclick: () => void this.#offer() }, t("table.arm"));
   #go = h("button", { type: "button", class: "primary", needs: "capture", onclick: () => void this.#turn() }, t("table.go"));
-  #stop = h("button", { type: "button", class: "danger", needs: "capture", onclick: () => void this.#do(() => live.stopTable(this.sessionId)) }, t("table.stop"));
-  #disarm = h("button", { type: "button", needs: "capture", onclick: () => void this.#do(() => live.disarmTable(this.sessionId)) }, t("table.disarm"));
+  #stop = h("button", { type: "button", class: "danger", needs: "capture", onclick: () => { this.#stopping = this.#do(() => live.stopTable(this.sessionId)); } }, t("table.stop"));
+  #disarm = h("button", { type: "button", needs: "capture", onclick: () => void this.#off() }, t("table.disarm"));
   #armed = h("div", { class: "row live-capture", hidden: true },
     field("table-target", t("table.target"), this.#angle), this.#go, this.#stop, this.#disarm);
 
@@ -81,6 +83,12 @@ export class TableElement extends HTMLElement {
     this.#go.setAttribute("aria-disabled", "true");
     await this.#do(() => live.turn(this.sessionId, angle));
     this.#go.removeAttribute("aria-disabled");
+  }
+
+  /** Behind a stop that is on its way, which a disarmed table would refuse; it stops the table itself, so it waits for no slow one. */
+  async #off() {
+    await Promise.race([this.#stopping, new Promise((go) => setTimeout(go, STOP_MS))]);
+    await this.#do(() => live.disarmTable(this.sessionId));
   }
 
   /** @param {() => Promise<unknown>} act */
