@@ -273,7 +273,7 @@ def test_files_as_they_lie_are_listed_paired_and_added(
     expect(page.locator("sc-file-list")).to_contain_text(paired)
     pairs = page.locator(".match tbody tr")
     expect(pairs).to_have_count(len(CAPTURES))
-    expect(pairs.first.locator("svg")).to_be_visible()
+    expect(pairs.first.locator("svg.profile-plot")).to_be_visible()
     # What a file is taken for can be changed, and changed back.
     page.get_by_label("Take stick/p2.yml for").select_option("nothing")
     expect(pairs).to_have_count(len(CAPTURES))  # a pose without its measurement
