@@ -30,6 +30,7 @@ def drawn(seed: int, count: int) -> list[list[float]]:
     return joints.tolist()
 
 
+@pytest.mark.thorough(keep=8)
 @pytest.mark.parametrize("name", WITH_WRIST)
 def test_every_branch_puts_the_flange_there_and_one_is_the_arm_s(name: str) -> None:
     arm, upright = NAMED_ARMS[name], UPRIGHT.get(name[:2], ZERO)

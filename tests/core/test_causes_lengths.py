@@ -43,6 +43,7 @@ def causes_of_table(
     return causes_of(table_causes(session.captures, told, SphereSize(40.0), tool))
 
 
+@pytest.mark.thorough(keep=3)
 @pytest.mark.parametrize("name", ANGLES)
 def test_wrong_angles_of_the_table_are_named_and_applying_repairs_them(
     table: SimulatedSession, spheres: dict[str, SphereObservation], name: str

@@ -91,6 +91,7 @@ def test_the_axis_is_better_than_the_papers():
     assert papers > 1.5 * ours
 
 
+@pytest.mark.thorough
 def test_the_stated_covariance_is_that_of_the_bound():
     """Of a solver that knows no more of scanner and arm than ours; errors that poses share add to it."""
     for seed in SEEDS:

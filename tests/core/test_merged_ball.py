@@ -36,6 +36,7 @@ def test_the_ball_is_where_and_as_large_as_stated(runs):
         assert run.after.nees < 16.3
 
 
+@pytest.mark.thorough
 def test_registration_takes_away_the_chains_part_of_the_diameters_error(runs):
     for run in runs:
         assert abs(run.after.diameter_error_mm) <= 0.02

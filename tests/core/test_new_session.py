@@ -54,6 +54,7 @@ def test_profiles_under_any_key_and_poses_in_a_text_of_any_name(tmp_path: Path) 
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@pytest.mark.thorough(keep=4)
 @pytest.mark.parametrize("name", folders())
 def test_measurements_are_paired_with_their_own_poses(tmp_path: Path, name: str) -> None:
     lying = folders()[name]

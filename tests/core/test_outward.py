@@ -39,6 +39,7 @@ def seen(shape: str, views: str, toward: bool) -> tuple[Patches, tuple[View, ...
     return patches(cleaned, 1.5), tuple(looked)
 
 
+@pytest.mark.thorough(keep=4)
 @pytest.mark.parametrize("toward", [False, True])
 @pytest.mark.parametrize(("shape", "views"), SETS)
 def test_who_sees_whom_tells_the_outside(shape: str, views: str, toward: bool):

@@ -64,6 +64,7 @@ def worst_mm(simulated: SimulatedSession) -> float:
     return worst
 
 
+@pytest.mark.thorough(keep=8)
 @pytest.mark.parametrize("name", sorted(TOPOLOGY_SCENARIOS))
 def test_points_lie_where_the_edges_say(name: str) -> None:
     simulated = simulate(name, 5)

@@ -51,6 +51,7 @@ def test_every_archive_is_whole() -> None:
         assert verify(STORED / "archives" / f"{name}.zip").captures > 0
 
 
+@pytest.mark.thorough(keep=5)
 def test_a_folder_is_fresh_and_solved_anew_gives_the_same(folder: Path) -> None:
     session, read = load_session(folder)
     stored = stored_results(folder)

@@ -133,6 +133,7 @@ def mirrored_y(pose: RigidTransform) -> RigidTransform:
     return RigidTransform.of(flip @ pose.rotation @ flip, pose.translation_mm, "base", "tool0")
 
 
+@pytest.mark.thorough(keep=3)
 @OPTIONS
 @pytest.mark.parametrize(
     ("mistake", "seed"),

@@ -31,6 +31,7 @@ def log_in(page: Page, client: httpx.Client, token: str, path: str) -> None:
     page.get_by_role("button", name="Log in").click()
 
 
+@pytest.mark.thorough
 def test_a_piece_is_registered_and_a_session_refers_to_it(
     profile: SharedProfile, world: World, axe: str, tmp_path: Path
 ) -> None:

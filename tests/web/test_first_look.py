@@ -43,7 +43,7 @@ def solve(client: httpx.Client, session: str, stage: str) -> None:
     assert job["status"] == "done", job
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("convention", "verdict", "action"), [("fanuc", "warn", "Add captures"), ("kuka", "fail", "Set convention")]
 )

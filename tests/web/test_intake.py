@@ -67,6 +67,7 @@ def test_a_table_with_its_columns_in_any_order(
     assert watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_nothing_is_solved_while_captures_are_on_their_way(
     open_page: Callable[..., Any], api: httpx.Client, profiles: list[Path]
 ) -> None:
@@ -204,6 +205,7 @@ def test_the_convention_that_was_looked_at_becomes_the_cells(
     expect(page.locator("sc-quality h2")).not_to_contain_text("refused")
 
 
+@pytest.mark.thorough
 def test_a_watched_folder_is_followed(profile: SharedProfile, tmp_path: Path) -> None:
     folder = tmp_path / "scans" / "cell 4"
     folder.mkdir(parents=True)

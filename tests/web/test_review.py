@@ -196,6 +196,7 @@ def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) ->
     assert violations(page, axe) == []
 
 
+@pytest.mark.thorough
 def test_what_came_with_an_archive_is_shown_and_given_back(
     open_page: Callable[..., Any], api: httpx.Client, session: str
 ) -> None:

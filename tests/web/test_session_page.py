@@ -225,6 +225,7 @@ def test_it_follows_captures_that_others_add(open_page: Callable[..., Any], api:
     assert watched.complaints == []
 
 
+@pytest.mark.thorough
 def test_a_solve_goes_on_while_the_page_is_loaded_anew(open_page: Callable[..., Any], api: httpx.Client) -> None:
     session = simulated_session(api, captures=10)
     page, watched = open_page(f"/sessions/{session}")

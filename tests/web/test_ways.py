@@ -65,7 +65,7 @@ def test_an_own_folder(begin: Callable[..., Person], backup: Path) -> None:  # n
     follow(person, "tcp")
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough
 def test_an_archive(begin: Callable[..., Person], api: httpx.Client, tmp_path: Path) -> None:
     session = simulated_session(api, captures=12)
     wait_for(api, api.post(f"/sessions/{session}/solve/tcp").json()["id"])
