@@ -4,6 +4,7 @@ import { api } from "../state/api.js";
 import { did } from "../state/undo.js";
 import { plural, t } from "../texts.js";
 import { attempt } from "../components/toasts.js";
+import { whyDialog } from "./why-dialog.js";
 
 /** @import {CaptureOut} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
@@ -56,6 +57,6 @@ export async function excludeCaptures(state, captures, excluded, otherwise) {
  */
 export async function withReason(state, { act, ...deed }) {
   const decision = /** @type {{ decision?: string | null }} */ (state.results["verify"] ?? {}).decision;
-  if (decision) (await import("./why-dialog.js")).whyDialog({ ...deed, words: [t("captures.decided_words")], act, after: () => undefined });
+  if (decision) whyDialog({ ...deed, words: [t("captures.decided_words")], act, after: () => undefined });
   else await attempt(() => act(""));
 }

@@ -8,6 +8,7 @@ import { stand } from "./answer.js";
 import { t } from "../texts.js";
 import { faultMarks, faultWords, releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
 import { attempt, say } from "../components/toasts.js";
+import { whyDialog } from "../measure/why-dialog.js";
 
 /** @import {Release, SessionAnswer} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
@@ -79,7 +80,7 @@ const ACKNOWLEDGED = ["drift", "equipment-changed"];
 
 /** @param {string} cell @param {string} fault */
 function acknowledging(cell, fault) {
-  const ask = async () => (await import("../measure/why-dialog.js")).whyDialog({ title: t("release.acknowledge"), words: [faultWords(fault)], go: t("release.acknowledge"), act: (why) => api.acknowledge(cell, fault, why),
+  const ask = () => whyDialog({ title: t("release.acknowledge"), words: [faultWords(fault)], go: t("release.acknowledge"), act: (why) => api.acknowledge(cell, fault, why),
     after: () => { const shown = document.querySelector("sc-approval"); return shown instanceof ApprovalElement ? shown.load() : undefined; } });
   return h("button", { type: "button", "aria-label": `${t("release.acknowledge")}: ${faultWords(fault)}`, onclick: ask }, t("release.acknowledge"));
 }
@@ -93,7 +94,7 @@ function offer(sessionId, answer, releases) {
   if (!may("release")) return inForce ? faults : [...faults, h("p", { class: "soft" }, t("may.release"))];
   const words = h("span", { class: "row" }, ...worth({ verdict: answer.verdict, workpiece_sigma_mm: answer.workpiece_sigma_mm ?? null }).filter((one) => one instanceof Node));
   const title = t(faults.length ? "release.approve_despite" : "release.approve");
-  const ask = async () => (await import("../measure/why-dialog.js")).whyDialog({ title, words: [...answer.faults.map(faultWords), words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
+  const ask = () => whyDialog({ title, words: [...answer.faults.map(faultWords), words, t("release.approve_words", { cell: answer.cell })], go: t("release.approve_go"),
     act: (why) => api.release(sessionId, why, answer.faults), after: approved });
   const deeds = answer.faults.filter((name) => ACKNOWLEDGED.includes(name)).map((name) => acknowledging(answer.cell, name));
   if (!inForce) deeds.unshift(h("button", { type: "button", onclick: ask }, title));
