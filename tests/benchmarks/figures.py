@@ -63,7 +63,8 @@ def page(figures: Iterable[Figure]) -> str:
     figures = list(figures)
     missed = [one for one in figures if "missed" in one]
     text = f"{_HEAD}\n{len(missed)} of {len(figures)} figures miss their target:\n\n"
-    text += "".join(f"- {one['what']}: {one['measured']}, {one['target']}. {one['missed'].rstrip('.')}.\n" for one in missed)
+    for one in missed:
+        text += f"- {one['what']}: {one['measured']}, {one['target']}. {one['missed'].rstrip('.')}.\n"
     for section in dict.fromkeys(one["section"] for one in figures):
         text += f"\n## {section}\n\n| what | target | measured | date | command |\n|---|---|---|---|---|\n"
         for one in figures:
