@@ -13,7 +13,9 @@ from calib_core.findings import Finding
 from calib_core.findings.codes import quality as codes
 from calib_core.findings.codes.camera import BOARD_TURN_AMBIGUOUS
 from calib_core.frames import FloatArray
+from calib_core.optics.adjust import Corners
 from calib_core.optics.board import BoardView
+from calib_core.optics.camera_start import homographies
 from calib_core.optics.stripe import find_stripe
 from calib_core.records import Capture, Measured, Session
 from calib_core.records.callbacks import ReadFile
@@ -97,6 +99,7 @@ def _board_figures(view: BoardView | None) -> dict[str, Any]:
     return {
         "board_px": np.round(view.points_px, 1).tolist(),
         "pitch_px": float(np.median(np.hypot(*np.diff(view.points_px, axis=0).T))),
+        "pixel_from_board": homographies(Corners.of([view.points_px], [view.points_in_board_mm]))[0].tolist(),
         "edge_width_px": view.edge_width_px if np.isfinite(view.edge_width_px) else None,
     }
 

@@ -78,6 +78,13 @@ def focal_lengths(homography: FloatArray, image_size: tuple[int, int]) -> tuple[
     return float(fx), float(fy)
 
 
+def centred_camera(homography: FloatArray, image_size: tuple[int, int]) -> FloatArray:
+    """Return the camera's matrix (3, 3) by `focal_lengths`, its axis through the image's centre."""
+    fx, fy = focal_lengths(homography, image_size)
+    cx, cy = _centre(image_size)
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+
+
 def poses_from_homographies(homography: FloatArray, camera_matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return camera_from_board of each view: rotations (V, 3, 3) and translations (V, 3), mm."""
     columns = np.linalg.inv(camera_matrix) @ homography
@@ -98,9 +105,7 @@ def start_from_homographies(corners: Corners, image_size: tuple[int, int]) -> St
         If the views do not determine a focal length.
     """
     h = homographies(corners)
-    fx, fy = focal_lengths(h, image_size)
-    cx, cy = _centre(image_size)
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+    matrix = centred_camera(h, image_size)
     return State(shared_vector(matrix, np.zeros((1, 14))), *poses_from_homographies(h, matrix))
 
 

@@ -34,6 +34,7 @@ from calib_core.records.causes import (
 from calib_core.records.field_errors import input_error, input_error_from_details
 from calib_core.records.findings import Finding, MessageParts, Severity
 from calib_core.records.guidance import (
+    BoardFacing,
     BoardsSeen,
     CheckLine,
     Guide,
@@ -78,7 +79,8 @@ from calib_core.records.topology import (
 )
 
 __all__ = [
-    "FORMAT", "ArmJoint", "ArmTable", "BeforeAfter", "Board", "BoardsSeen", "CameraSegment", "Capture",
+    "FORMAT", "ArmJoint", "ArmTable", "BeforeAfter", "Board", "BoardFacing", "BoardsSeen", "CameraSegment",
+    "Capture",
     "CaptureResidual", "CauseKind", "Cell", "CellAxis", "Changes", "CheckLine", "Finding", "Finite",
     "FlangeReading", "FoundAxis", "FoundSphere", "Guide", "GuideLast", "GuideNow", "GuideStatus", "GuideStep",
     "GuidedStep", "Identifier", "Kind", "Known", "KnownCamera", "KnownFrame", "KnownPlane", "LimitChange",

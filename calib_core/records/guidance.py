@@ -31,7 +31,8 @@ class Measured(Record):
     which the sphere's arc is found; its figures are of the one with the largest circle, its points of all.
 
     Of a frame of the board: `board_px` are its corners, `pitch_px` how far they stand apart (the nearer the board,
-    the farther), `edge_width_px` the rise of its squares' edges from 10 to 90 %: how sharp the frame is.
+    the farther), `edge_width_px` the rise of its squares' edges from 10 to 90 %: how sharp the frame is;
+    `pixel_from_board` the homography (3, 3) from its plane, mm, to pixels.
 
     `without_ray` counts stripe centres of raw frames that were dropped: they lie beyond the fold of the camera's
     distortion, where a pixel has no ray.
@@ -65,6 +66,7 @@ class Measured(Record):
     image_size: tuple[int, int] | None = None
     board_px: Rows = Field(default_factory=list)
     pitch_px: float | None = None
+    pixel_from_board: Rows | None = None
     edge_width_px: float | None = None
     profiles: int | None = None
     still: Still | None = None
@@ -148,11 +150,24 @@ class GuideLast(Record):
     to_do: str | None = None
 
 
+class BoardFacing(Record):
+    """Which way the board of a capture faces, before there is a camera.
+
+    `facing_rad` is its tilt as turned to the right and to the lower edge of the image, [0, 0] seen squarely, and
+    `nearness` how large it looks beside the largest.
+    """
+
+    capture: str
+    facing_rad: tuple[float, float]
+    nearness: float
+
+
 class BoardsSeen(Record):
     """Where the boards of a step's frames were seen so far.
 
     `covered` is the share of the image's parts with a corner, as the camera's result counts them; `depth_ratio`
     how many times as large the nearest board looks as the farthest, `one_distance` says that this is too little.
+    `facing` is empty until the boards' tilts say what the focal length is.
     """
 
     step: str
@@ -160,6 +175,7 @@ class BoardsSeen(Record):
     covered: float
     depth_ratio: float
     one_distance: bool
+    facing: list[BoardFacing] = Field(default_factory=list[BoardFacing])
 
 
 class Guide(Record):

@@ -4,8 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.errors import MotionError
+from calib_core.frames import FloatArray
+from calib_core.optics.camera_start import centred_camera, poses_from_homographies
 from calib_core.optics.coverage_cells import CELLS, image_coverage
-from calib_core.records import BoardsSeen, Measured, Session
+from calib_core.records import BoardFacing, BoardsSeen, Measured, Session
 
 _SIZES_APART = 1.25  # the largest board over the smallest: less is one distance
 
@@ -39,8 +42,34 @@ def boards_seen(step: str, views: Sequence[Measured]) -> BoardsSeen | None:
     ratio = max(sizes) / max(min(sizes), 1e-9)
     covered = float(seen_cells(shown).mean())
     return BoardsSeen(
-        step=step, frames=len(shown), covered=covered, depth_ratio=ratio, one_distance=ratio < _SIZES_APART
+        step=step,
+        frames=len(shown),
+        covered=covered,
+        depth_ratio=ratio,
+        one_distance=ratio < _SIZES_APART,
+        facing=_facing(shown, np.array(sizes) / max(sizes)),
     )
+
+
+def _facing(views: Sequence[Measured], nearness: FloatArray) -> list[BoardFacing]:
+    """Return which way the boards face by the focal length that they agree on, none where they say none."""
+    told = [(view, near) for view, near in zip(views, nearness, strict=True) if view.pixel_from_board]
+    size = next((view.image_size for view in views if view.image_size), None)
+    if not told or size is None:
+        return []
+    pixel_from_board = np.array([view.pixel_from_board for view, _ in told])
+    try:
+        camera_from_board = poses_from_homographies(pixel_from_board, centred_camera(pixel_from_board, size))[0]
+    except MotionError:
+        return []
+    normals = camera_from_board[:, :, 2]
+    toward = -normals * np.sign(normals[:, 2:])
+    across = np.hypot(*toward[:, :2].T)
+    turns = toward[:, :2] * (np.arcsin(np.minimum(across, 1.0)) / np.maximum(across, 1e-12))[:, None]
+    return [
+        BoardFacing(capture=view.capture, facing_rad=(float(x), float(y)), nearness=float(near))
+        for (view, near), (x, y) in zip(told, turns, strict=True)
+    ]
 
 
 def coverage_so_far(session: Session, measured: Sequence[Measured]) -> list[BoardsSeen]:

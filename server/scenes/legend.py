@@ -100,7 +100,10 @@ def _of_captures(facts: SceneFacts, look: Look) -> list[str]:
     elif facts.captures:
         parts.append(_key(USED, "●", message("{count} used", count=count["used"])))
     elif facts.optics is None and facts.table is None:
-        parts.append(_line(message("No captures yet. They appear here as they come in.")))
+        line = message(
+            "Nothing to draw yet. Captures with a pose appear here as they come in, boards with the solved camera."
+        )
+        parts.append(_line(line))
     excluded = sum(c.state == "rejected" and c.reason == BY_HAND for c in facts.captures)
     if count["rejected"] > excluded:
         parts.append(_key(REJECTED, "✕", message("{count} rejected", count=count["rejected"] - excluded)))

@@ -107,7 +107,7 @@ def test_before_a_result_only_flanges_are_shown_and_no_file_is_read() -> None:
 def test_an_empty_session_still_shows_the_base() -> None:
     facts = scene_facts(make_cell().scene(count=0, solved=False))
     assert {name.split("/")[1] for name in drawn(facts)} == {"base"}
-    assert "No captures yet" in legend_html(facts, look_at(facts))
+    assert "Nothing to draw yet" in legend_html(facts, look_at(facts))
 
 
 def test_a_capture_without_a_usable_pose_is_left_out_and_the_others_stay() -> None:

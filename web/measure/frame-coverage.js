@@ -27,8 +27,23 @@ export function frameCoverage({ captures, guide }, shown) {
     "figure", { class: "seen-so-far" },
     s("svg", { class: "frame-plot", viewBox: `-0.5 -0.5 ${width} ${height}`, role: "img", "aria-label": words },
       s("path", { class: "found", "stroke-width": Math.max(width, height) / 110, d: views.flatMap((view) => view.measured.board_px ?? []).map(([x, y]) => `M${x} ${y}h0`).join("") })),
+    ...tilts(seen.facing ?? []),
     h("figcaption", { class: "small" }, h("strong", {}, t("coverage.title")), ` ${words}`),
   )];
+}
+
+/**
+ * Which way the boards faced so far, squarely in the middle, and a larger dot the nearer; rings at 20 and 40°.
+ * @param {import("../state/model.js").BoardFacing[]} facing
+ */
+function tilts(facing) {
+  if (!facing.length) return [];
+  const degrees = facing.map(({ facing_rad }) => facing_rad.map((angle) => Number(angle) * 180 / Math.PI));
+  const largest = Math.max(...degrees.map(([x = 0, y = 0]) => Math.hypot(x, y)));
+  return [s("svg", { class: "tilts-plot", viewBox: "-60 -60 120 120", role: "img", "aria-label": t("coverage.tilts", { most: fixed(largest, 0) }) },
+    s("path", { class: "ring", d: "M-60 0h120M0-60v120" }),
+    ...[20, 40].flatMap((ring) => [s("circle", { class: "ring", r: ring }), s("text", { x: 1, y: -ring - 1 }, `${ring}°`)]),
+    ...facing.map(({ nearness }, k) => s("circle", { class: "dot", cx: degrees[k]?.[0], cy: degrees[k]?.[1], r: 1.5 + 3 * nearness })))];
 }
 
 /** A gauge of how narrow the edges are. @param {number} width_px */

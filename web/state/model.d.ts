@@ -6,7 +6,7 @@ import type {
   CameraResult as CameraRecord, Capture, Cell, CellDrift, CellSummary, DriftSeries, FolderState, Guide, GuideNow, Meter, Job, Me, Measured, SessionRequest, Release, SessionAnswer, PoseLine, PoseLines as PoseLinesRead, LikelyConvention, Problem, SessionSummary, StoredCapture, StoredSession,
   CameraResidual, LaserPlaneResidual, TcpResidual, TcpResult as TcpRecord, TurntableResidual,
   Figure, Frame, Note, Picture, Plot, PoseConventionEntry, Quantity, StageOfCell, Table,
-  ControllerFileContent, FileReading, PoseOfFile, RecognisedFiles, RecognisedPose, ToolComparison,
+  BoardFacing, ControllerFileContent, FileReading, PoseOfFile, RecognisedFiles, RecognisedPose, ToolComparison,
   AppliedChanges, Changes, CodeOfFinding, Finding, RootCause, RootCauses,
   Change, Comparison, OffTheTruth, FrameDifference, MomentOfSession, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem,
 } from "../api-types.js";
@@ -14,7 +14,7 @@ import type {
 export type { AuditEntry, KeptFile, MadeToken, TokenRequest, TokenRecord };
 export type { CloudDeviations, CloudSection, ReferenceMesh, FolderState, Capture, Guide, GuideNow, Job, Me, Measured, Meter, SessionSummary };
 export type { Change, Comparison, OffTheTruth, FrameDifference, PastResult, RecheckPlan, Recomputed, RowDifference, SceneControls, StageReplay, TimelineItem };
-export type { CellDrift, CellSummary, DriftSeries, Release, SessionAnswer };
+export type { BoardFacing, CellDrift, CellSummary, DriftSeries, Release, SessionAnswer };
 export type { FileReading, RecognisedFiles, RecognisedPose, ToolComparison };
 export type ControllerFile = ControllerFileContent;
 export type FilePose = PoseOfFile;

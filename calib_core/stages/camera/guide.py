@@ -1,11 +1,12 @@
 """The camera's and the laser plane's steps: what the boards cover already, and what is still missing."""
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from calib_core.messages import message
+from calib_core.messages import message, templates
 from calib_core.optics.coverage_cells import ENOUGH_COVERED
 from calib_core.records import Board, GuideNow, Measured
 from calib_core.stages.boards_seen import boards_seen, seen_cells, usable
@@ -15,6 +16,14 @@ from calib_core.stages.reviewed import review
 WANTED_VIEWS, WANTED_STRIPES = 10, 8
 _ENOUGH_VIEWS = 14  # so many do, even where a part of the image stays empty: the result tells how that counts
 _COLUMNS, _ROWS = 3, 3  # the parts of the image that the next view is asked for by
+_TILTED = message("Show the board tilted another way, by 20 to 40°.")
+_TILTED_RAD = math.radians(10.0)  # less is no view of that side
+_SIDES: Final = templates({
+    (-1, 0): "Turn the board to face the image's left edge, by 20 to 40°: no view shows it so yet.",
+    (1, 0): "Turn the board to face the image's right edge, by 20 to 40°: no view shows it so yet.",
+    (0, -1): "Tilt the board to face the image's upper edge, by 20 to 40°: no view shows it so yet.",
+    (0, 1): "Tilt the board to face the image's lower edge, by 20 to 40°: no view shows it so yet.",
+})  # fmt: skip
 _PLACES = (
     "upper left", "top", "upper right", "left", "middle", "right", "lower left", "bottom", "lower right",
 )  # fmt: skip
@@ -35,13 +44,13 @@ def guide(view: GuideView) -> GuideNow | None:
         return _review("camera", result, "Look at the result: the model, the arrows of each view, the coverage.")
     views = usable(session, measured, "camera")
     needed = max(WANTED_VIEWS - len(views), 0)
-    missing = _next_view(views)
+    missing = next_view(views)
     if not needed and (missing is None or len(views) >= _ENOUGH_VIEWS):
         return _solve("camera", "Solve the camera.", "Views all over the image determine the lens.", result)
     return _now(
         "camera",
         action="capture",
-        instruction=missing or "Show the board tilted another way, by 20 to 40°.",
+        instruction=missing or _TILTED,
         why="The lens is known only where boards were seen; tilts and distances fix the focal length.",
         exit=message(
             "{wanted_views} sharp views: all parts of the image, near and far, tilted to all sides.",
@@ -99,8 +108,8 @@ def _stripe_words(board: Board, stripes: int) -> tuple[str, str]:
     )
 
 
-def _next_view(views: Sequence[Measured]) -> str | None:
-    """Return where the board should go next, None where the image is covered and the distances differ."""
+def next_view(views: Sequence[Measured]) -> str | None:
+    """Return where the board should go next, None where the image is covered and distances and tilts differ."""
     told = boards_seen("camera", [view for view in views if view.image_size])
     if told is None:
         return "Show the board to the camera, large and sharp in the middle of the image." if not views else None
@@ -113,7 +122,11 @@ def _next_view(views: Sequence[Measured]) -> str | None:
         )
     if told.one_distance:
         return "Show the board nearer to the camera, then farther away: all views are from one distance."
-    return None
+    facing = np.array([one.facing_rad for one in told.facing]).reshape(-1, 2)
+    if not len(facing):
+        return _TILTED
+    least = min(_SIDES, key=lambda side: float((facing @ side).max()))
+    return None if (facing @ least).max() > _TILTED_RAD else _SIDES[least]
 
 
 def _board_missing(step: str) -> GuideNow:
