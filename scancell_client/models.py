@@ -617,6 +617,7 @@ class SessionAnswer(Record):
     tool0_from_laser: AnsweredFrame | None
     base_from_laser: AnsweredFrame | None = None
     base_from_turntable: AnsweredFrame | None
+    laser_from_turntable: AnsweredFrame | None = None
     position_sigma_mm: float
     rotation_sigma_deg: float
     budget: Any = None

@@ -7,7 +7,7 @@ from typing import Final
 from calib_core.errors import InputError
 from calib_core.moment import text_of, text_of_seconds
 from calib_core.records import ResultsData
-from calib_core.steps import tool_stages
+from calib_core.steps import table_stages, tool_stages
 
 ANSWER_FILE: Final = "answer.json"
 """The name of a session's answer in an archive."""
@@ -29,7 +29,8 @@ def solved_when(folder: Path, results: ResultsData, *, unpacked: bool) -> str:
     The results tell it.  For those of earlier releases the archive's `answer.json` does, as long as it is of the
     same results; of another folder, the time when the newest of them was written.
     """
-    own = [str(one["solved"]) for stage in tool_stages() if (one := results.get(stage)) and one.get("solved")]
+    solved = [results.get(stage, {}).get("solved") for stage in (*tool_stages(), *table_stages())]
+    own = [str(date) for date in solved if date]
     if own:
         return own[0]
     told = _told(folder / ANSWER_FILE, results)

@@ -14,6 +14,7 @@ from calib_core.records import Capture, Cell
 from calib_core.records.base import Matrix4, OpenMatrix4, Record, Rows, Vector3
 from calib_core.records.results import FoundFrame
 from calib_core.records.topology import FoundAxis, KnownFrame
+from calib_core.steps import table_stages, tool_stages
 
 _MOUNTS: Final[tuple[Carrier, ...]] = ("tool0", "base")
 ON_FLANGE: Final = "tool0_from_laser"
@@ -92,6 +93,29 @@ def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
     if (found := placed_scanner(result)) is not None:
         return found
     raise InputError(" or ".join(SCANNER_FRAMES), "neither", "Solve the stage 'tcp' again.", "tcp")
+
+
+def answering(results: Mapping[str, Record | Mapping[str, Any]]) -> str | None:
+    """Return the stage whose result is the answer: the best with the scanner, or a table's that it alone knows."""
+    placed = next((stage for stage in tool_stages() if stage in results), None)
+    return placed or next(
+        (stage for stage in table_stages() if stage in results and _own_base(results[stage])), None
+    )
+
+
+def _own_base(result: Record | Mapping[str, Any]) -> bool:
+    if isinstance(result, Record):
+        told: UpToShift | None = getattr(result, "up_to_shift", None)
+        return told is not None and bool(told.own_base)
+    return bool((result.get("up_to_shift") or {}).get("own_base"))
+
+
+def table_seen(result: Mapping[str, Any]) -> FoundFrame | None:
+    """Return where a table is that is known to its scanner alone, of a result as JSON data; None of others."""
+    if not _own_base(result):
+        return None
+    seen = (one for one in result["frames"] if one["outof"] == "turntable" and one["into"].startswith("laser"))
+    return FoundFrame.model_validate(next(seen))
 
 
 def told_by(mount_from_laser: RigidTransform) -> dict[str, Any]:

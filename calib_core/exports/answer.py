@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_results import require_result
 from calib_core.captures.certificate_dates import overdue_certificates
-from calib_core.cell.found import placed_table, scanner_frame
+from calib_core.cell.found import answering, placed_table, scanner_frame, table_seen
 from calib_core.errors import ConflictError, InputError
 from calib_core.findings import Finding, findings_in, judgement, worst_of
 from calib_core.findings.codes.faults import FAULT_CODES
@@ -20,7 +20,6 @@ from calib_core.records import Record, ResultsData, Session, Verdict
 from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.faults import NOT_CONFIRMED, in_order, refuse_faults
 from calib_core.records.results import FoundFrame
-from calib_core.steps import tool_stages
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +32,12 @@ class Answer:
     results : mapping
         Results as JSON data, for exports that tell more: those of the answer, and of others what is not stale.
     stage : str
-        The stage whose tool this is: `chain` or, without a table, `tcp`.
+        The stage whose tool this is: `chain` or, without a table, `tcp`; `turntable` of a table that is known to
+        its scanner alone.
     mount_from_laser : RigidTransform
         The scanner's pose on the flange, or in base where it stands still.
     tool_covariance : (6, 6)
-        Of rx ry rz tx ty tz, rad and mm.
+        Of rx ry rz tx ty tz, rad and mm; where there is one, of `laser_from_turntable`.
     base_from_turntable : RigidTransform or None
     table_covariance : (6, 6) or None
     verdict : str
@@ -78,6 +78,12 @@ class Answer:
     def is_open(self) -> bool:
         """Whether the motions leave open where scanner and table are."""
         return bool(self.results.get(self.stage, {}).get("up_to_shift"))
+
+    @property
+    def laser_from_turntable(self) -> RigidTransform | None:
+        """Where a table is that is known to its scanner alone; None of all others, which are in base."""
+        seen = table_seen(self.results.get(self.stage, {}))
+        return seen and RigidTransform.from_rounded(seen.matrix, "laser", "turntable")
 
     @property
     def tool(self) -> RigidTransform:
@@ -160,7 +166,14 @@ class Answer:
         refuse_faults(self.faults, allow, self.stage)
 
     def require_placed(self) -> None:
-        """Raise ConflictError where the motions leave open where scanner and table are."""
+        """Raise ConflictError where it is open where in base, or on the flange, scanner and table are."""
+        if self.laser_from_turntable is not None:
+            raise ConflictError(
+                "scanner and table in the robot's base",
+                "both determined to each other alone",
+                "Capture a sphere on the flange with step 'tcp'; or export it as json, csv, for ROS or OpenCV.",
+                self.stage,
+            )
         if self.is_open:
             need = "a scanner whose position on the flange is determined"
             to_do = "Tilt the flange by 10 to 30° about two axes and capture again, or measure the position."
@@ -196,7 +209,7 @@ def answer_of(
     Raises
     ------
     ConflictError
-        If neither `chain` nor `tcp` is solved.
+        If neither `chain` nor `tcp` is solved, nor a table that is known to its scanner alone.
     InputError
         If a result is none.
     """
@@ -204,7 +217,7 @@ def answer_of(
         stage: result_data(result) if isinstance(result, Record) else dict(result)
         for stage, result in results.items()
     }
-    stage = next((name for name in tool_stages() if name in data), None)
+    stage = answering(data)
     if stage is None:
         raise ConflictError("a solved tcp stage", "none", "Solve the session first.", "tcp")
     table_stage = stage if stage == "chain" else "turntable"
@@ -212,6 +225,7 @@ def answer_of(
     for part in [*parts, *(["verify"] if "verify" in data else [])]:
         require_result(part, data[part], f"results/{part}.json")
     result, table = data[stage], data.get(table_stage)
+    seen = table_seen(result)
     verdicts = [data[part]["verdict"] for part in parts]
     decision = data.get("verify", {}).get("decision")
     covariance_name = "turntable_covariance" if stage == "chain" else "covariance"
@@ -226,7 +240,7 @@ def answer_of(
         results={name: record for name, record in data.items() if name in parts or name not in stale},
         stage=stage,
         mount_from_laser=scanner_frame(result),
-        tool_covariance=np.array(result["covariance"], dtype=float)[:6, :6],
+        tool_covariance=np.array(seen.covariance if seen else result["covariance"], dtype=float)[:6, :6],
         base_from_turntable=turntable,
         table_covariance=table_covariance,
         verdict=worst_of(verdicts),

@@ -26,4 +26,6 @@ def _write(answer: Answer, settings: FrameSettings) -> str:
     return text.getvalue()
 
 
-EXPORT = Export("csv", "CSV: one row a frame", "text/csv", ".csv", _write, FrameSettings, proof=None)
+EXPORT = Export(
+    "csv", "CSV: one row a frame", "text/csv", ".csv", _write, FrameSettings, proof=None, open_too=True
+)

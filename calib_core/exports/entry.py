@@ -47,7 +47,7 @@ class Export:
     proof : Proof, optional
         What proved that the other program takes it; None for the project's own forms.
     open_too : bool
-        Whether it can say that a position is not determined.
+        Whether it can say that a position is not determined, or writes a table in its scanner's frame.
     """
 
     name: str

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_clouds import media_types
-from calib_core.cell.found import SCANNER_FRAMES, placed_table, scanner_frame
+from calib_core.cell.found import SCANNER_FRAMES, placed_table, scanner_frame, table_seen
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.controller import POSES, for_poses
@@ -114,10 +114,18 @@ def frames_json(answer: Answer, settings: Settings) -> str:
 
 
 def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the scanner's frame in every pose convention, with its uncertainty, as JSON data."""
-    frame = scanner_frame(result)
-    name, mount = f"{frame.into}_from_laser", "the flange's" if frame.into == "tool0" else "base"
-    covariance = np.array(result["covariance"], dtype=float)
+    """Return the scanner's frame in every pose convention, with its uncertainty, as JSON data.
+
+    Of a table that is known to its scanner alone it is the table's, in the scanner's.
+    """
+    if (seen := table_seen(result)) is not None:
+        frame, rows = RigidTransform.from_rounded(seen.matrix, "laser", "turntable"), seen.covariance
+        name, maps = "laser_from_turntable", "the turntable's frame into the scanner's"
+    else:
+        frame, rows = scanner_frame(result), result["covariance"]
+        mount = "the flange's" if frame.into == "tool0" else "base"
+        name, maps = f"{frame.into}_from_laser", f"the scanner's frame into {mount}"
+    covariance = np.array(rows, dtype=float)
     sigmas = np.sqrt(np.diag(covariance)[:6])
     return {
         "format": "scancell-tool/1",
@@ -127,16 +135,16 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
         "warnings": result["warnings"],
         "software": result["software"],
         "inputs_sha256": result["inputs_sha256"],
-        "frame": f"{name}: maps points of the scanner's frame into {mount}, mm",
-        name: result[name],
-        "covariance": result["covariance"],
+        "frame": f"{name}: maps points of {maps}, mm",
+        name: seen.matrix if seen else result[name],
+        "covariance": rows,
         "covariance_order": list(_ORDER),
         "standard_deviation": {k: v if np.isfinite(v) else None for k, v in zip(_ORDER, sigmas, strict=True)},
         "confidence_95": result.get("confidence_95", {}),
         "undetermined": result.get("undetermined", []),
         "frames": result.get("frames", []),
         "pose_convention": session.cell.pose_convention,
-        **_used(result, frame, covariance),
+        **_used({} if seen else result, frame, covariance),
     }
 
 

@@ -27,7 +27,10 @@ class FrameSettings(Settings):
 
 
 def edges(answer: Answer, settings: FrameSettings) -> Iterator[tuple[str, str, RigidTransform]]:
-    """Yield parent, child and parent_from_child of what is to be written: every scanner, table and other axis."""
+    """Yield parent, child and parent_from_child of what is to be written: every scanner, table and other axis.
+
+    A table that is known to its scanner alone has that as its parent.
+    """
     for parent, child, frame, _ in edges_known(answer, settings):
         yield parent, child, frame
 
@@ -36,6 +39,10 @@ def edges_known(
     answer: Answer, settings: FrameSettings
 ) -> Iterator[tuple[str, str, RigidTransform, FloatArray | None]]:
     """Yield the same with the covariance (6, 6) of each, where it is stated."""
+    if (seen := answer.laser_from_turntable) is not None:
+        yield settings.scanner, settings.turntable, seen, answer.tool_covariance
+        return
+    answer.require_placed()
     with_tool, with_table = wanted(answer, settings.part, "both")
     names = {"tool0": settings.flange, "base": settings.base}
     named = {f"{settings.scanner}_{name}": known for name, known in answer.scanners().items()}

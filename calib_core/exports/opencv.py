@@ -30,4 +30,5 @@ EXPORT = Export(
     _write,
     FrameSettings,
     proof="real files",
+    open_too=True,
 )

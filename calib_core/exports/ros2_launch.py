@@ -29,5 +29,11 @@ def _write(answer: Answer, settings: FrameSettings) -> str:
 
 
 EXPORT = Export(
-    "ros2-launch", "ROS 2: launch file, static transforms", "text/x-python", ".launch.py", _write, FrameSettings
+    "ros2-launch",
+    "ROS 2: launch file, static transforms",
+    "text/x-python",
+    ".launch.py",
+    _write,
+    FrameSettings,
+    open_too=True,
 )

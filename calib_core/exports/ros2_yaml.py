@@ -22,5 +22,11 @@ def _write(answer: Answer, settings: FrameSettings) -> str:
 
 
 EXPORT = Export(
-    "ros2-yaml", "ROS 2: static transforms as YAML", "application/yaml", ".yaml", _write, FrameSettings
+    "ros2-yaml",
+    "ROS 2: static transforms as YAML",
+    "application/yaml",
+    ".yaml",
+    _write,
+    FrameSettings,
+    open_too=True,
 )

@@ -32,4 +32,6 @@ def _write(answer: Answer, settings: UrdfSettings) -> str:
     return "\n".join([*lines, "</robot>"]) + "\n"
 
 
-EXPORT = Export("urdf", "URDF/xacro: fixed joints", "application/xml", ".xacro", _write, UrdfSettings)
+EXPORT = Export(
+    "urdf", "URDF/xacro: fixed joints", "application/xml", ".xacro", _write, UrdfSettings, open_too=True
+)

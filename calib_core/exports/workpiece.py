@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from calib_core.cell.axes import read_axes
-from calib_core.cell.found import as_used, carriers_found, placed_table, scanner_frame
+from calib_core.cell.found import as_used, carriers_found, placed_table, scanner_frame, table_seen
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
 from calib_core.guidance.budget import together
@@ -68,7 +68,8 @@ def at_workpiece(session: Session, result: Mapping[str, Any]) -> list[AtWorkpiec
         If a frame or a covariance of the result is none.
     """
     stage = result.get("stage")
-    if result.get("up_to_shift") or result.get("verdict") == "fail":
+    is_open = result.get("up_to_shift") and table_seen(result) is None
+    if is_open or result.get("verdict") == "fail":
         return []  # where in base a point lies is not determined, or not by captures that contradict each other
     found: list[AtWorkpiece] = []
     if stage in tool_stages():

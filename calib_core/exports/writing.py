@@ -179,9 +179,15 @@ def provenance(answer: Answer) -> list[str]:
     """
     name = ascii_of(answer.session.name) or "without a name"
     position, rotation = answer.position_sigma_mm, answer.rotation_sigma_deg
+    seen = answer.laser_from_turntable is not None
+    what = (
+        "turntable in the scanner's frame (laser)"
+        if seen
+        else f"scanner frame (laser) in {answer.mount_from_laser.into}"
+    )
     return [
         *_faults_told(answer),
-        f"scancell: scanner frame (laser) in {answer.mount_from_laser.into}, of session {name}",
+        f"scancell: {what}, of session {name}",
         f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date[:10] or 'at an unknown date'}",
         f"standard uncertainty {position:.4f} mm, {rotation:.5f} deg (worst axis)",
         f"inputs sha256 {answer.inputs_sha256[:16]}",

@@ -42,14 +42,14 @@ class AnsweredFrame(Record):
 class SessionAnswer(Record):
     """The answer of a session: of `chain` or, without a table, of `tcp`.
 
-    `faults` says what speaks against using it, by name, if anything; `findings` the same, and what its results
-    notice; `inputs_sha256` are the hashes of what
-    its stages were solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of
-    error contributes, where the stage says it; `decision` that of the latest verification,
-    `limits_changed` which of its limits were changed after its first capture; `workpiece_sigma_mm` how well a
-    point at the workpiece is known in its worst direction (one sigma); `verified` is when the latest verification
-    was solved, `equipment` what it was found with; `decided_before` tells decisions after which captures were left
-    out or added, or limits changed.
+    Of a table that is known to its scanner alone it is `turntable`'s, has `laser_from_turntable` and no frame in
+    base; both sigmas are that frame's then. `faults` says what speaks against using it, by name, if anything;
+    `findings` the same, and what its results notice; `inputs_sha256` are the hashes of what its stages were
+    solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of error contributes,
+    where the stage says it; `decision` that of the latest verification, `limits_changed` which of its limits were
+    changed after its first capture; `workpiece_sigma_mm` how well a point at the workpiece is known in its worst
+    direction (one sigma); `verified` is when the latest verification was solved, `equipment` what it was found
+    with; `decided_before` tells decisions after which captures were left out or added, or limits changed.
     """
 
     format: str = _FORMAT
@@ -71,6 +71,7 @@ class SessionAnswer(Record):
     tool0_from_laser: AnsweredFrame | None
     base_from_laser: AnsweredFrame | None = None
     base_from_turntable: AnsweredFrame | None
+    laser_from_turntable: AnsweredFrame | None = None
     position_sigma_mm: Open
     rotation_sigma_deg: float
     budget: Any = None
@@ -123,6 +124,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
         tool0_from_laser=_scanner(convention.name, answer, "tool0"),
         base_from_laser=_scanner(convention.name, answer, "base"),
         base_from_turntable=_table(convention.name, answer),
+        laser_from_turntable=_seen(convention.name, answer),
         position_sigma_mm=answer.position_sigma_mm,
         rotation_sigma_deg=answer.rotation_sigma_deg,
         budget=_budget(answer),
@@ -151,7 +153,7 @@ def answer_as_read(
 def answer_of_folder(
     session: Session, results: ResultsData, read: ReadFile, date: str = "", **beside: Any
 ) -> SessionAnswer | None:
-    """Return the answer of a session whose files can be read; None where neither chain nor tcp is solved.
+    """Return the answer of a session whose files can be read; None where nothing that can be one is solved.
 
     `beside` is what is known beside its results, as `decided_before`.
     """
@@ -169,7 +171,7 @@ def _budget(answer: Answer) -> Any:
     """
     from calib_core.guidance.part_budget import budget_at
 
-    if answer.stale:
+    if answer.stale or answer.laser_from_turntable is not None:
         return None
     try:
         return budget_at(answer.session, answer.results).to_json()
@@ -185,8 +187,8 @@ def _workpiece_sigma_mm(answer: Answer) -> float | None:
         places = at_workpiece(answer.session, answer.results[answer.stage])
     except (InputError, KeyError, TypeError, ValueError):
         return None
-    sigmas = {of: [place.worst_sigma_mm for place in places if place.of == of] for of in ("both", "tool")}
-    return max(sigmas["both"] or sigmas["tool"], default=None)
+    sigmas = {of: [place.worst_sigma_mm for place in places if place.of == of] for of in ("both", "tool", "table")}
+    return max(sigmas["both"] or sigmas["tool"] or sigmas["table"], default=None)
 
 
 def _frame(convention: str, frame: RigidTransform, covariance: FloatArray) -> AnsweredFrame:
@@ -204,6 +206,11 @@ def _scanner(convention: str, answer: Answer, mount: Carrier) -> AnsweredFrame |
     if answer.mount_from_laser.into != mount:
         return None
     return _frame(convention, answer.mount_from_laser, answer.tool_covariance)
+
+
+def _seen(convention: str, answer: Answer) -> AnsweredFrame | None:
+    seen = answer.laser_from_turntable
+    return seen and _frame(convention, seen, answer.tool_covariance)
 
 
 def _table(convention: str, answer: Answer) -> AnsweredFrame | None:

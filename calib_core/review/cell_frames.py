@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.cell.carriers import other_end, scanner_mount, scanner_names
-from calib_core.cell.found import as_used
+from calib_core.cell.found import as_used, table_seen
 from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform, skew
@@ -112,7 +112,7 @@ def frame_graph(
     solved = _Solved(results, stale)
     edges = [_robot(session, chosen, solved), *_tools(session, solved, scanner or _scanner(session, chosen))]
     if _has_table(session):
-        edges.append(_table(session, solved))
+        edges += _table(session, solved)
     sphere = (*tool_stages(), *table_stages())
     for stage in [one for one in stages() if one.name not in sphere]:
         names = [name for name in stage.frames if _fits(session, name)]
@@ -262,15 +262,20 @@ def _has_table(session: Session) -> bool:
     )
 
 
-def _table(session: Session, solved: _Solved) -> FrameEdge:
+def _table(session: Session, solved: _Solved) -> list[FrameEdge]:
+    """Return the table's edge in base, or in the scanner's frame where it is known to that alone."""
     known = session.cell.known.base_from_turntable
     if known is not None:
         transform = RigidTransform.from_rounded(known, "base", "turntable")
-        return FrameEdge("base", "turntable", "known", "cell.known.base_from_turntable", transform)
+        return [FrameEdge("base", "turntable", "known", "cell.known.base_from_turntable", transform)]
     stage = solved.first(table_stages())
     if stage is None:
-        return FrameEdge("base", "turntable", "sought", table_stages()[-1])
-    return solved.edge(stage, "base_from_turntable")
+        return [FrameEdge("base", "turntable", "sought", table_stages()[-1])]
+    if (seen := table_seen(solved.results[stage])) is None:
+        return [solved.edge(stage, "base_from_turntable")]
+    there = RigidTransform.from_rounded(seen.matrix, "laser", "turntable")
+    covariance, scanner = np.array(seen.covariance, dtype=float), seen.into.partition(":")[2] or None
+    return [FrameEdge("laser", "turntable", "solved", stage, there, covariance, scanner, stage in solved.stale)]
 
 
 def _fits(session: Session, name: str) -> bool:
@@ -301,7 +306,11 @@ def _shared(session: Session, solved: _Solved) -> dict[tuple[str, str], FloatArr
 
 def _is_open(edge: FrameEdge, results: Mapping[str, Mapping[str, Any]]) -> bool:
     """Return whether the motions leave open where a scanner or table is."""
-    return edge.outof in ("laser", "turntable") and bool(results.get(edge.source, {}).get("up_to_shift"))
+    return (
+        edge.into != "laser"
+        and edge.outof in ("laser", "turntable")
+        and bool(results.get(edge.source, {}).get("up_to_shift"))
+    )
 
 
 def _determined(found: FoundTransform, results: Mapping[str, Mapping[str, Any]]) -> FoundTransform:

@@ -98,9 +98,8 @@ def _disagreeing(bag: Bag, session: Session, results: ResultsData) -> Iterator[F
     """Give what stands in an archive beside its results and says something else."""
     graph = Graph(session, bag.sha256)
     try:
-        solved = next(
-            (str(r["solved"]) for stage in tool_stages() if (r := results.get(stage, {})).get("solved")), ""
-        )
+        dates = (results.get(stage, {}).get("solved") for stage in (*tool_stages(), *table_stages()))
+        solved = next((str(date) for date in dates if date), "")
         answer = answer_record(answer_of(session, results, graph.stale(results), solved)).to_json()
     except CalibrationError:
         answer = None

@@ -155,6 +155,10 @@ def _note(session: Session, step: str, status: GuideStatus, *, revised: bool) ->
         return "the method was revised since; the answer stays valid, solve anew to use the new one"
     if status == "not-needed" and step == "turntable":
         return message("the cell tells of no turntable: where there is one, say so in the cell's description")
+    if status == "not-needed" and step in ("tcp", "verify"):
+        return message(
+            "scanner and table are solved to each other; in the robot's base only with captures of step 'tcp'"
+        )
     if status == "not-needed":
         if session.cell.scanner.kind == "center":
             return message("the scanner delivers centres already")

@@ -52,14 +52,20 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
     from calib_core.findings.telling import block_in
     from calib_core.frames import Frame, RigidTransform
     from calib_core.graph.registry import STAGES
+    from calib_core.messages import message
     from calib_core.records.decided_before import DECISIONS
     from calib_core.records.evidence import AnyBlock, Figure, Note
     from calib_core.stages.evidence_parts import frame_block
 
+    seen = answer.laser_from_turntable
     known = (
         ("At the workpiece", answer.workpiece_sigma_mm, "mm"),
-        ("Scanner's position", answer.position_sigma_mm, "mm"),
-        ("Scanner's orientation", answer.rotation_sigma_deg, "°"),
+        ("Scanner's position" if seen is None else message("Table's position"), answer.position_sigma_mm, "mm"),
+        (
+            "Scanner's orientation" if seen is None else message("Table's orientation"),
+            answer.rotation_sigma_deg,
+            "°",
+        ),
     )
     believed = answer.verdict != "fail"
     blocks: list[AnyBlock] = [
@@ -77,6 +83,7 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
         (answer.tool, "tool0", "laser", "Scanner on the flange"),
         (answer.base_from_laser, "base", "laser", "Scanner in the robot's base"),
         (answer.base_from_turntable, "base", "turntable", "Turntable in the robot's base"),
+        (seen, "laser", "turntable", "Turntable seen from the scanner"),
     )
     for found, into, outof, title in frames:
         if found is not None:

@@ -83,7 +83,8 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
         color = faint(STATE_COLOR[capture.state]) if behind else STATE_COLOR[capture.state]
         grow = 1.6 if capture.id == look.picked else 0.75 if behind else 1.0
         flange = capture.base_from_tool0
-        yield nodes.axes(f"/frames/{capture.id}/flange", flange, 36.0 * grow, color)
+        if facts.knows_base:
+            yield nodes.axes(f"/frames/{capture.id}/flange", flange, 36.0 * grow, color)
         laser = capture.base_from_laser
         if laser is not None and not (capture.stands_still and capture.scanner in drawn):
             drawn.add(capture.scanner)
@@ -92,11 +93,11 @@ def frames(facts: SceneFacts, look: Look) -> Iterator[Node]:
             joint = np.array([[flange.translation_mm, laser.translation_mm]])
             if not capture.stands_still:
                 yield nodes.lines(f"/frames/{capture.id}/tool", joint, color, 3.0 if grow > 1 else 1.2)
-        if capture.state == "rejected":
+        if capture.state == "rejected" and facts.knows_base:
             picked = capture.id == look.picked
             sign = cross(flange.translation_mm, 26.0 if picked else 14.0)
             yield nodes.lines(f"/frames/{capture.id}/cross", sign, REJECTED, 4.0 if picked else 2.0)
-    if len(look.shown(facts)) > MANY:
+    if len(look.shown(facts)) > MANY and facts.knows_base:
         yield from frames_of_all(look.shown(facts))
 
 
@@ -203,6 +204,11 @@ LAYERS: dict[str, tuple[str, Layer]] = {
 """Root node of each layer, its name for people, and what draws it; the first ones are sent and seen first."""
 
 
+_OF_BASE = {"base", "arm", "labels", "ghost", "trial", "live"}
+"""The layers that say where something is in the robot's base."""
+
+
 def draw(facts: SceneFacts, look: Look) -> dict[str, Node]:
     """Return all nodes of a scene by name."""
-    return {node.name: node for _, layer in LAYERS.values() for node in layer(facts, look)}
+    layers = [layer for name, (_, layer) in LAYERS.items() if facts.knows_base or name not in _OF_BASE]
+    return {node.name: node for layer in layers for node in layer(facts, look)}

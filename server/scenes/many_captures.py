@@ -35,8 +35,10 @@ def frames_of_all(captures: Sequence[CaptureFacts]) -> Iterator[Node]:
     yield of_all("/frames/flanges", flanges, _FLANGE_MM)
     if len(lasers) == len(flanges) <= _MOST_LASERS:
         yield of_all("/frames/lasers", lasers, _LASER_MM)
-        ends = [(a.translation_mm, b.translation_mm) for a, b in zip(flanges, lasers, strict=True)]
-        yield nodes.lines("/frames/tools", np.array(ends), WAITING, 1.0)
+        pairs = zip(captures, flanges, lasers, strict=True)
+        ends = [(a.translation_mm, b.translation_mm) for one, a, b in pairs if not one.stands_still]
+        if ends:
+            yield nodes.lines("/frames/tools", np.array(ends), WAITING, 1.0)
     crosses = [cross(c.base_from_tool0.translation_mm, _CROSS_MM) for c in captures if c.state == "rejected"]
     if crosses:
         yield nodes.lines("/frames/crosses", np.concatenate(crosses), REJECTED, 2.0)

@@ -10,6 +10,7 @@ import numpy as np
 from calib_core.captures.content import pose_of, sphere_of
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.cell.carriers import diameters_by_name, rides_on_axis, stands_apart, stands_still, tells_diameter
+from calib_core.cell.found import own_base
 from calib_core.cell.walk import Carriers
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
@@ -88,6 +89,8 @@ class KnownHowWell:
 class SceneFacts:
     """A session in the robot's base; what is not known yet is None, never guessed.
 
+    A scanner that is known to a table alone is not tied to the base (`knows_base`): all is in a frame of its own.
+
     `merged` is the merged cloud, or the scans where none is stored; `scans` gives those one by one. `next_pose` is
     where the guide wants the flange next, None where it wants it nowhere.
     """
@@ -107,6 +110,7 @@ class SceneFacts:
     table_so_far: "TableSoFar | None" = None
     field: TableField | None = None
     balls: tuple[Ball, ...] = ()
+    knows_base: bool = True
 
     @property
     def knows_scanner(self) -> bool:
@@ -191,6 +195,7 @@ def scene_facts(scene: SceneInput) -> SceneFacts:
         table_so_far=advice.table_so_far,
         field=table_field(scene),
         balls=balls,
+        knows_base=placement is None or own_base(session.cell, session.captures) is None,
     )
 
 

@@ -105,7 +105,7 @@ def view_of_places(places_mm: FloatArray) -> View:
 
 def _places_mm(facts: SceneFacts) -> FloatArray:
     """Return the places (N, 3) that a view must hold: flanges, also the next one, scanners, sphere."""
-    places = [capture.base_from_tool0.translation_mm for capture in facts.captures]
+    places = [capture.base_from_tool0.translation_mm for capture in facts.captures if facts.knows_base]
     if facts.next_pose is not None:
         # With what is drawn about it: after the first captures it takes up a good part of the window.
         places += list(facts.next_pose.apply(AXES_MM * np.concatenate([np.eye(3), -np.eye(3)])))

@@ -1,5 +1,6 @@
 """Scanners that saw the table alone: placed by the sphere on it, or known to the table and to nothing else."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -8,13 +9,18 @@ import numpy as np
 import pytest
 
 import calib_core as cc
+from calib_core.exports.answer import answer_of
+from calib_core.exports.export import export
 from calib_core.library.opened import OpenSession, in_memory
+from calib_core.library.results import Results
 from calib_core.records import Capture
+from calib_core.review.answer import answer_record
 from calib_core.review.cell_frames import session_frames
 from calib_core.simulation import TOPOLOGY_SCENARIOS, TopologyScenario
 from calib_core.simulation.topology import BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.evidence import text_of
+from calib_core.stages.guide import guide
 from tests.topology_errors import distances
 
 CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
@@ -71,9 +77,16 @@ def test_a_scanner_that_the_table_does_not_tell_is_named_and_all_else_solved(
     assert all(row.used for row in result.residuals if row.capture not in told.captures)
 
 
-def test_a_scanner_before_a_table_that_saw_nothing_of_the_robot_is_known_to_the_table_alone() -> None:
+@pytest.fixture(scope="module")
+def alone() -> tuple[OpenSession, dict[str, Any], Results]:
     session, truth = seen_by(replace(FIXED, balls=(HELD, *MOUNTED)), lambda one: one.step != "tcp")
-    results = session.run()
+    return session, truth, session.run()
+
+
+def test_a_scanner_before_a_table_that_saw_nothing_of_the_robot_is_known_to_the_table_alone(
+    alone: tuple[OpenSession, dict[str, Any], Results],
+) -> None:
+    session, truth, results = alone
     assert list(results) == ["turntable"]
     result = results["turntable"]
     assert result.verdict == "pass"
@@ -93,3 +106,38 @@ def test_a_scanner_before_a_table_that_saw_nothing_of_the_robot_is_known_to_the_
     axis = axis * np.sign(axis @ found[:, 2])
     tilts = (found.T @ np.cross(found[:, 2], axis))[:2]
     assert tilts @ np.linalg.solve(covariance, tilts) < CHI2[2]
+
+
+def test_a_table_that_its_scanner_alone_knows_is_the_answer_and_is_exported_as_seen_from_it(
+    alone: tuple[OpenSession, dict[str, Any], Results],
+) -> None:
+    session, _, results = alone
+    data = {stage: one.to_json() for stage, one in results.items()}
+    edges = {edge.name: edge.state for edge in session_frames(session.record, data).edges}
+    assert edges == {"base_from_tool0": "measured", "base_from_laser": "sought", "laser_from_turntable": "solved"}
+    told = answer_record(answer_of(session.record, results))
+    seen = told.laser_from_turntable
+    assert seen is not None
+    assert (told.stage, told.verdict, told.base_from_laser, told.base_from_turntable) == (
+        "turntable", "pass", None, None
+    )  # fmt: skip
+    assert told.position_sigma_mm == pytest.approx(
+        np.sqrt(np.linalg.eigvalsh(np.array(seen.covariance)[3:, 3:])[-1])
+    )
+    written = {name: export(session.record, results, name)[0].decode() for name in ("json", "csv", "urdf")}
+    assert np.allclose(json.loads(written["json"])["laser_from_turntable"], seen.matrix, atol=1e-12)
+    assert written["csv"].splitlines()[-1].startswith("laser,turntable,")
+    assert '<parent link="laser"/>' in written["urdf"]
+    for name in ("kuka", "fanuc", "moveit"):  # frames in the robot's base, or tools
+        with pytest.raises(cc.CalibrationError, match="determined to each other alone"):
+            export(session.record, results, name)
+
+
+def test_the_guide_asks_a_scanner_before_a_table_for_no_sphere_on_a_robot(
+    alone: tuple[OpenSession, dict[str, Any], Results],
+) -> None:
+    session, _, results = alone
+    for known in ({}, {stage: one.to_json() for stage, one in results.items()}):
+        told = guide(session.record, [], known)
+        assert told.current.step == ("scan" if known else "turntable")
+        assert {one.step: one.status for one in told.steps}["tcp"] == "not-needed"

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.cell.found import known_scanner
+from calib_core.cell.found import known_scanner, own_base
 from calib_core.graph.stage import SCAN_FIELDS, SPHERE_FIELDS, SPHERE_READS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 from calib_core.steps import CaptureStep
@@ -41,6 +41,10 @@ class Verify(Stage):
     any_arrangement = True
     optional = True
     layers = ("sphere", "captures", "scanner")
+
+    def is_wanted(self, session: "Session") -> bool:
+        """Return whether there can be a scanner that the robot's base knows."""
+        return own_base(session.cell, session.captures) is None
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stage that gives the answer, and what turns raw frames into points."""

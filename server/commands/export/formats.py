@@ -10,7 +10,7 @@ from calib_core.archive.archive import is_archive, opened
 from calib_core.archive.dates import solved_when
 from calib_core.archive.folder import load_results, load_session, past_of
 from calib_core.archive.stored_clouds import media_types
-from calib_core.cell.found import known_scanner
+from calib_core.cell.found import answering, known_scanner, own_base
 from calib_core.errors import InputError
 from calib_core.exports.answer import answer_of
 from calib_core.exports.backups import write_into
@@ -49,7 +49,7 @@ def export(options: argparse.Namespace) -> int:
             with progress_bar(options) as progress:
                 stored = replayed(session, read, stored, progress)
         results: dict[str, Record | Mapping[str, Any]] = {**stored}
-        if stored.keys().isdisjoint(tool_stages()):
+        if answering(stored) is None:
             with progress_bar(options) as progress:
                 results |= run_stages(session, read, _answering_stage(session), progress)
             date = now()
@@ -77,6 +77,8 @@ def export(options: argparse.Namespace) -> int:
 def _answering_stage(session: Session) -> str:
     """Return the stage whose result is the answer: the whole chain where there are captures for it."""
     known = session.cell.known
+    if own_base(session.cell, session.captures) is not None:
+        return "turntable"
     if known_scanner(session.cell) or known.base_from_turntable:
         return "tcp"
     solvable = stages_to_solve(session)

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from calib_core import __version__
 from calib_core.archive.seals import SOLVED
-from calib_core.cell.found import placed_scanner
+from calib_core.cell.found import answering, placed_scanner
 from calib_core.evidence.html import result_html
 from calib_core.evidence.style import STYLE
 from calib_core.evidence.text import verdict_words
@@ -22,7 +22,6 @@ from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock
 from calib_core.review.truth import truth_blocks
 from calib_core.stages.evidence import stored_evidence, title_of
-from calib_core.steps import tool_stages
 from server.render.report.circumstances import (
     cell_rows,
     certificate_rows,
@@ -74,7 +73,7 @@ def report_html(
     InputError
         If a result's frame or covariance is none.
     """
-    of_answer = next((results[stage] for stage in tool_stages() if stage in results), {})
+    of_answer = results.get(answering(results) or "", {})
     date_signed = (of_answer.get("provenance") or SOLVED) == SOLVED
     about = replace(circumstances or Circumstances(), date_signed=date_signed)
     said = about.language
