@@ -29,7 +29,7 @@ from calib_core.records import (
     Severity,
 )
 from calib_core.stages.boards_seen import coverage_so_far
-from calib_core.steps import capture_steps
+from calib_core.steps import capture_steps, steps_that_show
 
 _ENDED: tuple[GuideStatus, ...] = ("done", "known", "not-needed")
 
@@ -155,7 +155,7 @@ def _note(session: Session, step: str, status: GuideStatus, *, revised: bool) ->
         return "the method was revised since; the answer stays valid, solve anew to use the new one"
     if status == "not-needed" and step == "turntable":
         return message("the cell tells of no turntable: where there is one, say so in the cell's description")
-    if status == "not-needed" and step in ("tcp", "verify"):
+    if status == "not-needed" and step in steps_that_show("sphere"):
         return message(
             "scanner and table are solved to each other; in the robot's base only with captures of step 'tcp'"
         )
