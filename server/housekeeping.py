@@ -13,6 +13,7 @@ from server.store.answers import forget_old_answers
 from server.store.database import Store
 from server.store.models import Data, EventRow, FileRow, OutputRow, SessionRow
 from server.store.releases import list_cells, released
+from server.store.signed_log import verify_anew
 from server.store.standing import policy_of, released_faults
 from server.store.webhooks import forget_old_deliveries, tell
 
@@ -51,6 +52,7 @@ class Housekeeping:
                     forget_old_deliveries(db)
                 forget_old_events(self._store)
                 remove_orphans(self._store, self._stopping)
+                verify_anew()
                 self._alarms.tell()
             except Exception:  # a full disk, a locked database: next hour is soon enough
                 log.exception("tidying up failed")

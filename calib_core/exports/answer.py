@@ -55,6 +55,8 @@ class Answer:
         Decisions after which the verification's evidence was changed.
     provenance : tuple of str
         How the results that it rests on came to be here, each kind once.
+    altered : bool
+        Whether somebody changed stored records of its session by other ways than the server.
     """
 
     session: Session
@@ -73,6 +75,7 @@ class Answer:
     of_moment: tuple[str, ...] = ()
     decided_before: tuple[DecidedBefore, ...] = ()
     provenance: tuple[str, ...] = ()
+    altered: bool = False
 
     @property
     def is_open(self) -> bool:
@@ -132,6 +135,7 @@ class Answer:
         holds = {
             "stale": self.stale,
             "fail": self.verdict == "fail",
+            "altered": self.altered,
             "verify-fail": self.decision in NOT_CONFIRMED,
             "not-replayed": "imported" in self.provenance,
             "differs": "differs" in self.provenance,

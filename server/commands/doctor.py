@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 def _arguments(parser: argparse.ArgumentParser) -> None:
     data_argument(parser)
     parser.add_argument("--repair", action="store_true", help="repair what can be repaired; no server may run")
+    parser.add_argument(
+        "--accept",
+        action="store_true",
+        help="sign what was changed in the database as it stands; no server may run",
+    )
     parser.add_argument("--backup", type=Path, metavar="DIR", help="where --repair takes damaged files from")
 
 
@@ -26,6 +31,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.errors import InputError
     from calib_core.messages import message
     from server.settings import Settings
+    from server.store.changed_rows import accept
     from server.store.repair import repair
 
     if options.backup is not None and not options.repair:
@@ -35,6 +41,9 @@ def _run(options: argparse.Namespace) -> int:
     done: list[str] = []
     if options.repair:
         done = repair(settings, found, options.backup)
+    if options.accept:
+        done += accept(settings)
+    if options.repair or options.accept:
         found = _examined(options, settings)
     mended = (message("repaired: {what}", what=line) for line in done)
     lines = [*mended, *map(_line, found.findings), _sum(found)]

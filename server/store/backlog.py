@@ -3,22 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import bindparam, delete, select, update
+from sqlalchemy import delete, select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.records import Measured
 from server.store.database import record_event
 from server.store.models import CaptureRow, Data, FileRow, SessionRow, WaitingRow
-
-_NOTE = (
-    update(CaptureRow)
-    .where(
-        CaptureRow.session_id == bindparam("session"),
-        CaptureRow.id == bindparam("capture"),
-        CaptureRow.revision == bindparam("of_revision"),
-    )
-    .values(measured=bindparam("seen"))
-)
 
 
 @dataclass(frozen=True)
@@ -84,11 +74,10 @@ def note_measured(
     session = db.get(SessionRow, session_id, with_for_update=True, populate_existing=True)
     if session is None or not waiting or session.record["cell"] != waiting[0].session_record["cell"]:
         return
-    rows = [
-        {"session": session_id, "capture": w.capture_id, "of_revision": w.revision, "seen": m.to_json()}
-        for w, m in zip(waiting, measured, strict=True)
-    ]
-    db.connection().execute(_NOTE, rows)
+    for one, seen in zip(waiting, measured, strict=True):
+        row = db.get(CaptureRow, (session_id, one.capture_id), populate_existing=True)
+        if row is not None and row.revision == one.revision:
+            row.measured = seen.to_json()
     db.execute(delete(WaitingRow).where(WaitingRow.number.in_([w.number for w in waiting])))
     data: Data = {"action": "changed", "capture": waiting[-1].capture_id}
     record_event(db, session, "capture", data if len(waiting) == 1 else {**data, "count": len(waiting)})

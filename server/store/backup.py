@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import sqlalchemy as sa
+from sqlalchemy.orm import Session as Transaction
 
 from calib_core import __version__, counted
 from calib_core.archive.folder import parse_json, to_json_bytes
@@ -29,6 +30,7 @@ from server.store.engine import engine_of, reading
 from server.store.folder import folder_lock, require_store
 from server.store.schema import stored_revision, upgrade
 from server.store.secrets import copy_key
+from server.store.signed_log import begin
 
 MANIFEST: Final = "backup.json"
 _FORMAT: Final = "scancell-backup/1"
@@ -230,6 +232,9 @@ def restore(source: Path, settings: Settings) -> Backup:
                     with kept.open(digest) as file:
                         target.put_pieces(iter(lambda file=file: file.read(CHUNK_BYTES), b""))
                 upgrade(connection)
+                with Transaction(connection, join_transaction_mode="rollback_only") as db:
+                    begin(db, "restored")
+                    db.commit()
             copy_key(source / manifest["tables"], settings.data)
         finally:
             engine.dispose()
@@ -252,6 +257,8 @@ def _manifest(source: Path) -> dict[str, Any]:
 def _fill(connection: sa.Connection, folder: Path, manifest: Mapping[str, Any]) -> None:
     metadata = _reflected(connection)
     for table in metadata.sorted_tables:
+        if table.name == "signed_log":  # it has begun already
+            connection.execute(sa.delete(table))
         digest = sha256()
         batch: list[dict[str, Any]] = []
         for line in _lines(folder / f"{table.name}.jsonl"):

@@ -19,6 +19,7 @@ from server.store.calibrations import board_results
 from server.store.database import publish_later
 from server.store.json_text import JsonText
 from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, WaitingRow
+from server.store.row_seals import row_seal
 from server.store.sessions import no_such_session
 
 _SESSION = select(SessionRow.record, SessionRow.last_event, SessionRow.last_position).where(
@@ -144,8 +145,8 @@ def add_captures(
     """
     db.flush()  # what this transaction did before comes first
     run, moment = db.connection().execute, now()
-    found = run(_LOCKED_SESSION, {"session_id": session_id}).first()
-    record, event, position = _required(found, session_id)
+    session = run(_LOCKED_SESSION, {"session_id": session_id}).first()
+    record, event, position = _required(session, session_id)
     if record["cell"] != measured_for["cell"]:
         raise ConflictError("a cell that rests", "one that was just changed", "Send the request again.", "cell")
     reasons = _refusals(db, session_id, [(a.capture, a.digests) for a in arriving])
@@ -157,7 +158,8 @@ def add_captures(
         if reason is not None:
             answers.append(reason)
             continue
-        data, seen = _text(a.capture), _text(a.measured)
+        (told, data), (found, seen) = _with_text(a.capture), _with_text(a.measured)
+        signed = {"session_id": session_id, "id": a.capture.id, "record": told, "measured": found}
         keys = {"session_id": session_id, "capture_id": a.capture.id}
         place = position + len(captures) + 1
         captures.append(
@@ -168,6 +170,7 @@ def add_captures(
                 "created": moment,
                 "record": data,
                 "measured": seen,
+                "seal": row_seal("captures", signed),
             }
         )
         files += [{**keys, "name": name, "sha256": d, "size": a.sizes[name]} for name, d in a.digests.items()]
@@ -188,10 +191,11 @@ def add_captures(
     return answers
 
 
-def _text(record: Capture | Measured | JsonText) -> JsonText:
+def _with_text(record: Capture | Measured | JsonText) -> tuple[Data, JsonText]:
     if isinstance(record, JsonText):
-        return record
-    return JsonText(json.dumps(record.to_json(), allow_nan=False, ensure_ascii=False))
+        return json.loads(record), record
+    data = record.to_json()
+    return data, JsonText(json.dumps(data, allow_nan=False, ensure_ascii=False))
 
 
 def is_stored(db: Transaction, session_id: str, arrival: Arrival) -> bool:

@@ -15,6 +15,7 @@ from server.store.blob_places import open_blobs
 from server.store.engine import engine_of, reading
 from server.store.models import EventRow, SessionRow
 from server.store.schema import upgrade
+from server.store.signed_log import end_to_keep, keep_end
 from server.store.webhooks import tell_event
 
 Publish = Callable[[EventRow], None]
@@ -74,7 +75,10 @@ class Store:
                     self._require_own(db)
                 yield db
                 note_acts(db, [acting.get()])
+                end = end_to_keep(db)
                 db.commit()
+                if end is not None:
+                    keep_end(end)
                 events: list[EventRow] = db.info.pop(_EVENTS, [])
             for recorded in events:
                 self._publish(recorded)

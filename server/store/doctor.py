@@ -14,6 +14,7 @@ from calib_core.records import Measured, parse_session
 from server.settings import Settings
 from server.store.blob_places import open_blobs
 from server.store.blobs import Blobs
+from server.store.changed_rows import changed_rows
 from server.store.engine import engine_of, reading
 from server.store.folder import require_store
 from server.store.schema import head_revision, stored_revision
@@ -86,6 +87,11 @@ def examine(settings: Settings, progress: Progress = lambda _fraction, _what: No
             _integrity(connection, found)
             _revision(connection, found)
             _records(connection, found)
+            if stored_revision(connection) == head_revision():
+                named = {(one.session, one.capture) for one in found.findings if one.capture}
+                found.findings += (
+                    Finding("damage", *one) for one in changed_rows(connection) if one[1:] not in named
+                )
             _blobs(connection, blobs, found, progress)
     except DBAPIError as error:
         said = " ".join(str(error.orig).split())

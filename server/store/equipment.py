@@ -9,6 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.captures.certificate_dates import is_overdue
+from calib_core.errors import ConflictError
 from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records import Session
@@ -82,6 +83,9 @@ def _registered(db: Transaction, one: Equipment) -> Equipment:
     if one.register_id is None:
         return one
     row = equipment_row(db, one.register_id)
+    if not row.holds:
+        to_do = message("Hold it against its certificate; `scancell doctor --accept` signs it as it stands.")
+        raise ConflictError("a piece as the register stored it", "one changed in the database", to_do, row.id)
     found = Equipment.model_validate({**one.to_json(), **row.record, "register_id": row.id})
     if found.certificate is None or found.certificate.file is None or not _has_file(db, row.id):
         return found

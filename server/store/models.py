@@ -8,6 +8,7 @@ from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
 
 from calib_core.archive.seals import IMPORTED, SOLVED, seal_state, session_sha256, with_provenance
 from calib_core.errors import NotFoundError
+from server.store.row_seals import Signed
 
 Data = dict[str, Any]
 
@@ -37,10 +38,11 @@ class Base(DeclarativeBase):
         return {name: getattr(self, name) for name in names}
 
 
-class SessionRow(Base):
+class SessionRow(Signed, Base):
     """A session: its record without captures."""
 
     __tablename__ = "sessions"
+    signed = ("id", "created", "record")
     id: Mapped[str] = mapped_column(String(32), primary_key=True)
     name: Mapped[str]
     created: Mapped[str] = mapped_column(String(32))
@@ -67,10 +69,11 @@ class SessionRow(Base):
         return cell_id_of(self.record["cell"].get("id"), self.record.get("name", ""))
 
 
-class CaptureRow(Base):
+class CaptureRow(Signed, Base):
     """A capture: its record and what was measured in it; `position` is the order of arrival."""
 
     __tablename__ = "captures"
+    signed = ("session_id", "id", "record", "measured")
     session_id: Mapped[str] = mapped_column(ForeignKey("sessions.id", ondelete="CASCADE"), primary_key=True)
     id: Mapped[str] = mapped_column(String(64), primary_key=True)
     position: Mapped[int]
@@ -238,33 +241,25 @@ class ReleaseRow(Base):
     __table_args__ = (Index("releases_by_cell", "cell", "number"),)
 
 
-class PolicyRow(Base):
-    """A cell's policy; it lies outside of the sessions that it judges."""
+class LogRow(Signed, Base):
+    """An entry of the signed log: `of` is a session or a cell, `before` the signature of the entry before it."""
 
-    __tablename__ = "policies"
-    cell: Mapped[str] = mapped_column(String(64), primary_key=True)
-    record: Mapped[Data]
+    __tablename__ = "signed_log"
+    signed = ("number", "kind", "of", "told", "before")
+    number: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    kind: Mapped[str] = mapped_column(String(16))
+    of: Mapped[str] = mapped_column(String(64))
+    told: Mapped[Data]
+    before: Mapped[str]
 
-
-class AcknowledgedRow(Base):
-    """A fault of the moment that somebody acknowledged; `of` are the steps, or the changes of equipment."""
-
-    __tablename__ = "acknowledged"
-    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=True)
-    cell: Mapped[str] = mapped_column(String(64))
-    fault: Mapped[str] = mapped_column(String(32))
-    of: Mapped[list[str]] = mapped_column(JSON)
-    who: Mapped[str]
-    why: Mapped[str]
-    created: Mapped[str] = mapped_column(String(32))
-
-    __table_args__ = (Index("acknowledged_by_cell", "cell", "number"),)
+    __table_args__ = (Index("signed_log_by_subject", "kind", "of", "number"),)
 
 
-class EquipmentRow(Base):
+class EquipmentRow(Signed, Base):
     """A piece of equipment in the server's register, with the file of its certificate."""
 
     __tablename__ = "equipment"
+    signed = ("id", "created", "record")
     id: Mapped[str] = mapped_column(String(16), primary_key=True)
     record: Mapped[Data]
     created: Mapped[str] = mapped_column(String(32))

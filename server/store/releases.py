@@ -15,6 +15,7 @@ from server.store.audit import note_change
 from server.store.database import record_event
 from server.store.models import Data, ReleaseRow, SessionRow
 from server.store.sessions import latest_results, locked_session, stored_record
+from server.store.signed_log import note
 from server.store.staleness import stale_stages
 from server.store.webhooks import tell
 
@@ -161,6 +162,7 @@ def _add(
     db.add(row)
     db.flush()
     note_change({"before": before[0] if before else None, "after": row.fields("number", "session_id")})
+    note(db, "release", cell, {"created": row.created})
     told = release_data(row)
     tell(db, "release", session_id, told, cell)  # by the cell: the answer's session may be gone
     for one in sorted(session["id"] for name, session in _sessions(db, cell) if name == cell):

@@ -1,4 +1,4 @@
-"""Results and releases of which the log knows and the tables do not: somebody took them out of the database."""
+"""Results and releases of which the signed log knows and the tables do not: somebody took them out."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -6,7 +6,8 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
-from server.store.models import Data, EventRow, ReleaseRow, ResultRow
+from server.store.models import Data, ReleaseRow, ResultRow, SessionRow
+from server.store.signed_log import entries, newest
 
 
 def logged(stage: str, record: Mapping[str, Any]) -> Data:
@@ -16,10 +17,10 @@ def logged(stage: str, record: Mapping[str, Any]) -> Data:
 
 
 def removed_stages(db: Transaction, session_id: str) -> frozenset[str]:
-    """Return the stages whose newest result was taken out."""
-    newest = {one["stage"]: one["solved"] for one in _logged(db, session_id)}
-    there = _there(db, session_id, newest)
-    return frozenset(stage for stage, solved in newest.items() if (stage, solved) not in there)
+    """Return the stages whose newest result was taken out, and nobody accepted that."""
+    newest_of = {one["stage"]: one["solved"] for one in _logged(db, session_id)}
+    there = _there(db, session_id, newest_of)
+    return frozenset(stage for stage, solved in newest_of.items() if solved and (stage, solved) not in there)
 
 
 def removed_decisions(db: Transaction, session_id: str) -> list[Data]:
@@ -29,16 +30,17 @@ def removed_decisions(db: Transaction, session_id: str) -> list[Data]:
     return [one for one in decided if ("verify", one["solved"]) not in there]
 
 
-def is_release_removed(db: Transaction, cell: str, sessions: Iterable[str]) -> bool:
-    """Return whether a cell's newest release was taken out, by the logs of its sessions."""
-    query = select(EventRow.data).where(EventRow.session_id.in_(list(sessions)), EventRow.kind == "release")
-    known = max((told["created"] for told in db.scalars(query) if told["cell"] == cell), default="")
-    return known not in {"", *db.scalars(select(ReleaseRow.created).where(ReleaseRow.cell == cell))}
+def is_release_removed(db: Transaction, row: ReleaseRow) -> bool:
+    """Return whether a newer release than a cell's newest was taken out, or the session that it is of."""
+    known = newest(db, "release", row.cell)
+    if known is not None and known.told["created"] > row.created:
+        return True
+    is_there = db.get(SessionRow, row.session_id) is not None
+    return not is_there and newest(db, "removed", row.session_id) is None and bool(_logged(db, row.session_id))
 
 
 def _logged(db: Transaction, session_id: str) -> list[Data]:
-    query = select(EventRow.data).where(EventRow.session_id == session_id, EventRow.kind == "result")
-    return [told for told in db.scalars(query.order_by(EventRow.id)) if "solved" in told]
+    return [row.told for row in entries(db, "result", session_id) if row.holds and "solved" in row.told]
 
 
 def _there(db: Transaction, session_id: str, stages: Iterable[str]) -> set[tuple[str, str]]:

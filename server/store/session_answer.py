@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from sqlalchemy import select
+from sqlalchemy import Text, cast, select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import undefer
 
@@ -14,8 +14,9 @@ from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.faults import in_order
 from calib_core.review.decided_before import decided_before
 from calib_core.steps import table_stages, tool_stages
-from server.store.models import CaptureRow, Data, ResultRow
+from server.store.models import CaptureRow, ResultRow, SessionRow
 from server.store.removed_rows import removed_stages
+from server.store.row_seals import text_holds
 from server.store.sessions import StoredSession
 
 STALE_HEADER: Final = "Scancell-Stale"
@@ -35,17 +36,13 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
     answer = answer_of(stored.session, stored.results, stale)
     row = _newest(db, stored.id, answer.stage)[0]
     verified = _newest(db, stored.id, "verify", most=None)[::-1]
-    if _is_past_changed(db, stored, [row, *verified[-1:]]):
-        stale = [*stale, answer.stage]
-        answer = answer_of(stored.session, stored.results, stale)
     session = stored.session
     if answer.stale and row.solved_from is not None:
         then = parse_session(row.solved_from["session"], stored.id)
         session = session.model_copy(update={"cell": then.cell, "captures": then.captures})
     answer = answer_of(session, stored.results, stale, row.record.get("solved") or row.created)
-    removed = removed_stages(db, stored.id).intersection((*tool_stages(), *table_stages(), "verify"))
-    provenance = (*answer.provenance, *(["imported"] if removed else []))
-    return replace(answer, decided_before=tuple(_decided_before(verified, stored)), provenance=provenance)
+    before = tuple(_decided_before(verified, stored))
+    return replace(answer, decided_before=before, altered=_is_altered(db, stored.id))
 
 
 def _newest(db: Transaction, session_id: str, stage: str, most: int | None = 1) -> list[ResultRow]:
@@ -54,28 +51,21 @@ def _newest(db: Transaction, session_id: str, stage: str, most: int | None = 1) 
     return list(db.scalars(query.options(undefer(ResultRow.solved_from))))
 
 
-def _is_past_changed(db: Transaction, stored: StoredSession, rows: Sequence[ResultRow]) -> bool:
-    """Return whether dates of captures, or the log of changed limits, are not what was signed with a result.
-
-    No key knows them.  A capture that came anew since, under its old name, has dates of its own.
-    """
-    changes = [one.to_json() for one in stored.session.cell.verification.changes or ()]
-    for row in rows:
-        origin = row.origin()
-        if origin is None:
-            continue
-        signed: Data = origin["session"]
-        log = (signed["cell"].get("verification") or {}).get("changes") or []
-        if changes[: len(log)] != log:
-            return True
-        query = select(CaptureRow.id, CaptureRow.record).where(CaptureRow.session_id == stored.id)
-        taken = {
-            name: record.get("taken")
-            for name, record in db.execute(query.where(CaptureRow.created <= row.created))
-        }
-        if any(taken.get(one["id"], one.get("taken")) != one.get("taken") for one in signed["captures"]):
-            return True
-    return False
+def _is_altered(db: Transaction, session_id: str) -> bool:
+    """Return whether somebody changed the session's rows in the database, or took out what its answer rests on."""
+    columns = (
+        CaptureRow.session_id,
+        CaptureRow.id,
+        *(cast(c, Text) for c in (CaptureRow.record, CaptureRow.measured)),
+    )
+    query = select(*columns, cast(CaptureRow.seal, Text)).where(CaptureRow.session_id == session_id)
+    captures = [(dict(zip(CaptureRow.signed, row, strict=False)), row[-1]) for row in db.execute(query)]
+    of_answer = (*tool_stages(), *table_stages(), "verify")
+    return (
+        not db.get_one(SessionRow, session_id).holds
+        or not all(text_holds(CaptureRow.__tablename__, told, seal or "") for told, seal in captures)
+        or not removed_stages(db, session_id).isdisjoint(of_answer)
+    )
 
 
 def _decided_before(verified: Sequence[ResultRow], stored: StoredSession) -> list[DecidedBefore]:

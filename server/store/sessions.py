@@ -22,6 +22,7 @@ from server.store.paging import Page, after_cursor, page_of
 from server.store.process_data import Output, with_stale
 from server.store.record_cache import KeptRecords
 from server.store.session_files import files_read
+from server.store.signed_log import note
 from server.store.staleness import stale_stages
 
 OF_ARCHIVE, ARCHIVED = "archive", "archive:"
@@ -311,6 +312,6 @@ def delete_session(db: Transaction, session_id: str) -> set[str]:
     digests |= set(db.scalars(select(OutputRow.sha256).where(OutputRow.session_id == session_id)))
     note_change({"before": {"name": row.name, "cell": row.cell_id}, "after": None})
     record_event(db, row, "session", {"action": "removed"})
-    db.flush()
+    note(db, "removed", session_id, {"cell": row.cell_id})
     db.execute(delete(SessionRow).where(SessionRow.id == session_id).execution_options(synchronize_session=False))
     return digests

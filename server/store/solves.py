@@ -17,6 +17,7 @@ from server.store.paging import Page, after_cursor, page_of
 from server.store.process_data import Output
 from server.store.removed_rows import logged, removed_decisions
 from server.store.sessions import locked_session, new_id
+from server.store.signed_log import note
 from server.store.standing import open_steps
 from server.store.webhooks import tell, wanted
 
@@ -165,7 +166,8 @@ def store_result(
     former = _remove_outputs(db, session.id, stage)
     for name, made in (outputs or {}).items():
         db.add(made.to_row(session.id, name, stage))
-    record_event(db, session, "result", logged(stage, record))
+    record_event(db, session, "result", {"stage": stage})
+    note(db, "result", session.id, logged(stage, record))
     if record["verdict"] != before:
         data = {
             "stage": stage,

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
@@ -17,9 +18,10 @@ from calib_core.review.answer import answer_record
 from calib_core.review.standing import Standing, changed_equipment, faults_of_moment, serials_of
 from server.store.access import AuditRow
 from server.store.audit import note_change
-from server.store.models import AcknowledgedRow, Data, PolicyRow, ReleaseRow, SessionRow
+from server.store.models import Data, ReleaseRow, SessionRow
 from server.store.releases import cell_history, cell_sessions, released, sessions_of_cell
 from server.store.removed_rows import is_release_removed
+from server.store.signed_log import entries, is_whole, newest, note
 
 _CAPTURING = ("/captures", "/captures/batch", "/sources/simulated/capture", "/live/capture", "/live/sweep")
 _NOBODY = "this machine"  # without a login nobody knows who it is
@@ -29,18 +31,18 @@ _steps_known: dict[tuple[Any, ...], frozenset[str]] = {}
 
 def policy_of(db: Transaction, cell: str) -> Policy:
     """Return a cell's policy; one that asks for nothing where none was set."""
-    row = db.get(PolicyRow, cell)
-    return Policy() if row is None else Policy.model_validate(row.record)
+    row = newest(db, "policy", cell)
+    try:
+        return Policy() if row is None else Policy.model_validate(row.told)
+    except ValidationError:  # somebody changed it: see `moment_faults`
+        return Policy()
 
 
 def set_policy(db: Transaction, cell: str, policy: Policy) -> None:
     """Set a cell's policy; the audit log keeps what it was before."""
-    row, record = db.get(PolicyRow, cell), policy.to_json()
-    note_change({"before": None if row is None else row.record, "after": record})
-    if row is None:
-        db.add(PolicyRow(cell=cell, record=record))
-    else:
-        row.record = record
+    row, record = newest(db, "policy", cell), policy.to_json()
+    note_change({"before": None if row is None else row.told, "after": record})
+    note(db, "policy", cell, record)
 
 
 def with_moment(db: Transaction, answer: Answer, session_id: str) -> Answer:
@@ -53,20 +55,23 @@ def moment_faults(
     db: Transaction, answer: Mapping[str, Any], cell: str, session_id: str | None
 ) -> tuple[str, ...]:
     """Return the faults of the moment of a cell's answer: of a session, or (None) of the one in force."""
-    return faults_of_moment(answer, _standing(db, cell, new=session_id is not None))
+    policy = newest(db, "policy", cell)
+    is_altered = not is_whole(db) or (policy is not None and not policy.holds)
+    told = faults_of_moment(answer, _standing(db, cell, new=session_id is not None))
+    return in_order((*told, *(["altered"] if is_altered else [])))
 
 
 def released_faults(db: Transaction, row: ReleaseRow, session_id: str | None = None) -> tuple[str, ...]:
     """Return all faults of a release: its own, and those of the moment as a session's or (None) in force."""
-    if row.holds:
-        gone = session_id is None and is_release_removed(db, row.cell, sessions_of_cell(db, row.cell))
-        of_log = ("not-replayed",) if gone else ()
-        return in_order((*row.answer["faults"], *of_log, *moment_faults(db, row.answer, row.cell, session_id)))
+    told = ["altered"] if session_id is None and is_release_removed(db, row) else []
+    if not row.holds:
+        told.append("not-replayed")
     try:
-        told = (*row.answer["faults"], *moment_faults(db, row.answer, row.cell, session_id))
-    except (AttributeError, KeyError, TypeError, ValueError):  # somebody changed what it says
-        told = ()
-    return in_order((*told, "not-replayed"))
+        told += [*row.answer["faults"], *moment_faults(db, row.answer, row.cell, session_id)]
+    except (AttributeError, KeyError, TypeError, ValueError):
+        if row.holds:
+            raise  # else somebody changed what it says
+    return in_order(told)
 
 
 def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> Data:
@@ -87,10 +92,8 @@ def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> D
     if not found:
         to_do = "Nothing has to be done."
         raise ConflictError("a cell with the fault {fault}", "one without", to_do, cell, fault=fault)
-    row = AcknowledgedRow(cell=cell, fault=fault, of=sorted(found), who=who, why=why, created=now())
-    db.add(row)
-    db.flush()
-    return row.fields("number", "cell", "fault", "of", "who", "why", "created")
+    told = {"fault": fault, "of": sorted(found), "who": who, "why": why, "created": now()}
+    return {"number": note(db, "acknowledged", cell, told).number, "cell": cell, **told}
 
 
 def open_steps(db: Transaction, cell: str) -> frozenset[str]:
@@ -128,10 +131,8 @@ def _standing(db: Transaction, cell: str, *, new: bool) -> Standing:
 
 
 def _acknowledged(db: Transaction, cell: str, fault: str, since: str = "") -> frozenset[str]:
-    query = select(AcknowledgedRow.of).where(
-        AcknowledgedRow.cell == cell, AcknowledgedRow.fault == fault, AcknowledgedRow.created >= since
-    )
-    return frozenset(one for of in db.scalars(query) for one in of)
+    told = [row.told for row in entries(db, "acknowledged", cell) if row.holds]
+    return frozenset(one for t in told if t["fault"] == fault and t["created"] >= since for one in t["of"])
 
 
 def _changes_acknowledged(db: Transaction, cell: str) -> frozenset[str]:

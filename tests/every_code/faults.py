@@ -24,6 +24,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "answer-failed": (answer(verdict="fail"), answer(verdict="warn")),
     "answer-not-confirmed": (answer(decision="conditional-fail"), answer(decision="conditional-pass")),
     "answer-not-replayed": (answer(provenance=("solved", "imported")), answer(provenance=("solved", "replayed"))),
+    "answer-altered": (answer(altered=True), answer()),
     "answer-differs": (answer(provenance=("differs",)), answer(provenance=("replayed",))),
     **{FAULT_CODES[name].name: (answer(of_moment=(name,)), answer()) for name in MOMENT},
 }

@@ -12,6 +12,8 @@ import httpx
 import pytest
 
 from server.settings import Settings
+from server.store.changed_rows import accept
+from server.store.doctor import examine
 from tests.core.test_forged_results import leaves, other
 from tests.server.live_server import serving, simulated_session, upload
 from tests.verified import verified_session
@@ -74,7 +76,7 @@ def test_a_result_that_was_changed_is_no_answer(served: tuple[httpx.Client, str,
         change("results", "record", lambda record, changes=changes: record | changes)
         assert client.get(f"/sessions/{session}/exports/kuka").status_code in (409, 422)
         assert client.post(f"/sessions/{session}/release", json={}).status_code in (409, 422)
-    assert client.get(f"/sessions/{session}/answer").json()["faults"] == ["not-replayed"]
+    assert client.get(f"/sessions/{session}/answer").json()["faults"] == ["altered", "not-replayed"]
     report = client.get(f"/sessions/{session}/report").text
     assert "2020-01-01 00:00 UTC, as told: nobody who is trusted here has signed this date" in report
     assert "20200101" not in report
@@ -140,6 +142,102 @@ def test_a_changed_release_is_in_no_report_and_archive_as_signed_and_a_roll_back
     assert "not-replayed" in client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
 
 
+LEAVES = {
+    "sessions": ("record", "id", "/sessions/{session}/answer"),
+    "captures": ("record", "rowid", "/sessions/{session}/answer"),
+    "measured": ("measured", "rowid", "/sessions/{session}/answer"),
+    "policy": ("told", "number", "/cells/{cell}/answer"),
+}
+"""Of each stored record: its column, its key, and where a change of any field must be told."""
+
+
+@pytest.mark.parametrize("record", LEAVES)
+def test_every_field_of_a_stored_record_that_was_changed_is_told(
+    served: tuple[httpx.Client, str, Path], record: str
+) -> None:
+    client, session, database = served
+    client.put(f"/cells/{CELL}/policy", json={"needs": [], "interval_days": 90}).raise_for_status()
+    column, key, address = LEAVES[record]
+    table = {"measured": "captures", "policy": "signed_log"}.get(record, record)
+    where = "kind = 'policy'" if record == "policy" else "1"
+
+    def faults() -> str:
+        return client.get(address.format(session=session, cell=CELL)).headers["Scancell-Faults"]
+
+    assert "altered" not in faults()
+    with sqlite3.connect(database, isolation_level=None, timeout=20) as db:
+        found = f"SELECT {key}, {column} FROM {table} WHERE {where} ORDER BY {key} DESC"
+        number, text = db.execute(found).fetchone()
+        data = json.loads(text)
+        for container, name in list(leaves(data)):
+            value, container[name] = container[name], other(container[name])
+            db.execute(f"UPDATE {table} SET {column} = ? WHERE {key} = ?", (json.dumps(data), number))
+            container[name] = value
+            told = client.get(address.format(session=session, cell=CELL))
+            assert told.status_code == 422 or "altered" in told.headers["Scancell-Faults"], (name, told.text)
+        db.execute(f"UPDATE {table} SET {column} = ? WHERE {key} = ?", (text, number))
+    db.close()
+    assert "altered" not in faults()
+
+
+def test_what_was_changed_stays_told_when_the_server_writes_it_again(
+    served: tuple[httpx.Client, str, Path],
+) -> None:
+    client, session, database = served
+    with sqlite3.connect(database, isolation_level=None, timeout=20) as db:
+        record, text = db.execute("SELECT record, measured FROM captures WHERE id = 'p05'").fetchone()
+        better = json.dumps({**json.loads(text), "points": 9999})
+        db.execute("UPDATE captures SET measured = ? WHERE id = 'p05'", (better,))
+        client.patch(f"/sessions/{session}/captures/p05", json={"excluded": True}).raise_for_status()
+        client.patch(f"/sessions/{session}/captures/p05", json={"excluded": False}).raise_for_status()
+        assert "altered" in client.get(f"/sessions/{session}/answer").json()["faults"]
+        kept = [
+            one
+            for one in client.get(f"/sessions/{session}/answer").json()["findings"]
+            if one["code"] == "answer-altered"
+        ]
+        assert "scancell doctor" in kept[0]["to_do"]
+        found = examine(Settings(data=database.parent))
+        assert [(one.session, one.capture) for one in found.findings if one.kind == "damage"] == [(session, "p05")]
+        db.execute("UPDATE captures SET record = ?, measured = ? WHERE id = 'p05'", (record, text))
+        assert "altered" not in client.get(f"/sessions/{session}/answer").json()["faults"]
+    db.close()
+
+
+def test_an_entry_of_the_log_taken_out_is_told_and_so_is_its_end(tmp_path: Path) -> None:
+    settings = Settings(data=tmp_path, port=0, warm_up=False)
+    database = tmp_path / "scancell.db"
+
+    def faults(client: httpx.Client) -> str:
+        return client.get("/cells/told/answer").headers["Scancell-Faults"]
+
+    with serving(settings) as client:
+        session = simulated_session(client, captures=14)
+        client.patch(f"/sessions/{session}", json={"name": "told"}).raise_for_status()
+        client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60}).raise_for_status()
+        client.post(f"/sessions/{session}/release", json={"why": "set up"}).raise_for_status()
+        client.put("/cells/told/policy", json={"needs": []}).raise_for_status()
+        client.put("/cells/told/policy", json={"needs": [], "interval_days": 30}).raise_for_status()
+        assert faults(client) == ""
+        with sqlite3.connect(database, isolation_level=None, timeout=20) as db:
+            rows = db.execute("SELECT * FROM signed_log ORDER BY number").fetchall()
+            for gone in ([rows[2]], [rows[-1]], rows[-2:], rows):  # in the midst, at the end, all of it
+                for row in gone:
+                    db.execute("DELETE FROM signed_log WHERE number = ?", (row[0],))
+                assert faults(client) == "altered"
+                assert client.post(f"/sessions/{session}/release", json={}).status_code == 409
+                for row in gone:
+                    db.execute(f"INSERT INTO signed_log VALUES ({', '.join('?' * len(row))})", row)
+                assert faults(client) == ""
+            db.execute("DELETE FROM signed_log WHERE number >= ?", (rows[-2][0],))  # as if nobody had asked for it
+        db.close()
+    assert [one.what for one in examine(settings).findings if one.kind == "damage"]
+    assert accept(settings)
+    assert not examine(settings).damaged
+    with serving(settings) as client:
+        assert faults(client) == ""
+
+
 def test_the_newest_release_taken_out_is_told(served: tuple[httpx.Client, str, Path]) -> None:
     client, session, database = served
     client.post(f"/sessions/{session}/release", json={"why": "the newest"}).raise_for_status()
@@ -147,7 +245,7 @@ def test_the_newest_release_taken_out_is_told(served: tuple[httpx.Client, str, P
     with sqlite3.connect(database, isolation_level=None, timeout=20) as db:
         row = db.execute("SELECT * FROM releases ORDER BY number DESC").fetchone()
         db.execute("DELETE FROM releases WHERE number = ?", (row[0],))
-        assert "not-replayed" in client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
+        assert "altered" in client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"]
         db.execute(f"INSERT INTO releases VALUES ({', '.join('?' * len(row))})", row)
     db.close()
     assert client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"] == before
@@ -198,17 +296,17 @@ def test_a_decision_before_that_was_changed_or_deleted_is_told(tmp_path: Path) -
             )
             assert before() == [told]
             kept = db.execute("SELECT * FROM results WHERE stage = 'verify' ORDER BY number DESC").fetchone()
-            assert "not-replayed" not in faults()
+            assert "altered" not in faults()
             db.execute("DELETE FROM results WHERE number = ?", (kept[0],))
-            assert "not-replayed" in faults()
+            assert "altered" in faults()
             db.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?, ?)", kept)
             # Dates of captures, and the log of changed limits, which no key knows.
             first = captures[0]["id"]
             record = json.loads(db.execute("SELECT record FROM captures WHERE id = ?", (first,)).fetchone()[0])
             later = json.dumps({**record, "taken": "2020-01-01T00:00:00.000Z"})
             db.execute("UPDATE captures SET record = ? WHERE id = ?", (later, first))
-            assert "stale" in faults()
+            assert "altered" in faults()
             assert client.get(f"/sessions/{session}/exports/kuka").status_code == 409
             db.execute("UPDATE captures SET record = ? WHERE id = ?", (json.dumps(record), first))
-            assert "stale" not in faults()
+            assert "altered" not in faults()
         db.close()

@@ -60,6 +60,17 @@ ANSWER_DIFFERS = Code(
     fixed=True,
 )
 
+ANSWER_ALTERED = Code(
+    "answer-altered",
+    "error",
+    text="Stored records that this answer rests on were changed or removed in the database itself.",
+    to_do="`scancell doctor` names them; put them right, or have them signed as they stand (`--accept`).",
+    meaning="The server signs what it stores, and numbers what was decided: a signature is broken, or a number missing.",
+    decided="A session, a capture, a policy or an entry of the signed log is not as it was stored here.",
+    usual_causes="A hand in the database; a copy of its file that was put back without `scancell restore`.",
+    fixed=True,
+)
+
 CELL_DRIFTED = Code(
     "cell-drifted",
     "warning",
@@ -110,6 +121,7 @@ FAULT_CODES: Final[Mapping[str, Code]] = {
     "verify-fail": ANSWER_NOT_CONFIRMED,
     "not-replayed": ANSWER_NOT_REPLAYED,
     "differs": ANSWER_DIFFERS,
+    "altered": ANSWER_ALTERED,
     "drift": CELL_DRIFTED,
     "overdue": ANSWER_OVERDUE,
     "equipment-changed": EQUIPMENT_CHANGED,

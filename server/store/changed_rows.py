@@ -1,0 +1,87 @@
+"""Rows that are not as a server stored them: named, and signed as they stand where that is asked for."""
+
+from collections.abc import Iterator
+
+from sqlalchemy import Connection, func, select
+from sqlalchemy.orm import Session as Transaction
+
+from server.settings import Settings
+from server.store.engine import engine_of
+from server.store.models import CaptureRow, EquipmentRow, LogRow, ReleaseRow, SessionRow
+from server.store.removed_rows import is_release_removed, removed_stages
+from server.store.row_seals import Signed
+from server.store.sessions import latest_results
+from server.store.signed_log import begin, end_to_keep, is_whole, keep_end, note, verify_anew
+from server.store.store_lock import store_lock
+
+_BY_HAND = "by other ways than a server"
+
+
+def changed_rows(connection: Connection) -> Iterator[tuple[str, str, str]]:
+    """Give what was changed or taken out: a sentence, the session and the capture, empty where there is none."""
+    with Transaction(connection) as db:
+        for row in _not_holding(db):
+            if isinstance(row, SessionRow):
+                yield f"its record was changed {_BY_HAND}", row.id, ""
+            elif isinstance(row, CaptureRow):
+                yield f"its record, or what was measured in it, was changed {_BY_HAND}", row.session_id, row.id
+            elif isinstance(row, EquipmentRow):
+                yield f"the piece of equipment {row.id} was changed {_BY_HAND}", "", ""
+            else:
+                yield f"the entry {row.fields('number')['number']} of the signed log was changed", "", ""
+        for session, stage in _removed(db):
+            yield f"its newest result of {stage} was taken out", session, ""
+        for row in _newest_releases(db):
+            if is_release_removed(db, row):
+                yield (
+                    f"cell {row.cell}: a newer release, or the session that it is of, is gone",
+                    "",
+                    "",
+                )
+        if not is_whole(db):
+            yield "entries of the signed log were taken out, or an older copy was put back", "", ""
+
+
+def accept(settings: Settings) -> list[str]:
+    """Sign rows as they stand, begin the log anew, and say what was done, a sentence each.
+
+    Raises
+    ------
+    ConflictError
+        If a server uses the store.
+    """
+    engine = engine_of(settings.sql_url)
+    verify_anew()
+    with store_lock(settings), Transaction(engine.execution_options(writing=True)) as db:
+        rows = list(_not_holding(db))
+        for row in rows:
+            row.sign()
+        begin(db, "accepted")
+        for session, stage in _removed(db):
+            there = latest_results(db, session).get(stage, {})
+            note(db, "result", session, {"stage": stage, "solved": there.get("solved") or ""})
+        for release in _newest_releases(db):
+            if db.get(SessionRow, release.session_id) is None:
+                note(db, "removed", release.session_id, {"cell": release.cell})
+            note(db, "release", release.cell, {"created": release.created})
+        end = end_to_keep(db)
+        db.commit()
+    engine.dispose()
+    if end is not None:
+        keep_end(end)
+    return [f"{len(rows)} changed rows were signed as they stand", "the signed log was begun anew"]
+
+
+def _removed(db: Transaction) -> list[tuple[str, str]]:
+    sessions = db.scalars(select(SessionRow.id).order_by(SessionRow.id)).all()
+    return [(session, stage) for session in sessions for stage in sorted(removed_stages(db, session))]
+
+
+def _newest_releases(db: Transaction) -> list[ReleaseRow]:
+    newest = select(func.max(ReleaseRow.number)).group_by(ReleaseRow.cell)
+    return list(db.scalars(select(ReleaseRow).where(ReleaseRow.number.in_(newest)).order_by(ReleaseRow.cell)))
+
+
+def _not_holding(db: Transaction) -> Iterator[Signed]:
+    for table in (SessionRow, CaptureRow, EquipmentRow, LogRow):
+        yield from (row for row in db.scalars(select(table)) if not row.holds)
