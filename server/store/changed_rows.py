@@ -27,8 +27,8 @@ def changed_rows(connection: Connection) -> Iterator[tuple[str, str, str]]:
                 yield f"its record, or what was measured in it, was changed {_BY_HAND}", row.session_id, row.id
             elif isinstance(row, EquipmentRow):
                 yield f"the piece of equipment {row.id} was changed {_BY_HAND}", "", ""
-            else:
-                yield f"the entry {row.fields('number')['number']} of the signed log was changed", "", ""
+            elif isinstance(row, LogRow):
+                yield f"the entry {row.number} of the signed log was changed", "", ""
         for session, stage in _removed(db):
             yield f"its newest result of {stage} was taken out", session, ""
         for row in _newest_releases(db):

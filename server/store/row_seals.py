@@ -68,7 +68,7 @@ def row_holds(table: str, fields: Mapping[str, Any], seal: Mapping[str, Any] | N
 
 
 def _sha256(fields: Mapping[str, Any]) -> str:
-    """Return the hash of what a database gives back as it was stored; `seals.canonical` takes ten times as long."""
+    """Return the hash of JSON data that comes back as it was stored; `canonical` takes ten times as long."""
     text = json.dumps(fields, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 

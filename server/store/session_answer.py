@@ -53,12 +53,8 @@ def _newest(db: Transaction, session_id: str, stage: str, most: int | None = 1) 
 
 def _is_altered(db: Transaction, session_id: str) -> bool:
     """Return whether somebody changed the session's rows in the database, or took out what its answer rests on."""
-    columns = (
-        CaptureRow.session_id,
-        CaptureRow.id,
-        *(cast(c, Text) for c in (CaptureRow.record, CaptureRow.measured)),
-    )
-    query = select(*columns, cast(CaptureRow.seal, Text)).where(CaptureRow.session_id == session_id)
+    read = [cast(column, Text) for column in (CaptureRow.record, CaptureRow.measured, CaptureRow.seal)]
+    query = select(CaptureRow.session_id, CaptureRow.id, *read).where(CaptureRow.session_id == session_id)
     captures = [(dict(zip(CaptureRow.signed, row, strict=False)), row[-1]) for row in db.execute(query)]
     of_answer = (*tool_stages(), *table_stages(), "verify")
     return (
