@@ -1,0 +1,267 @@
+"""Cameras from boards that are bent, printed wide, or right: what is found, what is named, and whether ± hold.
+
+The corners come of a forward model of this file's own. Beside OpenCV's calibration and, where Debian's
+`python3-mrcal` is installed, mrcal's: by the error at corners of views that none of them was given.
+"""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from harness import Row, all_kept
+from scipy.spatial.transform import Rotation
+
+from calib_core.frames import FloatArray
+from calib_core.optics.board import BoardView
+from calib_core.optics.camera import CameraOptions, calibrate_camera
+from calib_core.optics.camera_evidence import camera_findings
+from calib_core.optics.camera_solution import CameraSolution
+from calib_core.optics.projection_map import nodes
+
+SIZE = (1280, 1024)
+COLUMNS, ROWS, PITCH_MM = 9, 7, 15.0
+NOISE_PX = 0.08
+FLAT = np.array([[x * PITCH_MM, y * PITCH_MM, 0.0] for y in range(ROWS) for x in range(COLUMNS)])
+MIDDLE_MM = FLAT.mean(axis=0)
+PEER = "/usr/bin/python3"
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A true camera: focal lengths, principal point, and k1 k2 p1 p2 k3."""
+
+    focal_px: tuple[float, float]
+    centre_px: tuple[float, float]
+    bends: tuple[float, float, float, float, float]
+
+    def seen(self, points: FloatArray) -> FloatArray:
+        """Return the pixels (N, 2) of points before the camera (N, 3)."""
+        x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
+        k1, k2, p1, p2, k3 = self.bends
+        square = x * x + y * y
+        radial = 1 + square * (k1 + square * (k2 + square * k3))
+        across = x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)
+        down = y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y
+        return np.column_stack([across, down]) * self.focal_px + self.centre_px
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A camera and the corners of its views."""
+
+    lens: Lens
+    pixels: list[FloatArray]
+
+    def solved(self, bent: bool | None = None) -> CameraSolution:
+        """Return what scancell makes of it."""
+        views = [BoardView(one, FLAT, np.arange(len(FLAT)), SIZE, corner_sigma_px=NOISE_PX) for one in self.pixels]
+        return calibrate_camera(views, SIZE, CameraOptions(refine_board=bent))
+
+
+def drawn(seed: int, views: int, bend_mm: float = 0.0, wide: float = 1.0, turns: int = 0) -> Seen:
+    """Return a camera and its views of a board that is bent like a bow, or printed too wide along its rows.
+
+    The bow lies anywhere, or with `turns` along the rows or the columns, as all that is compared can say.
+    """
+    rng = np.random.default_rng([seed, views])
+    focal = rng.uniform(1400, 2600)
+    k1 = rng.uniform(-0.25, 0.05)
+    lens = Lens(
+        (focal, focal * rng.uniform(0.9995, 1.0005)),
+        (SIZE[0] / 2 + rng.normal(0, 12), SIZE[1] / 2 + rng.normal(0, 12)),
+        (k1, rng.uniform(0, 1) * k1**2 - 0.1 * k1, *rng.normal(0, 4e-4, 2), 0.0),
+    )
+    board = (FLAT - MIDDLE_MM) * [wide, 1.0, 1.0]
+    along = rng.integers(turns) * np.pi / turns if turns else rng.uniform(0, np.pi)
+    bow = board[:, 0] * np.cos(along) + board[:, 1] * np.sin(along)
+    board[:, 2] = bend_mm * (1 - (bow / np.abs(bow).max()) ** 2)
+    pixels: list[FloatArray] = []
+    while len(pixels) < views:
+        distance = focal * rng.uniform(0.12, 0.22) * PITCH_MM * COLUMNS / 150
+        tilt = rng.uniform(-0.7, 0.7, 2)
+        turn = Rotation.from_euler("xyz", [*tilt, rng.uniform(-np.pi, np.pi)]).as_matrix()
+        place = np.array([*(rng.uniform(-0.3, 0.3, 2) * SIZE / np.array(lens.focal_px)), 1.0]) * distance
+        seen = lens.seen(board @ turn.T + place)
+        if ((seen > 5) & (seen < np.array(SIZE) - 6)).all():
+            pixels.append(seen + rng.normal(0, NOISE_PX, seen.shape))
+    return Seen(lens, pixels)
+
+
+def run(full: bool) -> Iterator[Row]:
+    """Return the rows of this benchmark; `full` takes the cameras of the figures, otherwise a tenth of them."""
+    yield from _boards_that_are_wrong(20 if full else 2)
+    yield from _right_ones(200 if full else 20)
+    yield from _beside_peers(20 if full else 2)
+
+
+def _boards_that_are_wrong(count: int) -> Iterator[Row]:
+    for bend_mm in (0.3, 1.0):
+        ends = all_kept(
+            {f"cameras-bend-{bend_mm}-{s}": partial(_focal_off, s, 14, bend_mm=bend_mm) for s in range(count)}
+        )
+        within = sum(off <= 3.0 for off, _ in ends)
+        what = f"{count} boards bent by {bend_mm} mm, 14 views: focal lengths within 3 stated; worst"
+        yield Row(what, "all", f"{within} of {count}; {max(off for off, _ in ends):.1f}", within == count)
+    for wide in (1.01, 1.05):
+        ends = all_kept({f"cameras-wide-{wide}-{s}": partial(_focal_off, s, 14, wide=wide) for s in range(count)})
+        named = sum("pitches-differ" in codes for _, codes in ends)
+        within = sum(off <= 3.0 for off, _ in ends)
+        what = f"{count} boards printed {100 * (wide - 1):.0f} % wide: named; focal lengths within 3 stated"
+        yield Row(what, "≥ 95 %", f"{named}; {within} of {count}", named >= 0.95 * count)
+
+
+def _focal_off(seed: int, views: int, bend_mm: float = 0.0, wide: float = 1.0) -> tuple[float, list[str]]:
+    """Return how far the focal lengths are off, in stated standard deviations, and which codes are told."""
+    cell = drawn(seed, views, bend_mm, wide)
+    solution = cell.solved()
+    found = [solution.camera.camera_matrix[k, k] for k in range(2)]
+    sigmas = np.sqrt(np.diag(solution.covariance))[:2]
+    off = float(np.max(np.abs(np.array(found) - cell.lens.focal_px) / sigmas))
+    return off, [one.code for one in camera_findings(solution)]
+
+
+def _right_ones(count: int) -> Iterator[Row]:
+    ends = all_kept({f"cameras-right-{s}": partial(_right, s) for s in range(count)})
+    accused = sum("pitches-differ" in codes or "board-bent" in codes for *_, codes in ends)
+    what = f"{count} right cameras of 5 to 20 views: board's pitch or bend named"
+    yield Row(what, "≤ 0.5 %", f"{accused}", accused <= 0.005 * count)
+    ratio = float(np.sqrt(np.mean([found for found, _, _ in ends]) / np.mean([stated for _, stated, _ in ends])))
+    each = float(np.sqrt(np.mean([found / stated for found, stated, _ in ends])))
+    what = f"{count} right cameras of 5 to 20 views: projection's error / stated, all together; each alike"
+    yield Row(what, "0.8–1.2", f"{ratio:.2f}; {each:.2f}", 0.8 <= each <= 1.2)
+
+
+def _right(seed: int) -> tuple[float, float, list[str]]:
+    """Return the mean square of the projection's error over the image and of what is stated, and the codes."""
+    cell = drawn(1000 + seed, 5 + seed % 16)
+    solution = cell.solved()
+    found, stated = _projection_off(solution, cell.lens), np.array(solution.coverage.projection_sigma_px).ravel()
+    known = np.isfinite(stated) & np.isfinite(found)
+    codes = [one.code for one in camera_findings(solution)]
+    return float(np.mean(found[known] ** 2)), float(np.mean(stated[known] ** 2)), codes
+
+
+def _projection_off(solution: CameraSolution, lens: Lens) -> FloatArray:
+    """Return how far the found camera's rays end from their pixels in the true one, a turn of it taken off."""
+    pixels = nodes(SIZE)
+    rays = np.column_stack([solution.camera.undistort(pixels), np.ones(len(pixels))])
+    has_ray = np.isfinite(rays).all(axis=1)
+
+    def off(turn: FloatArray) -> FloatArray:
+        return lens.seen(rays[has_ray] @ Rotation.from_rotvec(turn).as_matrix().T) - pixels[has_ray]
+
+    turn = np.zeros(3)
+    for _ in range(6):
+        slopes = np.stack([(off(turn + step) - off(turn)).ravel() / 1e-6 for step in 1e-6 * np.eye(3)], axis=1)
+        turn = turn - np.linalg.lstsq(slopes, off(turn).ravel(), rcond=None)[0]
+    whole = np.full(len(pixels), np.nan)
+    whole[has_ray] = np.linalg.norm(off(turn), axis=1)
+    return whole
+
+
+def _beside_peers(splits: int) -> Iterator[Row]:
+    """Compare the error at corners of twelve views that none was given, of cameras from twelve others."""
+    for bend_mm in (0.0, 0.5):
+        ends = all_kept({f"cameras-peers-{bend_mm}-{s}": partial(_held_out, s, bend_mm) for s in range(splits)})
+        names = [name for name in ends[0] if name != "ours"]
+        means = {name: float(np.mean([one[name] for one in ends])) for name in ends[0]}
+        halves = {name: float(np.mean([one[name] for one in ends])) for name in names}
+        ratio = means["ours"] / min(halves.values())
+        beside = ", ".join(f"{name} {means[name]:.4f}" for name in means)
+        what = f"{splits} splits of 24 views, board bent by {bend_mm} mm: held-out error / the better peer's"
+        yield Row(what, "≤ 1.01", f"{ratio:.3f} ({beside} px)", ratio <= 1.01)
+
+
+def _held_out(seed: int, bend_mm: float) -> dict[str, float]:
+    cell = drawn(5000 + seed, 24, bend_mm, turns=2)
+    given, kept = Seen(cell.lens, cell.pixels[:12]), cell.pixels[12:]
+    solution = given.solved()
+    board = FLAT.copy()
+    if solution.board_shape is not None:
+        board[:, 2] = solution.board_shape.heights_mm(FLAT)
+    found = {"ours": _misfit(solution.camera.project, board, kept)}
+    start, poses = _by_opencv(given)
+    found["OpenCV"] = _misfit(start.seen, FLAT, kept)
+    if shutil.which(PEER) and subprocess.run([PEER, "-c", "import mrcal"], capture_output=True).returncode == 0:
+        lens, bent = _by_mrcal(given, start, poses)
+        found["mrcal"] = _misfit(lens.seen, bent, kept)
+    return found
+
+
+def _misfit(project: Callable[[FloatArray], FloatArray], board: FloatArray, views: list[FloatArray]) -> float:
+    """Return how far corners lie from where a camera has them, the best place of each board given, RMS px."""
+    return float(np.sqrt(np.mean([np.mean(_placed(project, board, seen) ** 2) for seen in views])))
+
+
+def _placed(project: Callable[[FloatArray], FloatArray], board: FloatArray, seen: FloatArray) -> FloatArray:
+    import cv2
+    from scipy.optimize import least_squares
+
+    matrix = np.array([[1900.0, 0, SIZE[0] / 2], [0, 1900.0, SIZE[1] / 2], [0, 0, 1]])
+    _, turn, shift = cv2.solvePnP(FLAT, seen, matrix, np.zeros(5))
+
+    def off(pose: FloatArray) -> FloatArray:
+        there = board @ Rotation.from_rotvec(pose[:3]).as_matrix().T + pose[3:]
+        return (project(there) - seen).ravel()
+
+    scale = np.array([1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.3])
+    return least_squares(off, np.concatenate([turn, shift]).ravel(), x_scale=scale).fun
+
+
+def _by_opencv(given: Seen) -> tuple[Lens, FloatArray]:
+    import cv2
+
+    boards = [FLAT.astype(np.float32)] * len(given.pixels)
+    pixels = [one.astype(np.float32)[:, None] for one in given.pixels]
+    _, matrix, bends, turns, shifts = cv2.calibrateCamera(boards, pixels, SIZE, np.eye(3), np.zeros(5))
+    poses = np.array([np.concatenate([turn, shift]).ravel() for turn, shift in zip(turns, shifts, strict=True)])
+    return _lens(np.concatenate([matrix[[0, 1, 0, 1], [0, 1, 2, 2]], bends.ravel()])), poses
+
+
+def _lens(values: FloatArray) -> Lens:
+    fx, fy, cx, cy, *bends = (float(one) for one in values)
+    return Lens((fx, fy), (cx, cy), (bends[0], bends[1], bends[2], bends[3], bends[4]))
+
+
+_MRCAL = """
+import json, sys
+import mrcal
+import numpy as np
+told = json.load(sys.stdin)
+seen = np.array(told["pixels"])
+count = len(seen)
+intrinsics, poses = np.array([told["lens"]]), np.array(told["poses"])
+poses[:, 3:] /= 1000
+observed = np.concatenate([seen.reshape(count, told["rows"], told["columns"], 2),
+                           np.ones((count, told["rows"], told["columns"], 1))], axis=-1)
+places = np.array([[k, 0, -1] for k in range(count)], dtype=np.int32)
+bent = np.zeros(2)
+mrcal.optimize(intrinsics, np.zeros((0, 6)), poses, None, observed, places, None, None,
+               lensmodel="LENSMODEL_OPENCV5",
+               imagersizes=np.array([told["size"]], dtype=np.int32), calobject_warp=bent,
+               do_optimize_calobject_warp=True, calibration_object_spacing=told["pitch_mm"] / 1000,
+               do_apply_outlier_rejection=False, do_apply_regularization=True, verbose=False)
+print(json.dumps([intrinsics[0].tolist(), bent.tolist()]))
+"""
+
+
+def _by_mrcal(given: Seen, start: Lens, poses: FloatArray) -> tuple[Lens, FloatArray]:
+    """Return mrcal's camera and bent board: of the same model, from OpenCV's answer, the board's bend solved."""
+    told = {
+        "pixels": [one.tolist() for one in given.pixels],
+        "lens": [*start.focal_px, *start.centre_px, *start.bends],
+        "poses": poses.tolist(),
+        "rows": ROWS, "columns": COLUMNS, "size": SIZE, "pitch_mm": PITCH_MM,
+    }  # fmt: skip
+    ended = subprocess.run(
+        [PEER, "-c", _MRCAL], input=json.dumps(told), capture_output=True, text=True, check=True
+    )
+    values, bent = json.loads(ended.stdout.splitlines()[-1])
+    board = FLAT.copy()
+    across, down = ((FLAT[:, k] / MIDDLE_MM[k] - 1) for k in range(2))
+    board[:, 2] = 1000 * (bent[0] * (1 - across**2) + bent[1] * (1 - down**2))
+    return _lens(np.array(values)), board
