@@ -869,6 +869,7 @@ class MergeResult(Record):
     stage: Literal['merge'] | None = None
     frame: Literal['turntable', 'base']
     cloud: str | None
+    with_intensity: bool | None = None
     points: int
     scanned_points: int
     voxel_mm: float

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError, NotFoundError
-from calib_core.formats.format import SCAN_COLUMN, Pieces, ScanPlace
+from calib_core.formats.format import INTENSITY, SCAN_COLUMN, Pieces, ScanPlace
 from calib_core.formats.points import FORMATS
 from calib_core.messages import message
 
@@ -63,6 +63,11 @@ class StoredCloud:
         return (
             self.values[:, self.names.index(SCAN_COLUMN)].astype(np.int64) if SCAN_COLUMN in self.names else None
         )
+
+    @property
+    def intensity(self) -> NDArray[np.floating] | None:
+        """How bright each point (N,) came back; None where the file does not say."""
+        return self.values[:, self.names.index(INTENSITY)] if INTENSITY in self.names else None
 
     @property
     def points_mm(self) -> NDArray[np.floating]:

@@ -15,7 +15,7 @@ from calib_core.errors import InputError, MeasurementError
 from calib_core.formats.points import known_points
 from calib_core.formats.shared.writing import FAR_MM
 from calib_core.frames import FloatArray, RigidTransform, stack_matrices
-from calib_core.fusion.scan import Scan, as_rows
+from calib_core.fusion.scan import Scan, SingleArray, as_rows
 from calib_core.messages import message, plural
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
@@ -112,17 +112,18 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
     if first.kind == "center":
         raise InputError("points of the object", "a capture of kind 'center'", "Give it another step.", first.id)
     if first.kind == "cloud":
-        points, near, organised = _cloud(first, read)
+        points, intensity, near, organised = _cloud(first, read)
         poses, captures = [poses_of(session, group)[0][1]], [first]
     else:
-        poses, captures, points = _profiles(session, group, read)
+        poses, captures, points, intensity = _profiles(session, group, read)
         points[..., 1] = placement.sheet_per_mm * points[..., 0] ** 2
         near, organised = RigidTransform.identity("laser", "laser"), len(points) >= 3
     ways = [placement.way(capture, pose) @ near for capture, pose in zip(captures, poses, strict=True)]
     scanner = scanner_told(session.cell, first)
     sigma_mm = scanner.point_sigma_mm or (_noise_mm(points) if organised else DEFAULT_SIGMA_MM)
     looks = None if scanner.z_axis is None else -1 if scanner.z_axis == "toward" else 1
-    return Scan(group.name, points, stack_matrices(ways), sigma_mm, organised=organised, looks_along_z=looks)
+    way = stack_matrices(ways)
+    return Scan(group.name, points, way, sigma_mm, organised=organised, looks_along_z=looks, intensity=intensity)
 
 
 def poses_of(session: Session, group: ScanGroup) -> list[tuple[Capture, RigidTransform]]:
@@ -146,8 +147,8 @@ def local_origin_mm(points_mm: FloatArray) -> tuple[float, float, float]:
     return (x, y, z) if np.abs(middle).max() > FAR_MM else (0.0, 0.0, 0.0)
 
 
-def _cloud(capture: Capture, read: ReadFile) -> tuple[np.ndarray, RigidTransform, bool]:
-    """Return a cloud's rows (P, C, 3), their way into L, and whether they are the scanner's own."""
+def _cloud(capture: Capture, read: ReadFile) -> tuple[SingleArray, SingleArray | None, RigidTransform, bool]:
+    """Return a cloud's rows (P, C, 3), intensities (P, C), way into L, and whether rows are the scanner's own."""
     if len(capture.files) != 1:
         raise InputError("one file in a cloud", f"{len(capture.files)}", "Give each its own capture.", capture.id)
     name = capture.files[0]
@@ -155,23 +156,30 @@ def _cloud(capture: Capture, read: ReadFile) -> tuple[np.ndarray, RigidTransform
     known = known_points(reading, name)
     origin_mm = local_origin_mm(known)
     near = RigidTransform.of([0.0, 0.0, 0.0], origin_mm, "laser", "laser")
+    bright = reading.intensity
     if reading.grid is not None and min(reading.grid) >= 3:
-        return (reading.points - origin_mm).reshape(*reading.grid, 3).astype(np.float32), near, True
-    return as_rows((known - origin_mm).astype(np.float32)), near, False
+        rows = (reading.points - origin_mm).reshape(*reading.grid, 3).astype(np.float32)
+        return rows, None if bright is None else bright.reshape(reading.grid), near, True
+    rows = as_rows((known - origin_mm).astype(np.float32))
+    return rows, None if bright is None else as_rows(bright[reading.known, None])[..., 0], near, False
 
 
 def _profiles(
     session: Session, group: ScanGroup, read: ReadFile
-) -> tuple[list[RigidTransform], list[Capture], np.ndarray]:
+) -> tuple[list[RigidTransform], list[Capture], SingleArray, SingleArray | None]:
+    """Return each profile's pose and capture, the points (P, C, 3), and intensities (P, C) where all have some."""
     pairs = poses_of(session, group)
     profiles: list[FloatArray] = []
+    bright: list[SingleArray] = []
     names: list[str] = []
     of_frames = False
     for capture in group.captures:
         raw = [PurePosixPath(name).suffix.lower() not in IMAGES for name in capture.files]
         names += capture.files
         if all(raw):
-            profiles += [read_as(capture, name, read, "profile").points for name in capture.files]
+            readings = [read_as(capture, name, read, "profile") for name in capture.files]
+            profiles += [one.points for one in readings]
+            bright += [one.intensity for one in readings if one.intensity is not None]
             continue
         of_frames = True
         if capture.kind == "sweep":
@@ -195,7 +203,8 @@ def _profiles(
             )
     points = np.zeros((len(profiles), len(profiles[0]), 3), dtype=np.float32)
     points[..., 0::2] = np.array(profiles)
-    return [pose for _, pose in pairs], [capture for capture, _ in pairs], points
+    intensity = np.array(bright) if len(bright) == len(profiles) else None
+    return [pose for _, pose in pairs], [capture for capture, _ in pairs], points, intensity
 
 
 def _on_columns(profiles: Sequence[FloatArray]) -> list[FloatArray]:

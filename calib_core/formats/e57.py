@@ -15,6 +15,7 @@ from pydantic import Field
 
 from calib_core.errors import InputError
 from calib_core.formats.format import (
+    INTENSITY,
     SCAN_COLUMN,
     Format,
     Match,
@@ -68,19 +69,24 @@ _SCAN = """<vectorChild type="Structure">
 </points>
 </vectorChild>
 """
-_FIELDS = ("cartesianX", "cartesianY", "cartesianZ", "nor:normalX", "nor:normalY", "nor:normalZ")
-_NORMAL = ("nx", "ny", "nz")
+_PLACE = ("cartesianX", "cartesianY", "cartesianZ")
+_NORMAL = {"nx": "nor:normalX", "ny": "nor:normalY", "nz": "nor:normalZ"}
 
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """Points (N, 3), or with normals (N, 6), in metres in their scanner's frame, in blocks; its pose."""
+    """Points in metres in their scanner's frame, in blocks (N, fields); its pose."""
 
     name: str
     count: int
-    width: int
+    fields: tuple[str, ...]
     blocks: Iterator[NDArray[np.float32]]
     pose: FloatArray | None = None
+
+    @property
+    def width(self) -> int:
+        """How many numbers a point has."""
+        return len(self.fields)
 
 
 def cloud_pieces(tables: Iterable[NDArray[np.floating]], count: int, names: tuple[str, ...]) -> Pieces:
@@ -91,7 +97,7 @@ def cloud_pieces(tables: Iterable[NDArray[np.floating]], count: int, names: tupl
     if number_type(first) == "<f8":
         pose[:3, 3] = np.round(first[0, :3], -3)
     blocks = (((table[:, :3] - pose[:3, 3]) / 1000).astype("<f4") for table in chain([first], rows))
-    yield from _pieces([_Scan("merged", count, 3, blocks, pose if pose[:3, 3].any() else None)])
+    yield from _pieces([_Scan("merged", count, _PLACE, blocks, pose if pose[:3, 3].any() else None)])
 
 
 def pieces_of_scans(tables: Tables, names: tuple[str, ...], scans: Sequence[ScanPlace]) -> Pieces:
@@ -106,7 +112,10 @@ def pieces_of_scans(tables: Tables, names: tuple[str, ...], scans: Sequence[Scan
     scans : sequence of ScanPlace
     """
     column = names.index(SCAN_COLUMN)
-    axes = [0, 1, 2, *(names.index(name) for name in _NORMAL if name in names)]
+    normals = [names.index(name) for name in _NORMAL if name in names]
+    fields, axes = (*_PLACE, *list(_NORMAL.values())[: len(normals)]), [0, 1, 2, *normals]
+    if INTENSITY in names:
+        fields, axes = (*fields, INTENSITY), [*axes, names.index(INTENSITY)]
     counts = np.zeros(len(scans) + 1, np.int64)
     for table in tables():
         counts += np.bincount(_numbers(table, column, len(scans)), minlength=len(counts))
@@ -120,12 +129,14 @@ def pieces_of_scans(tables: Tables, names: tuple[str, ...], scans: Sequence[Scan
             for number in np.unique(of).tolist():
                 way, mine = ways[number], table[of == number][:, axes].astype(float)
                 mine[:, :3] = (mine[:, :3] @ way[:3, :3].T + way[:3, 3]) / 1000
-                mine[:, 3:] = mine[:, 3:] @ way[: len(axes) - 3, : len(axes) - 3].T
+                if normals:
+                    mine[:, 3:6] = mine[:, 3:6] @ way[:3, :3].T
+                mine = np.nan_to_num(mine)
                 waiting.seek(4 * len(axes) * int(at[number]))
                 waiting.write(mine.astype("<f4").tobytes())
                 at[number] += len(mine)
         found = [
-            _Scan(one.name, many, len(axes), _read_back(waiting, start, many, axes), one.cloud_from_scan)
+            _Scan(one.name, many, fields, _read_back(waiting, start, many, axes), one.cloud_from_scan)
             for one, start, many in zip(places, starts.tolist(), counts.tolist(), strict=True)
             if many
         ]
@@ -183,7 +194,7 @@ def _described(scan: _Scan, layout: "_Layout", seed: str) -> str:
         shift = "".join(f'<{k} type="Float">{v!r}</{k}>' for k, v in zip("xyz", place, strict=True))
         pose = f'<pose type="Structure"><rotation type="Structure">{numbers}</rotation>'
         pose += f'<translation type="Structure">{shift}</translation></pose>\n'
-    fields = "".join(f'<{name} type="Float" precision="single"/>\n' for name in _FIELDS[: scan.width])
+    fields = "".join(f'<{name} type="Float" precision="single"/>\n' for name in scan.fields)
     guid = uuid.uuid5(uuid.NAMESPACE_OID, f"{seed}{scan.name}{layout.at}")
     name = scan.name.replace("]]>", "")
     offset = _physical(layout.at)
@@ -307,7 +318,7 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
         path.write_bytes(data)
         try:
             with pye57.E57(str(path)) as opened:
-                points, posed = _scan(opened, len(data), settings, name)
+                points, bright, posed = _scan(opened, len(data), settings, name)
         except InputError:
             raise
         except (
@@ -321,7 +332,7 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
             got = " ".join(str(error).split())[:120] or type(error).__name__
             raise InputError("a whole E57 file", got, _TO_DO, name) from None
     columns = [Column(axis, place, f"cartesian{axis.upper()}", "m") for place, axis in enumerate("xyz")]
-    reading = points_of(points, columns, kind, name, settings)
+    reading = points_of(points, columns, kind, name, settings).shining(bright)
     notes = ["The scan's pose in the file is not applied: points are in its scanner's frame."] if posed else []
     return replace(reading, unit_from="settings" if settings.unit else "format").adding(notes)
 
@@ -351,8 +362,8 @@ def scan_poses(data: bytes, name: str) -> list[list[float] | None]:
     return found
 
 
-def _scan(opened: Any, size: int, settings: E57Settings, where: str) -> tuple[FloatArray, bool]:
-    """Return the points (N, 3) of a scan in the file's unit, NaN where invalid, and whether it has a pose."""
+def _scan(opened: Any, size: int, settings: E57Settings, where: str) -> tuple[FloatArray, Any, bool]:
+    """Return a scan's points (N, 3) in its unit, NaN where invalid, intensities, and whether it has a pose."""
     scans = int(opened.scan_count)
     chosen = settings.scan if settings.scan is not None else 0
     if chosen >= scans or (scans > 1 and settings.scan is None):
@@ -373,7 +384,7 @@ def _scan(opened: Any, size: int, settings: E57Settings, where: str) -> tuple[Fl
         raise InputError("cartesian or spherical coordinates", f"{', '.join(raw)[:80]}", _TO_DO, where)
     if invalid is not None:
         points[np.asarray(invalid) != 0] = np.nan
-    return points, bool(header.node.isDefined("pose"))
+    return points, raw.get(INTENSITY), bool(header.node.isDefined("pose"))
 
 
 FORMAT = Format(

@@ -33,6 +33,9 @@ Tables = Callable[[], Iterable[NDArray[Any]]]
 SCAN_COLUMN: Final = "scan"
 """The number of the scan that weighs most around a point; −1 where none does."""
 
+INTENSITY: Final = "intensity"
+"""How bright a point came back, in the scanner's own unit; NaN where that is not known."""
+
 
 @dataclass(frozen=True, eq=False)
 class ScanPlace:
@@ -97,6 +100,8 @@ class Reading:
         Sentences: what a reader should know; why the file should be looked at before it is used.
     format : str
         The name of the format.
+    intensity : (N,) float32 or None
+        How bright each point came back, in the file's own unit.
     """
 
     kind: PointKind
@@ -108,6 +113,7 @@ class Reading:
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     format: str = ""
+    intensity: NDArray[np.float32] | None = None
 
     @property
     def axes(self) -> str:
@@ -142,6 +148,12 @@ class Reading:
         )
         points = self.points * list(scales.values())
         return replace(self, points=points).adding([message("Multiplied as told: {said}.", said=said)])
+
+    def shining(self, intensity: NDArray[Any] | None) -> "Reading":
+        """Return the same reading with how bright its points came back, where that is told and not all alike."""
+        if intensity is None or not (known := intensity[np.isfinite(intensity)]).size or np.ptp(known) == 0:
+            return self
+        return replace(self, intensity=np.ascontiguousarray(intensity, dtype=np.float32))
 
     def adding(self, notes: Iterable[str] = (), doubts: Iterable[str] = ()) -> "Reading":
         """Return the same reading with further notes and doubts."""

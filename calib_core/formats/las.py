@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import CalibrationError, InputError
-from calib_core.formats.format import Format, Match, Pieces, PointKind, Reading, Settings, by_ending
+from calib_core.formats.format import INTENSITY, Format, Match, Pieces, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
 from calib_core.formats.shared.columns import points_of
 from calib_core.formats.shared.unnamed import Column
@@ -60,10 +60,10 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
             # Piece by piece: a header that claims too much ends with the data, not with the memory.
             piece = max(1, _PIECE_BYTES // max(1, int(file.header.point_format.size)))
             pieces = [
-                np.column_stack([np.asarray(p.x), np.asarray(p.y), np.asarray(p.z)])
+                np.column_stack([np.asarray(p.x), np.asarray(p.y), np.asarray(p.z), np.asarray(p.intensity)])
                 for p in file.chunk_iterator(piece)
             ]
-            xyz = np.concatenate(pieces) if pieces else np.empty((0, 3))
+            xyz = np.concatenate(pieces) if pieces else np.empty((0, 4))
     except CalibrationError:
         raise
     except BaseException as error:  # lazrs is Rust: its panics are no Exception
@@ -73,7 +73,8 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
         raise InputError("a whole LAS or LAZ file", got, "Copy or export it again.", name) from None
     require_count(count, len(xyz), name)
     columns = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
-    return _in_its_unit(points_of(xyz.astype(np.float64), columns, kind, name, settings), metres, settings)
+    read = points_of(xyz[:, :3].astype(np.float64), columns, kind, name, settings).shining(xyz[:, 3])
+    return _in_its_unit(read, metres, settings)
 
 
 def _in_its_unit(reading: Reading, metres: float | None, settings: Settings) -> Reading:
@@ -162,18 +163,21 @@ def _require_item_sizes(records: bytes, point_bytes: int, name: str) -> None:
 
 _STEP_M: Final = 1e-6
 _LOCAL: Final = 32767  # no system that others know: axes of lengths
-_RECORD: Final = np.dtype([("xyz", "<i4", (3,)), ("rest", "V8")])
+_RECORD: Final = np.dtype([("xyz", "<i4", (3,)), ("intensity", "<u2"), ("rest", "V6")])
+_BRIGHTEST: Final = 65_535
 
 
 def las_pieces(tables: Iterable[NDArray[Any]], count: int, names: tuple[str, ...]) -> Pieces:
     """Give a LAS file of points, x, y and z in steps of a micrometre, in metres by its GeoTIFF keys.
+
+    Intensities are whole numbers of 16 bits there: those that are shares of one are multiplied.
 
     Raises
     ------
     InputError
         If a point lies farther than 2 km from the first.
     """
-    del names
+    bright, times = names.index(INTENSITY) if INTENSITY in names else None, 0.0
     origin: NDArray[np.float64] | None = None
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     with tempfile.TemporaryFile() as waiting:  # the header tells bounds before the points
@@ -187,6 +191,10 @@ def las_pieces(tables: Iterable[NDArray[Any]], count: int, names: tuple[str, ...
             low, high = np.minimum(low, steps.min(axis=0)), np.maximum(high, steps.max(axis=0))
             records = np.zeros(len(steps), _RECORD)
             records["xyz"] = steps
+            if bright is not None:
+                values = np.nan_to_num(table[:, bright])
+                times = times or (_BRIGHTEST if values.max(initial=0.0) <= 1 else 1.0)
+                records["intensity"] = np.clip(np.round(times * values), 0, _BRIGHTEST)
             waiting.write(records.tobytes())
         origin = np.zeros(3) if origin is None else origin
         yield _written_header(count, origin, origin + low * _STEP_M, origin + high * _STEP_M)

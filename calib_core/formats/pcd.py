@@ -19,7 +19,7 @@ from calib_core.formats.shared.fields import (
     require_axes,
     wrong,
 )
-from calib_core.formats.shared.writing import XYZ, in_one_type
+from calib_core.formats.shared.writing import in_one_type
 from calib_core.frames import FloatArray
 from calib_core.messages import message, plural
 
@@ -54,8 +54,7 @@ def _unpacked(data: bytes, layout: Layout, where: str) -> FloatArray:
     sizes = [np.dtype(kind).itemsize for kind in layout.types]
     starts = np.concatenate([[0], np.cumsum(sizes)]) * layout.count
     columns: list[FloatArray] = []
-    for axis in XYZ:
-        index = layout.names.index(axis)
+    for index in layout.wanted:
         kind = np.dtype(layout.types[index])
         columns.append(np.frombuffer(planes, kind, layout.count, int(starts[index])).astype(np.float64))
     return np.stack(columns, axis=1)

@@ -82,7 +82,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     points = points_in(data, layout, name)
     grid = _grid(header)
     if grid is not None:
-        points = np.vstack([points, np.full(3, np.nan)])[_vertices_of_cells(data, header, name)]
+        points = np.vstack([points, np.full(points.shape[1], np.nan)])[_vertices_of_cells(data, header, name)]
     reading = reading_of_fields(points, name, settings, kind, unit_in(header.comments))
     return replace(reading, grid=grid) if reading.kind == "cloud" else reading
 

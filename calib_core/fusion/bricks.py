@@ -22,8 +22,8 @@ class Voxels(NamedTuple):
     ----------
     keys : (N,) int64
         Packed indices.
-    sums : (N, 4) or with normals (N, 7) float32
-        Weighted offset from the voxel's corner in voxels, weight, weighted normal.
+    sums : (N, 4), with normals (N, 7), with intensities too (N, 8), float32
+        Weighted offset from the voxel's corner in voxels, weight, weighted normal and intensity.
     counts : (N,) int32
         Points.
     """
@@ -38,35 +38,37 @@ class BrickTable:
 
     Parameters
     ----------
-    normals : bool
-        Whether normals are summed too.
+    attributes : int
+        What is summed beside places: 0, 3 for a normal, 4 with an intensity.
     bricks : int
         How many there is room for; a power of two.
     """
 
-    def __init__(self, normals: bool, bricks: int) -> None:
+    def __init__(self, attributes: int, bricks: int) -> None:
         from calib_core.kernels.fusion import BRICK_VOXELS, EMPTY
 
-        self.normals = normals
+        self.attributes = attributes
         self.room = bricks
         self.used = 0
         self._heads: KeyArray = np.full(_SLOTS_A_BRICK * bricks, EMPTY, dtype=np.int64)
         self._numbers: CountArray = np.zeros(_SLOTS_A_BRICK * bricks, dtype=np.int32)
         self._sums: SingleArray = np.zeros((bricks, BRICK_VOXELS, 4), dtype=np.float32)
         self._counts: CountArray = np.zeros((bricks, BRICK_VOXELS), dtype=np.int32)
-        self._normals: SingleArray = np.zeros((bricks if normals else 0, BRICK_VOXELS, 3), dtype=np.float32)
+        self._normals: SingleArray = np.zeros(
+            (bricks if attributes else 0, BRICK_VOXELS, max(attributes, 3)), dtype=np.float32
+        )
 
     @staticmethod
-    def brick_bytes(normals: bool) -> int:
+    def brick_bytes(attributes: int) -> int:
         """Return the memory that a brick takes, its share of the hash table included."""
         from calib_core.kernels.fusion import BRICK_VOXELS
 
-        return BRICK_VOXELS * (32 if normals else 20) + _SLOTS_A_BRICK * _SLOT_BYTES
+        return BRICK_VOXELS * (20 + 4 * attributes) + _SLOTS_A_BRICK * _SLOT_BYTES
 
     @property
     def bytes(self) -> int:
         """The memory that the table takes when full."""
-        return self.room * self.brick_bytes(self.normals)
+        return self.room * self.brick_bytes(self.attributes)
 
     def add_points(
         self,
@@ -103,15 +105,15 @@ class BrickTable:
         keys, places = np.empty(many, np.int64), np.empty(many, np.int64)
         voxel_keys(self._bricks()[part], counts, keys, places)
         sums = self._sums[part].reshape(-1, 4)[places]
-        if self.normals:
-            sums = np.concatenate([sums, self._normals[part].reshape(-1, 3)[places]], axis=1)
+        if self.attributes:
+            sums = np.concatenate([sums, self._normals[part].reshape(-1, self.attributes)[places]], axis=1)
         return Voxels(keys, sums, counts.reshape(-1)[places])
 
     def larger(self, bricks: int) -> "BrickTable":
         """Return a table with room for more bricks that holds the same."""
         from calib_core.kernels.fusion import enter_bricks
 
-        table = BrickTable(self.normals, bricks)
+        table = BrickTable(self.attributes, bricks)
         table.used = self.used
         enter_bricks(self._bricks(), table._heads, table._numbers)
         for new, old in (

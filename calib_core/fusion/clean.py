@@ -6,6 +6,7 @@ is fitted without the point itself; the point's distance from it judges the poin
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def clean_scan(scan: Scan, options: CleanOptions | None = None) -> CleanScan:
             points_in_laser_mm=np.isfinite(scan.points_in_laser_mm[..., 2]).sum(),
             found=got,
         )
-    return cleaned
+    return replace(cleaned, intensity=scan.intensity)
 
 
 def _clean_grid(scan: Scan, o: CleanOptions) -> CleanScan:

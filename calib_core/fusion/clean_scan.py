@@ -51,6 +51,7 @@ class CleanScan:
         Of a point's distance to the surface, as the scan states it.
     reach_mm : float
         Points of adjacent rows or columns farther apart than this are not on one surface; 0 without a grid.
+    intensity : (P, C) float32 or None
     """
 
     name: str
@@ -60,6 +61,7 @@ class CleanScan:
     sigma_mm: SingleArray
     point_sigma_mm: float
     reach_mm: float
+    intensity: SingleArray | None = None
 
     @property
     def weights(self) -> SingleArray:

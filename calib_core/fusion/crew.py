@@ -52,6 +52,8 @@ class MergeOptions:
         Voxels in which scans are compared; three times `voxel_mm` if left out.
     most_bytes : int
         Memory for voxels, and again for a mesh; used with a store.
+    intensity : bool
+        Whether intensities are averaged, too.
     """
 
     voxel_mm: float = 0.5
@@ -63,6 +65,7 @@ class MergeOptions:
     clean: CleanOptions = field(default_factory=CleanOptions)
     patch_mm: float | None = None
     most_bytes: int = 1_000_000_000
+    intensity: bool = False
 
     @property
     def patch_size_mm(self) -> float:
@@ -116,7 +119,10 @@ class ScanReport:
 
 
 class RegionPoints(NamedTuple):
-    """Points of one scan that fall into one region, in their order: (N, 3), (N,), (N, 3)."""
+    """Points of one scan that fall into one region, in their order: (N, 3), (N,), (N, 3).
+
+    With intensities `normals` is (N, 4), each behind its normal.
+    """
 
     points_mm: NDArray[np.float32]
     weights: NDArray[np.float32]
@@ -140,19 +146,23 @@ def look_at(number: int, scan: Scan, task: ScanTask) -> tuple[ScanReport, list[R
         view_of(scan),
         sheet(clean) if task.fuse and task.options.mesh == "grid" else None,
     )
-    return report, by_region(clean, task.options.voxel_mm) if task.fuse else []
+    return report, by_region(clean, task.options) if task.fuse else []
 
 
-def by_region(clean: CleanScan, size_mm: float) -> list[RegionPoints]:
+def by_region(clean: CleanScan, options: MergeOptions) -> list[RegionPoints]:
     """Return a scan's kept points by region."""
     from calib_core.kernels.fusion import regions_of
 
     kept = clean.verdicts == KEPT
     points = np.ascontiguousarray(clean.points_in_turntable_mm[kept], dtype=np.float32)
-    numbers = regions_of(points, np.zeros(3), size_mm, REGIONS)
+    numbers = regions_of(points, np.zeros(3), options.voxel_mm, REGIONS)
     order = np.argsort(numbers, kind="stable")
     ends = np.cumsum(np.bincount(numbers, minlength=REGIONS))[:-1]
-    columns = (points, clean.weights[kept], clean.normals[kept])
+    normals = clean.normals[kept]
+    if options.intensity:
+        unknown = np.full(len(points), np.nan, np.float32)
+        normals = np.column_stack([normals, unknown if clean.intensity is None else clean.intensity[kept]])
+    columns = (points, clean.weights[kept], normals)
     return [RegionPoints(*parts) for parts in zip(*(np.split(c[order], ends) for c in columns), strict=True)]
 
 
@@ -262,6 +272,7 @@ class RegionGrids:
                 store=None if store is None else _RegionStore(store, region),
                 most_bytes=options.most_bytes // REGIONS,
                 first_bricks=_FIRST_BRICKS,
+                intensity=options.intensity,
             )
             for region in regions
         }

@@ -53,6 +53,8 @@ class VoxelCloud:
         The voxels' packed indices.
     coherence : (N,) float32 or (0,)
         Length of the mean of each voxel's normals: 1 on a plane, 0.7 across a sharp edge.
+    intensity : (N,) float32 or (0,)
+        Weighted mean; NaN where a point of the voxel had none.
     """
 
     points_mm: SingleArray
@@ -61,6 +63,7 @@ class VoxelCloud:
     normals: SingleArray
     keys: NDArray[np.int64]
     coherence: SingleArray
+    intensity: SingleArray
 
     def __len__(self) -> int:
         return len(self.points_mm)
@@ -72,7 +75,7 @@ def joined_clouds(pieces: Sequence[VoxelCloud]) -> VoxelCloud:
         return pieces[0]
     if not pieces:
         raise MeasurementError("points on a surface", "none", "Scan the object from nearer.", "scans")
-    names = ("points_mm", "sigma_mm", "counts", "normals", "keys", "coherence")
+    names = ("points_mm", "sigma_mm", "counts", "normals", "keys", "coherence", "intensity")
     return VoxelCloud(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
 
 
@@ -85,8 +88,8 @@ class VoxelGrid:
         The voxels' edge.
     origin_mm : (3,)
         Corner of voxel 0 0 0.
-    normals : bool
-        Whether normals are averaged too.
+    normals, intensity : bool
+        Whether normals are averaged too, and intensities behind them.
     store : SpillStore, optional
         Takes what goes beyond `most_bytes`.  Without one, memory grows with the occupied voxels.
     most_bytes : int
@@ -108,6 +111,7 @@ class VoxelGrid:
         store: SpillStore | None = None,
         most_bytes: int = 1_000_000_000,
         first_bricks: int = _FIRST_BRICKS,
+        intensity: bool = False,
     ) -> None:
         if not (np.isfinite(size_mm) and size_mm > 0):
             raise InputError("a positive voxel size in mm", f"{size_mm}", "Give for example 0.5.", "voxel_mm")
@@ -116,9 +120,10 @@ class VoxelGrid:
         self.points_added = 0
         self.spills = 0
         self._store = store
-        self._most_bricks = 1 << max(0, int(np.log2(max(most_bytes // BrickTable.brick_bytes(normals), 1))))
+        attributes = 4 if intensity else 3 if normals else 0
+        self._most_bricks = 1 << max(0, int(np.log2(max(most_bytes // BrickTable.brick_bytes(attributes), 1))))
         self._tiles: set[int] = set()
-        self._table = BrickTable(normals, min(first_bricks, self._most_bricks) if store else first_bricks)
+        self._table = BrickTable(attributes, min(first_bricks, self._most_bricks) if store else first_bricks)
         self.peak_bytes = self._table.bytes
 
     @property
@@ -149,7 +154,7 @@ class VoxelGrid:
             From the points' frame into the grid's, one a row or one for all; the identity if left out.
         weights : (P, C) float32, or float
             1/σ² of each point, mm⁻²; a point with 0 is left out.
-        normals : (P, C, 3) float32, optional
+        normals : (P, C, 3) or with intensities (P, C, 4) float32, optional
             In the points' frame.
         where : str
             The scan's name, for errors.
@@ -195,7 +200,7 @@ class VoxelGrid:
             If its voxels are others, or it has given some to a store.
         """
         same = other.size_mm == self.size_mm and np.array_equal(other.origin_mm, self.origin_mm)
-        if not same or other._table.normals != self._table.normals or other._tiles:
+        if not same or other._table.attributes != self._table.attributes or other._tiles:
             raise InputError("a grid of the same voxels", "something else", "Make both grids alike.", "voxel_mm")
         for first in range(0, other._table.used, _BRICKS_AT_ONCE):
             self._take(other._table.voxels(first, first + _BRICKS_AT_ONCE))
@@ -232,7 +237,8 @@ class VoxelGrid:
             raise InputError("rows of points (P, C, 3)", "shape {frame}", to_do, where, frame=points.shape)
         fits = poses.shape in ((len(points), 4, 4), (1, 4, 4))
         fits &= weights.shape in (points.shape[:2], (1, 1))
-        fits &= normals.shape == points.shape if self._table.normals else True
+        wanted = (*points.shape[:2], self._table.attributes)
+        fits &= normals.shape == wanted if self._table.attributes else True
         if not fits:
             raise InputError(
                 "poses, weights and normals for {height}×{width} points",
@@ -266,7 +272,7 @@ class VoxelGrid:
         self.peak_bytes = max(self.peak_bytes, before + self._table.bytes)
 
     def _record(self) -> np.dtype[np.void]:
-        columns = 7 if self._table.normals else 4
+        columns = 4 + self._table.attributes
         return np.dtype([("key", "<i8"), ("sums", "<f4", (columns,)), ("count", "<i4")])
 
     def _spill(self) -> None:
@@ -306,13 +312,15 @@ class VoxelGrid:
         keys, sums, counts = voxels
         weight = sums[:, 3:4].astype(np.float64)
         points = (unpack_keys(keys) + sums[:, :3] / weight) * self.size_mm + self.origin_mm
-        normals, coherence = np.empty((0, 3), np.float32), np.empty(0, np.float32)
-        if self._table.normals:
-            lengths = np.linalg.norm(sums[:, 4:], axis=1, keepdims=True)
-            normals = sums[:, 4:] / np.where(lengths > 0, lengths, np.nan).astype(np.float32)
+        normals, coherence, intensity = np.empty((0, 3), np.float32), *np.empty((2, 0), np.float32)
+        if self._table.attributes:
+            lengths = np.linalg.norm(sums[:, 4:7], axis=1, keepdims=True)
+            normals = sums[:, 4:7] / np.where(lengths > 0, lengths, np.nan).astype(np.float32)
             coherence = (lengths / weight)[:, 0].astype(np.float32)
+        if self._table.attributes > 3:
+            intensity = (sums[:, 7:] / weight)[:, 0].astype(np.float32)
         sigma = (1 / np.sqrt(weight[:, 0])).astype(np.float32)
-        return VoxelCloud(points.astype(np.float32), sigma, counts, normals, keys, coherence)
+        return VoxelCloud(points.astype(np.float32), sigma, counts, normals, keys, coherence, intensity)
 
 
 def _tile_numbers(indices: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -35,6 +35,8 @@ class Scan:
         its grid.
     looks_along_z : {1, -1, None}
         +1 where z grows away from the scanner, −1 where it grows toward it; None where the scans are to say.
+    intensity : (P, C) float32 or None
+        How bright each point came back, in the file's own unit.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Scan:
     position_sigma_mm: float = 0.0
     organised: bool = True
     looks_along_z: int | None = None
+    intensity: SingleArray | None = None
 
     def __post_init__(self) -> None:
         points, poses = self.points_in_laser_mm, self.turntable_from_laser
@@ -102,9 +105,9 @@ def _spacing_of_cloud(points_mm: FloatArray) -> float:
 
 
 def as_rows(points: SingleArray) -> SingleArray:
-    """Return points (N, 3) as rows (P, C, 3), the last filled up with NaN."""
-    columns = min(_ROW, max(len(points), 1))
+    """Return points (N, K) as rows (P, C, K), the last filled up with NaN."""
+    columns, width = min(_ROW, max(len(points), 1)), points.shape[1]
     missing = -len(points) % columns
     if missing:
-        points = np.concatenate([points, np.full((missing, 3), np.nan, np.float32)])
-    return np.ascontiguousarray(points).reshape(-1, columns, 3)
+        points = np.concatenate([points, np.full((missing, width), np.nan, np.float32)])
+    return np.ascontiguousarray(points).reshape(-1, columns, width)

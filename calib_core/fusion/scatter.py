@@ -192,4 +192,6 @@ def _noise(seen: Patches) -> tuple[float, float]:
         return 0.0, 1.0
     apart, stated, blocks = apart[kept], stated[kept], blocks[kept]
     sums = np.bincount(blocks, apart)
-    return max(0.0, float((apart**2 - stated).mean() / 2)), max(1.0, float((sums**2).sum() / (apart**2).sum()))
+    square = float((apart**2).sum())
+    dependent = float((sums**2).sum()) / square if square else 1.0  # 0: the same scan, given twice
+    return max(0.0, float((apart**2 - stated).mean() / 2)), max(1.0, dependent)

@@ -4,7 +4,7 @@ A brick is 4×4×4 voxels next to each other in memory, so that neighbouring poi
 A table is `heads` (packed indices of a brick, `EMPTY` where free) and `numbers` (which brick that is), a hash
 table of a power of two, and for each brick's voxels `sums` (bricks, 64, 4) float32: weighted offset from the
 voxel's corner in voxels, and weight; `counts` (bricks, 64) int32; and where normals are wanted `normal_sums`
-(bricks, 64, 3).
+(bricks, 64, 3), with an intensity (bricks, 64, 4).
 """
 
 from typing import Any
@@ -91,8 +91,8 @@ def add_points(
         A pose a row, or one for all.
     weights : (P, C) or (1, 1)
         Weight of each point, or one for all; a point of weight 0 is left out.
-    normals : (P, C, 3) or (0, 0, 3)
-        In the frame of the points; used where `normal_sums` has room for them.
+    normals : (P, C, 3 or 4) or (0, 0, 3)
+        In the frame of the points, an intensity behind each; used where `normal_sums` has room for them.
     origin, size : (3,) and float
         Corner of voxel 0 0 0 and the edge, mm.
     heads, numbers, sums, counts, normal_sums
@@ -180,6 +180,8 @@ def add_points(
                     total[0] += weight * np.float32(m00 * q[0] + m01 * q[1] + m02 * q[2])
                     total[1] += weight * np.float32(m10 * q[0] + m11 * q[1] + m12 * q[2])
                     total[2] += weight * np.float32(m20 * q[0] + m21 * q[1] + m22 * q[2])
+                    for c in range(3, total.shape[0]):
+                        total[c] += weight * q[c]
     return used, rows * columns, added, outside
 
 
@@ -216,7 +218,9 @@ def add_voxels(
     used: int,
     first: int,
 ) -> tuple[int, int]:
-    """Add voxels' sums, (N, 4) or with normals (N, 7), to a table, from voxel `first` on, while it has room.
+    """Add voxels' sums to a table, from voxel `first` on, while it has room.
+
+    They are (N, 4), with normals (N, 7), with intensities too (N, 8).
 
     Returns
     -------

@@ -80,8 +80,8 @@ def _run_others() -> None:
     find_stripe((2000 + 40_000 * np.exp(-0.5 * (rows / 2) ** 2)).astype(np.uint16))
     list(cloud_pieces([np.zeros((4, 3))], 4, XYZ))
     camera = CameraModel(np.diag([1000.0, 1000.0, 1.0]))
-    for normals in (False, True):
-        table = BrickTable(normals, 16)
+    for attributes in (0, 3):
+        table = BrickTable(attributes, 16)
         table.add_voxels(table.voxels())
     undistort_over_depth(np.zeros((1, 2)), camera.rays_from_pixels, *camera.bands, np.zeros((1, 3)))
 

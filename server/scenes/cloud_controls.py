@@ -24,14 +24,16 @@ class CloudSectionShown(BaseModel):
 class CloudShown(BaseModel):
     """How the merged cloud is shown to all who look."""
 
-    colors: Literal["height", "scan", "deviation"] = Field(default="height", examples=["deviation"])
+    colors: Literal["height", "scan", "intensity", "deviation"] = Field(default="height", examples=["deviation"])
     section: CloudSectionShown | None = None
     against: Literal["mesh", "sphere"] = "mesh"
     diameter_mm: float | None = Field(default=None, gt=0, le=10_000)
     picked_mm: list[tuple[FiniteFloat, FiniteFloat, FiniteFloat]] = Field(default_factory=list, max_length=6)
 
 
-_COLORS: dict[str, CloudColors] = {"height": "by height", "scan": "by scan", "deviation": "by deviation"}
+_COLORS: dict[str, CloudColors] = {
+    "height": "by height", "scan": "by scan", "intensity": "by intensity", "deviation": "by deviation",
+}  # fmt: skip
 
 
 @cloud_router.post("/cloud", status_code=204, summary="How the merged cloud is shown")

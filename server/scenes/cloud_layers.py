@@ -16,6 +16,7 @@ from server.scenes.colors import (
     band_numbers,
     diverging_colors,
     height_colors,
+    intensity_colors,
 )
 from server.scenes.deviation import CloudDeviation
 from server.scenes.display_options import Look
@@ -71,6 +72,14 @@ def height_range_mm(merged: MergedScans) -> tuple[float, float]:
     return float(low), float(high)
 
 
+def intensity_range(merged: MergedScans) -> tuple[float, float]:
+    """Return the intensities that most points lie between."""
+    bright = merged.intensity
+    known = bright[np.isfinite(bright)] if bright is not None else np.zeros(0)
+    low, high = np.quantile(known, [0.005, 0.995]) if len(known) else (0.0, 1.0)
+    return float(low), float(high)
+
+
 def extent_mm(merged: MergedScans) -> float:
     """Return the diagonal of the cloud without its strays, which may lie far away."""
     some = merged.points_mm[:: len(merged.points_mm) // _ENOUGH + 1]
@@ -88,6 +97,8 @@ def cloud_colors(merged: MergedScans, look: Look) -> NDArray[np.uint8]:
     if look.cloud.colors == "by deviation":
         values = look.deviation.values_mm if isinstance(look.deviation, CloudDeviation) else None
         return deviation_colors(values, len(merged.points_mm), look)
+    if look.cloud.colors == "by intensity" and (bright := merged.intensity) is not None:
+        return intensity_colors(bright, *intensity_range(merged))
     if len(merged.scan) and (merged.waiting or look.cloud.colors == "by scan"):
         return scan_colors(merged.scan)
     return height_colors(merged.points_mm[:, 2].astype(float), *height_range_mm(merged))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray
 
-CloudColors = Literal["by height", "by scan", "by deviation"]
+CloudColors = Literal["by height", "by scan", "by intensity", "by deviation"]
 CLOUD_COLORS: tuple[CloudColors, ...] = get_args(CloudColors)
 
 Axis = Literal["x", "y", "z"]

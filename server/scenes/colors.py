@@ -29,6 +29,7 @@ SCANS: tuple[Rgb, ...] = (
     (140, 112, 186), (176, 160, 80), (70, 170, 180), (200, 120, 170),
     (30, 70, 120), (120, 80, 50), (20, 110, 70), (120, 30, 80),
 )  # fmt: skip
+GREYS: tuple[Rgb, ...] = ((25, 25, 28), (240, 240, 235))
 VIRIDIS: tuple[Rgb, ...] = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
 
 # Blue – grey – red at even steps from −limit to +limit; grey stands out from a white and from a black ground.
@@ -77,6 +78,13 @@ def faint(color: Rgb) -> Rgb:
 def faint_colors(colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the same for colours (N, 3)."""
     return ((1 - _FAINT) * colors + _FAINT * np.array(DIVERGING[2])).round().astype(np.uint8)
+
+
+def intensity_colors(intensities: NDArray[np.floating], low: float, high: float) -> NDArray[np.uint8]:
+    """Return greys (N, 3) of intensities (N,) from `low` (dark) to `high` (light); those not known are blue."""
+    colors = _between(intensities.astype(float), low, max(high, low + 1e-9), GREYS)
+    colors[~np.isfinite(intensities)] = FIRST
+    return colors
 
 
 def height_colors(heights_mm: FloatArray, low_mm: float, high_mm: float) -> NDArray[np.uint8]:

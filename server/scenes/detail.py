@@ -16,11 +16,12 @@ from server.scenes.cloud_layers import (
     cloud_place,
     deviation_colors,
     height_range_mm,
+    intensity_range,
     point_size_mm,
     scan_colors,
     shown_cloud,
 )
-from server.scenes.colors import height_colors
+from server.scenes.colors import height_colors, intensity_colors
 from server.scenes.deviation import CloudDeviation
 from server.scenes.display_options import Look
 from server.scenes.merged import MergedScans, thinned
@@ -82,6 +83,8 @@ def _colors(chosen: NDArray[np.int64], cloud: MergedScans, look: Look) -> NDArra
     points_mm = cloud.every_mm[chosen]
     if look.cloud.colors == "by scan" and cloud.every_scan is not None:
         return scan_colors(cloud.every_scan[chosen])
+    if look.cloud.colors == "by intensity" and cloud.every_intensity is not None:
+        return intensity_colors(cloud.every_intensity[chosen], *intensity_range(cloud))
     if look.cloud.colors == "by deviation":
         known = look.deviation.of(points_mm) if isinstance(look.deviation, CloudDeviation) else None
         return deviation_colors(known, len(points_mm), look)

@@ -9,13 +9,14 @@ import numpy as np
 from calib_core.evidence.numbers import number_text
 from calib_core.messages import message, plural
 from server.scenes.answers import magnified as answers_magnified
-from server.scenes.cloud_layers import height_range_mm, shown_cloud
+from server.scenes.cloud_layers import height_range_mm, intensity_range, shown_cloud
 from server.scenes.cloud_view import Section
 from server.scenes.colors import (
     BOARD,
     DIVERGING,
     FIRST,
     GHOST,
+    GREYS,
     LIGHT,
     REJECTED,
     SCANS,
@@ -157,7 +158,11 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
     frame = "T" if merged.frame == "turntable" else "base"
     if look.cloud.colors == "by deviation":
         parts += _of_deviation(look.deviation)
-    elif (look.cloud.colors == "by height" and not merged.waiting) or not merged.names:
+    elif look.cloud.colors == "by intensity" and merged.every_intensity is not None:
+        low, high = intensity_range(merged)
+        parts += [_bar(GREYS), f'<div class="ticks"><span>{low:.4g}</span><span>{high:.4g}</span></div>']
+        parts.append(_line(message("Intensity, as the scanner tells it")))
+    elif (look.cloud.colors != "by scan" and not merged.waiting) or not merged.names:
         low, high = height_range_mm(merged)
         parts.append(_bar(VIRIDIS))
         parts.append(f'<div class="ticks"><span>z {low:.1f} mm</span><span>{high:.1f} mm in {frame}</span></div>')

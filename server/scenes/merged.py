@@ -54,6 +54,8 @@ class MergedScans:
         All points of a merged cloud.
     every_scan : (measured,) int or None
         Of the same points, as `scan`.
+    every_intensity : (measured,) or None
+        Of the same points.
     waiting : bool
         Whether these are scans that nothing was merged of yet: they are told apart by their colours.
     """
@@ -65,12 +67,19 @@ class MergedScans:
     measured: int
     every_mm: NDArray[np.floating] | None = None
     every_scan: NDArray[np.int64] | None = None
+    every_intensity: NDArray[np.floating] | None = None
     waiting: bool = False
 
     @property
     def fused(self) -> bool:
         """Whether this is the cleaned and merged cloud."""
         return self.every_mm is not None
+
+    @property
+    def intensity(self) -> NDArray[np.floating] | None:
+        """How bright each of `points_mm` came back, None where the scans did not say."""
+        every = self.every_intensity
+        return None if every is None else every[thinned(np.arange(len(every)), MAX_SCAN_POINTS)]
 
     @property
     def on_table(self) -> bool:
@@ -100,7 +109,7 @@ def merged_cloud(results: Mapping[str, Result], read: ReadOutput) -> MergedScans
         scans, names = None, ()  # the result beside it is of another merge
     few = thinned(np.arange(len(every)), MAX_SCAN_POINTS)
     shown = scans[few] if scans is not None else np.zeros(0, dtype=np.int64)
-    return MergedScans(every[few], shown, names, merge.frame, len(every), every, scans)
+    return MergedScans(every[few], shown, names, merge.frame, len(every), every, scans, stored.intensity)
 
 
 def merged_scans(

@@ -68,7 +68,7 @@ export type ConventionInfo = PoseConventionEntry & { name: PoseConvention };
 
 /** How the merged cloud is looked at. */
 export interface CloudView {
-  colors: "height" | "scan" | "deviation";
+  colors: "height" | "scan" | "intensity" | "deviation";
   axis: "" | "x" | "y" | "z" | "plane";
   /** Of the plane that was picked. */
   normal: readonly number[] | null;

@@ -10,7 +10,7 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.formats.format import MM_PER_UNIT, PointKind, Reading, Settings, Unit
 from calib_core.formats.shared.missing import without_missing
-from calib_core.formats.shared.names import axis_of, unit_in, unit_of
+from calib_core.formats.shared.names import axis_of, place_of_intensity, unit_in, unit_of
 from calib_core.formats.shared.text_table import TextTable
 from calib_core.formats.shared.unnamed import Column, by_place
 from calib_core.frames import FloatArray
@@ -54,7 +54,9 @@ def reading_of(
         chosen = by_place(values, kind, plain, where, table.first_line)
         read = points_of(values, chosen.columns, kind, where, settings, unit_in(table.preamble))
         return read.adding(chosen.notes, chosen.doubts)
-    return points_of(values, columns, kind, where, settings, unit_in(table.preamble))
+    bright = place_of_intensity(settings.columns or names)
+    read = points_of(values, columns, kind, where, settings, unit_in(table.preamble))
+    return read if bright is None else read.shining(values[:, bright])
 
 
 def reading_of_values(

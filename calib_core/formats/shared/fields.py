@@ -8,6 +8,7 @@ from calib_core.errors import InputError
 from calib_core.formats.format import PointKind, Reading, Settings, Unit
 from calib_core.formats.shared.binary_table import columns_from_records, require_count
 from calib_core.formats.shared.columns import points_of
+from calib_core.formats.shared.names import place_of_intensity
 from calib_core.formats.shared.text_table import parse_numbers
 from calib_core.formats.shared.unnamed import Column
 from calib_core.frames import FloatArray
@@ -27,13 +28,20 @@ class Layout:
     offset: int
     encoding: str
 
+    @property
+    def wanted(self) -> list[int]:
+        """Which fields are read: x, y and z, and behind them an intensity where there is one."""
+        bright = place_of_intensity(self.names)
+        return [*(self.names.index(axis) for axis in _AXES), *([] if bright is None else [bright])]
+
 
 def points_in(data: bytes, layout: Layout, where: str) -> FloatArray:
-    """Return x, y and z of the points (N, 3); raises InputError where the file is cut off."""
+    """Return the wanted fields of the points (N, 3 or 4); raises InputError where the file is cut off."""
     if layout.encoding == "ascii":
         return _ascii_points(data, layout, where)
     record = np.dtype(list(zip(layout.names, layout.types, strict=True)))
-    return columns_from_records(data, layout.offset, layout.count, record, _AXES, where)
+    names = tuple(layout.names[place] for place in layout.wanted)
+    return columns_from_records(data, layout.offset, layout.count, record, names, where)
 
 
 def _ascii_points(data: bytes, layout: Layout, where: str) -> FloatArray:
@@ -42,7 +50,7 @@ def _ascii_points(data: bytes, layout: Layout, where: str) -> FloatArray:
     body = b"\n".join(lines[: layout.count])
     table = parse_numbers(body, where, len(layout.names), " ".join(layout.names))
     require_count(layout.count, len(table), where)
-    return table[:, [layout.names.index(axis) for axis in _AXES]]
+    return table[:, layout.wanted]
 
 
 def header_lines(data: bytes, last: bytes, where: str, format_name: str) -> tuple[list[list[str]], int]:
@@ -76,6 +84,7 @@ def wrong(where: str, format_name: str, got: str) -> InputError:
 def reading_of_fields(
     points: FloatArray, where: str, settings: Settings, kind: PointKind | None, unit: Unit | None = None
 ) -> Reading:
-    """Return the reading of fields named x, y and z (N, 3)."""
+    """Return the reading of fields named x, y and z, and of an intensity behind them (N, 3 or 4)."""
     columns = [Column(axis, place, axis, unit) for place, axis in enumerate(_AXES)]
-    return points_of(points, columns, kind, where, settings)
+    bright = points[:, 3] if points.shape[1] > 3 else None
+    return points_of(points[:, :3], columns, kind, where, settings).shining(bright)

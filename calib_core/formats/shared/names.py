@@ -27,6 +27,7 @@ _ALIASES = {f"{before}{axis}{after}": axis for axis in "xyz" for before, after i
     "easting": "x", "east": "x", "northing": "y", "north": "y", "rechtswert": "x", "hochwert": "y"
 }  # fmt: skip
 _HEIGHTS = {"height", "höhe", "hoehe", "elevation"}
+_BRIGHTNESS = {"intensity", "intensities", "intensität", "intensitaet", "reflectance", "reflectivity"}
 
 
 def unit_of(text: str) -> Unit | None:
@@ -60,3 +61,9 @@ def axis_of(name: str) -> tuple[str | None, Unit | None]:
     if word in ("x", "y", "z"):
         return word, unit or ("mm" if words[0].endswith("mm") else None)
     return ("height" if word in _HEIGHTS else None), unit
+
+
+def place_of_intensity(names: Sequence[str]) -> int | None:
+    """Return which of the columns is named as how bright points came back; None where none is."""
+    words = [re.split(r"[^a-zäöüß]+", name.lower()) for name in names]
+    return next((place for place, each in enumerate(words) if _BRIGHTNESS & set(each)), None)

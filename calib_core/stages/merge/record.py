@@ -160,12 +160,14 @@ class MergeResult(Result, ScannerPlaced):
     sees whom), by a scanner's "rays" that run apart, by the surface's "volume", by the "distance" to the scanner's
     own zero, or "assumed"; `facing` has the figures.  `pose_scatter` is what the overlap says of poses where no
     calibration tells it.  `mesh_open_edges` is 0 of a watertight mesh.  `alignment` and `deviation`
-    compare the part with its nominal, where one is told.
+    compare the part with its nominal, where one is told.  `with_intensity` says that the scans brought how bright
+    points came back, and the cloud has it.
     """
 
     stage: Literal["merge"] = "merge"
     frame: Literal["turntable", "base"]
     cloud: str | None
+    with_intensity: bool = False
     points: int
     scanned_points: int
     voxel_mm: float

@@ -20,7 +20,7 @@ from calib_core.cell.found import told_by
 from calib_core.errors import InputError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import merge as codes
-from calib_core.formats.format import Pieces
+from calib_core.formats.format import INTENSITY, Pieces
 from calib_core.formats.ply import ply_pieces, ply_pieces_of
 from calib_core.frames import FloatArray
 from calib_core.fusion.crew import PATCH_VOXELS, Alone, Crew, MergeOptions
@@ -85,7 +85,7 @@ def solve(given: StageInput) -> MergeResult:
             against = compared(given, solution, plan.options.voxel_mm, base_from_cloud, origin_mm)
         result = _result(given, plan, solution, mistakes, against)
         if given.store is not None:
-            given.store(CLOUD_FILE, _cloud_pieces(solution, _numbers(plan, result), origin_mm))
+            given.store(CLOUD_FILE, _cloud_pieces(solution, _numbers(plan, result), origin_mm, plan.options))
             if solution.mesh is not None:
                 corners_mm = _in_place(solution.mesh.points_mm, origin_mm)
                 given.store(MESH_FILE, ply_pieces(corners_mm, triangles=solution.mesh.triangles))
@@ -146,6 +146,7 @@ def plan_merge(given: StageInput) -> MergePlan:
         settings.self_calibration,
         patch_mm=max(PATCH_VOXELS * voxel_mm, _PATCH_SPACINGS * spacing_mm),
         most_bytes=int(1e6 * settings.memory_mb),
+        intensity=any(scan.intensity is not None for scan in first),
     )
     origin_mm = _origin_mm(first, calibration.placement)
     if any(origin_mm):
@@ -182,10 +183,12 @@ def _numbers(plan: MergePlan, result: MergeResult) -> dict[str, int]:
     return {g.name: numbers[first] for g in plan.groups if (first := g.captures[0].id) in numbers}
 
 
-def _cloud_pieces(solution: MergeSolution, numbered: Mapping[str, int], origin_mm: FloatArray) -> Pieces:
+def _cloud_pieces(
+    solution: MergeSolution, numbered: Mapping[str, int], origin_mm: FloatArray, options: MergeOptions
+) -> Pieces:
     heaviest = HeaviestScans(solution.patches)
     numbers = np.array([numbered[name] for name in solution.patches.names] + [NO_SCAN])
-    names = ("x", "y", "z", "nx", "ny", "nz", "sigma", SCAN_COLUMN)
+    names = ("x", "y", "z", "nx", "ny", "nz", "sigma", SCAN_COLUMN, *([INTENSITY] if options.intensity else []))
     tables = (
         np.column_stack(
             [
@@ -193,6 +196,7 @@ def _cloud_pieces(solution: MergeSolution, numbered: Mapping[str, int], origin_m
                 np.nan_to_num(cloud.normals),
                 cloud.sigma_mm,
                 numbers[heaviest.of(cloud.points_mm)],
+                *([cloud.intensity] if options.intensity else []),
             ]
         )
         for cloud in solution.grid.clouds()
@@ -234,6 +238,7 @@ def _result(
         **judgement(findings),
         frame="base" if table is None else "turntable",
         cloud=CLOUD_FILE,
+        with_intensity=plan.options.intensity,
         points=solution.extent.points,
         scanned_points=sum(counts.points for counts in solution.counts.values()),
         voxel_mm=plan.options.voxel_mm,

@@ -13,7 +13,7 @@ import { attempt, say } from "../../components/toasts.js";
 
 /** @import {CloudView, MergeResult} from "../../state/model.js" */
 
-const COLORS = /** @type {const} */ (["height", "scan", "deviation"]);
+const COLORS = /** @type {const} */ (["height", "scan", "intensity", "deviation"]);
 const AXES = /** @type {const} */ (["", "x", "y", "z", "plane"]);
 const BANDS = /** @type {const} */ (["within", "above", "below"]);
 const SETTLE_MS = 120;
@@ -100,6 +100,9 @@ export class MergedElement extends StateElement {
     const now = this.#merge?.inputs_sha256;
     if (!now || now === this.#shown) return;
     this.#shown = now;
+    for (const input of this.#colors) {
+      if (input.value === "intensity" && input.parentElement) input.parentElement.hidden = !this.#merge?.with_intensity;
+    }
     this.#reach();
     this.#changed();
     this.#drawPicked();
