@@ -15,7 +15,7 @@ import numpy as np
 from calib_core.captures.content import pose_of, read_points
 from calib_core.captures.observe import arc_observation
 from calib_core.causes.apply import settings_of
-from calib_core.causes.search import Posed, started
+from calib_core.causes.search import MUCH_CLOSER, Posed, started
 from calib_core.cell.carriers import with_diameter
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.start import centers_of, find_start
@@ -44,7 +44,6 @@ _FAR = np.linspace(-np.log(_LARGEST), np.log(_LARGEST), 25)
 _NEAR, _FINE, _FINEST = np.linspace(-0.2, 0.2, 9), np.linspace(-0.05, 0.05, 11), np.linspace(-0.008, 0.008, 9)
 _STARTS, _ITERATIONS = 36, 12
 _ENOUGH, _TOO_LARGE = 0.7, 1.01
-_MUCH_CLOSER = 0.5
 _UNKNOWNS = 8  # of x and z alone: the scanner's rotation and two of its shifts, the sphere's place
 _LOG_ODDS = 7.0  # 1000 : 1 that so much closer is no chance, with so many lengths to choose from
 _DISAGREES = 4  # the power of the share of circles that are no larger than the sphere
@@ -100,7 +99,7 @@ def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, 
     if seen is None or (ratio == 1 and now < _AS_GOOD_AS_ARMS_MM):
         return []
     found = [*_factors(seen, ratio, told), *(_diameters(seen, told) if ratio == 1 else [])]
-    closer = min(_MUCH_CLOSER, float(np.exp(-_LOG_ODDS / (2 * len(profiles) - _UNKNOWNS))))
+    closer = min(MUCH_CLOSER, float(np.exp(-_LOG_ODDS / (2 * len(profiles) - _UNKNOWNS))))
     found = [one for one in found if one.scatter_mm < _LARGEST_SCATTER_MM and one.price < closer * now]
     found.sort(key=lambda one: one.price)
     if not found or found[0].is_ordinary:

@@ -15,6 +15,9 @@ from calib_core.chain.start_search import Sought, apart, random_rotations
 from calib_core.frames import FloatArray, RigidTransform
 
 _STARTS = 72
+MUCH_CLOSER = 0.5
+"""Of the scatter that captures have as they are told, what they have once a mistake is taken back, at most."""
+
 _FEW = 24  # captures that the coarse search looks at
 _COARSE_STEPS, _FINE_STEPS = 8, 14
 _KEPT_PER_HYPOTHESIS = 3

@@ -6,18 +6,18 @@ Another package adds a format by an entry point of the group ``scancell.formats`
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Final, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.mesh import MeshData
 from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.proof import Proof, is_experimental
-from calib_core.records.base import Finite, Positive, Record
+from calib_core.records.base import Finite, Record, mismatch
 
 Kind = Literal["profile", "cloud", "frame", "mesh"]
 PointKind = Literal["profile", "cloud"]
@@ -29,6 +29,8 @@ Pieces = Iterator[bytes | memoryview]
 
 Tables = Callable[[], Iterable[NDArray[Any]]]
 """Gives a cloud's tables from the beginning each time that it is called."""
+
+_LEAST_SCALE = 1e-12
 
 SCAN_COLUMN: Final = "scan"
 """The number of the scan that weighs most around a point; −1 where none does."""
@@ -45,20 +47,30 @@ class ScanPlace:
     cloud_from_scan: FloatArray
 
 
+def _not_zero(scale: float) -> float:
+    if abs(scale) < _LEAST_SCALE:
+        raise mismatch(message("a factor that is not zero"), f"{scale:g}", message("Correct it."))
+    return scale
+
+
+Scale = Annotated[Finite, AfterValidator(_not_zero)]
+
+
 class Settings(Record):
     """What a user may say about a file that does not say it itself; all may be left out.
 
     `unit` is that of the file's coordinates.  `missing` lists values that stand where nothing came back, beside
-    blanks and NaN.  `x_scale`, `y_scale` and `z_scale` multiply the coordinates of a scanner whose own are off.
+    blanks and NaN.  `x_scale`, `y_scale` and `z_scale` multiply the coordinates of a scanner whose own are off, or
+    by −1 mirrored.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     unit: Unit | None = None
     missing: list[Finite] = Field(default_factory=list)
-    x_scale: Positive = 1.0
-    y_scale: Positive = 1.0
-    z_scale: Positive = 1.0
+    x_scale: Scale = 1.0
+    y_scale: Scale = 1.0
+    z_scale: Scale = 1.0
 
 
 class Match(NamedTuple):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from calib_core.errors import CalibrationError, InputError, TooLargeError
+from calib_core.errors import CalibrationError, InputError, MeasurementError, TooLargeError
 from calib_core.formats.format import Format, Kind, Match, PointKind, Reading, Settings, ending_of, require_kind
 from calib_core.frames import FloatArray
 from calib_core.messages import message
@@ -117,7 +117,9 @@ def parse_profile(data: bytes, name: str, may_be_blank: bool = False) -> FloatAr
     Raises
     ------
     InputError
-        If it is empty, holds no point that came back, no numbers, or another format.
+        If it is empty, holds no numbers, or another format.
+    MeasurementError
+        If it holds no point that came back.
     TooLargeError
         If it is larger than `MAX_PROFILE_BYTES`.
     """
@@ -131,19 +133,14 @@ def parse_cloud(data: bytes, name: str) -> FloatArray:
 
 
 def known_points(reading: Reading, where: str) -> FloatArray:
-    """Return the points of a reading without the blanks; raises InputError where there are none."""
+    """Return the points of a reading without the blanks; raises MeasurementError where nothing came back."""
     kept = reading.points if reading.known.all() else reading.points[reading.known]
     if not len(kept):
-        raise InputError(
-            "a {kind} with points",
-            message(
-                "{count} blanks: nothing came back to the scanner", kind=reading.kind, count=len(reading.points)
-            ),
-            "Check distance and exposure, and take the capture again; or set its `excluded` to true.",
-            where,
-            kind=reading.kind,
-            count=len(reading.points),
-        )
+        got = message("none: nothing came back to the scanner")
+        if len(reading.points):
+            got = message("{count} blanks: nothing came back to the scanner", count=len(reading.points))
+        to_do = "Check distance and exposure, and take the capture again; or set its `excluded` to true."
+        raise MeasurementError("a {kind} with points", got, to_do, where, kind=reading.kind)
     return kept
 
 

@@ -66,6 +66,14 @@ def in_metres(capture: dict[str, Any], files: dict[str, bytes]) -> None:
     times({"captures": [capture | {"pose": np.eye(4).ravel().tolist()}]}, files, 1e-3)
 
 
+def mirrored(record: dict[str, Any], files: dict[str, bytes]) -> None:
+    """Let y of the clouds count the other way, as a program with a left-handed frame does."""
+    for capture in record["captures"]:
+        head, body = files[capture["files"][0]].split(b"DATA binary\n")
+        points = np.frombuffer(body, np.float32).reshape(-1, 3) * np.array([1, -1, 1], np.float32)
+        files[capture["files"][0]] = head + b"DATA binary\n" + points.tobytes()
+
+
 def all_in_metres(record: dict[str, Any], files: dict[str, bytes]) -> None:
     times(record, files, 1e-3)
 
@@ -108,6 +116,7 @@ def rubble(record: dict[str, Any], files: dict[str, bytes], seed: int = 6) -> No
         (inverted, False, "merge-pose-reading"),
         (elsewhere, False, "merge-scan-elsewhere"),
         (astray, False, "merge-scan-elsewhere"),
+        (mirrored, False, "points-mirrored"),
     ],
 )
 def test_a_mistake_is_named_first_and_apply_repairs_it(mistake: Mistake, table: bool, code: str):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib_core.errors import CalibrationError, InputError, TooLargeError
+from calib_core.errors import CalibrationError, InputError, MeasurementError, TooLargeError
 from calib_core.formats.points import MAX_PROFILE_BYTES, parse_cloud, parse_profile, read_file, usual_kind
 
 PROFILE = np.array([[-1.5, 200.25], [0.0, 201.0], [2.5, 199.125]])
@@ -117,6 +117,7 @@ def test_a_table_longer_than_one_block_keeps_its_order_and_line_numbers():
         (b"\n\n", "p.csv", "an empty file"),
         (b"x_mm,z_mm\n", "p.csv", "no line with a number"),
         (b"x_mm,z_mm\n1,\n2,\n", "p.csv", "2 blanks: nothing came back"),
+        (b"x;z\r\n;\r\n;\r\n", "p.csv", "2 blanks: nothing came back"),
         (b"nan,nan\nnan,nan\nnan,nan\n", "p.csv", "3 blanks: nothing came back"),
         (b"x_mm,z_mm\n1,2\n3,abc\n", "p.csv", "'abc' in line 3"),
         (b"x_mm,z_mm\n1,2\n3", "p.csv", "1 in line 3"),
@@ -151,7 +152,8 @@ def test_a_table_longer_than_one_block_keeps_its_order_and_line_numbers():
 )
 def test_a_bad_file_is_named_with_what_is_wrong(data, name, said):
     parse = parse_profile if name.startswith("p") else parse_cloud
-    with pytest.raises(InputError, match=said) as caught:
+    kind = MeasurementError if "blanks" in said else InputError
+    with pytest.raises(kind, match=said) as caught:
         parse(data, name)
     assert str(caught.value).startswith(f"{name}: need ")
 

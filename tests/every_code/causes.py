@@ -1,6 +1,7 @@
 """Rows of causes: poses, lengths and angles that are told wrongly, beside those that are right."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,11 +10,13 @@ from wrong_poses import Measured, reordered, rewritten, swapped, writer
 
 from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
+from calib_core.causes.mirror import mirror_causes
 from calib_core.causes.poses import pose_causes
 from calib_core.causes.scales import scale_causes
 from calib_core.causes.session import unsolved_causes
 from calib_core.causes.table import direction_findings, table_causes
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.chain.start import centers_of, find_start
 from calib_core.chain.table_frame import TableFrame
 from calib_core.findings import Finding
 from calib_core.findings.codes.causes import POINT_UNIT
@@ -49,6 +52,23 @@ def in_order(order: Callable[[int], list[int]]) -> Case:
 def two_swapped(count: int) -> list[int]:
     """Return an order in which two are exchanged."""
     return swapped(count, np.random.default_rng(5))
+
+
+def centers(y: float) -> Case:
+    """Return what is said of centres whose y is so many times the true one."""
+
+    def case() -> Iterable[Finding]:
+        there = centers_of(measured().observations, measured().sphere)
+        tool = find_start(there)
+        arms = np.einsum("kji,kj->ki", there.rotations, tool.center - there.translations)
+        seen = (arms - tool.translation) @ tool.rotation * [1.0, y, 1.0]
+        found = [
+            replace(o, kind="center", circle_radius_mm=None, center_in_laser_mm=center)
+            for o, center in zip(measured().observations, seen, strict=True)
+        ]
+        return mirror_causes(measured().session, found, measured().sphere)
+
+    return case
 
 
 def lengths(x: float = 1.0, diameter_mm: float = 40.0) -> Case:
@@ -115,6 +135,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     ),
     "sphere-diameter": (lengths(diameter_mm=44.0), lengths()),
     "scaled-profile": (lengths(x=1.05), lengths()),
+    "points-mirrored": (centers(-1.0), centers(1.0)),
     "point-unit": (in_unit("tcp-metres"), in_unit("tcp")),
     "table-direction": (direction(-1), direction(1)),
     "table-angles": (angles(ANGLES["10 % too large"]), angles(list)),

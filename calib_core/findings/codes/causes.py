@@ -162,6 +162,26 @@ SCALED_PROFILE = Code(
     usual_causes="Another unit or count, a scanner that was not calibrated.",
 )
 
+POINTS_MIRRORED = Code(
+    "points-mirrored",
+    "error",
+    text={
+        "sphere": "The scanner's points are mirrored: the captures fit together, to {after_mm:.2f} mm instead of "
+        "{before_mm:.1f} mm, if one of their axes counts the other way.",
+        "scans": "The scanner's points are mirrored: the scans fit together if their {axis} counts the other way; "
+        "{pairs_after:d} pairs of surfaces lie together then, {pairs_before:d} do now.",
+    },
+    to_do="Have its program write a right-handed frame. Applied, {axis} is read with the other sign; the answer then "
+    "belongs to points that are.",
+    by="of",
+    title="Points are mirrored: {axis} × −1",
+    explains_all=True,
+    meaning="The frame of the clouds or centres is left-handed, as in a mirror: no tool brings them together.",
+    decided="With one axis turned round the sphere's centres lie less than half as far apart, or far more pairs of "
+    "surfaces of scans lie together.",
+    usual_causes="Rows counted from the other end, an image's y that points down, a program with a left-handed frame.",
+)
+
 POINT_UNIT = Code(
     "point-unit",
     "error",

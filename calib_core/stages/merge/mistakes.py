@@ -1,7 +1,7 @@
 """Scans that do not fit together: which mistake makes pairs of surfaces appear when it is taken back."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -22,11 +22,14 @@ from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import Capture, Changes, Finding, Session
 from calib_core.stages.merge.trials import (
     LEAST_PAIRS,
+    MORE,
+    Tried,
     about_z,
     extent_mm,
     impossible_among,
     impossible_of_scan,
     impossible_share,
+    mirrored,
     pairs_with,
     remedy_of,
     same_arrangement,
@@ -39,7 +42,7 @@ _ASTRAY, _WITHOUT = 0.08, 0.4  # of one scan; of what all have, what is left to 
 _PAIRED = 0.5  # of what a patch of the others pairs: a scan that fits pairs as they do, whatever stands before it
 _FEW_APART, _FEW_TOGETHER = 0.002, 0.005  # of all compared, those one before the other that say nothing
 _MOST_CHECKED = 3
-_MORE, _MORE_BY_STEPS, _MORE_BY_TWO = 1.4, 1.15, 1.04  # of the score, when a mistake is taken back
+_MORE_BY_STEPS, _MORE_BY_TWO = 1.15, 1.04  # of the score, as `MORE`
 _FACTORS = 1 + np.arange(-0.2, 0.2001, 0.004)
 _NEARBY, _NEAR = np.linspace(-0.016, 0.016, 33), 0.15
 _UNITS = (float(np.rad2deg(1)), float(np.deg2rad(1)), 0.9, 10 / 9, 360.0, 0.5, 2.0)
@@ -48,16 +51,6 @@ _MOST_SUSPECTS = 6
 _SMALLER = 0.02  # of the others' size: metres
 _LEAST_MM = 2.0  # nobody scans so little of an object
 _MOST_READ_AGAIN = 24
-
-
-@dataclass(frozen=True, eq=False)
-class _Tried:
-    """One mistake taken back: how well the scans fit then, and the finding it would be."""
-
-    ways: FloatArray
-    fit: Fit
-    more: float
-    finding: Callable[[Fit, Fit], Finding]
 
 
 class Mistakes:
@@ -122,12 +115,13 @@ class Mistakes:
             return [codes.SCANS_DO_NOT_FIT(pairs=apart.pairs, impossible_percent=100 * impossible)]
         return []
 
-    def _tried(self, looked: Looked, seen: Patches, now: Fit) -> Iterator[_Tried]:
+    def _tried(self, looked: Looked, seen: Patches, now: Fit) -> Iterator[Tried]:
         """Give the mistakes that make clearly more pairs when they are taken back."""
         where = [self._way(name) for name in looked.used]
         for one in (
             *self._of_table(looked, seen),
             *self._of_poses(looked, seen, where),
+            *mirrored(self._captures(looked.used), seen, where),
             *self._of_two(looked, seen, now, where),
         ):
             if one.fit.pairs >= LEAST_PAIRS and one.fit.score > one.more * max(now.score, 1.0):
@@ -158,7 +152,7 @@ class Mistakes:
 
     # Angles of the table
 
-    def _of_table(self, looked: Looked, seen: Patches) -> Iterator[_Tried]:
+    def _of_table(self, looked: Looked, seen: Patches) -> Iterator[Tried]:
         degrees = self._degrees(looked)
         if degrees is None or not np.ptp(degrees) > 0:
             return
@@ -167,7 +161,7 @@ class Mistakes:
         def by(factor: float) -> Fit:
             return fit(seen, about_z((1 - factor) * turned))
 
-        yield _Tried(about_z(2 * turned), by(-1.0), _MORE, lambda now, then: self._direction(looked, now, then))
+        yield Tried(about_z(2 * turned), by(-1.0), MORE, lambda now, then: self._direction(looked, now, then))
         if len(degrees) < 4:
             return
         tried = {factor: by(factor) for factor in (*_FACTORS.tolist(), *_UNITS) if abs(factor - 1) > 1e-6}
@@ -180,7 +174,7 @@ class Mistakes:
             best = max(near, key=lambda factor: near[factor].score)
             tried[best] = by(best)
         ways = about_z((1 - best) * turned)
-        yield _Tried(ways, tried[best], _MORE_BY_STEPS, lambda now, then: self._steps(looked, best, now, then))
+        yield Tried(ways, tried[best], _MORE_BY_STEPS, lambda now, then: self._steps(looked, best, now, then))
 
     def _direction(self, looked: Looked, now: Fit, then: Fit) -> Finding:
         if self._table_is_known:
@@ -204,7 +198,7 @@ class Mistakes:
 
     # Poses
 
-    def _of_poses(self, looked: Looked, seen: Patches, where: list[FloatArray]) -> Iterator[_Tried]:
+    def _of_poses(self, looked: Looked, seen: Patches, where: list[FloatArray]) -> Iterator[Tried]:
         captures = [self._groups[name].captures[0] for name in looked.used]
         if any(one.pose is None or stands_still(self._session.cell, one) for one in captures):
             return
@@ -214,7 +208,7 @@ class Mistakes:
         units = [
             replace(one, mm_per_unit=told.mm_per_unit * factor) for one in (told, *ways) for factor in (1e3, 1e-3)
         ]
-        tried: list[_Tried] = []
+        tried: list[Tried] = []
         seen_before: list[Reading] = [told]
         for reading in (*ways, *units, *readings(self._session.cell, rows)):
             if reading in seen_before or reading.mm_per_unit not in MM_PER_UNIT.values():
@@ -231,7 +225,7 @@ class Mistakes:
             if np.abs(moves[:, :3, 3]).max() > 1e5:
                 continue
             if not any(same_arrangement(moves, other.ways, seen.size_mm) for other in tried):
-                tried.append(_Tried(moves, fit(seen, moves), _MORE, self._reading_finding(reading)))
+                tried.append(Tried(moves, fit(seen, moves), MORE, self._reading_finding(reading)))
         # Poses in a wrong unit lie on one heap, where pairs are many by chance, and as many in every such reading.
         for one in tried:
             others = [other.fit.score for other in tried if other is not one]
@@ -251,7 +245,7 @@ class Mistakes:
 
     # Two scans that changed places
 
-    def _of_two(self, looked: Looked, seen: Patches, now: Fit, where: list[FloatArray]) -> Iterator[_Tried]:
+    def _of_two(self, looked: Looked, seen: Patches, now: Fit, where: list[FloatArray]) -> Iterator[Tried]:
         patches_of = np.maximum(np.bincount(seen.scans, minlength=len(looked.used)), 1)
         suspects = [
             k
@@ -263,7 +257,7 @@ class Mistakes:
         for a, b in combinations(suspects, 2):
             both = unmoved.copy()
             both[a], both[b] = where[b] @ np.linalg.inv(where[a]), where[a] @ np.linalg.inv(where[b])
-            yield _Tried(
+            yield Tried(
                 both, fit(seen, both), _MORE_BY_TWO, self._swap(looked, a, b, ("pose", "poses", "table_deg"))
             )
             if degrees is None or degrees[a] == degrees[b]:
@@ -271,7 +265,7 @@ class Mistakes:
             turn = self._placement.direction * self._placement.scale * np.deg2rad(degrees[a] - degrees[b])
             turns = np.zeros(len(where))
             turns[a], turns[b] = turn, -turn
-            yield _Tried(
+            yield Tried(
                 about_z(turns), fit(seen, about_z(turns)), _MORE_BY_TWO, self._swap(looked, a, b, ("table_deg",))
             )
 

@@ -1,22 +1,58 @@
 """What tells how well scans fit once a mistake is taken back."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.causes.mirror import turned_round
+from calib_core.findings.codes.causes import POINTS_MIRRORED
 from calib_core.frames import FloatArray, rotation_from_vector
-from calib_core.fusion.arrangement import coarse, fit
+from calib_core.fusion.arrangement import Fit, coarse, fit
 from calib_core.fusion.outward import Outward, Sight, sight
 from calib_core.fusion.overlap import Patches, SeenBy, joined_patches
-from calib_core.records import Changes, RootCause
+from calib_core.records import Capture, Changes, Finding, RootCause
 
 LEAST_PAIRS = 50
 """Fewer pairs of surfaces tell nothing."""
 
+MORE = 1.4
+"""Of the score, what there must be when a mistake is taken back."""
+
 _ONE_SURFACE = 0.15  # of a patch
 _SAME = 0.01  # of rotations' numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """One mistake taken back: how well the scans fit then, and the finding it would be."""
+
+    ways: FloatArray
+    fit: Fit
+    more: float
+    finding: Callable[[Fit, Fit], Finding]
+
+
+def mirrored(captures: Sequence[Capture], seen: Patches, where: Sequence[FloatArray]) -> Iterator[Tried]:
+    """Give clouds of which one axis counts the other way; `where` their scanners stand, (4, 4) each."""
+    if any(capture.kind != "cloud" for capture in captures):
+        return
+    for row, axis in enumerate("xyz"):
+        mirror = np.eye(4)
+        mirror[row, row] = -1
+        ways = np.array([way @ mirror @ np.linalg.inv(way) for way in where])
+        ids = [capture.id for capture in captures]
+        remedy = remedy_of(
+            "scaled-profile", Changes(captures={c.id: turned_round(c, axis) for c in captures}), ids
+        )
+
+        def finding(now: Fit, then: Fit, axis: str = axis, remedy: RootCause = remedy) -> Finding:
+            pairs: dict[str, Any] = {"pairs_before": now.pairs, "pairs_after": then.pairs}
+            return POINTS_MIRRORED(remedy.captures, remedy=remedy, of="scans", axis=axis, **pairs)
+
+        yield Tried(ways, fit(seen, ways), MORE, finding)
 
 
 def impossible_share(seen: Patches, ways: FloatArray, directions: FloatArray) -> float:

@@ -119,10 +119,12 @@ def _causes_of_poses(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     given.progress(0.97, "Trying other readings of the poses")
     found = pose_causes(given.session.cell, given.captures, solved.observations, solved.sphere)
     if not found and not solved.solution.causes:
+        from calib_core.causes.mirror import mirror_causes
         from calib_core.causes.scales import scale_causes
 
         given.progress(0.98, "Trying other lengths")
         found = scale_causes(given.session, given.captures, given.read, solved.sphere)
+        found = found or mirror_causes(given.session, solved.observations, solved.sphere)
     return found
 
 
