@@ -14,13 +14,15 @@ from calib_core.records import Capture, Cell
 from calib_core.records.base import Matrix4, OpenMatrix4, Record, Rows, Vector3
 from calib_core.records.results import FoundFrame
 from calib_core.records.topology import FoundAxis, KnownFrame
-from calib_core.steps import table_stages, tool_stages
+from calib_core.steps import stage_names, tool_stages
 
 _MOUNTS: Final[tuple[Carrier, ...]] = ("tool0", "base")
 ON_FLANGE: Final = "tool0_from_laser"
 """The field of records that has a scanner on the flange."""
 SCANNER_FRAMES: Final = (ON_FLANGE, "base_from_laser")
 """The fields of records that have a scanner's pose; one of both is told."""
+_BY_BOARD: Final[Mapping[Carrier, str]] = {mount: f"{mount}_from_laser_by_board" for mount in _MOUNTS}
+"""The same as a board has it, whose covariance is `laser_covariance`."""
 
 
 class UpToShift(Record):
@@ -96,11 +98,17 @@ def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
 
 
 def answering(results: Mapping[str, Record | Mapping[str, Any]]) -> str | None:
-    """Return the stage whose result is the answer: the best with the scanner, or a table's that it alone knows."""
+    """Return the stage whose result is the answer: the best with the scanner by a sphere.
+
+    Where there is none: a table's that its scanner alone knows, or a board's that tells the scanner.
+    """
     placed = next((stage for stage in tool_stages() if stage in results), None)
-    return placed or next(
-        (stage for stage in table_stages() if stage in results and _own_base(results[stage])), None
-    )
+    return placed or next((stage for stage in stage_names() if stage in results and _alone(results[stage])), None)
+
+
+def _alone(result: Record | Mapping[str, Any]) -> bool:
+    told = result if isinstance(result, Mapping) else vars(result)
+    return _own_base(result) or any(told.get(name) is not None for name in _BY_BOARD.values())
 
 
 def _own_base(result: Record | Mapping[str, Any]) -> bool:
@@ -116,6 +124,15 @@ def table_seen(result: Mapping[str, Any]) -> FoundFrame | None:
         return None
     seen = (one for one in result["frames"] if one["outof"] == "turntable" and one["into"].startswith("laser"))
     return FoundFrame.model_validate(next(seen))
+
+
+def scanner_answered(result: Mapping[str, Any]) -> tuple[RigidTransform, FloatArray]:
+    """Return the scanner's pose with its covariance as an answer, JSON data, has them, by a sphere or a board."""
+    for mount, name in _BY_BOARD.items():
+        if (rows := result.get(name)) is not None:
+            covariance = np.array(result["laser_covariance"], dtype=float)
+            return RigidTransform.from_rounded(rows, mount, "laser"), covariance
+    return scanner_frame(result), np.array(result["covariance"], dtype=float)
 
 
 def told_by(mount_from_laser: RigidTransform) -> dict[str, Any]:
@@ -166,7 +183,8 @@ def no_scanner(need: str) -> InputError:
     return InputError(
         need,
         "neither captures with step 'tcp' nor cell.known.tool0_from_laser",
-        "Capture the still sphere from several robot poses first, or give tool0_from_laser with the cell.",
+        "Capture the still sphere from several robot poses first, that on the table while it rests will do; or "
+        "give tool0_from_laser with the cell.",
         "captures",
     )
 

@@ -384,9 +384,13 @@ class ChainState:
     @property
     def table(self) -> TableState:
         """The last axis that carries a ball, with the places on it."""
+        return self.axis_with_places(self.walk.layout.table)
+
+    def axis_with_places(self, which: int) -> TableState:
+        """Return an axis with the places that it carries itself."""
         layout, at = self.walk.layout, self.position
-        axis, linear = at.axes[layout.table], layout.axes[layout.table].kind == "linear"
-        return TableState(axis.rotation, axis.origin, at.places[layout.on_axis(layout.table)], axis.scale, linear)
+        axis, linear = at.axes[which], layout.axes[which].kind == "linear"
+        return TableState(axis.rotation, axis.origin, at.places[layout.on_axis(which)], axis.scale, linear)
 
     @property
     def radius_mm(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_results import require_result
 from calib_core.captures.certificate_dates import overdue_certificates
-from calib_core.cell.found import answering, placed_table, scanner_frame, table_seen
+from calib_core.cell.found import answering, placed_table, scanner_answered, table_seen
 from calib_core.errors import ConflictError, InputError
 from calib_core.findings import Finding, findings_in, judgement, worst_of
 from calib_core.findings.codes.faults import FAULT_CODES
@@ -33,7 +33,7 @@ class Answer:
         Results as JSON data, for exports that tell more: those of the answer, and of others what is not stale.
     stage : str
         The stage whose tool this is: `chain` or, without a table, `tcp`; `turntable` of a table that is known to
-        its scanner alone.
+        its scanner alone, `hand-eye` of a scanner that boards alone tell.
     mount_from_laser : RigidTransform
         The scanner's pose on the flange, or in base where it stands still.
     tool_covariance : (6, 6)
@@ -229,7 +229,7 @@ def answer_of(
     for part in [*parts, *(["verify"] if "verify" in data else [])]:
         require_result(part, data[part], f"results/{part}.json")
     result, table = data[stage], data.get(table_stage)
-    seen = table_seen(result)
+    seen, (scanner, covariance) = table_seen(result), scanner_answered(result)
     verdicts = [data[part]["verdict"] for part in parts]
     decision = data.get("verify", {}).get("decision")
     covariance_name = "turntable_covariance" if stage == "chain" else "covariance"
@@ -243,8 +243,8 @@ def answer_of(
         session=_as_solved(session, result),
         results={name: record for name, record in data.items() if name in parts or name not in stale},
         stage=stage,
-        mount_from_laser=scanner_frame(result),
-        tool_covariance=np.array(seen.covariance if seen else result["covariance"], dtype=float)[:6, :6],
+        mount_from_laser=scanner,
+        tool_covariance=(np.array(seen.covariance, dtype=float) if seen else covariance)[:6, :6],
         base_from_turntable=turntable,
         table_covariance=table_covariance,
         verdict=worst_of(verdicts),

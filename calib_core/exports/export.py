@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from calib_core.archive.folder import result_data
 from calib_core.archive.stored_clouds import media_types
-from calib_core.cell.found import SCANNER_FRAMES, placed_table, scanner_frame, table_seen
+from calib_core.cell.found import SCANNER_FRAMES, placed_table, scanner_answered, scanner_frame, table_seen
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.controller import POSES, for_poses
@@ -119,13 +119,14 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
     Of a table that is known to its scanner alone it is the table's, in the scanner's.
     """
     if (seen := table_seen(result)) is not None:
-        frame, rows = RigidTransform.from_rounded(seen.matrix, "laser", "turntable"), seen.covariance
+        frame = RigidTransform.from_rounded(seen.matrix, "laser", "turntable")
         name, maps = "laser_from_turntable", "the turntable's frame into the scanner's"
+        matrix, covariance = seen.matrix, np.array(seen.covariance, dtype=float)
     else:
-        frame, rows = scanner_frame(result), result["covariance"]
+        frame, covariance = scanner_answered(result)
         mount = "the flange's" if frame.into == "tool0" else "base"
         name, maps = f"{frame.into}_from_laser", f"the scanner's frame into {mount}"
-    covariance = np.array(rows, dtype=float)
+        matrix = result.get(name, frame.to_rows())
     sigmas = np.sqrt(np.diag(covariance)[:6])
     return {
         "format": "scancell-tool/1",
@@ -136,8 +137,8 @@ def tool_frame(session: Session, result: Mapping[str, Any]) -> dict[str, Any]:
         "software": result["software"],
         "inputs_sha256": result["inputs_sha256"],
         "frame": f"{name}: maps points of {maps}, mm",
-        name: seen.matrix if seen else result[name],
-        "covariance": rows,
+        name: matrix,
+        "covariance": [[value if np.isfinite(value) else None for value in row] for row in covariance.tolist()],
         "covariance_order": list(_ORDER),
         "standard_deviation": {k: v if np.isfinite(v) else None for k, v in zip(_ORDER, sigmas, strict=True)},
         "confidence_95": result.get("confidence_95", {}),

@@ -27,9 +27,10 @@ class FrameSettings(Settings):
 
 
 def edges(answer: Answer, settings: FrameSettings) -> Iterator[tuple[str, str, RigidTransform]]:
-    """Yield parent, child and parent_from_child of what is to be written: every scanner, table and other axis.
+    """Yield parent, child and parent_from_child of all that is to be written.
 
-    A table that is known to its scanner alone has that as its parent.
+    These are scanners, table and other axes, camera and board; a table that its scanner alone knows has that as
+    its parent.
     """
     for parent, child, frame, _ in edges_known(answer, settings):
         yield parent, child, frame
@@ -51,11 +52,11 @@ def edges_known(
         yield names[frame.into], child, frame, covariance
     if with_table and answer.base_from_turntable is not None:
         yield settings.base, settings.turntable, answer.base_from_turntable, answer.table_covariance
-    for axis in answer.frames if settings.part != "tool" else ():
-        if axis.into == "base" and axis.outof not in ("laser", "turntable"):
-            frame = RigidTransform.from_rounded(axis.matrix, "base", "turntable")
-            covariance = None if axis.covariance is None else np.array(axis.covariance, dtype=float)
-            yield settings.base, axis.outof, frame, covariance
+    for found in answer.frames if settings.part != "tool" else ():
+        if found.into in names and found.outof not in ("laser", "turntable"):
+            frame = RigidTransform.from_rounded(found.matrix, "base", "turntable")
+            covariance = None if found.covariance is None else np.array(found.covariance, dtype=float)
+            yield names[found.into], found.outof, frame, covariance
 
 
 def position_and_quaternion(frame: RigidTransform) -> tuple[list[str], list[str]]:

@@ -8,7 +8,7 @@ from typing import Any, Final
 from pydantic import Field
 
 from calib_core.cell.layout import Carrier
-from calib_core.errors import ConflictError, InputError
+from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.exports.answer import Answer, answer_of
 from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import at_workpiece
@@ -171,11 +171,11 @@ def _budget(answer: Answer) -> Any:
     """
     from calib_core.guidance.part_budget import budget_at
 
-    if answer.stale or answer.laser_from_turntable is not None:
+    if answer.stale:
         return None
     try:
         return budget_at(answer.session, answer.results).to_json()
-    except (InputError, KeyError, TypeError, ValueError):
+    except (CalibrationError, KeyError, TypeError, ValueError):
         return None
 
 

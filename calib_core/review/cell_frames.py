@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.cell.carriers import other_end, scanner_mount, scanner_names
-from calib_core.cell.found import as_used, table_seen
+from calib_core.cell.found import answering, as_used, scanner_answered, table_seen
 from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform, skew
@@ -248,10 +248,13 @@ def _tool(session: Session, solved: _Solved, scanner: str | None, is_it: bool) -
     if known is not None and is_it:
         transform = RigidTransform.from_rounded(known, mount, "laser")
         return FrameEdge(mount, "laser", "known", f"cell.known.{name}", transform, scanner=scanner)
-    stage = solved.first(tool_stages()) if is_it else None
-    if stage is None or solved.results[stage].get(name) is None:
+    stage = answering(solved.results) if is_it else None
+    result = {} if stage is None else solved.results[stage]
+    if stage in tool_stages() and result.get(name) is not None:
+        return solved.edge(stage, name, scanner)
+    if stage is None or stage in tool_stages() or table_seen(result):
         return FrameEdge(mount, "laser", "sought", tool_stages()[-1], scanner=scanner)
-    return solved.edge(stage, name, scanner)
+    return FrameEdge(mount, "laser", "solved", stage, *scanner_answered(result), scanner, stage in solved.stale)
 
 
 def _has_table(session: Session) -> bool:

@@ -64,13 +64,12 @@ def without_open_places(result: _R, shifts: OpenShifts, *, own_base: bool = Fals
     told["frames"] = [
         frame.model_copy(
             update={
-                "matrix": _opened(frame.matrix, on_mount),
-                "covariance": frame.covariance and _rows(frame.covariance, on_mount, on_mount),
+                "matrix": _opened(frame.matrix, is_open),
+                "covariance": frame.covariance and _rows(frame.covariance, is_open, is_open),
             }
         )
-        if (frame.into, frame.outof) == (mount.into, "laser")
-        else frame
         for frame in result.frames
+        for is_open in [_open_of(frame, mount, on_mount, in_base)]
     ]
     own = result.model_dump(by_alias=True, include=set(UpToShift.model_fields) - {"directions", "travel"})
     travel = None if shifts.travel is None or own_base else shifts.travel.tolist()
@@ -98,6 +97,13 @@ def without_base(result: TurntableResult, scanner: str) -> TurntableResult:
     placed = FoundFrame(into="base", outof="laser", scanner=scanner or None, matrix=base_from_laser.to_rows())
     opened = without_open_places(result.model_copy(update={"frames": [placed]}), every, own_base=True)
     return opened.model_copy(update={"frames": [*opened.frames, seen]})
+
+
+def _open_of(frame: FoundFrame, mount: RigidTransform, on_mount: np.ndarray, in_base: np.ndarray) -> np.ndarray:
+    if (frame.into, frame.outof) == (mount.into, "laser"):
+        return on_mount
+    of_scanner = frame.outof.startswith("laser") or frame.into.startswith("laser")
+    return np.zeros(6, dtype=bool) if of_scanner else in_base
 
 
 def _open_table(result: TurntableResult | ChainResult, in_base: np.ndarray) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def places_mm(facts: SceneFacts) -> FloatArray:
 def _outer(facts: SceneFacts, frame: str) -> RigidTransform:
     """Return the outer frame of a compared one in the base: the last flange that counts, or the bench."""
     if frame == "camera_from_laser":
-        return BASE_FROM_CAMERA
+        return BASE_FROM_CAMERA if facts.optics is None else facts.optics.base_from_camera
     used = [capture.base_from_tool0 for capture in facts.captures if capture.state == "used"]
     at_flange = frame == ON_FLANGE and used
     return used[-1] if at_flange else RigidTransform.identity("base", "base")

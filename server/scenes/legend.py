@@ -36,7 +36,7 @@ from server.scenes.deviation import CloudDeviation
 from server.scenes.display_options import Look
 from server.scenes.interim_layers import AXIS_TIMES
 from server.scenes.merged import MergedScans
-from server.scenes.optics import OpticsFacts
+from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts
 from server.scenes.scene_model import BY_HAND, KnownHowWell, SceneFacts
 from server.scenes.turntable import TableFacts
 from server.scenes.turntable_layers import AXIS, mount_color
@@ -149,7 +149,8 @@ def _of_optics(optics: OpticsFacts) -> list[str]:
             parts.append(_key(color, sign, what))
     if optics.camera_from_laser is not None:
         parts.append(_key(LIGHT, "◣", message("plane of light")))
-    parts.append(_line(message("Drawn beside the base: where the camera stood in the cell is not known.")))
+    if optics.base_from_camera is BASE_FROM_CAMERA:
+        parts.append(_line(message("Drawn beside the base: where the camera stood in the cell is not known.")))
     return [*parts, *map(_line, optics.missing)]
 
 

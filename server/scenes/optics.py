@@ -1,4 +1,4 @@
-"""Camera, boards and plane of light as a scene shows them, on a bench beside the robot's base."""
+"""Camera, boards and plane of light as a scene shows them: where the camera stands, or on a bench beside base."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Result, Session
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.laser_plane_result import LaserPlaneResult
+from calib_core.stages.hand_eye.record import HandEyeResult
 
 BASE_FROM_CAMERA = RigidTransform.of(
     np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]]), [0.0, -600.0, 300.0], "base", "camera"
@@ -39,6 +40,8 @@ class OpticsFacts:
     camera_from_laser : RigidTransform or None
     missing : tuple of str
         What cannot be drawn, and why, in sentences.
+    base_from_camera : RigidTransform
+        Where a camera that stands still is; of any other the bench.
     """
 
     camera_matrix: FloatArray | None
@@ -47,6 +50,7 @@ class OpticsFacts:
     corners_in_board_mm: FloatArray
     camera_from_laser: RigidTransform | None
     missing: tuple[str, ...]
+    base_from_camera: RigidTransform = BASE_FROM_CAMERA
 
     @property
     def outline_in_board_mm(self) -> FloatArray:
@@ -100,7 +104,13 @@ def optics_facts(session: Session, results: Mapping[str, Result]) -> OpticsFacts
         _corners_mm(session),
         None if plane is None else RigidTransform.from_rounded(plane.camera_from_laser, "camera", "laser"),
         _missing(camera, plane, boards),
+        _stands(results.get("hand-eye")),
     )
+
+
+def _stands(found: Result | None) -> RigidTransform:
+    rows = found.base_from_camera if isinstance(found, HandEyeResult) else None
+    return BASE_FROM_CAMERA if rows is None else RigidTransform.from_rounded(rows, "base", "camera")
 
 
 def _boards(

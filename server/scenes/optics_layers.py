@@ -11,7 +11,7 @@ from server.scenes.colors import BOARD, LIGHT, REJECTED, WAITING
 from server.scenes.display_options import Look
 from server.scenes.markers import cross
 from server.scenes.nodes import Node
-from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts, plane_patch_mm
+from server.scenes.optics import OpticsFacts, plane_patch_mm
 from server.scenes.scene_model import SceneFacts
 
 _RECTANGLE = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
@@ -23,14 +23,14 @@ def camera(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     if optics is None:
         return
     size = 0.12 * optics.depth_mm
-    yield nodes.axes("/camera/frame", BASE_FROM_CAMERA, size, WAITING)
-    above = BASE_FROM_CAMERA.apply([0.0, -0.4 * size, 0.0])
+    yield nodes.axes("/camera/frame", optics.base_from_camera, size, WAITING)
+    above = optics.base_from_camera.apply([0.0, -0.4 * size, 0.0])
     yield nodes.label("/camera/name", above, message("camera"), anchor="bottom-right")  # at the right edge
     if optics.camera_matrix is not None:
         corners = _seen_corners(optics, 0.25 * optics.depth_mm)
         edges = [(np.zeros(3), corner) for corner in corners]
         edges += list(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-        yield nodes.lines("/camera/frustum", BASE_FROM_CAMERA.apply(np.array(edges)), WAITING, 2.0)
+        yield nodes.lines("/camera/frustum", optics.base_from_camera.apply(np.array(edges)), WAITING, 2.0)
 
 
 def boards(facts: SceneFacts, look: Look) -> Iterator[Node]:
@@ -42,7 +42,7 @@ def boards(facts: SceneFacts, look: Look) -> Iterator[Node]:
     low, _, high, _ = outline
     for board in optics.boards:
         color = REJECTED if not board.used else LIGHT if board.with_stripe else BOARD
-        pose = BASE_FROM_CAMERA @ board.camera_from_board
+        pose = optics.base_from_camera @ board.camera_from_board
         opacity = 0.5 if board.capture == look.picked else 0.14
         yield nodes.surface(f"/boards/{board.capture}/face", pose, outline, _RECTANGLE, color, opacity)
         corners = pose.apply(optics.corners_in_board_mm)
@@ -61,7 +61,7 @@ def plane_in_camera(facts: SceneFacts, _look: Look) -> Iterator[Node]:
     optics = facts.optics
     if optics is None or optics.camera_from_laser is None:
         return
-    base_from_laser = BASE_FROM_CAMERA @ optics.camera_from_laser
+    base_from_laser = optics.base_from_camera @ optics.camera_from_laser
     patch = plane_patch_mm(optics, optics.camera_from_laser.inverse())
     yield nodes.surface("/plane/patch", base_from_laser, patch, _RECTANGLE, LIGHT, 0.18)
     size = 0.1 * optics.depth_mm

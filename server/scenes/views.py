@@ -7,7 +7,7 @@ import numpy as np
 from calib_core.frames import FloatArray
 from server.scenes.ghost import AXES_MM
 from server.scenes.nodes import METRES_PER_MM
-from server.scenes.optics import BASE_FROM_CAMERA, OpticsFacts, plane_patch_mm
+from server.scenes.optics import OpticsFacts, plane_patch_mm
 from server.scenes.scene_model import SceneFacts
 from server.scenes.turntable import TableFacts
 
@@ -160,7 +160,7 @@ def _bench_places_mm(optics: OpticsFacts) -> FloatArray:
     places += [optics.corners_in_camera_mm(board) for board in optics.boards]
     if optics.camera_from_laser is not None:
         places.append(optics.camera_from_laser.apply(plane_patch_mm(optics, optics.camera_from_laser.inverse())))
-    return BASE_FROM_CAMERA.apply(np.concatenate(places))
+    return optics.base_from_camera.apply(np.concatenate(places))
 
 
 def _around(places_mm: FloatArray, direction: FloatArray, radius_mm: float = 0.0) -> View:

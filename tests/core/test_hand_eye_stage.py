@@ -8,11 +8,14 @@ import pytest
 
 import calib_core as cc
 from calib_core.errors import InputError
+from calib_core.exports.answer import answer_of
+from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
 from calib_core.graph.registry import STAGES
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records import Session
 from calib_core.records.evidence import Picture
+from calib_core.review.answer import answer_record
 from calib_core.review.cell_frames import frame_graph
 from calib_core.simulation import SimulatedSession
 from calib_core.stages.evidence import made_evidence, stored_evidence
@@ -70,7 +73,8 @@ def test_a_board_on_the_flange_tells_where_a_camera_stands(made: SimulatedSessio
     known = made.session.cell.known.model_copy(update={"base_from_laser": made.truth["tool0_from_laser"]})
     cell = made.session.cell.model_copy(update={"arrangement": "sphere-on-robot", "known": known})
     session = made.session.model_copy(update={"cell": cell, "captures": turned})
-    result = solve_stage(session, "hand-eye", made.files.__getitem__).to_json()
+    solved = solve_stage(session, "hand-eye", made.files.__getitem__)
+    result = solved.to_json()
     assert result["verdict"] == "pass"
     assert "tool0_from_camera" not in result
     assert result["agreement"]["with_stage"] == "known"
@@ -82,6 +86,20 @@ def test_a_board_on_the_flange_tells_where_a_camera_stands(made: SimulatedSessio
     edges = {edge.name for edge in frame_graph(session, {"hand-eye": result}).edges}
     assert {"base_from_camera", "tool0_from_board"} <= edges
     assert "tool0_from_camera" not in edges
+    # Where no sphere was captured this is the answer, and exported as a frame of the base.
+    alone = session.model_copy(update={"cell": cell.model_copy(update={"known": type(known)()})})
+    answer = answer_record(answer_of(alone, {"hand-eye": solved}))
+    assert answer.base_from_laser is not None
+    assert np.allclose(answer.base_from_laser.matrix, result["base_from_laser_by_board"])
+    rows = export(alone, {"hand-eye": solved}, "csv")[0].decode().splitlines()
+    assert [row.split(",")[:2] for row in rows[-3:]] == [
+        ["base", "laser"], ["base", "camera"], ["tool0", "board"]
+    ]  # fmt: skip
+    kuka = export(alone, {"hand-eye": solved}, "kuka")[0].decode()
+    assert "BASE_DATA[1]" in kuka
+    assert "TOOL_DATA" not in kuka
+    edges = {edge.name: edge.source for edge in frame_graph(alone, {"hand-eye": result}).edges}
+    assert edges["base_from_laser"] == "hand-eye"
 
 
 def test_how_well_the_pitch_is_known_counts(made: SimulatedSession) -> None:

@@ -141,3 +141,12 @@ def test_the_guide_asks_a_scanner_before_a_table_for_no_sphere_on_a_robot(
         told = guide(session.record, [], known)
         assert told.current.step == ("scan" if known else "turntable")
         assert {one.step: one.status for one in told.steps}["tcp"] == "not-needed"
+
+
+def test_a_scanner_on_the_flange_that_alone_saw_the_table_is_told_what_is_missing() -> None:
+    def keep(one: Capture) -> bool:
+        return (one.step == "tcp") == (one.scanner == "gate")
+
+    session, _ = seen_by(replace(BESIDE, balls=(BallOptions(), HELD, *MOUNTED)), keep)
+    with pytest.raises(cc.CalibrationError, match="none by 'arm'"):
+        session.run("turntable")

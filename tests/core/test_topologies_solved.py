@@ -9,10 +9,12 @@ import pytest
 import calib_core as cc
 from calib_core.exports.workpiece import at_workpiece
 from calib_core.library.opened import in_memory
+from calib_core.records import Session
 from calib_core.simulation import TOPOLOGY_SCENARIOS, TcpScenario, TopologyScenario
 from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.evidence import text_of
+from tests.core.test_verify_on_axes import shifted
 from tests.topology_errors import distances
 
 CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
@@ -233,3 +235,25 @@ def test_a_verification_asks_which_of_several_sizes_it_sees() -> None:
     opened = in_memory(session.model_copy(update={"captures": captures}), files)
     with pytest.raises(cc.CalibrationError, match="by its name in the capture's field 'mount'"):
         opened.run("verify")
+
+
+@pytest.mark.parametrize("off_mm", [0.0, pytest.param(4.0, marks=pytest.mark.thorough)])
+def test_spheres_of_two_sizes_verify_each_by_its_own(off_mm: float) -> None:
+    captures, spheres, files = list[Any](), list[Any](), dict[str, bytes]()
+    for ball in (LARGE, SMALL):  # one after the other before one scanner
+        session, own, _ = simulate_topology(TopologyScenario("sizes", balls=(ball,), told="names"), "drawn", 1)
+        record = session.to_json()
+        for capture in record["captures"]:
+            capture |= {"id": f"{ball.name}-{capture['id']}", "mount": ball.name}
+            files |= {f"{ball.name}-{name}": own[name] for name in capture["files"]}
+            capture["files"] = [f"{ball.name}-{name}" for name in capture["files"]]
+        captures, spheres = [*captures, *record["captures"]], [*spheres, *record["cell"]["spheres"]]
+    held_out = captures[::3]
+    for capture in held_out:
+        capture["step"] = "verify"
+        shifted(capture, np.array([off_mm, 0.0, 0.0]))
+    record["captures"], record["cell"]["spheres"] = captures, spheres
+    told = in_memory(Session.model_validate(record), files).run("verify")["verify"]
+    assert told.verdict == ("fail" if off_mm else "pass")
+    assert off_mm or told.surface_rms_mm < 0.1  # by the other's radius it would be millimetres
+    assert {row.capture for row in told.residuals if row.used} == {capture["id"] for capture in held_out}

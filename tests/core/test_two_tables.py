@@ -4,13 +4,18 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from calib_core.exports.workpiece import point_jacobian
 from calib_core.findings import Finding
+from calib_core.frames import RigidTransform
 from calib_core.records import Session
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
+from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.turntable.record import TurntableResult
 
 TWO = TOPOLOGY_SCENARIOS["two-tables"]
 
@@ -60,3 +65,27 @@ def test_the_table_whose_readings_count_too_much_is_named_and_its_scale_found(wh
     (scale,) = said(which, 1, told=1, read_as=1.004)
     assert (scale.code, scale.values["axis"], scale.values["of"]) == ("encoder-scale", which, "rotary")
     assert float(scale.values["error_percent"]) == pytest.approx(100 * (1 / 1.004 - 1), abs=0.02)
+
+
+@pytest.mark.parametrize("stage", [pytest.param("turntable"), pytest.param("chain", marks=pytest.mark.thorough)])
+def test_balls_on_every_table_are_told_where_they_are_on_it(stage: str) -> None:
+    session, files, truth = simulate_topology(TWO, "two-tables", 1)
+    result = solve_stage(session, stage, files.__getitem__)
+    assert isinstance(result, TurntableResult | ChainResult)
+    frames = {one.outof: (one.matrix, one.covariance) for one in result.frames if one.into == "base"}
+    covariance = result.covariance if stage == "turntable" else result.turntable_covariance
+    frames["two"] = result.base_from_turntable, covariance  # the last axis that carries a ball
+    on_tables = {one["name"]: one for one in truth["spheres"] if one["in"] != "base"}
+    told = {one.name: one for one in result.spheres if one.carrier != "base"}
+    assert {name: one.carrier for name, one in told.items()} == {
+        name: one["in"] for name, one in on_tables.items()
+    }
+    for name, ball in told.items():
+        frame = RigidTransform.from_rounded(frames[ball.carrier][0], "base", "turntable")
+        moves = point_jacobian(frame, np.array(ball.center_mm))
+        spread = moves @ np.array(frames[ball.carrier][1])[:6, :6] @ moves.T
+        spread += frame.rotation @ np.array(ball.covariance) @ frame.rotation.T
+        off = frame.apply(np.array(ball.center_mm)) - np.array(on_tables[name]["center_mm"])
+        assert off @ np.linalg.solve(spread, off) < 16.3, name  # χ² of three, 99.9 %; apart both are wider
+        assert np.sqrt(np.trace(spread)) < 1.0, name
+        assert ball.captures, name

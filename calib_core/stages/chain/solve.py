@@ -26,7 +26,7 @@ def solve(given: StageInput) -> ChainResult:
     from calib_core.stages.chain.result import chain_result
     from calib_core.stages.tcp.balls import spheres_found
     from calib_core.stages.turntable.play import play_findings
-    from calib_core.stages.turntable.result import balls_on_table
+    from calib_core.stages.turntable.result import balls_on_axes, frames_of_axes
     from calib_core.stages.undetermined_places import without_open_places
 
     turning = [capture for capture in given.captures if capture.step == "turntable"]
@@ -71,10 +71,12 @@ def solve(given: StageInput) -> ChainResult:
     result = chain_result(solution, table.observations, SOFTWARE, given.inputs_sha256, found)
     if result.arm_model is not None and result.arm_model.applied:
         result = result.model_copy(update={"arm_model": _with_controller(given, result.arm_model)})
-    balls = spheres_found(given.session.cell, solution.tcp) + balls_on_table(
-        table.observations, solution.turntable
-    )
-    result = result.model_copy(update={"spheres": balls})
+    on_axes = balls_on_axes(table.observations, solution.turntable)
+    told = {
+        "spheres": spheres_found(given.session.cell, solution.tcp) + on_axes,
+        "frames": [*result.frames, *frames_of_axes(solution.turntable)],
+    }
+    result = result.model_copy(update=told)
     if given.session.cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
     result = without_open_places(result, solved.solution.shifts)

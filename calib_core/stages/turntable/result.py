@@ -1,7 +1,7 @@
 """The turntable's solution as the record that is stored, sent and archived."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -9,10 +9,12 @@ import numpy as np
 
 from calib_core.cell.axes import frame_of
 from calib_core.chain.observations import TableObservations
+from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding, judgement, reasons_of
 from calib_core.frames import FloatArray
 from calib_core.records import VarianceComponents
+from calib_core.records.results import FoundFrame
 from calib_core.records.topology import FoundSphere
 from calib_core.stages.axes_found import axes_found
 from calib_core.stages.tcp.result import components, estimated_of_robot
@@ -48,7 +50,8 @@ def turntable_result(
         variance_components=variance_components(solution),
         residuals=table_rows(observations, solution, findings),
         axes=axes_found(solution.state, solution.unknowns_covariance, known="robot"),
-        spheres=balls_on_table(observations, solution),
+        spheres=balls_on_axes(observations, solution),
+        frames=frames_of_axes(solution),
         **table_fields(observations, solution),
     )
 
@@ -106,22 +109,47 @@ def table_fields(observations: TableObservations, table: TurntableSolution) -> d
     }
 
 
-def balls_on_table(observations: TableObservations, table: TurntableSolution) -> list[FoundSphere]:
-    """Return each mounting's ball on the last axis that carries one, and who saw it."""
-    layout, covariance = table.state.walk.layout, table.covariance.mounts
+def balls_on_axes(observations: TableObservations, table: TurntableSolution) -> list[FoundSphere]:
+    """Return each mounting's ball on the axis that carries it, those on the last one first, and who saw it."""
+    layout = table.state.walk.layout
     some = [o for o, used in zip(observations, table.used, strict=True) if used]
     return [
         FoundSphere.model_validate(
             {
                 "name": name or "sphere-on-table",
-                "in": frame_of(layout.axes[layout.table].name),
+                "in": frame_of(layout.axes[axis].name),
                 "center_mm": place.tolist(),
-                "covariance": covariance[3 * n : 3 * n + 3, 3 * n : 3 * n + 3].tolist(),
+                "covariance": covariance.mounts[3 * n : 3 * n + 3, 3 * n : 3 * n + 3].tolist(),
                 "captures": list(dict.fromkeys(o.sphere.capture for o in some if o.mount == name)),
             }
         )
-        for n, (name, place) in enumerate(zip(table.mounts, table.frame.mounts_mm, strict=True))
+        for axis, frame, covariance in [(layout.table, table.frame, table.covariance), *_other_axes(table)]
+        for n, (place, (_, name)) in enumerate(
+            zip(frame.mounts_mm, (layout.places[k] for k in layout.on_axis(axis)), strict=True)
+        )
     ]
+
+
+def frames_of_axes(table: TurntableSolution) -> list[FoundFrame]:
+    """Return the frames of other axes than the last one that carry balls, by the same rule, all axes at zero."""
+    return [
+        FoundFrame(
+            into="base",
+            outof=frame_of(table.state.walk.layout.axes[axis].name),
+            matrix=frame.base_from_turntable.to_rows(),
+            covariance=covariance.pose.tolist(),
+        )
+        for axis, frame, covariance in _other_axes(table)
+    ]
+
+
+def _other_axes(table: TurntableSolution) -> Iterator[tuple[int, TableFrame, TableCovariance]]:
+    layout = table.state.walk.layout
+    for axis in layout.carrying:
+        if axis != layout.table and layout.on_axis(axis):
+            told, size = layout.axes[axis].direction, layout.axis_and_places(axis)
+            state, own = table.state.axis_with_places(axis), table.unknowns_covariance[np.ix_(size, size)]
+            yield axis, frame_by_rule(state, told), frame_covariance(state, own, told)
 
 
 def table_rows(

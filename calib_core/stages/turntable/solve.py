@@ -209,7 +209,9 @@ def _not_placed(seen: Sequence[SphereObservation], tool: "KnownTool") -> list[Sp
         raise InputError(
             "captures with step 'tcp' by a scanner that sees the sphere on an axis",
             "none by '{scanner}'",
-            "Take some; for a scanner that stands still put a sphere on the flange. Or exclude what it saw.",
+            "While flange and table both move, the sphere does not tell where the scanner is on the flange: with "
+            "the table at rest, its sphere will do for them. For a scanner that stands still put a sphere on the "
+            "flange; or exclude what it saw.",
             missing[0].capture,
             scanner=missing[0].scanner,
         )

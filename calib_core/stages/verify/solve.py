@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.arm_joints import corrected_captures
-from calib_core.captures.content import sizes_in_sight, sphere_of
+from calib_core.captures.content import sphere_of
 from calib_core.captures.contradictions import EXCLUDED
 from calib_core.captures.placement import Placement
 from calib_core.cell.carriers import other_end, scanner_mount
 from calib_core.cell.found import known_scanner, mounts_of, told_by
 from calib_core.chain.observations import Observations, SphereSize
-from calib_core.errors import InputError, MotionError
+from calib_core.errors import MotionError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import verify as codes
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.messages import message
-from calib_core.records import Capture, Cell, Verification
+from calib_core.records import Capture, Verification
 from calib_core.records.findings import Finding
 from calib_core.records.results import ArmModelFound
 from calib_core.stages.tcp.record import ToolResult
@@ -73,7 +73,7 @@ def solve(given: StageInput) -> VerifyResult:
         return _by_plate_alone(given, tool, axes, verified, doubts)
     of_sphere = [capture for capture in given.captures if capture.step == "verify"]
     observed = observe_stage(replace(given, captures=of_sphere))  # which asks for names where sizes are open
-    sphere = _of_one_size(given.session.cell, [capture for capture in of_sphere if not capture.excluded])
+    sphere = sphere_of(given.session.cell, [capture for capture in of_sphere if not capture.excluded])
     observed = replace(observed, observations=on_axes(observed.observations, of_sphere, axes))
     tool = replace(tool, axis_moves=axis_moves(of_sphere, axes))
     same = [] if verified == "known" else _that_calibrated(given, of_sphere, observed.observations, axes)
@@ -102,27 +102,30 @@ def solve(given: StageInput) -> VerifyResult:
     findings, found, doubtful, moved = [*same], None, list[Finding](), list[Finding]()
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     if count >= LEAST_CAPTURES:
-        groups = {key: in_one_plane(seen, sphere, tool) for key, seen in groups.items()}
+        groups = {key: in_one_plane(seen, seen[0].size(sphere), tool) for key, seen in groups.items()}
         observed = replace(observed, observations=[o for seen in groups.values() for o in seen])
-        parts = [held_out(seen, sphere, tool.of_scanner(scanner)) for (_, scanner), seen in groups.items()]
+        parts = [
+            held_out(seen, seen[0].size(sphere), tool.of_scanner(scanner)) for (_, scanner), seen in groups.items()
+        ]
         found = together(parts)
         (_, scanner), first = next(iter(groups.items()))
+        size = first[0].size(sphere)
         own, spheres = (
             tool.of_scanner(scanner),
             {mount: seen for (mount, by), seen in groups.items() if by == scanner},
         )
-        doubtful = contradictions(first, sphere.radius_mm, found)
+        doubtful = contradictions(first, size.radius_mm, found)
         errors = {
             by: tool_error(part.asked, tool.of_scanner(by))
             for (_, by), part in reversed([*zip(groups, parts, strict=True)])
         }
         checks = [
-            *_checks(given, first, sphere, own, [*errors.values()], not doubtful),
+            *_checks(given, first, size, own, [*errors.values()], not doubtful),
             *_spacing(given, spheres, sphere, own),
             *checks,
         ]
-        findings += [*doubtful, *_disagreeing(first, sphere, own, found)]
-        moved = joint_findings(given.session.cell, arm, first, sphere, own, parts[0])
+        findings += [*doubtful, *_disagreeing(first, size, own, found)]
+        moved = joint_findings(given.session.cell, arm, first, size, own, parts[0])
     unchecked = unchecked_limits(limits, checks, flat)
     decision = overall(checks, len(unchecked))
     findings += [
@@ -148,7 +151,7 @@ def solve(given: StageInput) -> VerifyResult:
         decision=decision,
         limits_changed=[change.text for change in late],
         residuals=[
-            *_rows(of_sphere, observed.observations, reasons_of(observed.unused), found, sphere.radius_mm),
+            *_rows(of_sphere, observed.observations, reasons_of(observed.unused), found, sphere),
             *(flat.residuals if flat is not None else []),
         ],
     )
@@ -191,18 +194,6 @@ def _without(observed: Observed, same: Sequence[Finding]) -> Observed:
     out = {name for finding in same for name in finding.captures}
     kept = [o for o in observed.observations if o.capture not in out]
     return replace(observed, observations=kept, unused=[*observed.unused, *same])
-
-
-def _of_one_size(cell: Cell, captures: Sequence[Capture]) -> SphereSize:
-    """Return the size of the sphere that captures show; raises InputError where they show several."""
-    sizes = {size.diameter_mm for capture in captures for size in sizes_in_sight(cell, capture)}
-    if len(sizes) > 1:
-        need = "spheres of one size to verify with"
-        to_do = "Verify with those of one diameter."
-        raise InputError(
-            need, "{sizes}", to_do, "captures", sizes=", ".join(f"{one:g} mm" for one in sorted(sizes))
-        )
-    return sphere_of(cell, captures)
 
 
 def _disagreeing(observations: Observations, sphere: SphereSize, tool: Tool, found: HeldOut) -> list[Finding]:
@@ -361,7 +352,7 @@ def _rows(
     observations: Observations,
     unused: dict[str, str],
     found: HeldOut | None,
-    radius_mm: float,
+    sphere: SphereSize,
 ) -> list[VerifyResidual]:
     """Return one row a capture; of a sweep the root mean squares over its profiles, and their mean offset."""
     places: dict[str, list[int]] = {}
@@ -376,6 +367,7 @@ def _rows(
             continue
         offsets, surfaces = found.offsets_mm[own], found.surface_rms_mm[own]
         circles = [observations[k].circle_radius_mm for k in own]
+        radius_mm = observations[own[0]].size(sphere).radius_mm
         sides = set(found.sides[own].tolist())
         rows.append(
             VerifyResidual(

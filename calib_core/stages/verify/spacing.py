@@ -45,7 +45,7 @@ def spacing(
     if len(spheres) != 2 or any(len(seen) < LEAST_CAPTURES for seen in spheres.values()):
         return None
     exact = replace(tool, covariance=np.zeros((6, 6)))
-    one, other = (held_out(seen, sphere, exact) for seen in spheres.values())
+    one, other = (held_out(seen, seen[0].size(sphere), exact) for seen in spheres.values())
     between = one.center_mm - other.center_mm
     length = float(np.linalg.norm(between))
     way = between / length

@@ -82,7 +82,8 @@ def _answering_stage(session: Session) -> str:
     if known_scanner(session.cell) or known.base_from_turntable:
         return "tcp"
     solvable = stages_to_solve(session)
-    return next((name for name in tool_stages() if name in solvable), "tcp")
+    by_board = "hand-eye" if "hand-eye" in solvable else "tcp"
+    return next((name for name in tool_stages() if name in solvable), by_board)
 
 
 def _settings(options: argparse.Namespace) -> dict[str, str]:
