@@ -80,13 +80,64 @@ export function make(type, properties = {}) {
   return Object.assign(new type(), properties);
 }
 
-/** Make these an element's children; those that it has already are not taken out meanwhile. @param {Element} parent @param {readonly Element[]} children */
+/** So long a redraw waits for a press at most. */
+const LONGEST_PRESS_MS = 5000;
+const FOCUSED = "a, button, input, select, textarea, summary, [tabindex]";
+/** Whether a button or key is held down. */
+let isPressed = false;
+/** @typedef {readonly Child[] | (() => readonly Child[])} Children those of a function are made as they are drawn */
+/** What is to be drawn once it is let go, and where. @type {Map<Element, Children>} */
+const waiting = new Map();
+let timer = 0;
+
+/** @param {number} [after_ms] */
+function letGo(after_ms = 0) {
+  clearTimeout(timer);
+  timer = window.setTimeout(() => {
+    isPressed = false;
+    for (const [parent, children] of [...waiting]) putChildren(parent, children);
+  }, after_ms);
+}
+for (const kind of ["pointerdown", "keydown"]) {
+  window.addEventListener(kind, () => {
+    isPressed = true;
+    letGo(LONGEST_PRESS_MS);
+  }, true);
+}
+for (const kind of ["pointerup", "pointercancel", "keyup", "change"]) window.addEventListener(kind, () => letGo(), true);
+window.addEventListener("click", () => (isPressed = false), true); // it has come: what it draws itself is drawn at once
+
+/** By what somebody knows a control again that was drawn anew. @param {HTMLElement | SVGElement} one */
+function known(one) {
+  const own = [one.id, ...Object.values(one.dataset)].join("");
+  return `${one.localName} ${own || one.ariaLabel || (one.localName === "select" ? "" : one.textContent) || one.getAttribute("class")}`;
+}
+
+/** @param {Element} parent @param {string} selector @param {HTMLElement | SVGElement} one @returns {(HTMLElement | SVGElement)[]} */
+const alike = (parent, selector, one) => /** @type {(HTMLElement | SVGElement)[]} */ ([...parent.querySelectorAll(selector)]).filter((other) => known(other) === known(one));
+
+/**
+ * Draw an element's children anew: those that it has already stay, what is open stays open, and the focus goes to what
+ * stands for the control that had it. While something is being pressed nothing is drawn: it must neither be replaced nor
+ * move away below the pointer.
+ * @param {Element} parent
+ * @param {Children} children
+ */
 export function putChildren(parent, children) {
-  for (const child of [...parent.childNodes]) if (!children.some((one) => one === child)) child.remove();
-  children.forEach((child, place) => {
-    const there = parent.childNodes[place] ?? null;
+  waiting.delete(parent);
+  if (isPressed) return void waiting.set(parent, children);
+  const { activeElement } = document;
+  const focused = /** @type {HTMLElement | null} */ (parent.contains(activeElement) ? activeElement : null);
+  const place = focused ? alike(parent, FOCUSED, focused).indexOf(focused) : -1;
+  const open = [...parent.querySelectorAll("details[open] > summary")].map(({ textContent }) => textContent);
+  const nodes = (typeof children === "function" ? children() : children).flatMap((child) => (child === null || child === undefined || child === false ? [] : child instanceof Node ? child : new Text(String(child))));
+  for (const child of [...parent.childNodes]) if (!nodes.some((one) => one === child)) child.remove();
+  nodes.forEach((child, at) => {
+    const there = parent.childNodes[at] ?? null;
     if (there !== child) parent.insertBefore(child, there);
   });
+  for (const summary of parent.querySelectorAll("details:not([open]) > summary")) if (open.includes(summary.textContent)) summary.parentElement?.setAttribute("open", "");
+  if (focused && !focused.isConnected) alike(parent, FOCUSED, focused)[place]?.focus({ preventScroll: true });
 }
 
 /** The styles of a part that is loaded when it is asked for; answers once they are there. @param {string} name @returns {Promise<unknown>} */

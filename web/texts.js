@@ -10,9 +10,19 @@ const KEY = "scancell-language";
 export const language = [window.localStorage.getItem(KEY), ...navigator.languages].map((one) => (one ?? "").slice(0, 2).toLowerCase())
   .flatMap((wanted) => LANGUAGES.filter((one) => one === wanted))[0] ?? "en";
 
-/** Texts by the area that begins their names. @type {Record<string, Record<string, string>>} */
-const areas = await fetch(new URL(`./texts/${language}.json`, import.meta.url)).then((answer) => answer.json());
-const catalogue = /** @type {Record<Text, string>} */ (Object.fromEntries(Object.entries(areas).flatMap(([area, texts]) => Object.entries(texts).map(([name, text]) => [name ? `${area}.${name}` : area, text]))));
+const AGAIN_MS = 1000;
+const catalogue = /** @type {Record<Text, string>} */ ({});
+
+/** Take texts into the catalogue, once the server gives them: by the area that begins their names. @param {"" | "later/"} place */
+export async function take(place) {
+  const address = new URL(`./texts/${place}${language}.json`, import.meta.url);
+  /** @type {Record<string, Record<string, string>> | null} */
+  let areas = null;
+  while (!(areas = await fetch(address).then((answer) => (answer.ok ? answer.json() : null), () => null))) await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+  for (const [area, texts] of Object.entries(areas)) for (const [name, text] of Object.entries(texts)) catalogue[/** @type {Text} */ (name ? `${area}.${name}` : area)] = text;
+}
+
+await take("");
 
 document.documentElement.lang = language === "zh" ? "zh-Hans" : language;
 

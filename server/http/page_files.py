@@ -17,7 +17,7 @@ from starlette.types import Scope
 
 from calib_core import __version__
 from calib_core.findings.catalogues import LANGUAGES
-from server.http.page_texts import by_area, texts_in
+from server.http.page_texts import served
 
 _MARK = "~"
 _FOR_GOOD = "public, max-age=31536000, immutable"
@@ -27,7 +27,9 @@ _TYPES = re.compile(r"/\*\* @(?:[^*]|\*(?!/))*\*/ ?")
 """What the code says of its types within a line."""
 _INDENT = re.compile(r"^[ \t]+", re.MULTILINE)
 _SCRIPTS = (".js", ".css")
-_TEXTS = {f"texts/{language}.json" for language in LANGUAGES}
+_TEXTS = {
+    f"texts/{place}{language}.json": (language, place != "") for language in LANGUAGES for place in ("", "later/")
+}
 _MEDIA_TYPES = {
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -80,7 +82,7 @@ class PageFiles(StaticFiles):
 
     async def _plain(self, name: str, scope: Scope) -> Response:
         if name in _TEXTS:
-            return JSONResponse(by_area(texts_in(self._folder / "texts", PurePosixPath(name).stem)))
+            return JSONResponse(served(self._folder / "texts", *_TEXTS[name]))
         response = await super().get_response(name, scope)
         if isinstance(response, FileResponse) and (kind := _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower())):
             response.headers["Content-Type"] = kind

@@ -1,4 +1,6 @@
-"""The page's own texts: English in `texts/*.json`, other languages in `texts/*.po`; one JSON each.
+"""The page's own texts: English in `texts/*.json`, other languages in `texts/*.po`; two JSON each.
+
+What no first look at a page needs stands in `texts/later`, and comes with the parts that say it.
 
 A catalogue says each English text once, for all names that have it, and nothing that the core's catalogues say.
 Where a name needs other words than its English has elsewhere, it is the context of its own entry (`msgctxt`).
@@ -16,7 +18,7 @@ def english(folder: Path) -> dict[str, str]:
     """Return the texts of a folder's files, by name."""
     return {
         name: text
-        for file in sorted(folder.glob("*.json"))
+        for file in sorted(folder.rglob("*.json"), key=lambda file: (file.name, len(file.parts)))
         for name, text in json.loads(file.read_text(encoding="utf-8")).items()
     }
 
@@ -53,10 +55,12 @@ def translations(folder: Path, language: str) -> dict[str, Sequence[str]]:
     return {name: forms for name, forms in found.items() if forms}
 
 
-def by_area(texts: dict[str, str]) -> dict[str, dict[str, str]]:
-    """Return texts by the area that begins their names, which is then said once: a sixth less."""
+def served(folder: Path, language: str, later: bool) -> dict[str, dict[str, str]]:
+    """Return the first texts, or the later ones, by the area that begins their names and is then said once."""
+    late = english(folder / "later")
     areas: dict[str, dict[str, str]] = {}
-    for name, text in texts.items():
-        area, _, rest = name.partition(".")
-        areas.setdefault(area, {})[rest] = text
+    for name, text in texts_in(folder, language).items():
+        if (name in late) == later:
+            area, _, rest = name.partition(".")
+            areas.setdefault(area, {})[rest] = text
     return areas

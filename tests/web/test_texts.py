@@ -15,7 +15,7 @@ from calib_core.findings.catalogues import LANGUAGES, catalogue, entries
 from calib_core.findings.telling import told as said
 from calib_core.poses.numbers import parse_pose
 from calib_core.robots.backup import read_controller_files
-from server.http.page_texts import english, plural_of, texts_in, translations
+from server.http.page_texts import english, plural_of, served, translations
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 TEXTS = WEB / "texts"
@@ -24,7 +24,7 @@ MOST_BYTES = 60_000
 
 
 def test_each_name_stands_once() -> None:
-    names = [name for file in TEXTS.glob("*.json") for name in json.loads(file.read_text(encoding="utf-8"))]
+    names = [name for file in TEXTS.rglob("*.json") for name in json.loads(file.read_text(encoding="utf-8"))]
     assert len(names) > 400
     assert [name for name, count in Counter(names).items() if count > 1] == []
 
@@ -69,10 +69,22 @@ def test_what_two_names_or_page_and_core_say_alike_is_translated_once(language: 
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_the_page_gets_all_texts_of_its_language_at_once(language: str) -> None:
-    said = texts_in(TEXTS, language)
-    assert said.keys() == english(TEXTS).keys()
+def test_the_page_gets_all_texts_of_its_language_in_two_parts(language: str) -> None:
+    said = [served(TEXTS, language, later) for later in (False, True)]
+    areas = [area for half in said for area in half.items()]
+    names = [f"{area}.{rest}" if rest else area for area, texts in areas for rest in texts]
+    assert sorted(names) == sorted(english(TEXTS))
     assert len(gzip.compress(json.dumps(said, ensure_ascii=False).encode())) < MOST_BYTES
+
+
+def test_who_says_a_later_text_waits_for_it() -> None:
+    late = english(TEXTS / "later")
+    assert len(late) > 400
+    for file in WEB.rglob("*.js"):
+        if "vendor" in file.parts or (code := file.read_text(encoding="utf-8")).count('texts/later.js";'):
+            continue
+        begun = tuple(re.findall(r"`([a-z_]+[._][a-z_.]*)\$\{", code))
+        assert [name for name in late if f'"{name}"' in code or (begun and name.startswith(begun))] == [], file
 
 
 def test_no_module_imports_itself_by_a_way_round() -> None:

@@ -1,5 +1,6 @@
 // Who did what, and who was refused what: read a page at a time.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";

@@ -1,5 +1,6 @@
 // Tokens: made here, shown once, listed and revoked.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { field, h } from "../dom.js";
 import { when } from "../format.js";

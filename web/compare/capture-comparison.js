@@ -1,5 +1,6 @@
 // Two captures side by side: what was seen in each, and how the flange moved between them.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { h } from "../dom.js";

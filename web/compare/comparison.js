@@ -1,6 +1,7 @@
 // Two results side by side: what was changed, how far the frames lie apart in units of their uncertainty and at the
 // workpiece in mm, the figures, and the residuals.
 
+import "../texts/later.js";
 import { h } from "../dom.js";
 import { fixed, integer, plusMinus, significant, small } from "../format.js";
 import { mark } from "../icons.js";

@@ -1,6 +1,6 @@
 // The captures that were there at a moment, to look at and to pick, not to change.
 
-import { h, keyed } from "../dom.js";
+import { h, keyed, putChildren } from "../dom.js";
 import { plural } from "../texts.js";
 import { StateElement } from "../components/base.js";
 import { columnsFor } from "../measure/capture-columns.js";
@@ -33,7 +33,7 @@ export class ReviewCapturesElement extends StateElement {
       row.querySelector(".pick")?.setAttribute("aria-pressed", String(selected === capture.id));
       if (row.getAttribute("data-told") === told) return;
       row.setAttribute("data-told", told);
-      row.replaceChildren(...columns.map((column) => h("td", { class: `${column.name} ${column.right ? "right number" : ""}` }, column.name === "id"
+      putChildren(row, () => columns.map((column) => h("td", { class: `${column.name} ${column.right ? "right number" : ""}` }, column.name === "id"
         ? h("button", { type: "button", class: "plain pick", "aria-pressed": String(selected === capture.id), onclick: () => this.state.select(capture.id) }, capture.id)
         : column.cell(capture, residual))));
     });

@@ -1,5 +1,6 @@
 // What happened, in words and in order; a line leads to its moment.
 
+import "../texts/later.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { ReviewState } from "../state/review.js";

@@ -1,5 +1,6 @@
 // The time line: a mark for each capture and solve, and one control that moves through them by mouse, touch and keys.
 
+import "../texts/later.js";
 import { h, s } from "../dom.js";
 import { when } from "../format.js";
 import { icon } from "../icons.js";

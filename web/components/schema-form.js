@@ -1,5 +1,6 @@
 // A form from a JSON Schema, as the registries give it: a field for each plain property, with what the schema says of it.
 
+import "../texts/later.js";
 import { h } from "../dom.js";
 import { inField, typedNumber, typedNumbers } from "../format.js";
 import { maybe, said, t } from "../texts.js";

@@ -1,5 +1,6 @@
 // With what, where, by whom and how warm it was captured: a session's equipment, temperatures and documentation.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { field, h } from "../dom.js";
 import { inField } from "../format.js";

@@ -1,5 +1,6 @@
 // A piece of equipment in a form: what it is, by what it is identified, its certificate and how it expands.
 
+import "../texts/later.js";
 import { field, h } from "../dom.js";
 import { inField, typedNumber } from "../format.js";
 import { json, request } from "../state/http.js";

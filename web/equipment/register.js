@@ -1,5 +1,6 @@
 // The register of equipment: what sessions refer to, with certificates and when these are due.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";

@@ -1,5 +1,6 @@
 // The robot's arm, by its name or from its URDF: the scene draws it, and joints are held against poses.
 
+import "../texts/later.js";
 import { json, request } from "../state/http.js";
 import { h } from "../dom.js";
 import { t } from "../texts.js";

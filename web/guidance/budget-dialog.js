@@ -1,5 +1,6 @@
 // The error budget at a point of the workpiece that the user picks: by its numbers, or in the field over the table.
 
+import "../texts/later.js";
 import { get } from "../state/http.js";
 import { h, s } from "../dom.js";
 import { fixed, plusMinus, small } from "../format.js";

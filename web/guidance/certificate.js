@@ -1,5 +1,6 @@
 // A sphere's digital certificate read into the form of a new cell: its diameter and its standard uncertainty.
 
+import "../texts/later.js";
 import { json, request } from "../state/http.js";
 import { h } from "../dom.js";
 import { inField } from "../format.js";

@@ -1,5 +1,6 @@
 // What the dialogs of the guidance share: how they look, fields of numbers, choices and tables.
 
+import "../texts/later.js";
 import { closeButton, openDialog } from "../components/dialog.js";
 import { field, h, style } from "../dom.js";
 import { inField, typedNumber } from "../format.js";

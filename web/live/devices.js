@@ -1,10 +1,11 @@
 // The devices of the cell with their state, and the form that adds one.
 
+import "../texts/later.js";
 import { ago, live, OLD_S } from "../state/live.js";
 import { offered } from "../state/registries.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";
-import { field, h, keyed } from "../dom.js";
+import { field, h, keyed, putChildren } from "../dom.js";
 import { icon, mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
 
@@ -48,7 +49,7 @@ export class DevicesElement extends HTMLElement {
         row.dataset["told"] = told;
         row.dataset["status"] = status;
         row.classList.toggle("old", since !== "");
-        row.replaceChildren(...this.#row(item, status, problem, since ? t("devices.since", { date: since }) : status === "live" ? `${Math.round(rate_hz)}/s` : ""));
+        putChildren(row, this.#row(item, status, problem, since ? t("devices.since", { date: since }) : status === "live" ? `${Math.round(rate_hz)}/s` : ""));
       }
     });
   }

@@ -1,5 +1,6 @@
 // The live cell: its devices, what the scanner sees now, one large sign, and captures taken at standstill.
 
+import "../texts/later.js";
 import { ago, live, followPreviews, OLD_S } from "../state/live.js";
 import { StateElement } from "../components/base.js";
 import { zoneBar } from "../measure/profile-plot.js";

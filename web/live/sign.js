@@ -1,5 +1,6 @@
 // One large sign that is read from the robot: its colour and words say whether to hold still, to go on, or what is wrong.
 
+import "../texts/later.js";
 import { h } from "../dom.js";
 import { sound } from "../shop.js";
 import { maybe, said, t } from "../texts.js";

@@ -1,5 +1,6 @@
 // The table turned from here: armed with limits for some minutes, an angle to go to, and a stop that is always in reach.
 
+import "../texts/later.js";
 import { live } from "../state/live.js";
 import { schemaForm } from "../components/schema-form.js";
 import { attempt } from "../components/toasts.js";

@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
-import { h } from "../dom.js";
+import { h, putChildren } from "../dom.js";
 import { allowed, may } from "../state/me.js";
 import { sound } from "../shop.js";
 import { maybe, said, t } from "../texts.js";
@@ -146,7 +146,7 @@ export class ActionsElement extends StateElement {
 
   /** @param {string} stage @param {readonly RootCause[]} causes */
   #offer(stage, causes) {
-    this.#remedies.replaceChildren(...remedies(this.state, stage, causes).map(({ name, words, mend }, index) =>
+    putChildren(this.#remedies, remedies(this.state, stage, causes).map(({ name, words, mend }, index) =>
       h("button", { type: "button", class: index ? "plain wide" : "primary", needs: "capture", title: words, onclick: () => void this.#apply(mend) }, name)));
     this.#quiet();
   }
@@ -186,11 +186,11 @@ export class ActionsElement extends StateElement {
     if (!job || !working) return;
     const cancel = () => attempt(() => api.cancelJob(job.id));
     const words = maybe(`actions.solving_${job.stage}`, t("actions.solving"));
-    this.#progress.replaceChildren(
+    putChildren(this.#progress, [
       h("progress", { max: 1, value: job.progress, "aria-label": words }),
       h("span", { class: "small" }, said(job.message ?? "") || words),
       h("button", { type: "button", needs: "capture", onclick: cancel }, t("cancel")),
-    );
+    ]);
   }
 
   /** The job that this page started has ended: say how. */

@@ -1,7 +1,7 @@
 // The captures of the step that is open: what each gave, whether it counts, and what can be done with one or several.
 
 import { did, next, whenDeedsChange } from "../state/undo.js";
-import { h, keyed } from "../dom.js";
+import { h, keyed, putChildren } from "../dom.js";
 import { icon } from "../icons.js";
 import { plural, said, t } from "../texts.js";
 import { StateElement } from "../components/base.js";
@@ -134,11 +134,11 @@ export class CapturesElement extends StateElement {
       this.#offerSeveral();
     } });
     const hidden = (/** @type {"column.picture"} */ key, name = "deeds") => h("th", { scope: "col", class: name }, h("span", { class: "visually-hidden" }, t(key)));
-    this.#head.replaceChildren(
+    putChildren(this.#head, [
       h("th", { scope: "col", class: "select" }, all), hidden("column.picture", "thumb"),
       ...this.#columns.map(({ name, title, right, hint }) => h("th", { scope: "col", class: `${name} ${right ? "right" : ""}`, "aria-sort": this.#order.name === name ? (this.#order.down ? "descending" : "ascending") : "none" },
-        h("button", { type: "button", class: "plain sort", title: hint ?? false, onclick: () => this.#sortBy(name) }, title, this.#order.name === name && (this.#order.down ? " ↓" : " ↑")))),
-      h("th", { scope: "col", class: "use" }, t("column.counts")), hidden(/** @type {"column.picture"} */ ("column.delete")));
+        h("button", { type: "button", class: "plain sort", "data-column": name, title: hint ?? false, onclick: () => this.#sortBy(name) }, title, this.#order.name === name && (this.#order.down ? " ↓" : " ↑")))),
+      h("th", { scope: "col", class: "use" }, t("column.counts")), hidden(/** @type {"column.picture"} */ ("column.delete"))]);
   }
 
   /** @param {string} name */
@@ -146,7 +146,6 @@ export class CapturesElement extends StateElement {
     this.#order = this.#order.name !== name ? { name, down: false } : this.#order.down ? { name: "", down: false } : { name, down: true };
     this.#drawHead();
     this.update();
-    this.#head.querySelectorAll("button")[this.#columns.findIndex((one) => one.name === name)]?.focus();
   }
 
   /** @param {Element} row @param {CaptureOut} capture */
@@ -174,11 +173,9 @@ export class CapturesElement extends StateElement {
    */
   #fill(row, capture, residual) {
     this.#shown.set(row, { capture, told: toldOf(capture, residual) });
-    const focused = row.contains(document.activeElement) ? document.activeElement?.className : "";
     row.classList.toggle("out", capture.excluded === true || residual?.used === false);
-    row.replaceChildren(...this.#cells(capture, residual));
+    putChildren(row, () => this.#cells(capture, residual));
     this.#mark(row, capture);
-    if (focused) /** @type {HTMLElement | null} */ (row.querySelector(`.${focused.split(" ").at(-1)}`))?.focus();
   }
 
   /** @param {CaptureOut} capture @param {Residual | undefined} residual */
@@ -200,7 +197,7 @@ export class CapturesElement extends StateElement {
 
   /** @param {Column} column @param {CaptureOut} capture @param {Residual | undefined} residual */
   #cell(column, capture, residual) {
-    if (column.name === "id") return h("button", { type: "button", class: "plain pick", "aria-pressed": "false", onclick: () => this.state.select(capture.id) }, capture.id);
+    if (column.name === "id") return h("button", { type: "button", class: "plain pick", "aria-pressed": String(this.state.selected === capture.id), onclick: () => this.state.select(capture.id) }, capture.id);
     if (column.name !== "table") return column.cell(capture, residual);
     const words = String(column.cell(capture, residual));
     return h("button", { type: "button", class: "plain table-place number", needs: "capture", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: async () => (await import("./table-dialog.js")).tableDialog(this.state.id, capture) }, words);
@@ -219,12 +216,12 @@ export class CapturesElement extends StateElement {
     this.#several.hidden = chosen.length === 0;
     if (!chosen.length) return;
     const exclude = (/** @type {boolean} */ excluded) => void excludeCaptures(this.state, chosen, excluded);
-    this.#several.replaceChildren(
+    putChildren(this.#several, [
       h("strong", {}, t("captures.selected", { count: chosen.length })),
       h("button", { type: "button", needs: "capture", onclick: () => exclude(true) }, t("captures.exclude")),
       h("button", { type: "button", needs: "capture", onclick: () => exclude(false) }, t("captures.include")),
       h("button", { type: "button", needs: "capture", onclick: async () => (await import("../equipment/circumstances.js")).temperatureDialog(this.state.id, chosen) }, t("circumstances.captures")),
-      h("button", { type: "button", needs: "capture", onclick: () => void this.#remove(chosen) }, t("captures.delete")));
+      h("button", { type: "button", needs: "capture", onclick: () => void this.#remove(chosen) }, t("captures.delete"))]);
   }
 
   /** @param {readonly CaptureOut[]} captures */

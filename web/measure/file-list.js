@@ -1,5 +1,6 @@
 // Every file that came: what it was taken for, why, and another word for it; measurements and poses as they pair.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { mark } from "../icons.js";

@@ -1,5 +1,6 @@
 // What the reader takes from the scanner's files before they are used: columns, unit, how sure it is; another word counts.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { field, h } from "../dom.js";

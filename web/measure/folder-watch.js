@@ -1,7 +1,7 @@
 // A folder on the server whose files become captures: chosen here, and followed while it is watched.
 
 import { api } from "../state/api.js";
-import { field, h } from "../dom.js";
+import { field, h, putChildren } from "../dom.js";
 import { mark } from "../icons.js";
 import { plural, said, t } from "../texts.js";
 import { StateElement } from "../components/base.js";
@@ -98,7 +98,7 @@ export class FolderWatchElement extends StateElement {
     const told = JSON.stringify(now?.watch ?? null);
     if (!now?.watch || told === this.#told) return;
     this.#told = told;
-    this.#status.replaceChildren(...status(now.watch, () => void this.#end()));
+    putChildren(this.#status, status(now.watch, () => void this.#end()));
   }
 }
 
@@ -111,7 +111,7 @@ function status(watch, end) {
     watch.problem ? h("p", {}, mark("fail", said(watch.problem))) : null,
     watch.waiting.length ? h("p", { class: "soft" }, t("watch.waiting", { files: watch.waiting.slice(0, 5).join(", ") })) : null,
     watch.refused.length ? h("ul", {}, ...watch.refused.slice(0, 5).map(({ reason }) => h("li", { class: "reason reason-fail" }, said(reason)))) : null,
-  ].filter((part) => part !== null);
+  ];
 }
 
 customElements.define("sc-folder-watch", FolderWatchElement);

@@ -1,5 +1,6 @@
 // A capture at the size of the window: its profile with the arc and what lies along it, or its frame with what was found.
 
+import "../texts/later.js";
 import { h, make, s } from "../dom.js";
 import { small } from "../format.js";
 import { t } from "../texts.js";

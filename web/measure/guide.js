@@ -1,7 +1,7 @@
 // One thing to do now: its drawing, its reason, how much of it is left, and when it is enough.
 
 import { api } from "../state/api.js";
-import { h, make } from "../dom.js";
+import { h, make, putChildren } from "../dom.js";
 import { mark } from "../icons.js";
 import { language, said, t } from "../texts.js";
 import { nextStep } from "../state/next-step.js";
@@ -33,7 +33,7 @@ export class GuideElement extends StateElement {
     // What mends a failed result comes before more captures, here as at the result and on the main button.
     const [cause] = mendable(this.state.resultOf(step) ?? {});
     const name = stepName(this.state, step);
-    this.#words.replaceChildren(...(cause ? remedy(cause, name) : now ? words(now, name, this.state) : this.#elsewhere()));
+    putChildren(this.#words, cause ? remedy(cause, name) : now ? words(now, name, this.state) : this.#elsewhere());
   }
 
   /** What to do in a step that can be worked on though another comes first. @param {string | undefined} status */
@@ -59,7 +59,7 @@ export class GuideElement extends StateElement {
       state.step === "recheck" && repeated(state.id),
       // Where the main button leads on, once is enough.
       asks && nextStep(state) === null && current !== state.step && h("button", { type: "button", onclick: () => state.open(null) }, t("guide.go_on", { step: stepName(state, current) })),
-    ].filter((part) => part instanceof Node);
+    ];
   }
 }
 
@@ -89,7 +89,7 @@ function words(now, name, state) {
     now.why && h("p", { class: "soft" }, said(now.why)),
     now.exit && !mends && h("p", { class: "soft" }, h("strong", {}, t("guide.exit")), " ", said(now.exit)),
     suggestion(now),
-  ].filter((part) => part instanceof Node);
+  ];
 }
 
 /** @param {GuideNow} now */

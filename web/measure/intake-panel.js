@@ -1,5 +1,6 @@
 // The panel that lays files and pose lines side by side before anything is stored.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { field, h, make } from "../dom.js";

@@ -1,5 +1,6 @@
 // The keys that the session page knows.
 
+import "../texts/later.js";
 import { h } from "../dom.js";
 import { t } from "../texts.js";
 import { closeButton, openDialog } from "../components/dialog.js";

@@ -1,5 +1,6 @@
 // The verification's limits where its captures are taken: a form until the first one, then what is set; a change is kept and told.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { did, patchBack } from "../state/undo.js";

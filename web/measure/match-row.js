@@ -1,5 +1,6 @@
 // Files and their poses side by side, before they become captures.
 
+import "../texts/later.js";
 import { h } from "../dom.js";
 import { fixed } from "../format.js";
 import { mark } from "../icons.js";

@@ -1,6 +1,7 @@
 // What pasted poses most likely are where they can hardly be what they are read as: in metres, in another convention. Table and
 // scene show at once what was taken of it, and there is a way back; nothing is stored.
 
+import "../texts/later.js";
 import { h } from "../dom.js";
 import { small } from "../format.js";
 import { mark } from "../icons.js";

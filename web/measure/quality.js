@@ -1,6 +1,6 @@
 // What was seen in one capture: the last one, or the one picked in list, plot or scene.
 
-import { h } from "../dom.js";
+import { h, putChildren } from "../dom.js";
 import { fixed, integer, small } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
@@ -27,15 +27,15 @@ export class QualityElement extends StateElement {
     if (!capture) return;
     const left = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : /** @type {Residual[]} */ (result.residuals))).find((row) => row.capture === capture.id && !row.used);
     const other = this.state.captures.find((one) => one.id === this.#other && one !== capture) ?? null;
-    const focused = this.contains(document.activeElement);
-    this.replaceChildren(
-      h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
-      body(capture, left, this.state),
-      preview(withoutWords(this.state, capture.id)),
-      ...frameCoverage(this.state, capture),
-    );
-    if (other) void this.#compare(capture, other);
-    if (focused) this.querySelector("select")?.focus();
+    putChildren(this, () => {
+      if (other) void this.#compare(capture, other);
+      return [
+        h("div", { class: "row spread" }, heading(capture, this.state.selected === capture.id), this.#compareField(capture)),
+        body(capture, left, this.state),
+        preview(withoutWords(this.state, capture.id)),
+        ...frameCoverage(this.state, capture),
+      ];
+    });
   }
 
   /** @param {CaptureOut} capture @param {CaptureOut} other */

@@ -1,6 +1,6 @@
 // The steps as places: each opens its guide, captures, result and scene. Below a step's name stands its answer, where there is one that did not fail.
 
-import { h } from "../dom.js";
+import { h, putChildren } from "../dom.js";
 import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
 import { figureWords } from "../blocks/figure.js";
@@ -25,13 +25,11 @@ export class RailElement extends StateElement {
   }
 
   update() {
-    const focused = this.contains(document.activeElement) ? document.activeElement?.getAttribute("data-step") : null;
     const { state } = this;
     const aside = state.steps.filter((step) => step !== state.step && state.guide?.steps.find((one) => one.step === step)?.status === "not-needed");
-    this.#list.replaceChildren(...state.steps.filter((step) => !aside.includes(step)).map((step) => this.#item(step)));
+    putChildren(this.#list, state.steps.filter((step) => !aside.includes(step)).map((step) => this.#item(step)));
     this.#aside.hidden = aside.length === 0;
-    this.#asideList.replaceChildren(...aside.map((step) => this.#item(step)));
-    if (focused) /** @type {HTMLElement | null} */ (this.#list.querySelector(`[data-step="${focused}"]`))?.focus();
+    putChildren(this.#asideList, aside.map((step) => this.#item(step)));
   }
 
   /** @param {string} step */

@@ -1,5 +1,6 @@
 // Taking a capture again from where it was taken: the new one takes the old one's place, which is left out and kept.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { kindOf, takenOf } from "../state/files.js";

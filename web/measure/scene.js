@@ -2,7 +2,7 @@
 
 import { api } from "../state/api.js";
 import { randomName } from "../state/http.js";
-import { h } from "../dom.js";
+import { h, putChildren } from "../dom.js";
 import { icon } from "../icons.js";
 import { theme, whenThemeChanges } from "../theme.js";
 import { said, t } from "../texts.js";
@@ -184,10 +184,10 @@ export class SceneElement extends StateElement {
     if (told === this.#offered) return;
     this.#offered = told;
     this.#views.replaceChildren(h("option", { value: "" }, t("scene.view_choose")), ...views.map((view) => h("option", { value: view }, said(view))));
-    this.#layers.replaceChildren(h("legend", { class: "visually-hidden" }, t("scene.layers")), ...layers.map(({ name, title, shown }) => {
+    putChildren(this.#layers, [h("legend", { class: "visually-hidden" }, t("scene.layers")), ...layers.map(({ name, title, shown }) => {
       const box = h("input", { type: "checkbox", name, ".checked": this.#shownLayers[name] ?? shown, onchange: () => this.#showLayers({ ...this.#shownLayers, [name]: box.checked }) });
       return h("label", {}, box, ` ${said(title)}`);
-    }));
+    })]);
   }
 
   #look() {

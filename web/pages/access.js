@@ -1,5 +1,6 @@
 // Who may: an admin's page of tokens and of the log. The server answers nobody else.
 
+import "../texts/later.js";
 import { AuditLogElement } from "../account/audit-log.js";
 import { TokensElement } from "../account/tokens.js";
 import { h, make } from "../dom.js";

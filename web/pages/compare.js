@@ -1,5 +1,6 @@
 // Two results side by side: two sessions, or two solves of one. What is compared stands in the address.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { comparisonSections } from "../compare/comparison.js";

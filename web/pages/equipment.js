@@ -1,5 +1,6 @@
 // The register of equipment, for all to look at; the administrator keeps it.
 
+import "../texts/later.js";
 import { RegisterElement } from "../equipment/register.js";
 import { h, make } from "../dom.js";
 import { t } from "../texts.js";

@@ -1,5 +1,6 @@
 // A session as it was: its time line on top, and below it what was known at the place that is chosen. Read-only.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { KeptElement } from "../result/archived-files.js";
 import { RailElement } from "../measure/rail.js";

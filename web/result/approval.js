@@ -1,7 +1,7 @@
 // Approving the session's one answer: who did, when and why, and whether it is what programs get that ask the cell.
 
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { h, putChildren } from "../dom.js";
 import { mark } from "../icons.js";
 import { may } from "../state/me.js";
 import { stand } from "./answer.js";
@@ -23,7 +23,7 @@ export class ApprovalElement extends HTMLElement {
 
   connectedCallback() {
     if (!this.firstChild) this.append(this.#section);
-    this.#stop = this.state.watch(["release"], () => void attempt(() => this.load()));
+    this.#stop = this.state.watch(["release", "results"], () => void attempt(() => this.load()));
   }
 
   disconnectedCallback() {
@@ -39,7 +39,7 @@ export class ApprovalElement extends HTMLElement {
     const shown = JSON.stringify([answer.inputs_sha256, answer.solved, answer.faults, answer.decided_before, releases]);
     if (shown === this.#shown) return;
     this.#shown = shown;
-    this.#section.replaceChildren(this.#title, ...standing(sessionId, answer, releases), ...offer(sessionId, answer, releases));
+    putChildren(this.#section, [this.#title, ...standing(sessionId, answer, releases), ...offer(sessionId, answer, releases)]);
     this.#section.hidden = false;
   }
 
@@ -60,7 +60,7 @@ function standing(sessionId, answer, releases) {
     h("p", {}, own ? releaseWords(own) : t("release.none")),
     own && h("p", {}, mark(inForce ? "pass" : "skipped", t(inForce ? "release.current" : "release.not_current", { cell: answer.cell }))),
     current && !inForce && other(sessionId, current),
-  ].filter((part) => part instanceof Node);
+  ];
 }
 
 /** @param {string} sessionId @param {Release} current */

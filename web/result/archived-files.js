@@ -1,5 +1,6 @@
 // What an imported archive held beside session and results: its scene, report, truth, notes, as they came.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { bytes } from "../format.js";

@@ -1,5 +1,6 @@
 // The calibrated tool put into a copy of the controller's backup: one entry changes, every other byte stays.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { field, h } from "../dom.js";
 import { backupOf, remember } from "../state/backups.js";

@@ -1,5 +1,6 @@
 // Saving an export; some ask something first: which tool of the controller, which frame, how fast.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { t } from "../texts.js";

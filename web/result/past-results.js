@@ -1,5 +1,6 @@
 // The table of all results that a stage ever had, loaded when it is opened.
 
+import "../texts/later.js";
 import { h } from "../dom.js";
 import { when } from "../format.js";
 import { mark } from "../icons.js";

@@ -1,5 +1,6 @@
 // The tool as it stands in the controller, of a file or as typed, compared with the answer: equal, or what differs.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { Problem } from "../state/http.js";
 import { field, h } from "../dom.js";

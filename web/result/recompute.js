@@ -1,7 +1,8 @@
 // Recomputing: every stage solved afresh, and the stored numbers beside the new ones. Nothing stored is changed.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
-import { h } from "../dom.js";
+import { h, putChildren } from "../dom.js";
 import { significant } from "../format.js";
 import { mark } from "../icons.js";
 import { maybe, pointed, said, t } from "../texts.js";
@@ -46,9 +47,9 @@ export class RecomputeElement extends HTMLElement {
     while (now.status === "queued" || now.status === "running") {
       const cancel = () => attempt(() => api.cancelJob(job.id));
       this.#progress.hidden = false;
-      this.#progress.replaceChildren(
+      putChildren(this.#progress, [
         h("progress", { max: 1, value: now.progress, "aria-label": t("recompute.running") }), h("span", { class: "small" }, said(now.message ?? "") || t("recompute.running")),
-        h("button", { type: "button", onclick: cancel }, t("cancel")));
+        h("button", { type: "button", onclick: cancel }, t("cancel"))]);
       await new Promise((resolve) => setTimeout(resolve, ASK_MS));
       now = await api.job(job.id);
     }

@@ -48,7 +48,7 @@ export class ResultElement extends StateElement {
     const { state } = this;
     const stage = state.stageOf(state.step);
     const result = state.results[stage];
-    const empty = (/** @type {"solving" | "loading" | "none"} */ how) => this.replaceChildren(h("p", { class: "soft empty", role: "status" }, t(`result.${how}`)));
+    const empty = (/** @type {"solving" | "loading" | "none"} */ how) => putChildren(this, [h("p", { class: "soft empty", role: "status" }, t(`result.${how}`))]);
     if (!result) return empty(state.without(stage));
     if (this.querySelector(".empty")) empty("loading");
     // What draws evidence is loaded with the first result.
@@ -64,10 +64,8 @@ export class ResultElement extends StateElement {
       start = performance.now();
     }
     if (drawing !== this.#drawing) return;
-    const open = new Set(this.#details().filter((one) => one.open).map(title));
+    this.#markPicked(drawn);
     putChildren(this, drawn);
-    for (const one of this.#details()) one.open ||= open.has(title(one)); // what somebody has opened stays open
-    this.#markPicked();
   }
 
   /** @type {Keep} */
@@ -76,11 +74,6 @@ export class ResultElement extends StateElement {
     this.#kept.set(name, kept);
     return kept;
   };
-
-  /** @returns {HTMLDetailsElement[]} */
-  #details() {
-    return [...this.querySelectorAll("details")];
-  }
 
   /** @param {string} stage @param {StageResult} result @param {StageElements} own @param {typeof import("../blocks/index.js").sections} sections @returns {Generator<HTMLElement>} */
   *#sections(stage, result, own, sections) {
@@ -102,8 +95,9 @@ export class ResultElement extends StateElement {
     yield historySection(state.id, stage);
   }
 
-  #markPicked() {
-    for (const row of this.querySelectorAll("tr[data-capture]")) row.classList.toggle("picked", row.getAttribute("data-capture") === this.state.selected);
+  /** @param {readonly Element[]} parts */
+  #markPicked(parts = [this]) {
+    for (const row of parts.flatMap((part) => [...part.querySelectorAll("tr[data-capture]")])) row.classList.toggle("picked", row.getAttribute("data-capture") === this.state.selected);
   }
 }
 
@@ -115,15 +109,15 @@ async function elementsOf(state, stage, keep) {
   const info = state.stages.find(({ name }) => name === stage);
   /** @type {StageElements} */
   let own = info?.element ? (await loaded(() => import(`../stages/${stage}/index.js`))).elements : {};
-  if (tellsTheAnswer(state, stage) && !("timeline" in state)) own = { ...own, approval: make((await loaded(() => import("./approval.js"))).ApprovalElement, { state }) };
+  if (tellsTheAnswer(state, stage) && !("timeline" in state)) {
+    const { ApprovalElement } = await loaded(() => import("./approval.js"));
+    own = { ...own, approval: keep("approval", () => make(ApprovalElement, { state })) };
+  }
   // What must be known from the start (a board) belongs to the cell.
   const required = /** @type {string[] | undefined} */ (info?.settings["required"]);
   if (!info?.settings_field || required?.length || "timeline" in state) return own;
   const told = JSON.stringify(/** @type {Record<string, unknown>} */ (state.session?.cell ?? {})[info.settings_field]);
   return { ...own, settings: keep(`settings of ${stage} ${told}`, () => later(async () => (await import("./solve-settings.js")).solveSettings(state, info))) };
 }
-
-/** @param {HTMLDetailsElement} details */
-const title = (details) => details.querySelector("summary")?.textContent ?? "";
 
 customElements.define("sc-result", ResultElement);

@@ -1,5 +1,6 @@
 // Solving a stage again with other settings: a form from the schema that the registry has of them.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { h } from "../dom.js";
 import { t } from "../texts.js";

@@ -1,5 +1,6 @@
 // What can be done with sessions from the list: rename one; save, archive or delete one or several. Loaded when it is asked for.
 
+import "../texts/later.js";
 import { api } from "../state/api.js";
 import { field, h } from "../dom.js";
 import { did } from "../state/undo.js";

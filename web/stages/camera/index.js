@@ -1,6 +1,7 @@
 // What the camera draws itself: each view's residuals as arrows, one view at a time or all laid over each other. The view is
 // the capture that is picked, here as in tables, plots and scene.
 
+import "../../texts/later.js";
 import { arrowsOn, timesLonger } from "../../result/arrows.js";
 import { StateElement } from "../../components/base.js";
 import { field, h, make, s } from "../../dom.js";

@@ -1,5 +1,6 @@
 // Looking into the merged cloud: colours, sections, deviations. What is set here is seen in the scene, too.
 
+import "../../texts/later.js";
 import { api } from "../../state/api.js";
 import { Problem } from "../../state/http.js";
 import { field, h } from "../../dom.js";

@@ -1,5 +1,6 @@
 // A thin slice of the merged cloud in true proportion, and the colours of deviations.
 
+import "../../texts/later.js";
 import { s } from "../../dom.js";
 import { fixed } from "../../format.js";
 import { t } from "../../texts.js";
