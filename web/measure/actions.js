@@ -51,6 +51,7 @@ export class ActionsElement extends StateElement {
   #followed = "";
   #again = "";
   /** Whether the server was away since the solve was begun. */ #wasAway = false;
+  /** Whether what is wrong with a failed solve is looked for, which may take long. */ #searching = false;
   /** Takes back what was said of a failed solve. */ #takeBack = () => {};
   /** The captures that it had. */ #failedOf = "";
 
@@ -182,7 +183,8 @@ export class ActionsElement extends StateElement {
 
   #showJob() {
     const { job, working, settling } = this.state;
-    this.#progress.hidden = !working && !settling;
+    this.#progress.hidden = !working && !settling && !this.#searching;
+    if (!working && this.#searching) putChildren(this.#progress, [h("progress", { "aria-label": t("actions.searching") }), h("span", { class: "small", role: "status" }, t("actions.searching"))]);
     if (!job || !working) return;
     const cancel = () => attempt(() => api.cancelJob(job.id));
     const words = maybe(`actions.solving_${job.stage}`, t("actions.solving"));
@@ -216,7 +218,11 @@ export class ActionsElement extends StateElement {
     }
     this.#failedOf = idsOf(this.state.captures);
     this.#takeBack = notify(error ? new Problem(error).message : t("actions.failed"), { bad: true });
+    this.#searching = true;
+    this.#showJob();
     const { items } = await api.causes(this.state.id).catch(() => ({ items: [] }));
+    this.#searching = false;
+    this.#showJob();
     if (!this.state.working) this.#offer(stage, items);
   }
 

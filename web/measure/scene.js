@@ -115,6 +115,7 @@ export class SceneElement extends StateElement {
       if (telling !== this.#telling) return;
       if (!told.open || !this.#showLayers(told.layers)) throw new Error("not open yet");
       this.#learn();
+      state.tell("scene");
       // What was picked before there was a scene lights up as well.
       if (this.#lit) await this.#tell("highlight", { capture: this.#lit }).catch(() => undefined);
     });

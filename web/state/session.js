@@ -7,7 +7,7 @@ import { stages } from "./registries.js";
 
 /** @import {CaptureOut, Guide, GuideNow, Job, Results, SessionOut, StageInfo} from "./model.js" */
 /** @import {Liveness} from "./events.js" */
-/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "step" | "problem" | "place" | "devices" | "release" | "surface"} Part */
+/** @typedef {"session" | "captures" | "guide" | "results" | "job" | "live" | "selection" | "view" | "step" | "problem" | "place" | "devices" | "release" | "surface" | "scene"} Part */
 
 const EVENTS = ["capture", "result", "job", "session", "device", "release"];
 const WHOLE = /** @type {const} */ (["session", "captures", "guide", "results"]);

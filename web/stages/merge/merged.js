@@ -3,7 +3,7 @@
 import "../../texts/later.js";
 import { api } from "../../state/api.js";
 import { Problem } from "../../state/http.js";
-import { field, h } from "../../dom.js";
+import { field, h, putChildren } from "../../dom.js";
 import { fixed, inField, integer, small, typedNumber } from "../../format.js";
 import { mark } from "../../icons.js";
 import { may } from "../../state/me.js";
@@ -59,6 +59,7 @@ export class MergedElement extends StateElement {
   #clicking = field("cloud-clicks", t("merged.click"), this.#clicks);
   /** What the section's plot shows. @type {(() => void) | null} */
   #drawSlab = null;
+  /** Where the keys aim in the section. @type {import("./section-plot.js").Aim} */ #aim = { at: null };
   /** The normal of a plane that was picked. @type {Point | null} */
   #normal = null;
   /** @type {Point | null} */ #heard = null;
@@ -66,7 +67,7 @@ export class MergedElement extends StateElement {
 
   /** The result that is shown. */ #shown = "";
 
-  parts = /** @type {const} */ (["results", "surface"]);
+  parts = /** @type {const} */ (["results", "surface", "scene"]);
 
   build() {
     const view = this.#view;
@@ -91,8 +92,9 @@ export class MergedElement extends StateElement {
     super.connectedCallback();
   }
 
-  /** A new result is looked at as the one before. */
-  update() {
+  /** A new result is looked at as the one before; a scene that comes later, or anew, is told. @param {ReadonlySet<import("../../state/session.js").Part>} changed */
+  update(changed) {
+    if (changed.has("scene") && this.#shown) this.#tellScene();
     const { surface } = this.state;
     if (surface && surface !== this.#heard) {
       this.#heard = surface;
@@ -219,7 +221,7 @@ export class MergedElement extends StateElement {
     const section = found instanceof Problem ? await api.cloudSection(this.state.id, { ...view, colors: "height" }).catch(refused) : found;
     if (section instanceof Problem) return [mark("warn", section.message)];
     const plot = h("div", {});
-    this.#drawSlab = () => plot.replaceChildren(sectionPlot(section, this.#picks[this.#click], (point) => this.#pick(point), view.against === "mesh" ? this.#merge?.deviation?.tolerance_mm : null));
+    this.#drawSlab = () => putChildren(plot, () => [sectionPlot(section, this.#picks[this.#click], (point) => this.#pick(point), this.#aim, view.against === "mesh" ? this.#merge?.deviation?.tolerance_mm : null)]);
     this.#drawSlab();
     return [plot, h("p", { class: "soft small" }, t("merged.slice", { width: fixed(section.width_mm, 1), points: integer(section.count) }))];
   }

@@ -6,10 +6,13 @@ import { fixed } from "../../format.js";
 import { t } from "../../texts.js";
 
 /** @import {CloudSection} from "../../state/model.js" */
+/** @typedef {{ at: readonly [number, number] | null }} Aim */
 
 /** Blue – grey – red, zero in the middle, as in the scene. */
 const DIVERGING = [[20, 70, 190], [95, 145, 225], [172, 172, 172], [232, 125, 95], [190, 20, 35]];
 const BINS = 9;
+const ARROWS = /** @type {Readonly<Record<string, readonly [number, number]>>} */ ({ ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1] });
+const KEY_STEPS = 60;
 const SIZE = { width: 560, height: 360, margin: 34 };
 
 /**
@@ -28,10 +31,11 @@ function deviationColor(value, limit, tolerance) {
 /**
  * @param {CloudSection} section
  * @param {readonly (readonly number[])[]} picked points in the cloud's frame, mm
- * @param {(point: number[]) => void} pick a click picks the nearest point of the cloud
+ * @param {(point: number[]) => void} pick a click, or Enter, picks the nearest point of the cloud
+ * @param {Aim} aim where the arrow keys aim
  * @param {number | null | undefined} tolerance_mm
  */
-export function sectionPlot(section, picked, pick, tolerance_mm) {
+export function sectionPlot(section, picked, pick, aim, tolerance_mm) {
   const { points, directions } = section;
   const along = (/** @type {readonly number[]} */ point, /** @type {number} */ which) => point.reduce((sum, value, axis) => sum + value * (directions[which]?.[axis] ?? 0), 0);
   const here = picked.filter((point) => Math.abs(along(point, 2) - section.at_mm) <= section.width_mm).map((point) => [along(point, 0), along(point, 1)]);
@@ -47,23 +51,40 @@ export function sectionPlot(section, picked, pick, tolerance_mm) {
     list.push(`M${place(point)}h0`);
     dots.set(color, list);
   });
-  const nearest = (/** @type {MouseEvent} */ event) => {
+  const nearest = (/** @type {readonly [number, number]} */ at) => {
+    const off = (/** @type {readonly number[]} */ [u = 0, v = 0]) => Math.hypot(u - at[0], v - at[1]);
+    return points.reduce((best, one) => (off(one) < off(best) ? one : best), points[0] ?? at);
+  };
+  const take = (/** @type {readonly [number, number]} */ at) => {
+    if (!points.length) return;
+    const [u = 0, v = 0] = nearest(at);
+    pick([0, 1, 2].map((axis) => [u, v, section.at_mm].reduce((sum, value, which) => sum + value * (directions[which]?.[axis] ?? 0), 0)));
+  };
+  const click = (/** @type {MouseEvent} */ event) => {
     const box = /** @type {Element} */ (event.currentTarget).getBoundingClientRect();
     const [x, y] = [((event.clientX - box.left) * SIZE.width) / box.width, ((event.clientY - box.top) * height) / box.height];
-    const at = [low[0] + (x - SIZE.margin) / scale, low[1] + (height - SIZE.margin - y) / scale];
-    const off = (/** @type {readonly number[]} */ [u = 0, v = 0]) => Math.hypot(u - (at[0] ?? 0), v - (at[1] ?? 0));
-    const [first, ...others] = points;
-    if (!first) return;
-    const [u = 0, v = 0] = others.reduce((best, one) => (off(one) < off(best) ? one : best), first);
-    pick([0, 1, 2].map((axis) => [u, v, section.at_mm].reduce((sum, value, which) => sum + value * (directions[which]?.[axis] ?? 0), 0)));
+    take([low[0] + (x - SIZE.margin) / scale, low[1] + (height - SIZE.margin - y) / scale]);
+  };
+  const mark = s("path", { class: "aim" });
+  const show = (at = aim.at) => at && mark.setAttribute("d", `M${place(nearest(at))}h0`);
+  show();
+  const key = (/** @type {KeyboardEvent} */ event) => {
+    const [right = 0, up = 0] = ARROWS[event.key] ?? [];
+    const [u, v] = aim.at ?? [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2];
+    const step = (high[0] - low[0]) / KEY_STEPS / (event.shiftKey ? 5 : 1);
+    if (event.key === "Enter") take([u, v]);
+    else if (event.key in ARROWS) show((aim.at = [u + right * step, v + up * step]));
+    else return;
+    event.preventDefault();
   };
   const lines = (section.nominal ?? []).map(([a, b, c, d]) => `M${place([a ?? 0, b ?? 0])}L${place([c ?? 0, d ?? 0])}`);
   const label = t("merged.section_label", { axis: section.axis ?? t("merged.plane_name"), at: fixed(section.at_mm, 1), points: section.count, u: across[0], v: across[1] });
   return s(
-    "svg", { class: "section-plot picks", viewBox: `0 0 ${SIZE.width} ${fixedPlain(height)}`, role: "img", "aria-label": label, onclick: nearest },
+    "svg", { class: "section-plot picks", viewBox: `0 0 ${SIZE.width} ${fixedPlain(height)}`, role: "img", tabindex: 0, "aria-label": label, onclick: click, onkeydown: key },
     ...(lines.length ? [s("path", { class: "nominal", d: lines.join("") })] : []),
     ...[...dots].map(([color, list]) => s("path", { class: "dots", d: list.join(""), ...(color ? { stroke: color } : {}) })),
     ...(here.length === 2 ? [s("path", { class: "dimension", d: here.map((one, index) => `${index ? "L" : "M"}${place(one)}`).join("") })] : []),
+    mark,
     ...here.map((one) => s("path", { class: "picked", d: `M${place(one)}h0` })),
     ...frame(section, scale, height),
   );
