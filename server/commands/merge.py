@@ -12,7 +12,7 @@ from server.console.output import print_result, remark
 
 if TYPE_CHECKING:
     from calib_core.formats.format import Format
-    from calib_core.records import Session
+    from calib_core.records import Result, Session
     from calib_core.records.callbacks import ReadFile
 
 _FIRST_BYTES = 64_000
@@ -27,7 +27,9 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     )
     units = ("mm", "m", "um", "cm", "in")
     parser.add_argument("--unit", choices=units, help="the files' unit (default: their own, mm)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="writes result, cloud and mesh here")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="writes scans, result, cloud and mesh here: a session folder"
+    )
     edge = "edge of a voxel (default 0.5, or the points' spacing)"
     parser.add_argument("--voxel-mm", type=float, metavar="V", help=edge)
     meshes = ("poisson", "grid", "none")
@@ -80,12 +82,22 @@ def _run(options: argparse.Namespace) -> int:
     with progress_bar(options) as progress:
         result = run(session, read, "merge", progress, store)["merge"]
     if options.out is not None:
-        written = result.model_dump_json(indent=2).encode()
-        write_pieces(options.out / "results" / "merge.json", iter([written]))
+        _keep(options.out, session, files, result)
     said = spoken(options)
     text = text_of(result_as_read(result, said), said)
     print_result(options, text, {"session": session.to_json(), "results": {"merge": result_data(result)}})
     return NOT_ACCEPTED if result.verdict == "fail" else OK
+
+
+def _keep(folder: Path, session: "Session", files: dict[str, Path], result: "Result") -> None:
+    """Write the scans beside what was made of them, so that report, archive and replay find a whole session."""
+    from calib_core.archive.folder import SESSION_FILE, to_json_bytes, write_result
+    from calib_core.formats.shared.writing import write_atomically
+
+    for name, path in files.items():
+        write_atomically(folder / name, path.read_bytes())
+    write_atomically(folder / SESSION_FILE, to_json_bytes(session.to_json()))
+    write_result(folder, "merge", result, session)
 
 
 def _captures(files: dict[str, Path], poses: Path | None, unit: str | None) -> Iterable[dict[str, Any]]:

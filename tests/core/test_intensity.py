@@ -82,6 +82,8 @@ def test_a_merge_averages_intensities_and_writes_them(tmp_path: Path) -> None:
     out = tmp_path / "out"
     told = ["--poses", str(poses), "--mesh", "none", "--voxel-mm", "1.5", "--out", str(out), "--json"]
     main(["merge", *names, *told])
+    assert main(["archive", "pack", str(out), "--out", str(tmp_path / "bag.zip"), "--no-scene"]) == 0
+    assert main(["archive", "replay", str(tmp_path / "bag.zip")]) == 0  # what is written is a whole session
     stored = read_stored_ply((out / "clouds" / "merged.ply").read_bytes(), "merged.ply")
     assert stored.intensity is not None
     bright = stored.points_mm[:, 0] < 525
