@@ -15,7 +15,7 @@ from calib_core.captures.arm_joints import corrected_by
 from calib_core.captures.content import pose_of
 from calib_core.errors import ConflictError, InputError
 from calib_core.formats.shared.number import number
-from calib_core.frames import RigidTransform
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.library.opened import OpenSession
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.records.results import ArmModelFound
@@ -26,7 +26,11 @@ from calib_core.steps import tool_stages
 
 @dataclass(frozen=True, eq=False)
 class CorrectedPose:
-    """A pose, corrected, in the session's convention; `joints_deg` are those it was worked out with."""
+    """A pose, corrected, in the session's convention; `joints_deg` are those it was worked out with.
+
+    `beyond_captures_deg` is how far one of them lies beyond the captures', where nothing was left out to see how
+    well poses are predicted; the first joint is apart, as it only turns the whole arm.
+    """
 
     name: str
     pose: list[float]
@@ -35,10 +39,20 @@ class CorrectedPose:
     joints_deg: list[float]
     moved_mm: float
     line: int
+    beyond_captures_deg: float
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data."""
         return dict(vars(self))
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedPoses:
+    """Poses of a file, what was skipped, and how well poses were predicted, without and with the correction."""
+
+    poses: list[CorrectedPose]
+    skipped: list[dict[str, Any]]
+    held_out_rms_mm: list[float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +65,8 @@ class _Row:
 
 def corrected_poses(
     opened: OpenSession, path: str | Path, brand: str | None = None, told: Mapping[str, str] | None = None
-) -> tuple[list[CorrectedPose], list[dict[str, Any]]]:
-    """Return the poses of a file as they truly are, and what was skipped, by what a session found of the arm.
+) -> CorrectedPoses:
+    """Return the poses of a file as they truly are, by what a session found of the arm.
 
     Parameters
     ----------
@@ -78,6 +92,7 @@ def corrected_poses(
         for one in opened.captures
         if one.joints_deg and one.pose is not None
     ]
+    reached = np.array([seed[1] for seed in seeds]).reshape(-1, len(arm.joints))
     named = {"arm": cell.robot.arm} if isinstance(cell.robot.arm, str) else {}
     rows, skipped = _rows(Path(path), len(arm.joints), brand, {**named, **(told or {})})
     corrected: list[CorrectedPose] = []
@@ -102,9 +117,18 @@ def corrected_poses(
                 joints,
                 float(np.linalg.norm(true.translation_mm - pose.translation_mm)),
                 row.line,
+                _beyond(reached, joints),
             )
         )
-    return corrected, skipped
+    return CorrectedPoses(corrected, skipped, found.held_out_rms_mm)
+
+
+def _beyond(reached: FloatArray, joints: list[float]) -> float:
+    """Return how far joints but the first lie beyond those of the captures (K, joints), deg."""
+    if not len(reached):
+        return 0.0
+    off = np.maximum(reached.min(axis=0) - joints, np.array(joints) - reached.max(axis=0))
+    return max(0.0, float(off[1:].max(initial=0.0)))
 
 
 def _model(opened: OpenSession) -> ArmModelFound:

@@ -45,20 +45,26 @@ def _corrected(options: argparse.Namespace, told: dict[str, str]) -> int:
     from calib_core.library.corrected_poses import corrected_poses
 
     opened = cc.load(options.corrected)
-    poses: list[dict[str, Any]] = []
-    skipped: list[dict[str, Any]] = []
-    for path in options.files:
-        found, left = corrected_poses(opened, path, options.brand, told)
-        poses += [one.to_json() for one in found]
-        skipped += left
-    each = [(p, " ".join(f"{v:.6g}" for v in p["pose"])) for p in poses]
-    rows = [f"  {p['name']}: {numbers}; moved by {p['moved_mm']:.3f} mm" for p, numbers in each]
-    lines = [f"{len(poses)} poses corrected ({opened.cell.pose_convention})", *rows]
-    lines += [f"  skipped: line {one['line']}: {one['reason']}" for one in skipped]
-    print_result(
-        options, "\n".join(lines), {"brand": None, "poses": poses, "tools": [], "frames": [], "skipped": skipped}
-    )
+    found = [corrected_poses(opened, path, options.brand, told) for path in options.files]
+    poses = [one.to_json() for each in found for one in each.poses]
+    skipped = [one for each in found for one in each.skipped]
+    without, with_it = held_out = found[0].held_out_rms_mm
+    lines = [
+        f"{len(poses)} poses corrected ({opened.cell.pose_convention})",
+        f"  the ball at poses left out lay {with_it:.3f} mm off (RMS), without the correction {without:.3f} mm",
+        *map(_corrected_line, poses),
+        *(f"  skipped: line {one['line']}: {one['reason']}" for one in skipped),
+    ]
+    data = {"brand": None, "poses": poses, "tools": [], "frames": [], "skipped": skipped}
+    print_result(options, "\n".join(lines), {**data, "held_out_rms_mm": held_out})
     return OK
+
+
+def _corrected_line(pose: dict[str, Any]) -> str:
+    numbers = " ".join(f"{value:.6g}" for value in pose["pose"])
+    beyond = pose["beyond_captures_deg"]
+    doubt = f"; a joint lies {beyond:.0f}° beyond the captures" if beyond >= 1 else ""
+    return f"  {pose['name']}: {numbers}; moved by {pose['moved_mm']:.3f} mm{doubt}"
 
 
 def pairs_of(words: list[str]) -> dict[str, str]:

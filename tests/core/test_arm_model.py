@@ -73,7 +73,12 @@ def test_other_poses_are_predicted_better_where_the_arm_is_applied(kind: str, tm
     table = tmp_path / "joints.csv"
     with table.open("w", newline="") as file:
         csv.writer(file).writerows([[f"j{n}_deg" for n in range(1, 7)], *cell.held_joints_deg.tolist()])
-    poses = corrected_by_command(table, tmp_path)
+    poses, beyond_deg = corrected_by_command(table, tmp_path)
+    reached = np.array([one.joints_deg for one in cell.session.captures])[:, 1:]
+    off = np.maximum(
+        reached.min(axis=0) - cell.held_joints_deg[:, 1:], cell.held_joints_deg[:, 1:] - reached.max(axis=0)
+    )
+    assert beyond_deg == pytest.approx(off.max(axis=1).clip(0), abs=1e-9)
     real_after = held_out_rms_mm(cell, *placed(applied), poses)
     real_before = held_out_rms_mm(cell, *placed(covered), cell.held_poses)
     assert real_after < 0.5 * real_before
@@ -119,12 +124,14 @@ def placed(result: TcpResult) -> tuple[np.ndarray, np.ndarray]:
     return np.array(result.base_from_laser), np.array(result.sphere_center_in_tool0_mm)
 
 
-def corrected_by_command(table: Path, folder: Path) -> np.ndarray:
+def corrected_by_command(table: Path, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     text = io.StringIO()
     with contextlib.redirect_stdout(text):
         assert main(["poses", str(table), "--corrected", str(folder / "cell"), "--json"]) == 0
-    rows = json.loads(text.getvalue())["poses"]
-    return np.array([row["base_from_tool0"] for row in rows])
+    told = json.loads(text.getvalue())
+    assert told["held_out_rms_mm"][1] < told["held_out_rms_mm"][0]
+    rows = told["poses"]
+    return np.array([row["base_from_tool0"] for row in rows]), np.array([r["beyond_captures_deg"] for r in rows])
 
 
 def test_a_right_arm_keeps_its_answer() -> None:
