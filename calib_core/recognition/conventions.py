@@ -54,7 +54,7 @@ def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str
     first = CONVENTIONS[fitting[0]]
     if len(fitting) == 1:
         return Choice(first.name, True, "As the file says.", Reading.told(first))
-    found = [one for one in _spreads(rows, first.name) if one[1].convention.name in fitting]
+    found = _spreads(rows, first.name, fitting)
     likely = f"{', '.join(fitting[:-1])} or {fitting[-1]}"
     if not found:
         return Choice(first.name, False, f"{likely}: too few poses to tell", Reading.told(first))
@@ -67,12 +67,14 @@ def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str
     return Choice(name, True, f"Read so, all poses look at one place within {best:.0f} mm{instead}.", reading)
 
 
-def _spreads(rows: Sequence[PoseRow], convention: str) -> list[tuple[float, Reading]]:
+def _spreads(rows: Sequence[PoseRow], convention: str, fitting: Sequence[str]) -> list[tuple[float, Reading]]:
     numbers = [row.numbers for row in rows]
     count = CONVENTIONS[convention].count
     if len(numbers) < _FEWEST or any(len(row) != count for row in numbers):
         return []
-    found = spreads_mm(Cell(pose_convention=convention), numbers)
+    alike = {(CONVENTIONS[name].form, CONVENTIONS[name].listed) for name in fitting}
+    spreads = spreads_mm(Cell(pose_convention=convention), numbers)
+    found = [one for one in spreads if (one[1].convention.form, one[1].convention.listed) in alike]
     nearest: dict[tuple[str, str], tuple[float, Reading]] = {}
     for spread, reading in sorted(found, key=lambda one: one[0]):
         nearest.setdefault((reading.convention.form, reading.convention.listed), (spread, reading))

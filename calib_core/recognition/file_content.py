@@ -1,5 +1,7 @@
 """One file looked at by its content: points, poses, a controller's, a certificate, something else."""
 
+from typing import Any, cast
+
 from calib_core.disk import is_system_file
 from calib_core.errors import CalibrationError, InputError
 from calib_core.formats.format import Unit
@@ -19,6 +21,7 @@ from calib_core.robots.text import decoded
 
 _IMAGES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _OFFICE = (b"xl/worksheets", b"word/document", b"ppt/slides", b"content.xml")
+_OWN = {"inputs_sha256", "method_revision", "tool0_from_laser", "base_from_turntable"}
 _MOST_POSE_BYTES = 4_000_000
 _SURE = 0.5
 _LEAST_POINTS = 8
@@ -58,6 +61,8 @@ def _is_binary_format(file: GivenFile) -> bool:
 def _zip(file: GivenFile) -> Look:
     if any(mark in file.data for mark in _OFFICE):
         return nothing("office")
+    if b"data/session.json" in file.data:
+        return nothing("archive")
     return Look("backup", Reason("zip"), brand="zip")
 
 
@@ -122,6 +127,8 @@ def _json(file: GivenFile, head: str) -> Look | None:
         return None
     if isinstance(data, dict) and str(data.get("format", "")).startswith("scancell-session/"):
         return Look("session", Reason("session"))
+    if isinstance(data, dict) and not _OWN.isdisjoint(cast("dict[str, Any]", data)):
+        return nothing("result")
     poses = poses_in_json(data, file.name)
     if poses is not None:
         return _with_poses(poses[0], poses[1], sphere_mm_in(data), keys_of(data))

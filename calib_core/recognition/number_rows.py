@@ -16,16 +16,19 @@ _LABELLED = re.compile(rf"([A-Za-z]\w{{0,15}}) ?[=:] ?({_VALUE})(?![\w.])")
 _COUNTER = re.compile(r"([0-9]{1,6})[:)]\Z")
 _LONGEST_LINE = 4000
 _MOST_WORDS = 2  # beside the numbers of a row: a name, a tool
+_LEAST_NUMBERS = 6  # of a pose
+TIME = re.compile(r"[0-9]+[-:./][0-9]+[-:./][0-9]+")
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of numbers: its place in the text, the words before the numbers, and labels where each has one."""
+    """One line of numbers: its place in the text, the words before and behind them, labels where each has one."""
 
     line: int
     words: tuple[str, ...]
     numbers: tuple[float, ...]
     labels: tuple[str, ...] = ()
+    behind: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -56,13 +59,40 @@ def rows_in(text: str) -> Rows:
         elif not bare.startswith(_COMMENTS):
             found.append(row)
     if not found:
-        return Rows((), (), len(others))
+        return _between_words([content for _, content in others])
     width = Counter(len(row.numbers) for row in found).most_common(1)[0][0]
     kept = tuple(row for row in found if len(row.numbers) == width)
     above = [content for line, content in others if line < kept[0].line]
     names = _names(above[-1]) if above else ()
     remarks = sum(content.startswith(_COMMENTS) for _, content in others)
     return Rows(kept, names, len(others) - remarks - bool(names) + len(found) - len(kept))
+
+
+def _between_words(lines: Sequence[str]) -> Rows:
+    """Return the columns of numbers of a table that has words, times, remarks among them, as a log of a cell does.
+
+    Its first line names every column; what names or files stand in a column of words are the rows' own.
+    """
+    nothing = Rows((), (), len(lines))
+    if len(lines) < 2:
+        return nothing
+    style = style_of(lines[1])
+    names, *cells = ([field.strip().strip("\"'").strip() for field in style.fields(line)] for line in lines)
+    if style.separator is None or any(map(_is_number, names)) or any(len(row) != len(names) for row in cells):
+        return nothing
+    columns = list(zip(*cells, strict=True))
+    numbers = [k for k, column in enumerate(columns) if all(map(_is_number, column))]
+    named = [
+        k for k, column in enumerate(columns) if len(set(column)) == len(column) and not TIME.search(column[0])
+    ]
+    words = [k for k in named if k not in numbers][:1]
+    if len(numbers) < _LEAST_NUMBERS:
+        return nothing
+    rows = tuple(
+        Row(number, tuple(row[k] for k in words), tuple(float(row[k]) for k in numbers))
+        for number, row in enumerate(cells, start=2)
+    )
+    return Rows(rows, tuple(names[k] for k in (*words, *numbers)), 0)
 
 
 def _row(line: int, text: str) -> Row | None:
@@ -86,7 +116,8 @@ def _row(line: int, text: str) -> Row | None:
         numbers.pop()  # a remark behind them
     if first > _MOST_WORDS or len(numbers) < 2 or not all(_is_number(f) or not f for f in numbers):
         return None
-    return Row(line, tuple(fields[:first]), tuple(float(f) if f else math.nan for f in numbers))
+    behind = tuple(fields[first + len(numbers) :])
+    return Row(line, tuple(fields[:first]), tuple(float(f) if f else math.nan for f in numbers), (), behind)
 
 
 def _is_number(field: str) -> bool:

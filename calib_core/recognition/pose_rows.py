@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.poses.conventions import CONVENTIONS
-from calib_core.recognition.number_rows import Row, Rows, counts_up, rises
+from calib_core.recognition.number_rows import TIME, Row, Rows, counts_up, rises
 from calib_core.recognition.taken import PoseList, PoseRow
 from calib_core.robots.table.columns import joint_columns, plain, unit_of
 
@@ -15,7 +15,10 @@ _UNIT = 1e-2
 _MOST_POSES = 20_000
 _MOST_TURN_DEG = 361.0
 _FARTHEST = 20_000.0
-_SAME = {"tx": "x", "ty": "y", "tz": "z", "px": "x", "py": "y", "pz": "z"}
+_SAME = {
+    "tx": "x", "ty": "y", "tz": "z", "px": "x", "py": "y", "pz": "z",
+    "roll": "w", "pitch": "p", "yaw": "r",  # about the fixed x, y and z
+}  # fmt: skip
 _TIMES = {"t", "time", "timestamp", "time_s", "t_s", "stamp"}
 _NAMES = {"name", "id", "file", "capture", "profile", "filename", "pose", "point"}
 _COUNTS = {"nr", "no", "number", "index", "idx", "i", "n", "#"}
@@ -45,10 +48,10 @@ def poses_of_numbers(rows: Sequence[Sequence[float]], names: Sequence[str], file
 
 def _columns(found: Rows) -> tuple[str, ...] | None:
     """Return the names of the numbers' columns, without those of the words before them."""
-    words = len(found.rows[0].words)
-    if len(found.names) != found.width + words:
+    words, behind = len(found.rows[0].words), len(found.rows[0].behind)
+    if len(found.names) - found.width - words not in (0, behind):
         return None
-    return tuple(found.names[words:])
+    return tuple(found.names[words : words + found.width])
 
 
 def _named(found: Rows, names: Sequence[str], file: str) -> PoseList | None:
@@ -64,8 +67,10 @@ def _named(found: Rows, names: Sequence[str], file: str) -> PoseList | None:
     places, conventions = max(fitting.items(), key=lambda one: len(one[1]))
     unit = unit_of(names[places[0]])
     conventions = _of_unit(conventions, unit, [[row.numbers[p] for p in places[:3]] for row in found.rows])
-    factor = 1000.0 if unit == "m" and CONVENTIONS[conventions[0]].mm_per_unit == 1 else 1.0
-    factors = [factor if k < 3 else 1.0 for k in range(len(places))]
+    first = CONVENTIONS[conventions[0]]
+    factor = 1000.0 if unit == "m" and first.mm_per_unit == 1 else 1.0
+    in_radians = unit_of(names[places[3]]) == "rad" and first.form not in ("rotation-vector", "quaternion")
+    factors = [factor] * 3 + [math.degrees(1.0) if in_radians else 1.0] * (len(places) - 3)
     rows = [
         PoseRow(tuple(row.numbers[p] * f for p, f in zip(places, factors, strict=True)), row.line, file=file)
         for row in found.rows
@@ -115,7 +120,9 @@ def _with_joints(given: Sequence[Row], rows: list[PoseRow], names: Sequence[str]
 
 
 def _with_words(given: Sequence[Row], rows: list[PoseRow]) -> list[PoseRow]:
-    return [replace(row, name=g.words[0]) if g.words else row for row, g in zip(rows, given, strict=True)]
+    """Return the rows with the first word beside their numbers, one that is no time before one that is."""
+    words = [sorted((*row.words, *row.behind), key=lambda word: bool(TIME.search(word))) for row in given]
+    return [replace(row, name=some[0]) if some else row for row, some in zip(rows, words, strict=True)]
 
 
 def _bare(rows: Sequence[Row], file: str) -> PoseList | None:

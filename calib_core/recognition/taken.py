@@ -78,6 +78,8 @@ _REASONS = templates(
         "they tell a sphere of {sphere_mm} mm.",
         "certificate": "A digital calibration certificate (DCC).",
         "session": "A session's own record.",
+        "archive": "An archive of a session: open it instead of making a new session of it.",
+        "result": "A result or an answer of a session, no measurement.",
         "zip": "A zip file with nothing of a known controller in it: unpack it.",
         "office": "A document of an office program: export its table as CSV.",
         "compiled": "{what}: {to_do}",

@@ -50,6 +50,8 @@ class Brand(Writer):
         The tools that are the flange, and the frames that are the base, in lower case.
     definitions : str
         The files that define tools and frames, as a person looks for them.
+    frames_settled : bool
+        Whether it is known which way round a frame that a file names works.
     points : str
         The files that hold the positions which a program only names.
     proof : Proof
@@ -63,6 +65,7 @@ class Brand(Writer):
     flange: frozenset[str] = frozenset({"0"})
     base: frozenset[str] = frozenset({"0"})
     definitions: str = "the controller's backup"
+    frames_settled: bool = True
     points: str = "the file that holds it"
     proof: Proof = "manual only"
 

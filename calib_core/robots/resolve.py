@@ -238,6 +238,9 @@ def _looked_up(
         return None, message(
             "Taken as written, with {what} {number}, which the file does not define.", what=what, number=number
         )
+    if what == "frame" and not brand.frames_settled:
+        got = "taught after {number}, and which way round that works is not settled for all controllers"
+        raise InputError("", got, "Record the flange in the base, without it.", number=number)
     got = "taught with {what} {number}, which the file does not define"
     to_do = "Give the file that defines it as well ({definitions}), or record the flange in the base."
     raise InputError("", got, to_do, what=what, number=number, definitions=brand.definitions)

@@ -69,6 +69,49 @@ def test_measurements_are_paired_with_their_own_poses(tmp_path: Path, name: str)
         np.testing.assert_allclose(found[capture_of[name]], MATRICES[k].matrix, atol=2e-3)
 
 
+def _csv(head: str, rows: list[list[str]], separator: str) -> str:
+    return "".join(separator.join(row) + "\r\n" for row in (head.split(separator), *rows))
+
+
+def _numbers(convention: str, factor: float = 1.0) -> list[list[str]]:
+    return [[f"{v:.6f}" for v in (*row[:3], *(factor * a for a in row[3:]))] for row in in_convention(convention)]
+
+
+NAMES = [f"p{k}" for k in range(1, len(CONTENT) + 1)]
+LOG = [
+    [f"2026-11-20 10:{k:02d}:00", f"p{k}.csv", *(v.replace(".", ",") for v in row), "OK"]
+    for k, row in enumerate(_numbers("fanuc"), start=1)
+]
+TABLES = {
+    "columns of two conventions": ("yaskawa", _csv("x,y,z,rx,ry,rz", _numbers("yaskawa"), ",")),
+    "roll, pitch and yaw in radians": (
+        "fanuc",
+        _csv("x,y,z,roll [rad],pitch [rad],yaw [rad]", _numbers("fanuc", np.pi / 180), ","),
+    ),
+    "a log with times, in another order": ("fanuc", _csv("Zeit;Datei;X;Y;Z;W;P;R;Status", LOG[::-1], ";")),
+    "names behind the numbers": (
+        "kuka",
+        _csv("X;Y;Z;A;B;C;Name", [[*r, n] for r, n in zip(_numbers("kuka"), NAMES, strict=True)][::-1], ";"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_poses_in_tables_as_cells_write_them(tmp_path: Path, name: str) -> None:
+    convention, table = TABLES[name]
+    profiles: Files = {f"p{k}.csv": data for k, data in enumerate(CONTENT, start=1)}
+    result = json.dumps({"method_revision": 3, "covariance": np.eye(6).tolist()})
+    files: Files = {**profiles, "table.csv": table, "tcp.json": result, "old.zip": b"PK\3\4 a/data/session.json"}
+    made = new_session(lay(tmp_path / "in", files), tmp_path / "out", None, DIAMETER_MM)
+    assert made.missing == ()
+    assert cc.load(made.folder).cell.pose_convention == convention
+    found = poses_of(made.folder)
+    for k, pose in enumerate(MATRICES, start=1):
+        np.testing.assert_allclose(found[f"p{k}"], pose.matrix, atol=2e-3)
+    why = {file["name"]: file["why"] for file in made.files}
+    assert (why["tcp.json"][:8], why["old.zip"][:10]) == ("A result", "An archive")
+
+
 def test_what_is_missing_is_named_and_the_session_is_written_all_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

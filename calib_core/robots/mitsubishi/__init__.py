@@ -27,7 +27,9 @@ class Mitsubishi(Brand):
     marks = (
         r"^[ \t]*(?:\d+\s+)?(?:Def\s+Pos\b|Tool\s*\([-+.\d]|P\w+(?:\(\d+\))?\s*=\s*\([-+.\d eE,]+\)\s*\(\d+\s*,)"
     )
+    base = frozenset({"0", "base p_nbase"})
     definitions = "the program with its Tool and Base lines"
+    frames_settled = False
 
 
 BRAND = Mitsubishi()

@@ -5,8 +5,11 @@ from calib_core.robots.statements import VALUES, Rule, find_by_rules
 
 _ONE = r"[-+.\d eE]*"
 _NAMED = r"^[ \t]*(?:\d+\s+)?(?P<name>P\w*(?:\(\d+\))?)\s*=\s*"
+_ZERO = r"\s*[-+]?0(?:\.0*)?\s*"
+_FLAGS = r"(?:\)(?:\(\d+,\d+\))?)?"
 _RULES = (
     Rule("tool", rf"""^[ \t]*(?:\d+\s+)?Tool\s*\({VALUES}\)"""),
+    Rule("use-frame", rf"""^[ \t]*(?:\d+\s+)?Base\s*\(?\s*(?P<frame>0)(?:\.0*)?(?:,{_ZERO})*{_FLAGS}\s*$"""),
     Rule("use-frame", r"""^[ \t]*(?:\d+\s+)?(?P<frame>Base\b.*)$"""),  # which way round it is, is not settled
     Rule("joints", rf"""^[ \t]*(?:\d+\s+)?(?P<name>J\w*(?:\(\d+\))?)\s*=\s*\({VALUES}\)"""),
     Rule("pose", rf"""{_NAMED}\({VALUES}\)\s*\([^()]*\)\s*$"""),
