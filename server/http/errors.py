@@ -20,6 +20,7 @@ from starlette.websockets import WebSocket
 from calib_core.errors import CalibrationError
 from calib_core.messages import message, templates
 from calib_core.records import input_error_from_details
+from server.program_files import RESTART, UPDATED, is_updated, remember
 from server.store.unavailable import OUTAGES, RETRY_AFTER_S, UnavailableError
 
 log = logging.getLogger("scancell")
@@ -216,6 +217,7 @@ def _methods(request: Request) -> list[str]:
 
 def install(app: FastAPI) -> None:
     """Make an application answer every error with problem details."""
+    remember()
 
     async def calibration(_: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, CalibrationError)
@@ -249,6 +251,8 @@ def install(app: FastAPI) -> None:
 
     async def unexpected(_: Request, error: Exception) -> JSONResponse:
         # The server logs it, and hangs up: it is raised again after this answer.
+        if is_updated(error):
+            return problem_response(unavailable(UPDATED, RESTART), {"Connection": "close"})
         got = message("an error of the program itself ({name})", name=type(error).__name__)
         to_do = "Nothing that was stored is touched; look into the server's log and report it."
         return problem_response(problem_of_status(500, got, to_do), {"Connection": "close"})

@@ -18,7 +18,8 @@ class TimelineItem(BaseModel):
     The last one is `now`.
 
     `removed` says of a capture that it is not in the session any more; it then stands before the first result that
-    used it. `message` says why a solve failed, which limit of a verification was changed, or who released;
+    used it. `message` says why a solve failed, which limit of a verification was changed, or who released
+    (`brought`: elsewhere, as the archive tells that the session came with);
     `excluded_because` who left a capture out, `included_because` who took it in again.
     """
 
@@ -33,6 +34,7 @@ class TimelineItem(BaseModel):
     verdict: Verdict | None = None
     software: str | None = None
     message: str | None = None
+    brought: bool = False
     excluded_because: Excluded | None = None
     included_because: Excluded | None = None
 

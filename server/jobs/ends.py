@@ -5,6 +5,7 @@ import logging
 from calib_core.errors import CalibrationError
 from calib_core.messages import message, with_parts
 from server.http.errors import problem, problem_of_status, unavailable
+from server.program_files import RESTART, UPDATED, is_updated
 from server.store.models import Data
 
 log = logging.getLogger("scancell")
@@ -28,6 +29,8 @@ def explained(error: BaseException) -> Data:
     if isinstance(error, CalibrationError):
         return with_parts(problem(error))
     log.error("a job failed unexpectedly", exc_info=error)
+    if is_updated(error):
+        return unavailable(UPDATED, RESTART)
     return problem_of_status(
         500,
         message("an error of the program itself ({name}: {error})", name=type(error).__name__, error=error),

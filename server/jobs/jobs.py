@@ -30,6 +30,7 @@ from server.store.models import Data
 from server.store.provenance import note_replay
 from server.store.sessions import load_session
 from server.store.solves import (
+    COMPARE,
     REPLAY,
     add_answer,
     add_result,
@@ -216,7 +217,7 @@ class Jobs:
         digests = dict(stored.digests)
         session = stored.session.to_json()
         solved_from: Data | None = None
-        if stage == REPLAY:
+        if stage in (COMPARE, REPLAY):
             work = partial(worker.replay, job_id, session, dict(stored.results), digests)
         else:
             solved_from = {"session": session, "files": digests}

@@ -11,6 +11,7 @@ from calib_core.errors import CalibrationError, ConflictError, NotFoundError
 from calib_core.messages import message
 from calib_core.records import StageName as KnownStage
 from calib_core.review.compare import Comparison
+from server.auth.roles import Role
 from server.http.api_router import api_router
 from server.http.created import created
 from server.http.schemas import Job
@@ -26,11 +27,12 @@ from server.routes.dependencies import (
     StageName,
     StoreDep,
 )
+from server.routes.tokens import IdentityDep
 from server.store.history import PastResult, compared, latest_numbers, moment, past_result, stage_history, timeline
 from server.store.models import Data
 from server.store.session_texts import texts_of
 from server.store.sessions import StoredSession, load_session, locked_session
-from server.store.solves import REPLAY, create_job, job_data, job_row
+from server.store.solves import COMPARE, REPLAY, create_job, job_data, job_row
 
 router = api_router("history")
 
@@ -43,7 +45,7 @@ SideName = Annotated[str, Query(max_length=100, description=_SIDE)]
 def get_timeline(session_id: SessionId, store: StoreDep) -> Response:
     """Return what happened in order: captures, results, solves that failed; the last item is how it stands now."""
     with store.read() as db:
-        return JSONResponse({"items": timeline(db, session_id)})
+        return JSONResponse({"items": timeline(db, store.blobs, session_id)})
 
 
 @router.get("/sessions/{session_id}/timeline/{place}", response_model=MomentOfSession)
@@ -88,17 +90,21 @@ def compare(
 
 
 @router.post("/sessions/{session_id}/replay", status_code=202, response_model=Job)
-def recompute(session_id: SessionId, idempotency: IdempotencyDep, store: StoreDep, jobs: JobsDep) -> Response:
-    """Start solving every stage with a result afresh, to compare; nothing of the session is changed.
+def recompute(
+    session_id: SessionId, idempotency: IdempotencyDep, store: StoreDep, jobs: JobsDep, identity: IdentityDep
+) -> Response:
+    """Start solving every stage with a result afresh, to compare; no number of the session is changed.
 
-    Answers at once with the job; its answer has the comparison.
+    Answers at once with the job; its answer has the comparison. Imported results become `replayed` or `differs`
+    by it, but for who may only read: then nothing is noted.
     """
+    noted = identity.role >= Role.CAPTURE
 
     def act(db: Transaction) -> Data:
         if not latest_numbers(db, session_id):
             load_session(db, store.blobs, session_id)  # says so where there is no such session
             raise ConflictError("stored results to compare with", "none", "Solve the session first.", session_id)
-        return job_data(create_job(db, locked_session(db, session_id), REPLAY))
+        return job_data(create_job(db, locked_session(db, session_id), REPLAY if noted else COMPARE))
 
     answer, first = idempotency.run(store, "replay", 202, act)
     if first:

@@ -2,28 +2,31 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import undefer
 
+from calib_core.archive.release_file import RELEASE_FILE, release_told
 from calib_core.captures.measured import measured_of
 from calib_core.errors import InputError, NotFoundError
 from calib_core.findings import verdict_of
 from calib_core.findings.codes.quality import FILES_REMOVED
-from calib_core.messages import message
+from calib_core.messages import message, sentences
 from calib_core.records import Capture, LimitChange, Measured, Session, parse_session
 from calib_core.review.standing import said_release
 from calib_core.stages.verify.limits import said_change
 from server.store.blobs import Blobs
-from server.store.models import CaptureRow, Data, JobRow, ReleaseRow, ResultRow
+from server.store.models import CaptureRow, Data, JobRow, OutputRow, ReleaseRow, ResultRow
 from server.store.releases import release_data
-from server.store.sessions import StoredSession, load_session, session_row
-from server.store.solves import ALL, REPLAY
+from server.store.sessions import ARCHIVED, StoredSession, load_session, session_row
+from server.store.solves import ALL, COMPARE, REPLAY
 
 if TYPE_CHECKING:
     from calib_core.review.compare import Compared
+
+_UNSIGNED: Final = message("Nobody who is trusted here has signed this release as it stands.")
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class Moment:
     numbers: Mapping[str, int]
 
 
-def timeline(db: Transaction, session_id: str) -> list[Data]:
+def timeline(db: Transaction, blobs: Blobs, session_id: str) -> list[Data]:
     """Return what happened in a session, in order: captures, results, releases, failed solves; `now` ends it.
 
     Captures that were removed since stand before the first result that they were in.
@@ -62,6 +65,7 @@ def timeline(db: Transaction, session_id: str) -> list[Data]:
         *_results(past),
         *_limits(session.record),
         *_released(db, session_id),
+        *_brought(db, blobs, session_id, past),
         *_ended_without_result(db, session_id),
     )
     items = [*_captures(db, session_id, past), *others]
@@ -81,7 +85,7 @@ def moment(db: Transaction, blobs: Blobs, session_id: str, place: int) -> Moment
     NotFoundError
         If there is no such session or place.
     """
-    items = timeline(db, session_id)
+    items = timeline(db, blobs, session_id)
     if not 0 <= place < len(items):
         need = "a place on the time line from 0 to {count}"
         raise NotFoundError(need, f"{place}", "Read the time line.", "place", count=len(items) - 1)
@@ -225,9 +229,24 @@ def _released(db: Transaction, session_id: str) -> Iterator[_Item]:
         )
 
 
+def _brought(db: Transaction, blobs: Blobs, session_id: str, past: Sequence[PastResult]) -> Iterator[_Item]:
+    """Return the release that came with an archive, of the answer that it is of, however long ago."""
+    kept = db.get(OutputRow, (session_id, ARCHIVED + RELEASE_FILE))
+    content = b"" if kept is None else blobs.read(kept.sha256)
+    results: dict[str, Data] = {}
+    for result in past if content else ():
+        results[result.stage] = result.record
+        told = release_told(content, results, str(result.record.get("solved")))
+        if told is not None:
+            words = [said_release(told), "" if told["signed"] else _UNSIGNED]
+            data = {"kind": "release", "at": told["created"], "message": sentences(words), "brought": True}
+            yield (told["created"], 3, 0), data
+            return
+
+
 def _ended_without_result(db: Transaction, session_id: str) -> Iterator[_Item]:
     query = select(JobRow).where(JobRow.session_id == session_id, JobRow.status.in_(("failed", "cancelled")))
-    for row in db.scalars(query.where(JobRow.stage.not_in((ALL, REPLAY)))):
+    for row in db.scalars(query.where(JobRow.stage.not_in((ALL, COMPARE, REPLAY)))):
         at = row.finished or row.created
         data = {"kind": row.status, "at": at, "stage": row.stage}
         yield (at, 2, 0), {**data, "message": row.error["detail"] if row.error else row.message}

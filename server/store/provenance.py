@@ -12,7 +12,7 @@ from calib_core.review.replay import Replay
 from server.store.database import record_event
 from server.store.models import Data, JobRow, ResultRow
 from server.store.sessions import locked_session
-from server.store.solves import ENDED
+from server.store.solves import ENDED, REPLAY
 
 
 def note_replay(
@@ -37,7 +37,7 @@ def note_replay(
         What came of solving anew, by stage.
     """
     job = db.get(JobRow, job_id)
-    if job is None or job.status in ENDED:
+    if job is None or job.status in ENDED or job.stage != REPLAY:
         return
     row_of_session = locked_session(db, job.session_id)
     for found in Replay.model_validate(answer["replay"]).stages:

@@ -31,7 +31,9 @@ ENDED = ("done", "failed", "cancelled")
 ALL = "all"
 """In place of a stage: a job that solves the session's stages one after the other, each by a job of its own."""
 REPLAY = "replay"
-"""In place of a stage: a job that solves all stages afresh and compares."""
+"""In place of a stage: a job that solves all afresh, compares, and notes what imported results are by it."""
+COMPARE = "compare"
+"""The same for somebody who may only read: it notes nothing."""
 
 
 def job_data(row: JobRow) -> Data:

@@ -15,7 +15,8 @@ from server.settings import Settings
 from server.store.changed_rows import accept
 from server.store.doctor import examine
 from tests.core.test_forged_results import leaves, other
-from tests.server.live_server import serving, simulated_session, upload
+from tests.server.access import bearer, guarded
+from tests.server.live_server import serving, simulated_session, upload, wait_for
 from tests.verified import verified_session
 
 CELL = "cell-of-forgers"
@@ -310,3 +311,37 @@ def test_a_decision_before_that_was_changed_or_deleted_is_told(tmp_path: Path) -
             db.execute("UPDATE captures SET record = ? WHERE id = ?", (json.dumps(record), first))
             assert "altered" not in faults()
         db.close()
+
+
+def test_a_release_that_came_with_an_archive_is_told_and_is_none_of_this_servers(
+    served: tuple[httpx.Client, str, Path],
+) -> None:
+    client, session, _ = served
+    client.post(f"/sessions/{session}/release", json={"why": "to be taken along"}).raise_for_status()
+    before = client.get(f"/cells/{CELL}/history").json()["releases"]
+    archive = client.get(f"/sessions/{session}/archive", params={"scene": False}).content
+    brought = client.post("/archives", content=archive, headers={"Content-Type": "application/zip"}).json()["id"]
+    items = client.get(f"/sessions/{brought}/timeline").json()["items"]
+    (told,) = (item for item in items if item["kind"] == "release")
+    assert told["brought"]
+    assert told["message"].endswith("Reason: to be taken along")  # signed by a key that is trusted here
+    assert not any(item.get("brought") for item in client.get(f"/sessions/{session}/timeline").json()["items"])
+    assert client.get(f"/cells/{CELL}/history").json()["releases"] == before
+
+
+def test_who_may_only_read_sees_whether_results_replay_and_notes_nothing(tmp_path: Path) -> None:
+    with guarded(tmp_path) as (client, tokens):
+        client.headers.update(bearer(tokens["capture"]))
+        session = simulated_session(client, captures=14)
+        client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60}).raise_for_status()
+        with sqlite3.connect(tmp_path / "scancell.db", isolation_level=None, timeout=20) as db:
+            (text,) = db.execute("SELECT record FROM results").fetchone()
+            unsigned = {name: value for name, value in json.loads(text).items() if name != "seal"}
+            db.execute("UPDATE results SET record = ?", (json.dumps(unsigned),))
+        db.close()
+        for role, provenance in (("read", "imported"), ("capture", "replayed")):
+            by = bearer(tokens[role])
+            job = client.post(f"/sessions/{session}/replay", headers=by).raise_for_status().json()
+            assert wait_for(client, job["id"])["status"] == "done"
+            assert client.get(f"/jobs/{job['id']}/answer", headers=by).json()["replay"]["equal"]
+            assert client.get(f"/sessions/{session}/results/tcp").json()["provenance"] == provenance

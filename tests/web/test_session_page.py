@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from calib_core.simulation import simulate
 from server.settings import Settings
@@ -279,3 +279,20 @@ def test_it_survives_a_restart_of_the_server(profile: SharedProfile, tmp_path: P
         page.keyboard.press("Space")
         expect(rows(page)).to_have_count(3)
         page.close()
+
+
+def test_a_session_is_there_before_its_guide_is(open_page: Callable[..., Any], api: httpx.Client) -> None:
+    session = simulated_session(api, captures=3)
+    page, watched = open_page("/")
+    held: list[Route] = []
+    page.route(re.compile(r"/guide$"), lambda route: held.append(route))  # a busy server's takes a minute
+    page.goto(f"{page.url.rstrip('/')}/sessions/{session}")
+    expect(page.locator(".session-name")).to_be_visible()
+    expect(page.get_by_text("Loading the session")).to_be_hidden()
+    expect(page.locator("sc-guide")).to_contain_text("Loading …")
+    page.wait_for_function("() => document.querySelector('sc-session')")
+    for route in held:
+        route.continue_()
+    expect(page.locator("sc-guide h1")).not_to_be_empty()
+    expect(rows(page)).to_have_count(3)
+    assert watched.complaints == []

@@ -94,7 +94,7 @@ export class ActionsElement extends StateElement {
     this.#folder.hidden = simulated || captures.length > 0; // a folder brings a cell of its own; it may be dropped here all the same
     this.#look.hidden = !solved || view === "result";
     this.#look.classList.toggle("primary", !onward && !mends);
-    this.#solve.hidden = solved || (isAside && !result && !ready) || (!simulated && captures.length === 0);
+    this.#solve.hidden = !this.state.guide || solved || (isAside && !result && !ready) || (!simulated && captures.length === 0);
     const idle = solved || (!now && status === "done"); // nothing more is asked for in this step
     this.#capture.classList.toggle("primary", !ready && (!idle || mends) && !onward);
     this.#solve.classList.toggle("primary", ready);

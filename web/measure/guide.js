@@ -28,7 +28,7 @@ export class GuideElement extends StateElement {
 
   update() {
     const { guide, now, step } = this.state;
-    if (!guide) return;
+    if (!guide) return this.#words.replaceChildren(h("p", { class: "soft" }, t("history.wait")));
     this.#drawing.name = now?.drawing ?? "cell";
     // What mends a failed result comes before more captures, here as at the result and on the main button.
     const [cause] = mendable(this.state.resultOf(step) ?? {});

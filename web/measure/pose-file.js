@@ -4,6 +4,7 @@ import { api } from "../state/api.js";
 import { field, h } from "../dom.js";
 import { mark } from "../icons.js";
 import { remember } from "../state/backups.js";
+import { proofWords, registry } from "../state/registries.js";
 import { plural, said, t } from "../texts.js";
 
 /** @import {Found} from "../state/files.js" */
@@ -12,6 +13,7 @@ import { plural, said, t } from "../texts.js";
 export class PoseFileElement extends HTMLElement {
   /** Called when another axis is the table's. @type {() => void} */ changed = () => undefined;
   /** @type {ControllerFile | null} */ #read = null;
+  /** Whose they are, and what proved their reader. */ #brand = "";
   #axis = h("select", { onchange: () => this.changed() });
 
   /**
@@ -24,6 +26,9 @@ export class PoseFileElement extends HTMLElement {
     this.#read = await api.readControllerFiles(found, typeof arm === "string" ? arm : "");
     const packed = found.filter(({ path }) => path.toLowerCase().endsWith(".zip")).map(({ path }) => path);
     const used = new Set([...this.#read.files, ...packed]);
+    const { brand } = this.#read;
+    const proof = (await registry("brands")).find(({ name, title }) => brand === name || brand === title)?.proof;
+    this.#brand = proof ? t("proof.beside", { what: brand, proof: proofWords(proof) }) : brand;
     remember(sessionId, { found: found.filter(({ path }) => used.has(path)), content: this.#read });
     this.#draw();
   }
@@ -40,13 +45,13 @@ export class PoseFileElement extends HTMLElement {
 
   #draw() {
     if (!this.#read) return;
-    const { brand, poses, tools, skipped, notes } = this.#read;
+    const { poses, tools, skipped, notes } = this.#read;
     const axes = [...new Set(poses.flatMap(({ external }) => Object.keys(external ?? {})))];
     const turning = axes.find((axis) => new Set(poses.map(({ external }) => external?.[axis])).size > 1);
     this.#axis.replaceChildren(h("option", { value: "" }, t("pose_file.no_axis")), ...axes.map((axis) => h("option", { value: axis, selected: axis === turning }, axis)));
     const doubts = [...new Set([...poses.flatMap(({ doubt }) => (doubt ? [doubt] : [])), ...notes])];
     this.replaceChildren(h("section", { class: "pose-file", "aria-label": t("pose_file.label") },
-      h("p", {}, mark(doubts.length ? "warn" : "pass", t("pose_file.read", { brand, poses: plural(poses.filter(({ pose }) => pose).length, "pose_file.pose_one", "pose_file.pose_many"), tools: tools.length }))),
+      h("p", {}, mark(doubts.length ? "warn" : "pass", t("pose_file.read", { brand: this.#brand, poses: plural(poses.filter(({ pose }) => pose).length, "pose_file.pose_one", "pose_file.pose_many"), tools: tools.length }))),
       axes.length > 0 && field("pose-file-axis", t("pose_file.axis"), this.#axis),
       doubts.length > 0 && h("ul", { class: "messages" }, ...doubts.map((doubt) => h("li", {}, said(doubt)))),
       skipped.length > 0 && h("details", {}, h("summary", {}, plural(skipped.length, "pose_file.skipped_one", "pose_file.skipped_many")),

@@ -5,7 +5,7 @@ import { h, putChildren } from "../dom.js";
 import { mark } from "../icons.js";
 import { may } from "../state/me.js";
 import { stand } from "./answer.js";
-import { t } from "../texts.js";
+import { said, t } from "../texts.js";
 import { faultMarks, faultWords, releaseWords, sameAnswer, sessionAddress, worth } from "./release-words.js";
 import { attempt, say } from "../components/toasts.js";
 import { whyDialog } from "../measure/why-dialog.js";
@@ -34,12 +34,13 @@ export class ApprovalElement extends HTMLElement {
     const sessionId = this.state.id;
     const answer = await api.answer(sessionId);
     const releases = await api.releases(answer.cell);
+    const brought = ownRelease(sessionId, answer, releases) ? "" : await broughtRelease(sessionId);
     const card = /** @type {HTMLElement | null} */ (document.querySelector(".answer-card"));
     if (card && answer.stage === this.state.stageOf(this.state.step)) stand(card, answer.faults);
-    const shown = JSON.stringify([answer.inputs_sha256, answer.solved, answer.faults, answer.decided_before, releases]);
+    const shown = JSON.stringify([answer.inputs_sha256, answer.solved, answer.faults, answer.decided_before, releases, brought]);
     if (shown === this.#shown) return;
     this.#shown = shown;
-    putChildren(this.#section, [this.#title, ...standing(sessionId, answer, releases), ...offer(sessionId, answer, releases)]);
+    putChildren(this.#section, [this.#title, ...standing(sessionId, answer, releases, brought), ...offer(sessionId, answer, releases)]);
     this.#section.hidden = false;
   }
 
@@ -51,13 +52,20 @@ export class ApprovalElement extends HTMLElement {
   }
 }
 
-/** @param {string} sessionId @param {SessionAnswer} answer @param {readonly Release[]} releases the newest first */
-function standing(sessionId, answer, releases) {
+/** Who released it where it came from, as its archive tells. @param {string} sessionId */
+async function broughtRelease(sessionId) {
+  if (!(await api.kept(sessionId)).some(({ name }) => name === "release.json")) return "";
+  return said((await api.timeline(sessionId)).find(({ brought }) => brought)?.message ?? "");
+}
+
+/** @param {string} sessionId @param {SessionAnswer} answer @param {readonly Release[]} releases the newest first @param {string} brought */
+function standing(sessionId, answer, releases, brought) {
   const own = ownRelease(sessionId, answer, releases);
   const current = releases[0];
   const inForce = current && current === own;
   return [
     h("p", {}, own ? releaseWords(own) : t("release.none")),
+    brought && h("p", { class: "soft" }, t("release.brought", { said: brought })),
     own && h("p", {}, mark(inForce ? "pass" : "skipped", t(inForce ? "release.current" : "release.not_current", { cell: answer.cell }))),
     current && !inForce && other(sessionId, current),
   ];

@@ -15,7 +15,7 @@ const ASK_MS = 300;
 
 export class RecomputeElement extends HTMLElement {
   sessionId = "";
-  #go = h("button", { type: "button", needs: "capture", onclick: () => void this.#run() }, t("recompute.go"));
+  #go = h("button", { type: "button", onclick: () => void this.#run() }, t("recompute.go"));
   #progress = h("div", { class: "job", hidden: true });
   #answer = h("div", { class: "recomputed" });
   #working = false;
@@ -49,7 +49,7 @@ export class RecomputeElement extends HTMLElement {
       this.#progress.hidden = false;
       putChildren(this.#progress, [
         h("progress", { max: 1, value: now.progress, "aria-label": t("recompute.running") }), h("span", { class: "small" }, said(now.message ?? "") || t("recompute.running")),
-        h("button", { type: "button", onclick: cancel }, t("cancel"))]);
+        h("button", { type: "button", needs: "capture", onclick: cancel }, t("cancel"))]);
       await new Promise((resolve) => setTimeout(resolve, ASK_MS));
       now = await api.job(job.id);
     }

@@ -304,16 +304,25 @@ export class SessionState extends EventTarget {
   /** @param {Set<Part>} parts */
   async #load(parts) {
     const captures = parts.has("captures") ? api.captures(this.id) : this.#loadStaleCaptures();
+    const asked = parts.has("guide") ? api.guide(this.id).catch((/** @type {unknown} */ error) => error) : this.guide;
+    const first = !this.session;
     try {
-      const [session, list, guide, results] = await Promise.all([
+      const [session, list, results] = await Promise.all([
         parts.has("session") ? api.session(this.id) : this.session,
         captures,
-        parts.has("guide") ? api.guide(this.id) : this.guide,
         parts.has("results") ? api.results(this.id) : this.results,
       ]);
       this.stages = await stages();
+      const known = () => Object.assign(this, { session, captures: list.filter(({ id }) => !this.#gone.has(id)), results, problem: null });
+      if (first) {
+        // A busy server's guide may take a minute: nobody waits for it to see what is there.
+        known();
+        this.tell("session", "captures", "results", "problem");
+      }
+      const guide = await asked;
+      if (guide instanceof Error) throw guide;
       if (parts.has("guide") && !this.#stale.has("guide")) this.settling = false;
-      Object.assign(this, { session, captures: list.filter(({ id }) => !this.#gone.has(id)), guide, results, problem: null });
+      Object.assign(known(), { guide });
       this.tell(...parts, "captures", "problem");
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
