@@ -20,7 +20,7 @@ from starlette.websockets import WebSocket
 from calib_core.errors import CalibrationError
 from calib_core.messages import message, templates
 from calib_core.records import input_error_from_details
-from server.program_files import RESTART, UPDATED, is_updated, remember
+from server.http.program_files import RESTART, UPDATED, is_updated, remember
 from server.store.unavailable import OUTAGES, RETRY_AFTER_S, UnavailableError
 
 log = logging.getLogger("scancell")

@@ -5,7 +5,7 @@ import logging
 from calib_core.errors import CalibrationError
 from calib_core.messages import message, with_parts
 from server.http.errors import problem, problem_of_status, unavailable
-from server.program_files import RESTART, UPDATED, is_updated
+from server.http.program_files import RESTART, UPDATED, is_updated
 from server.store.models import Data
 
 log = logging.getLogger("scancell")

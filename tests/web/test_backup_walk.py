@@ -51,7 +51,7 @@ def test_from_a_backup_to_a_patched_backup(open_page: Callable[..., Any], backup
     hand.click("Create session")
     count = len(RECORD["captures"])
     shown = page.get_by_role("region", name="Poses from the controller's files")
-    expect(shown).to_contain_text(f"kuka: {count} poses, 2 tools")
+    expect(shown).to_contain_text(f"kuka (proved by real files): {count} poses, 2 tools")
     expect(page.get_by_role("region", name="How the scanner files are read")).to_contain_text("profile, ")
     hand.click(f"Add {count} captures")
     expect(page.locator(".captures tbody tr")).to_have_count(count)
