@@ -44,19 +44,14 @@ export function typedNumbers(text) {
 /** A number in a field that people change. @param {unknown} value */
 export const inField = (value) => (typeof value === "number" ? pointed(String(value)) : value ?? "");
 
-/**
- * Decimals that show an uncertainty: two digits where it starts with 1, 2 or 3, one otherwise.
- * @param {number} uncertainty
- */
+/** Decimals that show two digits of an uncertainty, as the server's figures do. @param {number} uncertainty */
 export function decimalsFor(uncertainty) {
   if (!(uncertainty > 0) || !Number.isFinite(uncertainty)) return 3;
-  const exponent = Math.floor(Math.log10(uncertainty));
-  const leading = uncertainty / 10 ** exponent;
-  return Math.min(9, Math.max(0, (leading < 3.95 ? 1 : 0) - exponent));
+  return Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(uncertainty))));
 }
 
 /**
- * `140.32 ± 0.08 mm`.
+ * `140.321 ± 0.081 mm`.
  * @param {number} value
  * @param {number | null | undefined} uncertainty expanded, k = 2
  * @param {string} unit
@@ -68,7 +63,7 @@ export function measured(value, uncertainty, unit, decimals = decimalsFor(uncert
 }
 
 /**
- * An uncertainty alone: `±0.08 mm`.
+ * An uncertainty alone: `±0.081 mm`.
  * @param {number} uncertainty
  * @param {string} unit
  */

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from decimal import Decimal
 from typing import Final
 
 from calib_core.records.evidence import Quantity
@@ -54,6 +55,13 @@ def same_decimals(shown: Sequence[Quantity]) -> list[Quantity]:
     """Return numbers that stand together with the decimals of the one that has most."""
     most = max(one.decimals for one in shown)
     return [one.model_copy(update={"decimals": most}) for one in shown]
+
+
+def limit_of(limit: float, shown: Quantity) -> Quantity:
+    """Return a limit as it was told, with no fewer decimals than the figure that it is held against."""
+    exponent = Decimal(repr(limit)).as_tuple().exponent
+    told = -exponent if isinstance(exponent, int) else 0
+    return fixed(limit, min(max(told, shown.decimals), _MOST_DECIMALS), shown.unit)
 
 
 def decimals_of_uncertainty(uncertainty: float) -> int:

@@ -231,9 +231,9 @@ def _bands(deviation: CloudDeviation, tolerance_mm: float) -> list[str]:
 def _cut_words(section: Section, frame: str) -> str:
     side = "beyond" if section.keep == "below" else "before"
     return message(
-        "Cut at {axis} = {at_mm:.1f} mm in {frame}; what lies {side} is hidden.",
+        "Cut at {axis} = {at_mm} mm in {frame}; what lies {side} is hidden.",
         axis=section.axis if section.normal is None else "n",
-        at_mm=section.at_mm,
+        at_mm=number_text(section.at_mm, 1),
         frame=frame,
         side=side,
     )

@@ -15,7 +15,7 @@ from calib_core.archive.stored_results import stored_results
 from calib_core.captures.contradictions import not_measured
 from calib_core.errors import MeasurementError
 from calib_core.evidence.html import blocks_html, result_html
-from calib_core.evidence.numbers import number_text, quantity, quantity_text, rms
+from calib_core.evidence.numbers import limit_of, number_text, quantity, quantity_text, rms
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import blocks_text, plain, result_text
 from calib_core.evidence.words import captures_text
@@ -232,6 +232,19 @@ def test_words_are_no_difference_to_a_replay(solved_folder):
 )
 def test_digits_follow_the_uncertainty(value, sigma, shown):
     assert quantity_text(quantity(value, "", sigma)) == shown
+
+
+@pytest.mark.parametrize(
+    ("limit", "value", "sigma", "shown"),
+    [
+        (0.8, 1.004, 0.01, "0.800"),
+        (0.8, 1.0, 0.2, "0.80"),
+        (0.125, 1.0, 0.2, "0.125"),
+        (50, 2.1, None, "50.00"),
+    ],
+)
+def test_a_limit_has_the_digits_of_what_it_is_held_against(limit, value, sigma, shown):
+    assert quantity_text(limit_of(limit, quantity(value, "", sigma))) == shown
 
 
 def test_no_number_is_minus_zero():

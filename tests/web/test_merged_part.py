@@ -29,12 +29,58 @@ def click_at(page: Page, across: float, up: float) -> None:
     plot.click(position={"x": across * box["width"], "y": up * box["height"]})
 
 
+TOUCHED = (
+    ("z", 5, -30.0, -32.0),
+    ("z", 5, 30.0, -32.0),
+    ("z", 25, 0.0, -32.0),
+    ("z", 25, -48.0, -10.0),
+    ("z", 5, -48.0, 15.0),
+    ("x", 0, 0.0, 30.0),
+)
+"""Three points on the first side, two on the second, one on top: the section's axis and place, and where in it."""
+ENDS = {"z": ((-48.0, -32.0), (48.0, 32.0)), "x": ((-32.0, -0.1), (32.0, 62.0))}
+"""Of the part in a section across an axis."""
+KEY_STEPS = 60
+WIDTH, HEIGHT, MARGIN = 560, 360, 34
+
+
+def section_at(page: Page, axis: str, at_mm: float) -> None:
+    page.get_by_label("Section", exact=True).select_option(axis)
+    page.get_by_label("Position").evaluate(
+        f"(one) => {{ one.value = '{at_mm}'; one.dispatchEvent(new Event('input')); }}"
+    )
+    shown = re.compile(rf"across {axis} at \u2212?{at_mm}\.[01]\smm")
+    expect(page.locator("sc-merged .picks")).to_have_attribute("aria-label", shown)
+
+
+def click_on(page: Page, axis: str, across: float, up: float) -> None:
+    """Click on a place of the section that is shown."""
+    (left, bottom), (right, top) = ENDS[axis]
+    scale = min((WIDTH - 2 * MARGIN) / (right - left), (HEIGHT - 2 * MARGIN) / (top - bottom))
+    height = (top - bottom) * scale + 2 * MARGIN
+    x, y = MARGIN + (across - left) * scale, height - MARGIN - (up - bottom) * scale
+    click_at(page, x / WIDTH, y / height)
+
+
+def aim_at(page: Page, axis: str, across: float, up: float) -> None:
+    """Aim with the arrow keys, from the middle of the section, where they begin, or from where they were."""
+    (left, bottom), (right, top) = ENDS[axis]
+    step = (right - left) / KEY_STEPS
+    page.locator("sc-merged .picks").focus()
+    keys = page.evaluate("() => window.aimed ?? null") or [(left + right) / 2, (bottom + top) / 2]
+    for off, more, less in ((across - keys[0], "ArrowRight", "ArrowLeft"), (up - keys[1], "ArrowUp", "ArrowDown")):
+        for _ in range(abs(round(off / step))):
+            page.keyboard.press(more if off > 0 else less)
+    aimed = [now + step * round((to - now) / step) for now, to in zip(keys, (across, up), strict=True)]
+    page.evaluate(f"window.aimed = {aimed}")
+
+
 @pytest.mark.thorough
 def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
     open_page: Callable[..., Any], address: str, tmp_path: Path
 ) -> None:
     with httpx.Client(base_url=f"{address}/api/v1", timeout=300, trust_env=False) as api:
-        session = simulated_session(api, captures=3, scenario="part", seed=3)
+        session = simulated_session(api, captures=12, scenario="part", seed=3)
         told = {"mesh": "none", "voxel_mm": 1.0, "tolerance_mm": 0.05}
         api.patch(f"/sessions/{session}", json={"cell": {"merge": told}}).raise_for_status()
         mesh = mesh_file("stl", PART.points_mm, PART.triangles)
@@ -84,30 +130,52 @@ def test_a_part_is_measured_in_a_section_and_laid_by_six_points(
         assert [one.input_value() for one in part.get_by_label("Radius in mm").all()] == ["10", "5"]
         expect(part.get_by_role("button", name="Align by these points")).to_be_enabled()
         page.get_by_label("A click in plot or scene").select_option("datum")
-        click_at(page, 0.5, 0.1)
-        expect(part).to_contain_text("1 of 6 datum points")
-        expect(part.get_by_role("button", name="Align by these points")).to_be_disabled()
-        for across, up in ((0.3, 0.5), (0.7, 0.5), (0.5, 0.9), (0.2, 0.2), (0.8, 0.8)):
-            click_at(page, across, up)
-        expect(part.locator("ol li")).to_have_count(6)
+        for number, (axis, at_mm, across, up) in enumerate(TOUCHED):
+            section_at(page, axis, at_mm)
+            if number % 2:
+                aim_at(page, axis, across, up)
+                page.keyboard.press("Enter")
+            else:
+                click_on(page, axis, across, up)
+            expect(part).to_contain_text(f"{number + 1} of 6 datum points")
+            expect(part.locator("ol li")).to_have_count(number + 1)
+            assert part.get_by_role("button", name="Align by these points").is_disabled() == (number < 5)
         picked = [
             [float(value) for value in re.findall(r"-?\d+\.\d+", line.replace("\u2212", "-"))]
             for line in part.locator("ol li").all_inner_texts()
         ]
-        assert all(place[2] == pytest.approx(12.0, abs=0.2) for place in picked)
+        assert all(
+            place[2] == pytest.approx(at_mm, abs=0.2)
+            for place, (_, at_mm, *_) in zip(picked[:5], TOUCHED, strict=False)
+        )
         told_pose = np.array(
             api.get(f"/sessions/{session}/results/merge").json()["alignment"]["cloud_from_reference"]
         )
-        with page.expect_request(lambda request: request.url.endswith("/solve/merge")):
+        with page.expect_response("**/solve/merge") as begun:
             part.get_by_role("button", name="Align by these points").click()
         stored = api.get(f"/sessions/{session}").json()["cell"]["merge"]["alignment"]
         assert stored["method"] == "3-2-1"
         there = np.array(stored["datum_points_mm"]) @ told_pose[:3, :3].T + told_pose[:3, 3]
         assert np.abs(there - picked).max() < 0.02  # they have two decimals
+        assert wait_for(api, begun.value.json()["id"])["status"] == "done"
+        merged = api.get(f"/sessions/{session}/results/merge").json()
+        laid = merged["alignment"]
+        assert (merged["verdict"], laid["method"]) == ("pass", "3-2-1")
+        off = np.array(laid["cloud_from_reference"])
+        turn = (off[:3, :3] - off[:3, :3].T)[[2, 0, 1], [1, 2, 0]] / 2
+        stated = np.sqrt(np.diag(np.array(laid["covariance"])))
+        assert np.all(np.abs([*turn, *off[:3, 3]]) < 4 * stated), "the part lies in the cloud's own frame"
+        assert stated[3:].max() < 0.05
 
 
 MERGED_DRAWN = """() => window.__viserSceneTree && "/scans/merged/0" in window.__viserSceneTree.getState()
                  && window.__viserMutable.nodeRefFromName["/scans/merged/0"] !== undefined"""
+COLORS = """() => {
+  const { colors } = window.__viserSceneTree.getState()["/scans/merged/0"].message.props;
+  const of = new Set();
+  for (let at = 0; at < colors.length; at += 3) of.add(colors.slice(at, at + 3).join());
+  return of.size;
+}"""
 MARKS = """() => Object.keys(window.__viserSceneTree?.getState() ?? {})
           .filter((name) => name.startsWith("/scans/merged/picked/")).length"""
 
@@ -125,8 +193,10 @@ def test_points_clicked_in_the_scene_measure_and_cut(
     page.set_default_timeout(120_000)
     page.get_by_role("tab", name="Result").click()
     look_into_the_merge(page)
+    page.get_by_label("by scan").check()  # before there is a scene that could be told
     scene = scene_frame(page)
     scene.wait_for_function(MERGED_DRAWN)
+    scene.wait_for_function(f"() => ({COLORS})() < 20")
     part = page.locator("sc-merged")
     part.evaluate("(one) => one.scrollIntoView()")
     box = page.locator("sc-scene iframe").bounding_box()

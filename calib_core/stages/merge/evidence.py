@@ -3,7 +3,7 @@
 from math import degrees, hypot
 from typing import Final
 
-from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms
+from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms, same_decimals
 from calib_core.evidence.words import counted
 from calib_core.messages import message
 from calib_core.records import Session
@@ -40,12 +40,13 @@ def _headline(result: MergeResult) -> list[AnyBlock]:
         )
         found += _within(off)
     if result.overlap_rms_mm is not None:
-        expected = result.expected_overlap_rms_mm
+        pair = (result.overlap_rms_mm, result.expected_overlap_rms_mm)
+        apart, *expected = same_decimals([rms(one, "mm") for one in pair if one is not None])
         found.append(
             Figure(
                 label="Scans lie apart, RMS",
-                quantity=rms(result.overlap_rms_mm, "mm"),
-                limit=None if expected is None else rms(expected, "mm"),
+                quantity=apart,
+                limit=next(iter(expected), None),
                 limit_label="expected",
                 headline=True,
             )

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from calib_core.evidence.numbers import fixed, quantity, rms
+from calib_core.evidence.numbers import fixed, limit_of, quantity, rms, same_decimals
 from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.decided_before import DECISIONS
@@ -53,11 +53,12 @@ def _scatter(result: VerifyResult) -> list[AnyBlock]:
     if scatter is None:
         flat = [check for check in result.checks if check.name == "flatness" and headline]
         return [Figure(label=one.title, quantity=_measured(one), headline=True) for one in flat]
+    shown, *beside = same_decimals([rms(one, "mm") for one in (scatter, expected) if one is not None])
     return [
         Figure(
             label="Held-out scatter of the sphere's centre, RMS",
-            quantity=rms(scatter, "mm"),
-            limit=None if expected is None else rms(expected, "mm"),
+            quantity=shown,
+            limit=next(iter(beside), None),
             limit_label="expected",
             headline=headline,
         )
@@ -82,7 +83,7 @@ def _checks(result: VerifyResult) -> list[AnyBlock]:
             cells=[
                 check.title,
                 _measured(check),
-                None if check.limit_mm is None else quantity(check.limit_mm, "mm"),
+                None if check.limit_mm is None else limit_of(check.limit_mm, _measured(check)),
                 DECISIONS[check.decision] if check.decision else "not judged",
             ]
         )

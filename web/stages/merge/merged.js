@@ -185,8 +185,8 @@ export class MergedElement extends StateElement {
       this.#slice(known ? view : { ...view, colors: "height" }),
     ]);
     if (asked !== this.#asked) return;
-    this.#deviation.replaceChildren(...deviation);
-    this.#section.replaceChildren(...section);
+    putChildren(this.#deviation, deviation);
+    putChildren(this.#section, section);
   }
 
   /** @param {CloudView} view @returns {Promise<Node[]>} */
