@@ -45,6 +45,9 @@ from calib_core.steps import tool_stages
 FALSE_ALARM: Final = 4e-4
 _LEAST_STEP: Final = 1.0
 """In stated standard deviations, squared: half the ± that is stated, or a change matters to nobody."""
+_FOUND: Final = 0.95
+_ONE_SIDED: Final = 1.645
+"""Of a step that is found: how often, and by how many standard deviations of one figure."""
 _OF_TOOL: Final = ("tool", "verification")
 """The figures that the limit of the tool's error holds for."""
 
@@ -56,6 +59,7 @@ class DriftPoint(Record):
     the `like` sessions before it scatter that had the same poses, or (0) on the stated ±.  `level` counts the
     levels: a flagged session begins another, unless the next one is back at the level before: then it is an
     `outlier`.
+    `finds` is the step, in whichever direction is known least, that such a session finds at once in 95 of 100.
     `environment` are the temperatures that its session tells.
     """
 
@@ -69,6 +73,7 @@ class DriftPoint(Record):
     level: int
     outlier: bool = False
     like: int = 0
+    finds: Finite | None = None
     environment: Environment | None = None
 
 
@@ -168,6 +173,7 @@ class Charted:
     level: int = 1
     outlier: bool = False
     like: int = 0
+    finds: float | None = None
 
 
 def charted(measured: Sequence[Measured]) -> list[Charted]:
@@ -213,7 +219,7 @@ class _Level:
 
     def held_against(self, one: Measured) -> Charted:
         """Return a session's change from the mean, its ±, the control limit that way, and whether it is beyond."""
-        from scipy.special import chdtri  # late: it brings what takes a third of a second
+        from scipy.special import chdtri, chndtrinc  # late: they bring what takes a third of a second
 
         seen, covariance = self._seen(one), np.linalg.inv(self._information)
         (design,), (value,) = seen.designs, seen.values
@@ -222,25 +228,35 @@ class _Level:
         length, squared = float(np.linalg.norm(change)), float(change @ np.linalg.solve(spread, change))
         crossed = float(chdtri(len(change), FALSE_ALARM))
         limit = (length / np.sqrt(squared) if squared > 0 else _worst(spread)) * np.sqrt(crossed)
-        by_scatter, like = self._limit_by_scatter(one, length)
+        by_scatter, like, crossed_like = self._limit_by_scatter(one, length)
         shortest = min(float(limit), by_scatter)
+        finds = min(float(np.sqrt(chndtrinc(crossed, len(change), 1 - _FOUND))), crossed_like)
         return Charted(
-            length, 2 * _worst(spread), shortest, length > shortest, like=like if by_scatter < limit else 0
+            length,
+            2 * _worst(spread),
+            shortest,
+            length > shortest,
+            like=like if by_scatter < limit else 0,
+            finds=_worst(spread) * finds,
         )
 
     def _seen(self, one: Measured) -> Together:
         return together([one], self._of, np.ones((1, 1)))
 
-    def _limit_by_scatter(self, one: Measured, length: float) -> tuple[float, int]:
-        """Return how far a session may lie from others of its program as those scatter, and how many they are."""
+    def _limit_by_scatter(self, one: Measured, length: float) -> tuple[float, int, float]:
+        """Return how far a session may lie from others of its program as those scatter, and how many they are.
+
+        The last is the step that is found so, in stated standard deviations.
+        """
         from scipy.special import fdtri  # late, as above
 
         like = [other for _, other in like_last([*self._members, one])][:-1]
         if len(like) < LEAST_LIKE:
-            return np.inf, 0
+            return np.inf, 0, np.inf
         squared, ratio = held_against_like(one, like)
         crossed = max(_LEAST_STEP, float(fdtri(1, len(like) - 1, 1 - FALSE_ALARM)) * ratio)
-        return (length * np.sqrt(crossed / squared) if squared > 0 else np.inf), len(like)
+        limit = length * np.sqrt(crossed / squared) if squared > 0 else np.inf
+        return limit, len(like), float(np.sqrt(crossed) + _ONE_SIDED * np.sqrt(ratio))
 
 
 def _worst(covariance: FloatArray) -> float:

@@ -12,7 +12,7 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector
 from calib_core.records.policy import Environment
 from calib_core.review.between_sessions import SolvedSession
-from calib_core.review.drift import CellDrift, cell_drift
+from calib_core.review.drift import CellDrift, cell_drift, charted
 
 SPREAD = np.diag([1e-4, 1e-4, 1e-4, 0.03, 0.02, 0.05]) ** 2
 
@@ -241,3 +241,19 @@ def test_a_creep_below_the_stated_uncertainty_is_told_of_one_scanner() -> None:
     by_stated = cell_drift([of_scanner(k, 0.009 * k, serial=f"{k}") for k in range(16)]).series[0].trend
     assert by_stated is not None
     assert not by_stated.found
+
+
+def test_the_step_that_a_night_finds_at_once_is_stated() -> None:
+    covariance = np.diag([0.01, 0.004, 0.002])
+    rng, found = np.random.default_rng(12), {1.0: 0, 0.6: 0}
+    for _ in range(400):
+        nights = [
+            bench_drift.measured(rng.multivariate_normal(np.zeros(3), covariance), covariance) for _ in range(12)
+        ]
+        stated = charted(nights)[-1].finds
+        assert stated is not None
+        for share in found:
+            there = [share * stated, 0.0, 0.0]  # in the direction that is known least
+            found[share] += charted([*nights[:-1], bench_drift.moved(nights[-1], np.array(there))])[-1].flagged
+    assert 0.92 * 400 <= found[1.0] <= 0.98 * 400
+    assert found[0.6] < 0.5 * 400

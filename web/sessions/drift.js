@@ -20,7 +20,7 @@ export function drift(sessions) {
     const tool = found?.series.find(({ figure }) => figure === "tool");
     if (!tool || tool.points.length < 2) return;
     const last = tool.points.at(-1);
-    const words = t("start.drift", { count: tool.points.length, change: small(last?.change ?? 0), limit: small(last?.limit ?? 0) });
+    const words = t("start.drift", { count: tool.points.length, change: small(last?.change ?? 0), limit: small(last?.limit ?? 0), finds: small(last?.finds ?? 0) });
     const within = found?.within?.find(({ session }) => session === newest.id);
     const flag = found?.flags?.at(-1) ?? found?.trends?.at(-1);
     const changed = flag ? said(flag) : (within?.found && within.sentence ? said(within.sentence) : undefined);
