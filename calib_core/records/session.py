@@ -328,7 +328,8 @@ class Capture(WrittenRecord):
 class Session(WrittenRecord):
     """A session: the cell and its captures; one that is `archived` is kept, no longer in use.
 
-    `documentation` is printed: operator, place, procedure, report number, customer and what else there is.
+    `documentation` is printed: operator, place, procedure, report number, customer, when the item was `received`,
+    the report that it `replaces`, `replaces_because`, and what else there is.
     """
 
     format: Literal["scancell-session/1"] = FORMAT

@@ -164,6 +164,14 @@ def test_lines_that_are_often_told_are_said_in_the_language(solved: Solved, lang
     assert page.row("Bay door") == ["Bay door", "north"]  # as it was told
 
 
+def test_a_report_that_replaces_another_says_so_and_why(solved: Solved) -> None:
+    documented = {"report_number": "C-12a", "replaces": "C-12", "replaces_because": "wrong serial number"}
+    session, results = solved
+    assert "replaces report" not in report_html(session, results)
+    page = report_html(session.model_copy(update={"documentation": documented}), results)
+    assert "This report replaces report C-12. Reason: wrong serial number" in page
+
+
 def test_where_two_series_meet_the_first_lies_on_top() -> None:
     axis, points = Axis(label="Offset", unit="mm"), [3.0, 1.0, 0.0]
     both = [Series(label="captures", y=points, captures=["p1", "p2", "p3"]), Series(label="drift", y=points)]

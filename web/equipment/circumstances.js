@@ -14,7 +14,7 @@ import { certificateButton, pieceFields, pieceWords, valueOf } from "./piece.js"
 /** @import {CaptureOut, SessionOut} from "../state/model.js" */
 
 const TEMPERATURES = /** @type {const} */ (["ball_c", "air_c", "arm_c"]);
-const TOLD = /** @type {const} */ (["operator", "place", "procedure", "report_number", "customer"]);
+const TOLD = /** @type {const} */ (["operator", "place", "procedure", "report_number", "customer", "received", "replaces", "replaces_because"]);
 
 /** @param {string} id */
 export const circumstancesDialog = (id) => attempt(async () => open(...await Promise.all([api.session(id), api.equipment()])));

@@ -69,7 +69,7 @@ def _temperatures(told: Iterable[Environment]) -> list[str]:
 
 def documentation_rows(session: Session, told: Circumstances) -> Rows:
     """Return what was told that stands on no other page; usual lines are said in the language."""
-    elsewhere = (*ON_FIRST_PAGE, "report_number")
+    elsewhere = (*ON_FIRST_PAGE, "report_number", "replaces_because")
     return [
         (told.say(name) if name in OFTEN_TOLD else name.replace("_", " ").capitalize(), text)
         for name, text in (session.documentation or {}).items()

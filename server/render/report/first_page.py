@@ -29,7 +29,7 @@ from calib_core.stages.verify.limits import said_change
 from calib_core.steps import capture_steps
 from server.render.report.words import KINDS, WORDS
 
-ON_FIRST_PAGE: Final = ("customer", "operator", "place", "procedure")
+ON_FIRST_PAGE: Final = ("customer", "operator", "place", "procedure", "received", "replaces")
 """What of `documentation` stands there; the report's number heads every page, and the rest follows."""
 
 _HASH_SHOWN = 8
@@ -204,6 +204,7 @@ def outcome(
         "undecided": "" if decision else told.say("no limits" if verify else "no verification"),
         "checks": [_check(check, told) for check in verify.get("checks") or []],
         "remarks": [
+            *_amended(session, told),
             *_overdue(session, told),
             *_limit_changes(session, told),
             *_remarks(faults, bool(stale), told),
@@ -224,6 +225,15 @@ def _check(check: Data, told: Circumstances) -> Data:
         "decision": decision or "",
         "decided": told.language.say(DECISIONS.get(str(decision), str(decision))) if decision else "–",
     }
+
+
+def _amended(session: Session, told: Circumstances) -> list[str]:
+    """Return which report this one replaces, and why (ISO/IEC 17025, 7.8.8)."""
+    documentation = session.documentation or {}
+    if not documentation.get("replaces"):
+        return []
+    why = documentation.get("replaces_because") or told.language.say(message("none given"))
+    return [told.say("amended", number=documentation["replaces"], why=why)]
 
 
 def _overdue(session: Session, told: Circumstances) -> list[str]:

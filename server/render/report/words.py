@@ -25,6 +25,9 @@ WORDS: Final = templates({
     "place": "Place",
     "procedure": "Procedure",
     "customer": "Customer",
+    "received": "Item received",
+    "replaces": "Replaces report",
+    "amended": "This report replaces report {number}. Reason: {why}",
     "result": "Result",
     "judged": "Verdict of the calibration",
     "expanded": "Expanded uncertainty of the calibration (k = 2, about 95 %). The robot's own error at each pose "
