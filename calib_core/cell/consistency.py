@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from calib_core.cell.axes import axes_needed, axes_of, carrier_of_axis, readings
+from calib_core.cell.axes import TABLE, axes_needed, axes_of, carrier_of_axis, readings
 from calib_core.errors import InputError
 from calib_core.frames import FRAMES
 from calib_core.messages import message
@@ -72,9 +72,11 @@ def _require_carriers(cell: Cell, axes: Sequence[CellAxis]) -> None:
         names_of = " and ".join(f"'{name}'" for name in feet)
         to_do = message("Say by `on` which of them carries the other.")
         raise InputError("one axis that the robot stands on", "{names_of}", to_do, "cell.axes", names_of=names_of)
+    table = () if cell.axes else (TABLE,)  # before any capture of it, too
+    carriers = dict.fromkeys(("base", "tool0", *names, *table))
     for ball in cell.spheres or []:
-        if ball.on is not None and ball.on not in ("base", "tool0", *names):
-            raise _unknown(f"spheres[{ball.name}].on", ball.on, ["base", "tool0", *names])
+        if ball.on is not None and ball.on not in carriers:
+            raise _unknown(f"spheres[{ball.name}].on", ball.on, [*carriers])
 
 
 def _ends(axes: Sequence[CellAxis], carries: str) -> list[str]:

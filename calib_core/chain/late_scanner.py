@@ -20,7 +20,7 @@ from calib_core.chain.observations import SphereSize, TableObservation
 from calib_core.chain.rejection import core_of
 from calib_core.chain.spread import AGREE_MM, robust_costs
 from calib_core.chain.turntable import TurntableSolution
-from calib_core.frames import FloatArray, nearest_rotation
+from calib_core.frames import FloatArray, RigidTransform, nearest_rotation
 
 _TRIPLES, _KEPT, _STEPS = 120, 24, 12
 _LEAST = 4
@@ -38,6 +38,15 @@ class LateScanner:
     observations: list[TableObservation]
     core: np.ndarray
     places: FloatArray
+
+    @property
+    def mount(self) -> RigidTransform:
+        """Where it is on what carries it."""
+        return RigidTransform(
+            RigidTransform.of(self.rotation, self.translation, "base", "laser").matrix,
+            self.observations[0].placed.carriers.scanner,
+            "laser",
+        )
 
 
 def late_scanner(

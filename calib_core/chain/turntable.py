@@ -10,7 +10,7 @@ together and belong together, and its uncertainty is carried into the answer's. 
 the table see elsewhere, as far as that is more than chance: a scanner that was moved in between, by little.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -69,6 +69,7 @@ class KnownTool:
     """The tool of the stage before, what was found of the scanner with it (None: both exact), and the two steps'.
 
     `mount_from_laser` is the answer of that stage, `arm` what its poses were corrected by, `bend` its points.
+    Beside an exact one `late` has by name where others are about, whose places are sought with the table.
     """
 
     mount_from_laser: RigidTransform
@@ -76,10 +77,13 @@ class KnownTool:
     two_step: RigidTransform | None = None
     arm: ArmModel | None = None
     bend: Bend | None = None
+    late: Mapping[str, RigidTransform] = field(default_factory=dict[str, RigidTransform])
 
     @property
     def mounts(self) -> Mounts:
         """The answer of that stage, of several scanners by their names."""
+        if self.late:
+            return self.late
         if self.held is None or len(self.held.state.walk.layout.mounts) == 1:
             return self.mount_from_laser
         state = self.held.state
@@ -353,7 +357,8 @@ def _data(
         if axis.carries == "robot":  # known with the tool, or never moved
             data = data.holding(layout.axis(n))
     if known is None:
-        return data.holding(layout.of_mounts)
+        first = layout.mount(0)
+        return data.holding(np.arange(first.start, first.stop))
     some = known.mounts_and_scanners
     found = known.found
     # Where points are corrected by what was found, its uncertainty is left.
@@ -409,7 +414,8 @@ def _known_axes(tool: KnownTool) -> dict[str, AxisState]:
 
 def _mounts(tool: KnownTool) -> tuple[FloatArray, FloatArray]:
     if tool.held is None:
-        return tool.mount_from_laser.rotation[None], tool.mount_from_laser.translation_mm[None]
+        every = list(tool.late.values()) or [tool.mount_from_laser]
+        return np.array([one.rotation for one in every]), np.array([one.translation_mm for one in every])
     answer = tool.held.state.position
     return answer.mount_rotations, answer.mount_translations
 

@@ -40,8 +40,14 @@ def edges_known(
     answer: Answer, settings: FrameSettings
 ) -> Iterator[tuple[str, str, RigidTransform, FloatArray | None]]:
     """Yield the same with the covariance (6, 6) of each, where it is stated."""
-    if (seen := answer.laser_from_turntable) is not None:
-        yield settings.scanner, settings.turntable, seen, answer.tool_covariance
+    if answer.laser_from_turntable is not None:
+        for seen in answer.frames:
+            scanner, _, name = seen.into.partition(":")
+            if scanner == "laser":
+                frame = RigidTransform.from_rounded(seen.matrix, "laser", "turntable")
+                ends = [settings.scanner + f"_{one}" * bool(one) for one in (name, seen.outof.partition(":")[2])]
+                child = settings.turntable if seen.outof == "turntable" else ends[1]
+                yield ends[0], child, frame, np.array(seen.covariance, dtype=float)
         return
     answer.require_placed()
     with_tool, with_table = wanted(answer, settings.part, "both")

@@ -11,6 +11,7 @@ from calib_core.records.results import FoundFrame
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.turntable.record import TurntableResult
+from calib_core.stages.turntable.result import seen_from
 
 _R = TypeVar("_R", TcpResult, TurntableResult, ChainResult)
 
@@ -84,9 +85,7 @@ def without_base(result: TurntableResult, scanner: str) -> TurntableResult:
     base_from_laser = result.mount_from_laser
     laser_from_base = base_from_laser.inverse()
     table = laser_from_base @ RigidTransform.from_rounded(result.base_from_turntable, "base", "turntable")
-    moves = np.eye(6)
-    moves[3:, 3:] = laser_from_base.rotation
-    covariance = moves @ np.array(result.covariance, dtype=float) @ moves.T
+    covariance = seen_from(base_from_laser, np.array(result.covariance, dtype=float))
     seen = FoundFrame(
         into=f"laser:{scanner}" if scanner else "laser",
         outof="turntable",
@@ -95,7 +94,9 @@ def without_base(result: TurntableResult, scanner: str) -> TurntableResult:
     )
     every = OpenShifts(np.eye(3), np.eye(3), travel=np.zeros(3))
     placed = FoundFrame(into="base", outof="laser", scanner=scanner or None, matrix=base_from_laser.to_rows())
-    opened = without_open_places(result.model_copy(update={"frames": [placed]}), every, own_base=True)
+    opened = without_open_places(
+        result.model_copy(update={"frames": [placed, *result.frames]}), every, own_base=True
+    )
     return opened.model_copy(update={"frames": [*opened.frames, seen]})
 
 

@@ -11,6 +11,7 @@ import pytest
 import calib_core as cc
 from calib_core.exports.answer import answer_of
 from calib_core.exports.export import export
+from calib_core.frames import RigidTransform
 from calib_core.library.opened import OpenSession, in_memory
 from calib_core.library.results import Results
 from calib_core.records import Capture
@@ -150,3 +151,25 @@ def test_a_scanner_on_the_flange_that_alone_saw_the_table_is_told_what_is_missin
     session, _ = seen_by(replace(BESIDE, balls=(BallOptions(), HELD, *MOUNTED)), keep)
     with pytest.raises(cc.CalibrationError, match="none by 'arm'"):
         session.run("turntable")
+
+
+def test_two_scanners_before_a_table_are_known_to_it_and_to_each_other() -> None:
+    beside = ScannerOptions("west", "base", aim_mm=(1000.0, -200.0, 440.0))
+    two = replace(FIXED, scanners=(ScannerOptions("east", "base"), beside), told="names", balls=(HELD, *MOUNTED))
+    session, truth = seen_by(two, lambda one: one.step != "tcp" and int(one.id[1:]) % 2 == 1)
+    result = session.run("turntable")["turntable"]
+    assert all(row.used or "arc" in str(row.reason) for row in result.residuals)
+    (relative,) = (one for one in result.frames if one.outof.startswith("laser:"))
+    assert (relative.into, relative.outof) == ("laser:east", "laser:west")
+    assert "Scanner west seen from east" in {getattr(block, "title", None) for block in result.evidence}
+    true = {one["scanner"]: np.array(one["matrix"]) for one in truth["frames"] if one["outof"] == "laser"}
+    off = RigidTransform.from_rounded(relative.matrix, "laser", "laser").difference(
+        RigidTransform.from_rounded(np.linalg.inv(true["east"]) @ true["west"], "laser", "laser")
+    )
+    covariance = np.array(relative.covariance)
+    assert off @ np.linalg.solve(covariance, off) < CHI2[6]
+    assert np.sqrt(np.trace(covariance[3:, 3:])) < 0.1
+    rows = export(session.record, {"turntable": result}, "csv")[0].decode().splitlines()
+    assert {tuple(row.split(",")[:2]) for row in rows[-2:]} == {
+        ("laser_east", "laser_west"), ("laser_east", "turntable")
+    }  # fmt: skip

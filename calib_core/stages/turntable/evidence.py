@@ -26,7 +26,7 @@ from calib_core.stages.evidence_parts import (
     workpiece_places,
     workpiece_table,
 )
-from calib_core.stages.topology_found import axes_table
+from calib_core.stages.topology_found import axes_table, scanner_frames
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 
 TableLike = TurntableResult | ChainResult
@@ -48,6 +48,7 @@ def evidence(session: Session, result: TurntableResult) -> list[AnyBlock]:
         *axis_sigmas(result),
         captures_used(result),
         table_frame(session, result, result.covariance),
+        *scanner_frames(session, result),
         *axis_figures(result),
         *axes_table(result, shown_already=1),
         *mountings(result),

@@ -12,7 +12,7 @@ from calib_core.chain.observations import TableObservations
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding, judgement, reasons_of
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import VarianceComponents
 from calib_core.records.results import FoundFrame
 from calib_core.records.topology import FoundSphere
@@ -141,6 +141,38 @@ def frames_of_axes(table: TurntableSolution) -> list[FoundFrame]:
         )
         for axis, frame, covariance in _other_axes(table)
     ]
+
+
+def mounts_by_table(table: TurntableSolution) -> list[FoundFrame]:
+    """Return where scanners are that were sought with the table beside an exact one, also as seen from that."""
+    layout, first = table.state.walk.layout, table.state.mount(0)
+    found: list[FoundFrame] = []
+    for n, (name, carrier) in enumerate(layout.mounts[1:], 1):
+        mount, columns = table.state.mount(n), layout.mount(n)
+        covariance = table.unknowns_covariance[columns, columns]
+        found.append(
+            FoundFrame(
+                into=carrier, outof="laser", scanner=name, matrix=mount.to_rows(), covariance=covariance.tolist()
+            )
+        )
+        if carrier == first.into:
+            seen = first.inverse() @ mount
+            found.append(
+                FoundFrame(
+                    into=f"laser:{layout.mounts[0][0]}",
+                    outof=f"laser:{name}",
+                    matrix=seen.to_rows(),
+                    covariance=seen_from(first, covariance).tolist(),
+                )
+            )
+    return found
+
+
+def seen_from(outer: RigidTransform, covariance: FloatArray) -> FloatArray:
+    """Return the covariance (6, 6) of a pose as seen from a frame that is exact, by that in the outer frame."""
+    moves = np.eye(6)
+    moves[3:, 3:] = outer.rotation.T
+    return moves @ covariance @ moves.T
 
 
 def _other_axes(table: TurntableSolution) -> Iterator[tuple[int, TableFrame, TableCovariance]]:

@@ -16,7 +16,7 @@ from calib_core.cell.axes import (
     scales_asked,
     without_directions,
 )
-from calib_core.cell.carriers import told_distances
+from calib_core.cell.carriers import scanner_names, told_distances
 from calib_core.cell.found import known_scanner, no_scanner, own_base
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.without_turns import open_shifts
@@ -55,7 +55,7 @@ def solve(given: StageInput) -> TurntableResult:
     """
     from calib_core.chain.turntable import KnownTool
     from calib_core.stages.tcp.verdict import beyond_told_sigma
-    from calib_core.stages.turntable.result import turntable_result
+    from calib_core.stages.turntable.result import mounts_by_table, turntable_result
     from calib_core.stages.undetermined_places import without_base, without_open_places
 
     cell = given.session.cell
@@ -83,6 +83,9 @@ def solve(given: StageInput) -> TurntableResult:
         result = judged(result, play_findings(result))
     if tool.held is not None:
         result = without_open_places(result, open_shifts(tool.held.data))
+    if known is not None:
+        late = mounts_by_table(table.solution)
+        result = result.model_copy(update={"frames": [*result.frames, *late]})
     if own is not None:
         result = without_base(result, table.observations[0].sphere.scanner)
     return with_all_rows(result, given.captures, unused)
@@ -166,7 +169,7 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     if turning.angles != "unknown" and not names_axes(cell):
         _require_angles(captures)
     observed = observe_stage(replace(given, progress=part_of(progress, 0.0, 0.3)))
-    waiting = _not_placed(observed.observations, tool)
+    waiting = _not_placed(observed.observations, tool, cell)
     observed = replace(observed, observations=[o for o in observed.observations if o not in waiting])
     by_id = {capture.id: capture for capture in captures}
     carriers = axis_of_mounts(cell, captures)
@@ -198,12 +201,21 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     except MotionError as error:
         raise observed.explaining(error) from None
     late, told = _late(placed(waiting), sphere, solution)
+    if late and tool.held is None:  # no whole chain will take them in
+        observations = [*observations, *(o for one in late for o in one.observations)]
+        own = {"": tool.mount_from_laser} | {one.observations[0].sphere.scanner: one.mount for one in late}
+        tool = replace(tool, late={observations[0].sphere.scanner: own.pop(""), **own})
+        solution, late = solve_turntable(observations, sphere, tool, options), []
     return SolvedTable(solution, observations, [*unused, *told], late)
 
 
-def _not_placed(seen: Sequence[SphereObservation], tool: "KnownTool") -> list[SphereObservation]:
+def _not_placed(seen: Sequence[SphereObservation], tool: "KnownTool", cell: Cell) -> list[SphereObservation]:
     """Return captures by scanners of several that none of step tcp places; raises InputError where all are."""
-    placed = {name for name, _ in tool.held.state.walk.layout.mounts} if tool.held else {o.scanner for o in seen}
+    if tool.held:
+        placed = {name for name, _ in tool.held.state.walk.layout.mounts}
+    else:  # the one that is brought, or that base is of
+        some = scanner_names(cell) if known_scanner(cell) is not None else tuple(o.scanner for o in seen)
+        placed = {"", *some[:1]}
     missing = [o for o in seen if o.scanner not in placed]
     if missing and len(missing) == len(seen):
         raise InputError(
