@@ -231,9 +231,9 @@ def _refined(grey: NDArray[np.uint8], grid: FloatArray) -> FloatArray:
 
 
 def _has_bright_areas(grey: NDArray[np.uint8]) -> bool:
-    """Whether a tenth of the frame is clearly brighter than its ground; a laser line alone in the dark is not."""
-    ground, tenth, bright = grey_levels(grey, [1, 90, 99.9])
-    return tenth - ground > 0.12 * (bright - ground)
+    """Whether a twentieth of the frame is clearly brighter than its ground; a laser line alone in the dark is not."""
+    ground, twentieth, bright = grey_levels(grey, [1, 95, 99.9])
+    return twentieth - ground > 0.12 * (bright - ground)
 
 
 def _oriented(grid: FloatArray, grey: NDArray[np.uint8], board: Board) -> FloatArray:

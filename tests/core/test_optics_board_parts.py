@@ -31,6 +31,13 @@ def test_a_camera_from_boards_cut_off_by_a_third() -> None:
     assert np.sqrt(found.covariance[places[0], places[0]]) < 2.0
 
 
+def test_a_part_of_a_board_on_a_tenth_of_a_dark_frame_is_taken() -> None:
+    (frame,), (inside,) = cut_off_views(8, 1)
+    view = find_board(frame, BOARD)
+    assert len(view.ids) >= 0.9 * len(inside)
+    assert view.is_numbered
+
+
 def test_what_is_told_of_a_board_in_part() -> None:
     told = quality.BOARD_IN_PART(["b01"], seen=36, count=54, place="open")
     assert "36 of 54 corners are seen" in str(told.text)
