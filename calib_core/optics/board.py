@@ -231,7 +231,7 @@ def _refined(grey: NDArray[np.uint8], grid: FloatArray) -> FloatArray:
 
 
 def _has_bright_areas(grey: NDArray[np.uint8]) -> bool:
-    """Whether a twentieth of the frame is clearly brighter than its ground; a laser line alone in the dark is not."""
+    """Whether a twentieth of the frame is clearly brighter than its ground, as a laser line in the dark is not."""
     ground, twentieth, bright = grey_levels(grey, [1, 95, 99.9])
     return twentieth - ground > 0.12 * (bright - ground)
 
