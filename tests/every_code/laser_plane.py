@@ -80,6 +80,10 @@ CASES: dict[str, tuple[Case, Case]] = {
     "plane-normal-weak": (plane(0.11), plane(0.09)),
     "few-boards-carry-plane": (boards(3), boards(4)),
     "plane-not-determined": (plane(rms_mm=np.inf), plane(rms_mm=1e3)),
+    "board-pitch-unit": (
+        plane(fit=replace(right().fit, length_mm=0.49)),
+        plane(fit=replace(right().fit, length_mm=0.51)),
+    ),
     "plane-normal-open": (plane(2.1), plane(1.9)),
     "plane-through-camera": (near_camera(2.9), near_camera(3.1)),
     "most-lines-off-plane": (left_out(*["off-plane"] * 5), left_out(*["off-plane"] * 4)),

@@ -126,3 +126,17 @@ CAMERA_HELD = Code(
     meaning="Stripes on boards can refine the camera; here they were not let.",
     decided="The refined camera lies more than three standard deviations off, or foretells held-out corners worse.",
 )
+
+BOARD_PITCH_IN_OTHER_UNIT = Code(
+    "board-pitch-unit",
+    "warning",
+    text={
+        "m": "By the board's pitch as told, all lines of light lie within {length_mm:.2g} mm: it looks like metres.",
+        "um": "By the board's pitch as told, the lines of light span {length_mm:.2g} mm: it looks like micrometres.",
+    },
+    by="unit",
+    to_do="Give cell.board.pitch_mm in millimetres, and solve again.",
+    meaning="All lengths of frames scale with the board's pitch, and no cell is as small or as large as these.",
+    decided="The lines on all boards together span less than 2 mm or more than 20 m.",
+    usual_causes="A pitch in metres or in micrometres.",
+)

@@ -36,6 +36,7 @@ from calib_core.records.laser_plane_result import (
 
 _FINDING_SHARE = 0.6
 _LEAST_DISTANCE_SIGMAS = 3.0
+_SMALLEST_MM, _LARGEST_MM = 2.0, 20_000.0  # that a cell's plane of light is seen on
 
 
 def solve(given: StageInput) -> LaserPlaneResult:
@@ -163,6 +164,10 @@ def noticed(solution: PlaneSolution, normal_sigma_deg: float) -> list[Finding]:
         found.append(
             codes.PLANE_THROUGH_CAMERA(distance_mm=solution.distance_mm, uncertainty_mm=2 * distance_sigma_mm)
         )
+    length_mm = 4 * solution.fit.length_mm  # two standard deviations to either side
+    if not _SMALLEST_MM < length_mm < _LARGEST_MM:
+        unit = "m" if length_mm < _LARGEST_MM else "um"
+        found.append(codes.BOARD_PITCH_IN_OTHER_UNIT(length_mm=length_mm, unit=unit))
     left_out = [view.left_out for view in solution.views if view.left_out != "no-line"]
     rejected = sum(why is not None for why in left_out)
     if rejected > len(left_out) / 2:
