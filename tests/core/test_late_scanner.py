@@ -173,3 +173,12 @@ def test_two_scanners_before_a_table_are_known_to_it_and_to_each_other() -> None
     assert {tuple(row.split(",")[:2]) for row in rows[-2:]} == {
         ("laser_east", "laser_west"), ("laser_east", "turntable")
     }  # fmt: skip
+
+
+@pytest.mark.thorough
+def test_what_a_second_scanner_saw_is_judged_by_where_that_is() -> None:
+    beside = ScannerOptions("west", "base", aim_mm=(1000.0, -200.0, 440.0))
+    two = replace(FIXED, scanners=(ScannerOptions("east", "base"), beside), told="names", balls=(HELD, *MOUNTED))
+    session, _ = seen_by(two, lambda one: one.step != "tcp" and int(one.id[1:]) % 2 == 0)  # no side is told
+    told = {one.code for one in session.run("turntable")["turntable"].findings if one.severity == "error"}
+    assert told == {"axis-mirrored"}  # by the other's place angles were said to be off by 47°

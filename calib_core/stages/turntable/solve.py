@@ -74,7 +74,7 @@ def solve(given: StageInput) -> TurntableResult:
         table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
     except MotionError as error:  # the table is not to blame where the tool is wrong
         raise (error.adding(sentence_of(found[0])) if found else error) from None
-    found += findings_of_table(given, table, sphere, tool.mounts)
+    found += findings_of_table(given, table, sphere, _mounts(tool, table.solution))
     found += beyond_told_sigma(table.solution.sigmas, table.solution.options.position_sigma_mm)
     unused = [*table.unused, *_left_to_chain(table)]
     found += [*lost_rays_of([one.sphere for one in table.observations]), *unused]
@@ -89,6 +89,14 @@ def solve(given: StageInput) -> TurntableResult:
     if own is not None:
         result = without_base(result, table.observations[0].sphere.scanner)
     return with_all_rows(result, given.captures, unused)
+
+
+def _mounts(tool: "KnownTool", table: "TurntableSolution") -> "Mounts":
+    """Return where scanners are: by the stage before, beside an exact one by the table."""
+    several = table.state.walk.layout.mounts
+    if tool.held is not None or len(several) == 1:
+        return tool.mounts
+    return {name: table.state.mount(n) for n, (name, _) in enumerate(several)}
 
 
 def _left_to_chain(table: SolvedTable) -> list[Finding]:
