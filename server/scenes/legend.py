@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from calib_core.evidence.numbers import number_text
+from calib_core.evidence.numbers import decimals_of_uncertainty, number_text
 from calib_core.messages import message, plural
 from server.scenes.answers import magnified as answers_magnified
 from server.scenes.cloud_layers import height_range_mm, intensity_range, shown_cloud
@@ -69,7 +69,8 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
     if facts.field is not None and layers is not None and "field" in layers:
         low, high = facts.field.range_mm
         parts.append(f"<div>{_head(message('One scan over the table, k = 2'))}{_bar(VIRIDIS)}")
-        parts.append(f'<div class="ticks"><span>±{low:.3f} mm</span><span>±{high:.3f} mm</span></div></div>')
+        ends = (number_text(one, decimals_of_uncertainty(low)) for one in (low, high))
+        parts.append(f'<div class="ticks">{"".join(f"<span>±{end} mm</span>" for end in ends)}</div></div>')
     if facts.compared and layers is not None and "answers" in layers:
         parts += [_key(FIRST, "●", message("first answer")), _key(SECOND, "●", message("second answer"))]
         times = answers_magnified(facts)

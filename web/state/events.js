@@ -16,7 +16,7 @@ const LOOK_MS = 250;
  * @param {string} address
  * @param {readonly string[]} names the events to hear
  * @param {(name: string, data: unknown) => void} heard
- * @param {(liveness: Liveness, again: boolean) => void} changed `again` where the connection had been lost before
+ * @param {(liveness: Liveness, again: boolean) => void} changed `again` where the connection had been lost, or could not be made, before
  * @param {() => void} [failed] each time that no connection could be made, or one broke
  * @returns {() => void} stop
  */
@@ -25,32 +25,35 @@ export function follow(address, names, heard, changed, failed) {
   let source = null;
   let timer = 0;
   let tries = 0;
-  let opened = false;
+  let again = false;
   let liveness = /** @type {Liveness} */ ("connecting");
-  let aliveMs = 0;
+  let aliveMs = performance.now();
+  let askedMs = aliveMs;
   let lookedMs = 0;
 
-  const tell = (/** @type {Liveness} */ now, again = false) => {
-    if (now === liveness && !again) return;
+  const tell = (/** @type {Liveness} */ now, afresh = false) => {
+    if (now === liveness && !afresh) return;
     liveness = now;
-    changed(now, again);
+    again ||= now === "reconnecting";
+    changed(now, afresh);
   };
   const alive = () => {
     aliveMs = performance.now();
-    if (liveness !== "live" && opened) tell("live", true);
+    if (liveness !== "live" && again) tell("live", true);
   };
   const open = () => {
     source?.close();
+    askedMs = performance.now();
     source = new EventSource(`${address}${address.includes("?") ? "&" : "?"}lang=${language}`);
     source.onopen = () => {
       tries = 0;
       aliveMs = performance.now();
-      tell("live", opened);
-      opened = true;
+      tell("live", again);
+      again = true;
     };
     source.onerror = () => {
       source?.close();
-      tell(opened ? "reconnecting" : "connecting");
+      tell("reconnecting");
       void requireLogin();
       failed?.();
       window.clearTimeout(timer);
@@ -69,9 +72,9 @@ export function follow(address, names, heard, changed, failed) {
     const [silentMs, busyMs] = [nowMs - aliveMs, nowMs - lookedMs];
     lookedMs = nowMs;
     // A page that was busy itself first hears what came meanwhile.
-    if (source?.readyState !== EventSource.OPEN || busyMs > 4 * LOOK_MS) return;
-    if (silentMs > FRESH_MS) tell("reconnecting");
-    if (silentMs > GIVEN_UP_MS) open();
+    if (!source || source.readyState === EventSource.CLOSED || busyMs > 4 * LOOK_MS) return;
+    if (silentMs > FRESH_MS) tell("reconnecting"); // one that is asked for and never comes, too
+    if (Math.min(silentMs, nowMs - askedMs) > GIVEN_UP_MS) open();
   };
   const soon = () => {
     if (source?.readyState !== EventSource.CLOSED) return;

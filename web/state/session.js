@@ -50,8 +50,12 @@ export class SessionState extends EventTarget {
   /** Load everything, then follow. */
   async start() {
     await this.reload();
-    if (this.problem?.status === 404) return;
-    this.#stop = follow(
+    if (this.problem?.status !== 404) this.#follow();
+  }
+
+  /** Hear what changes, as soon as there is something to see. */
+  #follow() {
+    this.#stop ??= follow(
       api.eventsAddress(this.id), EVENTS,
       (name, data) => this.#heard(name, /** @type {Record<string, any>} */ (data)),
       (live, again) => {
@@ -318,6 +322,7 @@ export class SessionState extends EventTarget {
         // A busy server's guide may take a minute: nobody waits for it to see what is there.
         known();
         this.tell("session", "captures", "results", "problem");
+        this.#follow();
       }
       const guide = await asked;
       if (guide instanceof Error) throw guide;
