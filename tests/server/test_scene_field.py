@@ -49,7 +49,7 @@ def test_its_legend_is_told_with_the_tables_result_alone(solved: tuple[SceneInpu
     facts = scene_facts(solved[0])
     told = story("sphere-on-table", "result", facts).layers
     low, high = facts.field.range_mm if facts.field else (0.0, 0.0)
-    assert f"±{low:.3f} mm</span><span>±{high:.3f} mm" in legend_html(facts, look_at(facts), told)
+    assert f"±{low:.2f} mm</span><span>±{high:.2f} mm" in legend_html(facts, look_at(facts), told)
     measuring = story("sphere-on-table", "measure", facts).layers
     assert "over the table" not in legend_html(facts, look_at(facts), measuring)
 
