@@ -91,13 +91,14 @@ def role_that_should_do(method: str, path: str) -> str:
         return "admin"
     if path.endswith(("/release", "/rollback", "/acknowledge")):
         return "release"
-    # What comes with these is looked at and answered; nothing of it is stored.
+    # What comes with these is looked at and answered, nothing of it stored; auditors see whether results replay.
     answers = (
         "/pose-lines",
         "/controller-files",
         "/recognised-files",
         "/readings",
         "/read-back",
+        "/replay",
         "/exports/{name}",
     )
     looks = method in ("GET", "WS") or path.startswith("/scenes/") or path.endswith(answers)
