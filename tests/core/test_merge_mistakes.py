@@ -125,6 +125,7 @@ def test_a_mistake_is_named_first_and_apply_repairs_it(mistake: Mistake, table: 
     session, result = solve(record, files)
     assert (result.verdict, result.findings[0].code) == ("fail", code)
     assert result.mesh is None
+    assert mistake is not inverted or "their poses are inverted" in result.findings[0].text
     repaired, _ = applied(session, changes_for(session, result.causes[0]))
     _, after = solve(repaired.to_json(), files)
     assert after.verdict == "pass"

@@ -108,6 +108,29 @@ camera_matrix: !!opencv-matrix
 """
 
 
+MATRICES = np.array([[[0, -1, 0, 900 + k], [1, 0, 0, 2 * k], [0, 0, 1, 300], [0, 0, 0, 1]] for k in range(3)])
+BLOCKS = ["\n".join(" ".join(map(str, row)) for row in pose) for pose in MATRICES.tolist()]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\n\n".join(BLOCKS),
+        "".join(f"p{k}\n[[{block}]]\n" for k, block in enumerate(BLOCKS)),
+        "# flange\n"
+        + "".join(f"p{k};" + block.replace("\n", " ").replace(" ", ";") + "\n" for k, block in enumerate(BLOCKS)),
+        "".join(" ".join(block.replace("\n", " ").split()[:12]) + "\n" for block in BLOCKS),
+    ],
+)
+def test_matrices_as_bare_numbers(text: str) -> None:
+    found = read(text, "poses.txt")
+    np.testing.assert_array_equal([np.reshape(p.pose, (4, 4)) for p in found.poses], MATRICES)
+    assert {p.convention for p in found.poses} == {"matrix"}
+    assert {p.name[0] for p in found.poses} <= {"p", "l"}
+    with pytest.raises(InputError, match="what each column is"):
+        read(text.replace("300", "0").replace("1", "2"), "poses.txt", brand="table")
+
+
 def test_opencv() -> None:
     found = read(OPENCV, "a.yaml")
     assert [(pose.name, pose.line) for pose in found.poses] == [("R_gripper2base_0", 3), ("base2gripper_1", 13)]

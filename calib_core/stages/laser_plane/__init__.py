@@ -15,7 +15,7 @@ class LaserPlane(Stage):
     """The plane of laser light, from frames of the board with the stripe on it."""
 
     name, title, place = "laser-plane", "Laser plane", 20
-    method_revision = 6  # light that falls off across a wide stripe draws no centre; no board is two
+    method_revision = 7  # a pitch in another unit is doubted
     any_arrangement = True
     step = CaptureStep(
         "laser-plane",

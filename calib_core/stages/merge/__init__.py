@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 7  # three kinds of datum are one fit, whose covariance follows each scan's share
+    method_revision = 8  # mirrored and sparse scans in metres are named
     step = CaptureStep(
         "scan",
         "Scan",

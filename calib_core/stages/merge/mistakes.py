@@ -23,6 +23,7 @@ from calib_core.records import Capture, Changes, Finding, Session
 from calib_core.stages.merge.trials import (
     LEAST_PAIRS,
     MORE,
+    PATCH_SPACINGS,
     Tried,
     about_z,
     extent_mm,
@@ -236,7 +237,7 @@ class Mistakes:
         def finding(now: Fit, then: Fit) -> Finding:
             cell = self._session.cell
             remedy = remedy_of("pose-reading", changes_of(reading, cell, self._captures(list(self._groups))))
-            said = reading.words(CONVENTIONS[cell.pose_convention])[1]
+            said = reading.words(CONVENTIONS[cell.pose_convention])
             return codes.POSES_READ_OTHERWISE(
                 remedy=remedy, reading=said, pairs_before=now.pairs, pairs_after=then.pairs
             )
@@ -374,6 +375,8 @@ class Mistakes:
     def _pairs_in_metres(self, looked: Looked, small: Sequence[str], size: float, poses_too: bool) -> bool:
         """Return whether these scans pair with others once their points are a thousand times larger."""
         anew: list[tuple[str, SeenBy]] = []
+        if len(small) == len(self._numbers):  # then the patches are as small as the scans, too
+            size = max(size, PATCH_SPACINGS * 1000 * max(scan.spacing_mm for scan in self._scans))
         for name in small:
             scan = self._scans[self._numbers[name]]
             ways = scan.turntable_from_laser.copy()

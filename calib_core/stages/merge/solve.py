@@ -46,10 +46,10 @@ from calib_core.stages.merge.doubts import merge_doubts
 from calib_core.stages.merge.mistakes import Mistakes
 from calib_core.stages.merge.nominal import Compared, compared
 from calib_core.stages.merge.record import Facing, MergeResidual, MergeResult, PoseScatter
+from calib_core.stages.merge.trials import PATCH_SPACINGS
 
 _USUAL_VOXEL_MM, _COARSE = 0.5, 2.0
 _LOOKED_AT = 2  # scans of which the spacing is asked: one of them may be in metres
-_PATCH_SPACINGS = 1.5
 
 
 def solve(given: StageInput) -> MergeResult:
@@ -144,7 +144,7 @@ def plan_merge(given: StageInput) -> MergePlan:
         settings.mesh_tolerance_mm,
         settings.registration,
         settings.self_calibration,
-        patch_mm=max(PATCH_VOXELS * voxel_mm, _PATCH_SPACINGS * spacing_mm),
+        patch_mm=max(PATCH_VOXELS * voxel_mm, PATCH_SPACINGS * spacing_mm),
         most_bytes=int(1e6 * settings.memory_mb),
         intensity=any(scan.intensity is not None for scan in first),
     )

@@ -21,6 +21,9 @@ LEAST_PAIRS = 50
 MORE = 1.4
 """Of the score, what there must be when a mistake is taken back."""
 
+PATCH_SPACINGS = 1.5
+"""How large a patch is at least, in distances between a scan's points."""
+
 _ONE_SURFACE = 0.15  # of a patch
 _SAME = 0.01  # of rotations' numbers
 
