@@ -100,7 +100,8 @@ export class ActionsElement extends StateElement {
     this.#solve.classList.toggle("primary", ready);
     this.#mend.classList.add("primary");
     this.#mend.hidden = !mends || simulated || view !== "result";
-    this.#files.className = simulated || ready || (solved && !mends) || onward ? "plain wide" : "primary";
+    // Nothing is the main thing before the guide has said what comes next.
+    this.#files.className = simulated || ready || (solved && !mends) || onward || !this.state.guide ? "plain wide" : "primary";
     this.#solve.setAttribute("aria-disabled", String(captures.length === 0 || this.state.adding || this.#isSolving || !may("capture")));
     this.#showJob();
     this.#offerRemedies();
