@@ -316,8 +316,9 @@ class Operations(Connection):
         return self.request("GET", f"/api/v1/compare/{quote(stage, safe='')}", params=_given({"left": left, "right": right}))
 
     def history_recompute(self, session_id: str) -> Any:
-        """Start solving every stage with a result afresh, to compare; nothing of the session is changed.
-        Answers at once with the job; its answer has the comparison."""
+        """Start solving every stage with a result afresh, to compare; no number of the session is changed.
+        Answers at once with the job; its answer has the comparison. Imported results become `replayed` or
+        `differs` by it, but for who may only read: then nothing is noted."""
         return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/replay")
 
     def history_get_answer(self, job_id: str) -> Any:

@@ -122,6 +122,8 @@ def next_view(views: Sequence[Measured]) -> str | None:
         )
     if told.one_distance:
         return "Show the board nearer to the camera, then farther away: all views are from one distance."
+    if not any(view.pixel_from_board for view in views):
+        return None  # measured by a version that did not say how boards lie
     facing = np.array([one.facing_rad for one in told.facing]).reshape(-1, 2)
     if not len(facing):
         return _TILTED
