@@ -168,7 +168,7 @@ def store_result(
     former = _remove_outputs(db, session.id, stage)
     for name, made in (outputs or {}).items():
         db.add(made.to_row(session.id, name, stage))
-    record_event(db, session, "result", {"stage": stage})
+    record_event(db, session, "result", logged(stage, record))
     note(db, "result", session.id, logged(stage, record))
     if record["verdict"] != before:
         data = {

@@ -243,6 +243,7 @@ def test_a_creep_below_the_stated_uncertainty_is_told_of_one_scanner() -> None:
     assert not by_stated.found
 
 
+@pytest.mark.thorough
 def test_the_step_that_a_night_finds_at_once_is_stated() -> None:
     covariance = np.diag([0.01, 0.004, 0.002])
     rng, found = np.random.default_rng(12), {1.0: 0, 0.6: 0}

@@ -152,6 +152,7 @@ LEAVES = {
 """Of each stored record: its column, its key, and where a change of any field must be told."""
 
 
+@pytest.mark.thorough(keep=2)
 @pytest.mark.parametrize("record", LEAVES)
 def test_every_field_of_a_stored_record_that_was_changed_is_told(
     served: tuple[httpx.Client, str, Path], record: str
@@ -252,6 +253,7 @@ def test_the_newest_release_taken_out_is_told(served: tuple[httpx.Client, str, P
     assert client.get(f"/cells/{CELL}/answer").headers["Scancell-Faults"] == before
 
 
+@pytest.mark.thorough
 def test_a_decision_before_that_was_changed_or_deleted_is_told(tmp_path: Path) -> None:
     with serving(Settings(data=tmp_path, port=0, warm_up=False)) as client:
         made = verified_session(5, 1.0)

@@ -6,7 +6,7 @@ import httpx
 import pytest
 from bench_hostile import KINDS, attack
 
-from tests.server.live_server import assert_problem, make_session, upload
+from tests.server.live_server import make_session, upload
 from tests.server.test_captures import record
 
 
@@ -28,12 +28,14 @@ def test_a_capture_whose_figures_are_beyond_all_scanners_is_kept(client: httpx.C
     assert client.get(f"/sessions/{session}/guide").status_code == 200
 
 
-def test_a_capture_of_figures_that_stand_for_nothing_is_refused(client: httpx.Client) -> None:
+def test_a_capture_of_figures_that_stand_for_nothing_is_kept_and_shows_nothing(client: httpx.Client) -> None:
     session = make_session(client)
     cloud = b"\n".join(b"1e308 %d -1e308" % number for number in range(100))
     answer = upload(client, session, {**record(), "kind": "cloud", "files": ["a.xyz"]}, cloud)
-    assert_problem(answer, 422, "a cloud with points", "100 blanks")
-    assert client.get(f"/sessions/{session}/captures").json()["items"] == []
+    assert answer.status_code == 201, answer.text
+    (finding,) = answer.json()["measured"]["findings"]
+    assert (finding["code"], finding["severity"]) == ("capture-shows-nothing", "error")
+    assert "100 blanks" in finding["text"]
 
 
 def test_a_refusal_in_the_middle_of_a_body_reaches_who_is_still_sending(client: httpx.Client) -> None:

@@ -4,6 +4,7 @@ import re
 import shutil
 from pathlib import Path
 
+import pytest
 from kill_server import ServerProcess
 
 import server.app  # noqa: F401 (brings every error with it)
@@ -26,6 +27,7 @@ def test_every_status_in_the_code_is_in_the_catalogue() -> None:
     assert [status for status in statuses if f"http-{status}" not in catalogue()] == []
 
 
+@pytest.mark.thorough
 def test_a_server_whose_files_were_updated_beneath_it_says_so(tmp_path: Path) -> None:
     for part in ("calib_core", "server", "web"):
         shutil.copytree(ROOT / part, tmp_path / part)

@@ -38,6 +38,7 @@ def by_enter(page: Page, name: str, news: Callable[[], None]) -> None:
     page.keyboard.press("Enter")
 
 
+@pytest.mark.thorough(keep=1)
 @pytest.mark.parametrize("press", [by_mouse, by_space, by_enter])
 def test_a_press_counts_though_a_capture_comes_meanwhile(
     profile: SharedProfile, api: httpx.Client, press: Callable[[Page, str, Callable[[], None]], None]

@@ -119,6 +119,7 @@ def test_a_solve_is_asked_for_again(outage: Outage, api: httpx.Client, visit: Ca
     assert len({job["id"] for job in api.get("/jobs").json()["items"] if job["status"] == "done"}) == 1
 
 
+@pytest.mark.thorough
 def test_parts_that_are_asked_for_while_it_is_away_come_later(
     outage: Outage, api: httpx.Client, visit: Callable[..., Page]
 ) -> None:
