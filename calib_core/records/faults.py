@@ -50,8 +50,9 @@ _ALL: Final = (
     Fault("differs", "answer", "not what its captures give",
         "one that came from elsewhere and differs from what its captures give here", "Solve the session again."),
     Fault("altered", "answer", "of records that were changed in the database",
-        "one of records that were changed or removed in the database itself",
-        "`scancell doctor` names them; put them right, or have them signed as they stand (`--accept`)."),
+        "one of records that were changed or removed in the database itself, or whose key is not trusted here",
+        "`scancell doctor` names them; put them right, trust their key (`scancell trust add`), or have them "
+        "signed as they stand (`--accept`)."),
     Fault("not-replayed", "answer", "not replayed here",
         "one that came from elsewhere and was not solved anew here",
         "Wait for its replay, replay the session, or solve it again."),

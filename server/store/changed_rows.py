@@ -1,5 +1,6 @@
 """Rows that are not as a server stored them: named, and signed as they stand where that is asked for."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 from sqlalchemy import Connection, func, select
@@ -20,7 +21,10 @@ _BY_HAND = "by other ways than a server"
 def changed_rows(connection: Connection) -> Iterator[tuple[str, str, str]]:
     """Give what was changed or taken out: a sentence, the session and the capture, empty where there is none."""
     with Transaction(connection) as db:
-        for row in _not_holding(db):
+        rows = list(_not_holding(db))
+        for key, count in Counter(key for row in rows if (key := row.unknown_key)).items():
+            yield f"{count} records are signed with the key {key}, which is not trusted here", "", ""
+        for row in (row for row in rows if row.unknown_key is None):
             if isinstance(row, SessionRow):
                 yield f"its record was changed {_BY_HAND}", row.id, ""
             elif isinstance(row, CaptureRow):

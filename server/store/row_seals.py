@@ -28,6 +28,13 @@ class Signed:
         """Whether it is as it was written here."""
         return row_holds(self.__tablename__, _fields(self), self.seal)
 
+    @property
+    def unknown_key(self) -> str | None:
+        """The key that signed it as it stands, where it is not trusted here."""
+        seal = {"sha256": _sha256(_fields(self)), "seal": self.seal}
+        is_known = self.seal is None or self.seal.get("row") != self.__tablename__ or seal_state(seal) is not None
+        return None if is_known else str((self.seal or {}).get("key"))
+
     def sign(self) -> None:
         """Sign it as it stands."""
         self.seal = row_seal(self.__tablename__, _fields(self))

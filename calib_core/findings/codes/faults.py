@@ -63,11 +63,14 @@ ANSWER_DIFFERS = Code(
 ANSWER_ALTERED = Code(
     "answer-altered",
     "error",
-    text="Stored records that this answer rests on were changed or removed in the database itself.",
-    to_do="`scancell doctor` names them; put them right, or have them signed as they stand (`--accept`).",
+    text="Stored records that this answer rests on were changed or removed in the database itself, or their "
+    "signatures are not trusted here.",
+    to_do="`scancell doctor` names them; put them right, trust their key (`scancell trust add`), or have them signed as "
+    "they stand (`--accept`).",
     meaning="The server signs what it stores, and numbers what was decided: a signature is broken, or a number missing.",
     decided="A session, a capture, a policy or an entry of the signed log is not as it was stored here.",
-    usual_causes="A hand in the database; a copy of its file that was put back without `scancell restore`.",
+    usual_causes="A hand in the database; a store that was moved or restored without its key; a copy of its file that was "
+    "put back without `scancell restore`.",
     fixed=True,
 )
 
