@@ -1,6 +1,5 @@
 // What the merge draws itself: the files to download, the settings to merge with again, and looking into the cloud.
 
-import "../../texts/later.js";
 import { api } from "../../state/api.js";
 import { h, make, style } from "../../dom.js";
 import { registry } from "../../state/registries.js";
