@@ -161,7 +161,7 @@ class Reading:
         points = self.points * list(scales.values())
         return replace(self, points=points).adding([message("Multiplied as told: {said}.", said=said)])
 
-    def shining(self, intensity: NDArray[Any] | None) -> "Reading":
+    def with_intensity(self, intensity: NDArray[Any] | None) -> "Reading":
         """Return the same reading with how bright its points came back, where that is told and not all alike."""
         if intensity is None or not (known := intensity[np.isfinite(intensity)]).size or np.ptp(known) == 0:
             return self

@@ -73,7 +73,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
         raise InputError("a whole LAS or LAZ file", got, "Copy or export it again.", name) from None
     require_count(count, len(xyz), name)
     columns = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
-    read = points_of(xyz[:, :3].astype(np.float64), columns, kind, name, settings).shining(xyz[:, 3])
+    read = points_of(xyz[:, :3].astype(np.float64), columns, kind, name, settings).with_intensity(xyz[:, 3])
     return _in_its_unit(read, metres, settings)
 
 

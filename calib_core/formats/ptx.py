@@ -48,7 +48,7 @@ def read(data: bytes, name: str, settings: PtxSettings, kind: PointKind | None) 
     values, bright = values[:, :3], values[:, 3] if values.shape[1] > 3 else None
     values[~values.any(axis=1)] = np.nan
     columns = [Column(axis, place, axis, "m") for place, axis in enumerate("xyz")]
-    reading = points_of(values, columns, kind, name, settings).shining(bright)
+    reading = points_of(values, columns, kind, name, settings).with_intensity(bright)
     notes = ["The scan's pose in the file is not applied: points are in its scanner's frame."]
     grid = (int(head[0][0]), int(head[1][0]))
     told = replace(reading, unit_from="settings" if settings.unit else "format").adding(notes)

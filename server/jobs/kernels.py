@@ -69,7 +69,7 @@ def _run_others() -> None:
     """
     import numpy as np
 
-    from calib_core.formats.e57 import cloud_pieces
+    from calib_core.formats.shared.e57_writing import cloud_pieces
     from calib_core.formats.shared.writing import XYZ
     from calib_core.fusion.bricks import BrickTable
     from calib_core.kernels.project import undistort_over_depth

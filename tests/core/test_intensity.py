@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from calib_core.archive.stored_clouds import read_stored_ply
-from calib_core.formats.e57 import pieces_of_scans
 from calib_core.formats.format import ScanPlace
 from calib_core.formats.las import las_pieces
 from calib_core.formats.ply import ply_pieces
 from calib_core.formats.points import read_file
+from calib_core.formats.shared.e57_writing import pieces_of_scans
 from server.cli import main
 
 X, Y = (one.ravel() for one in np.meshgrid(np.arange(-20.0, 20.5, 0.5), np.arange(-20.0, 20.5, 0.5)))

@@ -56,7 +56,7 @@ def reading_of(
         return read.adding(chosen.notes, chosen.doubts)
     bright = place_of_intensity(settings.columns or names)
     read = points_of(values, columns, kind, where, settings, unit_in(table.preamble))
-    return read if bright is None else read.shining(values[:, bright])
+    return read if bright is None else read.with_intensity(values[:, bright])
 
 
 def reading_of_values(

@@ -87,4 +87,4 @@ def reading_of_fields(
     """Return the reading of fields named x, y and z, and of an intensity behind them (N, 3 or 4)."""
     columns = [Column(axis, place, axis, unit) for place, axis in enumerate(_AXES)]
     bright = points[:, 3] if points.shape[1] > 3 else None
-    return points_of(points[:, :3], columns, kind, where, settings).shining(bright)
+    return points_of(points[:, :3], columns, kind, where, settings).with_intensity(bright)
