@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from server.console.command import OK, Command, data_argument
-from server.console.output import print_result
+from server.console.output import print_result, remark
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,8 +17,16 @@ def _run(options: argparse.Namespace) -> int:
     """Make a store of a backup, where there is none yet."""
     from server.settings import Settings
     from server.store.backup import restore
+    from server.store.changed_rows import signed_elsewhere
+    from server.store.engine import engine_of
 
-    made = restore(options.backup, Settings(data=options.data))
+    settings = Settings(data=options.data)
+    made = restore(options.backup, settings)
+    engine = engine_of(settings.sql_url)
+    with engine.connect() as connection:
+        for said in signed_elsewhere(connection):
+            remark(options, f"warning: {said}. `scancell trust add` that key, or `scancell doctor --accept`")
+    engine.dispose()
     print_result(options, made.said_of(options.data), {"folder": str(options.data), **asdict(made)})
     return OK
 

@@ -21,10 +21,9 @@ _BY_HAND = "by other ways than a server"
 def changed_rows(connection: Connection) -> Iterator[tuple[str, str, str]]:
     """Give what was changed or taken out: a sentence, the session and the capture, empty where there is none."""
     with Transaction(connection) as db:
-        rows = list(_not_holding(db))
-        for key, count in Counter(key for row in rows if (key := row.unknown_key)).items():
-            yield f"{count} records are signed with the key {key}, which is not trusted here", "", ""
-        for row in (row for row in rows if row.unknown_key is None):
+        for said in signed_elsewhere(connection):
+            yield said, "", ""
+        for row in (row for row in _not_holding(db) if row.unknown_key is None):
             if isinstance(row, SessionRow):
                 yield f"its record was changed {_BY_HAND}", row.id, ""
             elif isinstance(row, CaptureRow):
@@ -44,6 +43,15 @@ def changed_rows(connection: Connection) -> Iterator[tuple[str, str, str]]:
                 )
         if not is_whole(db):
             yield "entries of the signed log were taken out, or an older copy was put back", "", ""
+
+
+def signed_elsewhere(connection: Connection) -> list[str]:
+    """Return a sentence for each key that signed records and is not trusted here."""
+    with Transaction(connection) as db:
+        counts = Counter(key for row in _not_holding(db) if (key := row.unknown_key))
+    return [
+        f"signed with the key {key}, which is not trusted here: {n} of the records" for key, n in counts.items()
+    ]
 
 
 def accept(settings: Settings) -> list[str]:

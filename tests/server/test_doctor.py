@@ -13,6 +13,7 @@ import httpx
 import pytest
 from sqlalchemy import text
 
+from calib_core.archive.keys import keys
 from calib_core.errors import ConflictError, DamagedError, InputError
 from server.cli import main
 from server.settings import Settings
@@ -267,3 +268,20 @@ def test_the_commands_say_what_they_did(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["backup", "--data", data, "--out", str(tmp_path)]) == 2
     with pytest.raises(InputError, match="backup"):
         restore(tmp_path, Settings(data=tmp_path / "x"))
+
+
+def test_what_another_installation_signed_is_told_when_it_is_restored(
+    settings: Settings,
+    session: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    there = keys().own_key
+    back_up(settings, tmp_path / "backup")
+    monkeypatch.setenv("SCANCELL_KEY_FILE", str(tmp_path / "here" / "key.pem"))
+    assert main(["restore", str(tmp_path / "backup"), "--data", str(tmp_path / "new")]) == 0
+    assert f"signed with the key {there}" in capsys.readouterr().err
+    assert main(["doctor", "--data", str(tmp_path / "new")]) == 1
+    told = capsys.readouterr()
+    assert "by other ways" not in told.out + told.err  # nobody is accused
