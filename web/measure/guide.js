@@ -102,7 +102,7 @@ function rest({ progress, still_needed: needed }) {
 function suggestion({ suggested_pose_numbers: numbers, suggested_note: note }) {
   if (!numbers) return null;
   const text = numbers.join(" ");
-  return h("details", { class: "suggestion" }, h("summary", {}, t("guide.pose")),
+  return h("div", { class: "suggestion" }, h("strong", {}, t("guide.pose")),
     h("div", { class: "copy-row" }, h("code", {}, text), copyButton(text, t("frame.copy"))),
     note ? h("p", { class: "soft small" }, said(note)) : null);
 }
