@@ -136,7 +136,7 @@ MANY_CONTRADICT = Code(
 CAPTURES_CONTRADICT = Code(
     "captures-contradict",
     "warning",
-    text="Left out because they contradict the others: {names}; see their reasons.",
+    text="Left out for contradicting the others: {names}; see why.",
     meaning="These captures see the sphere elsewhere than all others do. The answer rests on the others.",
     decided="Their squared Mahalanobis distance from what the others expect is beyond the limit of rejection.",
     usual_causes="A pose that belongs to another capture, a sphere or a scanner that was touched, an arm that moved.",

@@ -112,7 +112,7 @@ MANY_CONTRADICT = Code(
 CAPTURES_CONTRADICT = Code(
     "table-captures-contradict",
     "warning",
-    text="Left out because they contradict the others: {names}; see their reasons.",
+    text="Left out for contradicting the others: {names}; see why.",
     meaning="These captures see the sphere elsewhere on the table than all others do. The answer rests on the others.",
     decided="Their squared Mahalanobis distance from what the others expect is beyond the limit of rejection.",
     usual_causes="A wrong angle or mounting, a sphere that was touched.",
