@@ -100,9 +100,7 @@ class Settings(BaseSettings):
     trusted_proxies: list[str] = Field(
         default_factory=list, description="Addresses whose X-Forwarded-For and -Proto are believed."
     )
-    webhooks_to_this_machine: bool | None = Field(
-        default=None, description="Left out: only where no login is required."
-    )
+    webhooks_to_this_machine: bool = Field(default=False, description="To its programs, not to this server.")
     tls_certificate: Path | None = Field(default=None, description="PEM; with `tls_key` it serves https.")
     tls_key: Path | None = None
     rate_per_s: Annotated[float, Field(gt=0)] = Field(

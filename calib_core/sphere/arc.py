@@ -69,6 +69,11 @@ class ArcFit:
         """How many of its points say as much as one that errs by itself, as far as neighbours tell."""
         return points_per_independent(self.lag1_correlation)
 
+    def apart_mm(self, other: "ArcFit") -> float:
+        """Return how far another is from it: their centres or their radii."""
+        centers_mm = np.linalg.norm(other.center_mm - self.center_mm)
+        return float(max(centers_mm, abs(other.radius_mm - self.radius_mm)))
+
 
 def fit_arc(
     points_in_laser_mm: ArrayLike,

@@ -11,10 +11,11 @@ from calib_core.messages import message
 from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
 from server.live.exposures import Exposure
+from server.live.late_angle import STRIPE_STOOD_MM, LateAngle
 from server.live.standstill import Rest, Rules, is_new_place
 from server.sources.device import Sample
 
-_STRIPE_MOVED_MM, _STRIPE_STOOD_MM = 0.5, 0.02
+_STRIPE_MOVED_MM = 0.5
 _ROBOT_MOVED_MM, _JOINT_TURNED_DEG = 3.0, 0.5
 _BALL_MOVED_MM = 8.0  # more than a tool is off by that was solved, less than a ball moves by with its table
 _MOST_ARCS = 2000
@@ -33,6 +34,7 @@ class Agreement:
 
     def __init__(self, rules: Rules) -> None:
         self._rules = rules
+        self.late_angle = LateAngle(rules.latency_s)
         self.forget(is_remounted=True)
 
     def forget(self, *, is_remounted: bool) -> None:
@@ -44,9 +46,11 @@ class Agreement:
         self.moved_after_s = np.inf  # the stripe did in that stand
         self._arcs: deque[tuple[float, ArcFit]] = deque(maxlen=_MOST_ARCS)
         self._before: Rest | None = None
+        self._left_since_s = -np.inf
         self._former: tuple[float, Sample, ArcFit] | None = (
             None  # the last stand: since when, where, what was seen
         )
+        self.late_angle.forget()
         if is_remounted:
             self._on_table: Rest | None = None
 
@@ -62,17 +66,23 @@ class Agreement:
             if self._table_deg is None or abs(sample.table_deg - self._table_deg) > rules.table_deg:
                 self._moved(sample)
             self._table_deg = sample.table_deg
+            self.late_angle.tell(sample.table_deg, sample.host_time_s)
         self._told_s = sample.host_time_s
 
-    def see(self, exposure: Exposure) -> None:
-        """Take what the scanner saw; what may have been exposed before the robot stood says nothing."""
+    def see(self, exposure: Exposure, *, is_on_table: bool = False) -> None:
+        """Take what the scanner saw, of a ball on the table or not.
+
+        What may have been exposed before the robot stood says nothing.
+        """
         seen_s = exposure.frame.host_time_s
+        if is_on_table and exposure.arc is not None and self.late_angle.see(exposure.arc, seen_s, self._table_deg):
+            self.doubted_since_s, self.moved_after_s = self._left_since_s, np.inf
         late = seen_s <= self.stands_since_s + self._rules.latency_s
         if exposure.arc is None or not exposure.frame.fresh or late:
             return
         self._arcs.append((seen_s, exposure.arc))
         former, self._former = self._former, None
-        if former is None or self._stands is None or _apart_mm(former[2], exposure.arc) > _STRIPE_STOOD_MM:
+        if former is None or self._stands is None or former[2].apart_mm(exposure.arc) > STRIPE_STOOD_MM:
             return
         poses = [one.base_from_tool0 for one in (former[1], self._stands) if one.base_from_tool0 is not None]
         # The pose moved alone: the robot had been here long before.
@@ -118,7 +128,7 @@ class Agreement:
                 "a joint turned by {turned_deg:.1f}° while the robot's pose stood. Is the pose still being sent?",
                 turned_deg=turned_deg,
             )
-        moved_mm = max((_apart_mm(arc, other) for _, other in self._arcs), default=0.0)
+        moved_mm = max((arc.apart_mm(other) for _, other in self._arcs), default=0.0)
         if moved_mm > _STRIPE_MOVED_MM:
             self._doubt()
             return message(
@@ -131,7 +141,7 @@ class Agreement:
         if before is None or before.robot is None:
             return ""
         assert before.chosen.arc is not None
-        if _apart_mm(before.chosen.arc, arc) > _STRIPE_STOOD_MM:
+        if before.chosen.arc.apart_mm(arc) > STRIPE_STOOD_MM:
             return ""
         if not self._is_straight(before, now):
             stood_s = now.exposures[-1].frame.host_time_s - self.stands_since_s
@@ -149,7 +159,7 @@ class Agreement:
     def _doubt(self) -> None:
         """Remember a stand in which pose and stripe told of two places, and when the stripe left the first."""
         self.doubted_since_s = self.stands_since_s
-        left_s = (seen_s for seen_s, arc in self._arcs if _apart_mm(self._arcs[0][1], arc) > _STRIPE_MOVED_MM)
+        left_s = (seen_s for seen_s, arc in self._arcs if self._arcs[0][1].apart_mm(arc) > _STRIPE_MOVED_MM)
         self.moved_after_s = next(left_s, np.inf) - self.stands_since_s
 
     def is_late(self) -> bool:
@@ -160,10 +170,13 @@ class Agreement:
         """Begin a new stand; one in which the stripe went elsewhere long before was none."""
         before_s = self._told_s - _ARRIVES_S
         seen = [arc for seen_s, arc in self._arcs if seen_s < before_s]
-        if seen and max(_apart_mm(seen[0], other) for other in seen) > _STRIPE_MOVED_MM:
+        if seen and max(seen[0].apart_mm(other) for other in seen) > _STRIPE_MOVED_MM:
             self._doubt()
         if self._arcs and self._stands is not None:
             self._former = self.stands_since_s, self._stands, self._arcs[-1][1]
+        if self._arcs:
+            self.late_angle.leave(self._table_deg, self._arcs[-1][1])
+            self._left_since_s = self.stands_since_s
         self.stands_since_s = sample.host_time_s
         self._arcs.clear()
 
@@ -177,12 +190,6 @@ class Agreement:
             and is_resting(told, np.inf, self._rules.orientation_rad)
             and _way_mm(before, now) > _ROBOT_MOVED_MM
         )
-
-
-def _apart_mm(one: ArcFit, other: ArcFit) -> float:
-    """Return how far two arcs are apart: their centres or their radii, mm."""
-    centers = np.linalg.norm(np.asarray(other.center_mm) - np.asarray(one.center_mm))
-    return float(max(centers, abs(other.radius_mm - one.radius_mm)))
 
 
 def _way_mm(before: Rest, now: Rest) -> float:

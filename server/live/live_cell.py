@@ -291,7 +291,7 @@ class LiveCell:
         exposure = exposure_of(frame, cell, optics)
         with self._arrived:
             self._exposures.append(exposure)
-            self._agreement.see(exposure)
+            self._agreement.see(exposure, is_on_table=self._is_on_table)
             if exposure.arc is not None:
                 moment_s = frame.device_time_s
                 arc = np.array([*exposure.arc.center_mm, exposure.arc.radius_mm])
@@ -344,13 +344,12 @@ class LiveCell:
 
         Where the sphere stands on a table that tells no angle, it may have been turned by hand.
         """
-        on_table = self.settings.step in steps_that_show("sphere-on-table")
-        if isinstance(rest, str):
-            return rest
-        if rest.table_deg is None and on_table:
+        if (late := self._agreement.late_angle.why) or isinstance(rest, str):
+            return late or rest
+        if rest.table_deg is None and self._is_on_table:
             return "the table has told nothing yet" if self._with_angle else rest
         with self._arrived:
-            told = self._agreement.table_contradiction(rest, cell) if on_table else ""
+            told = self._agreement.table_contradiction(rest, cell) if self._is_on_table else ""
             return told or self._agreement.contradiction(rest, self._is_timed("scanner")) or rest
 
     def _look_back(self) -> None:
@@ -360,7 +359,7 @@ class LiveCell:
         if doubted_s is None or self._taken_here is None or self._taken_here[1] != doubted_s:
             return
         name, self._taken_here = self._taken_here[0], None
-        by_hand = self.settings.step in steps_that_show("sphere-on-table") and not self._with_angle
+        by_hand = self._is_on_table and not self._with_angle
         timed = ("robot", "table", "scanner") if self._agreement.is_late() else ("robot", "table")
         if by_hand or self._is_timed(*timed):
             return
@@ -372,6 +371,11 @@ class LiveCell:
             ),
         )
         self.version += 1
+
+    @property
+    def _is_on_table(self) -> bool:
+        """Whether the sphere that is captured is on the table."""
+        return self.settings.step in steps_that_show("sphere-on-table")
 
     def _is_timed(self, *delivered: str) -> bool:
         """Return whether every reading of such devices tells its time."""

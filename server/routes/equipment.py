@@ -7,7 +7,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict
 from sqlalchemy.orm import Session as Transaction
 
-from calib_core.errors import NotFoundError, TooLargeError
+from calib_core.errors import TooLargeError
 from calib_core.records.policy import Equipment
 from calib_core.records.strict_fields import require_known_fields
 from server.http.api_router import API, api_router
@@ -16,6 +16,7 @@ from server.http.openapi import BYTES
 from server.routes.dependencies import IdempotencyDep, StoreDep
 from server.store.equipment import (
     add_equipment,
+    certificate_of,
     change_equipment,
     equipment_data,
     equipment_row,
@@ -48,12 +49,16 @@ class EquipmentRequest(Equipment):
 
 
 class RegisteredEquipment(Equipment):
-    """A piece in the register; `overdue` is whether its certificate was due before today."""
+    """A piece in the register.
+
+    `overdue`: its certificate was due before today; `altered`: it is not as this server signed it.
+    """
 
     id: str
     created: str
     updated: str
     overdue: bool
+    altered: bool
 
 
 class EquipmentList(BaseModel):
@@ -152,9 +157,6 @@ def _certificate(content: bytes) -> Data:
 def get_certificate(piece: PieceId, store: StoreDep) -> Response:
     """Return the file of a piece's certificate as it came."""
     with store.read() as db:
-        row = equipment_row(db, piece)
-        content = row.certificate_file
-    if content is None:
-        raise NotFoundError("a piece with the file of its certificate", "one without", "Upload it first.", piece)
+        content = certificate_of(equipment_row(db, piece))
     headers = {"Content-Disposition": "attachment", "X-Content-Type-Options": "nosniff"}
     return Response(content, media_type="application/octet-stream", headers=headers)

@@ -67,6 +67,8 @@ def accept(settings: Settings) -> list[str]:
     with store_lock(settings), Transaction(engine.execution_options(writing=True)) as db:
         rows = list(_not_holding(db))
         for row in rows:
+            if isinstance(row, EquipmentRow):
+                row.certificate_file = row.certificate_file  # and its hash with it
             row.sign()
         begin(db, "accepted")
         for session, stage in _removed(db):
@@ -96,4 +98,8 @@ def _newest_releases(db: Transaction) -> list[ReleaseRow]:
 
 def _not_holding(db: Transaction) -> Iterator[Signed]:
     for table in (SessionRow, CaptureRow, EquipmentRow, LogRow):
-        yield from (row for row in db.scalars(select(table)) if not row.holds)
+        yield from (row for row in db.scalars(select(table)) if not row.holds or _has_other_certificate(row))
+
+
+def _has_other_certificate(row: Signed) -> bool:
+    return isinstance(row, EquipmentRow) and not row.has_its_certificate

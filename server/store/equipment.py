@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 
 from calib_core.captures.certificate_dates import is_overdue
-from calib_core.errors import ConflictError
+from calib_core.errors import ConflictError, DamagedError, NotFoundError
 from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records import Session
@@ -56,8 +56,18 @@ def remove_equipment(db: Transaction, row: EquipmentRow) -> None:
 
 def equipment_data(row: EquipmentRow) -> Data:
     """Return a piece as REST shows it; `overdue` is whether its certificate was due before today."""
-    told = row.fields("id", "created", "updated")
+    told = {**row.fields("id", "created", "updated"), "altered": not row.holds}
     return {**row.record, **told, "overdue": is_overdue(Equipment.model_validate(row.record), now())}
+
+
+def certificate_of(row: EquipmentRow) -> bytes:
+    """Return the file of a piece's certificate; raises NotFoundError, DamagedError."""
+    if not row.has_its_certificate:
+        to_do = message("Upload it again, or put it back from a backup.")
+        raise DamagedError("a certificate as it was stored", "something else", to_do, row.id)
+    if row.certificate_file is None:
+        raise NotFoundError("a piece with the file of its certificate", "one without", "Upload it first.", row.id)
+    return row.certificate_file
 
 
 def with_registered(db: Transaction, session: Session) -> Session:
@@ -74,8 +84,8 @@ def keep_certificates(db: Transaction, blobs: Blobs, session_id: str, equipment:
     for one in equipment:
         row = db.get(EquipmentRow, one.register_id) if one.register_id else None
         file = one.certificate.file if one.certificate else None
-        if row is not None and row.certificate_file and file and file == _kept_as(row.id, file):
-            content = row.certificate_file
+        if row is not None and file and file == _kept_as(row.id, file):
+            content = certificate_of(row)
             add_archived_files(db, session_id, {file: Output(blobs.put(content), len(content))})
 
 
@@ -87,7 +97,7 @@ def _registered(db: Transaction, one: Equipment) -> Equipment:
         to_do = message("Hold it against its certificate; `scancell doctor --accept` signs it as it stands.")
         raise ConflictError("a piece as the register stored it", "one changed in the database", to_do, row.id)
     found = Equipment.model_validate({**one.to_json(), **row.record, "register_id": row.id})
-    if found.certificate is None or found.certificate.file is None or not _has_file(db, row.id):
+    if found.certificate is None or found.certificate.file is None or row.certificate_sha256 is None:
         return found
     told = found.certificate.model_copy(update={"file": _kept_as(row.id, found.certificate.file)})
     return found.model_copy(update={"certificate": told})
@@ -97,8 +107,3 @@ def _kept_as(piece: str, name: str) -> str:
     """Return under which name a session keeps the file of a registered piece's certificate."""
     ending = PurePosixPath(name).suffix
     return f"certificates/{piece}{ending if re.fullmatch(r'[.][A-Za-z0-9]{1,8}', ending) else ''}"
-
-
-def _has_file(db: Transaction, piece: str) -> bool:
-    query = select(EquipmentRow.id).where(EquipmentRow.id == piece, EquipmentRow.certificate_file.is_not(None))
-    return db.scalar(query) is not None

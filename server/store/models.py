@@ -1,6 +1,7 @@
 """The tables: records as JSON beside the few columns that are searched."""
 
 import unicodedata
+from hashlib import sha256
 from typing import Any, TypeVar
 
 from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, LargeBinary, String, Text
@@ -259,12 +260,24 @@ class EquipmentRow(Signed, Base):
     """A piece of equipment in the server's register, with the file of its certificate."""
 
     __tablename__ = "equipment"
-    signed = ("id", "created", "record")
+    signed = ("id", "created", "record", "certificate_sha256")
     id: Mapped[str] = mapped_column(String(16), primary_key=True)
     record: Mapped[Data]
     created: Mapped[str] = mapped_column(String(32))
     updated: Mapped[str] = mapped_column(String(32))
     certificate_file: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    certificate_sha256: Mapped[str | None] = mapped_column(String(64))
+
+    @validates("certificate_file")
+    def _know(self, _: str, content: bytes | None) -> bytes | None:
+        self.certificate_sha256 = None if content is None else sha256(content).hexdigest()
+        return content
+
+    @property
+    def has_its_certificate(self) -> bool:
+        """Whether the file is the one that was stored with it."""
+        content = self.certificate_file
+        return (None if content is None else sha256(content).hexdigest()) == self.certificate_sha256
 
 
 class DeviceRow(Base):

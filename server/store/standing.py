@@ -55,8 +55,8 @@ def moment_faults(
     db: Transaction, answer: Mapping[str, Any], cell: str, session_id: str | None
 ) -> tuple[str, ...]:
     """Return the faults of the moment of a cell's answer: of a session, or (None) of the one in force."""
-    policy = newest(db, "policy", cell)
-    is_altered = not is_whole(db) or (policy is not None and not policy.holds)
+    asked = [newest(db, "policy", cell), *entries(db, "acknowledged", cell)]
+    is_altered = not is_whole(db) or not all(row is None or row.holds for row in asked)
     told = faults_of_moment(answer, _standing(db, cell, new=session_id is not None))
     return in_order((*told, *(["altered"] if is_altered else [])))
 

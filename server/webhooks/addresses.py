@@ -55,8 +55,7 @@ class CheckedTransport(httpx.BaseTransport):
             return ""
         if port == self._settings.port:
             return "it is this server itself"
-        allowed = self._settings.webhooks_to_this_machine
-        if not (not self._settings.login_required if allowed is None else allowed):
+        if not self._settings.webhooks_to_this_machine:
             return "it is this machine (SCANCELL_WEBHOOKS_TO_THIS_MACHINE=true allows it)"
         return ""
 

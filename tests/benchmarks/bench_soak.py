@@ -37,7 +37,8 @@ def run(full: bool) -> Iterator[Row]:
     """Yield the figures: of two hours with `full`, else of minutes, whose slope means nothing."""
     seconds, first_s = (_FULL_S, _FIRST_S) if full else (_SHORT_S, _SHORT_FIRST_S)
     with tempfile.TemporaryDirectory(prefix="scancell-soak-") as folder:
-        server = ServerProcess(Path(folder) / "data", {"SCANCELL_WARM_UP": "true"}).wait()
+        served = {"SCANCELL_WARM_UP": "true", "SCANCELL_WEBHOOKS_TO_THIS_MACHINE": "true"}
+        server = ServerProcess(Path(folder) / "data", served).wait()
         try:
             watch = Watch(psutil.Process(server.process.pid))
             yield from soaked(server, watch, _small_cell(), seconds, first_s)

@@ -20,6 +20,7 @@ def shared_client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Cl
         warm_up=False,
         max_json_bytes=200_000,
         max_upload_bytes=2_000_000,
+        webhooks_to_this_machine=True,
     )
     with serving(shared) as client:
         yield client

@@ -16,7 +16,8 @@ from server.store.changed_rows import accept
 from server.store.doctor import examine
 from tests.core.test_forged_results import leaves, other
 from tests.server.access import bearer, guarded
-from tests.server.live_server import serving, simulated_session, upload, wait_for
+from tests.server.live_server import assert_problem, serving, simulated_session, upload, wait_for
+from tests.server.test_standing import solved_in
 from tests.verified import verified_session
 
 CELL = "cell-of-forgers"
@@ -148,6 +149,7 @@ LEAVES = {
     "captures": ("record", "rowid", "/sessions/{session}/answer"),
     "measured": ("measured", "rowid", "/sessions/{session}/answer"),
     "policy": ("told", "number", "/cells/{cell}/answer"),
+    "acknowledged": ("told", "number", "/cells/{cell}/answer"),
 }
 """Of each stored record: its column, its key, and where a change of any field must be told."""
 
@@ -160,11 +162,18 @@ def test_every_field_of_a_stored_record_that_was_changed_is_told(
     client, session, database = served
     client.put(f"/cells/{CELL}/policy", json={"needs": [], "interval_days": 90}).raise_for_status()
     column, key, address = LEAVES[record]
-    table = {"measured": "captures", "policy": "signed_log"}.get(record, record)
-    where = "kind = 'policy'" if record == "policy" else "1"
+    cell = CELL
+    if record == "acknowledged":
+        cell = "remounted"
+        client.post(f"/sessions/{solved_in(client, cell)}/release", json={}).raise_for_status()
+        solved_in(client, cell, seed=8)
+        client.post(f"/cells/{cell}/acknowledge", json={"fault": "drift", "why": "told"}).raise_for_status()
+    is_logged = record in ("policy", "acknowledged")
+    table = "signed_log" if is_logged else {"measured": "captures"}.get(record, record)
+    where = f"kind = '{record}'" if is_logged else "1"
 
     def faults() -> str:
-        return client.get(address.format(session=session, cell=CELL)).headers["Scancell-Faults"]
+        return client.get(address.format(session=session, cell=cell)).headers["Scancell-Faults"]
 
     assert "altered" not in faults()
     with sqlite3.connect(database, isolation_level=None, timeout=20) as db:
@@ -175,11 +184,51 @@ def test_every_field_of_a_stored_record_that_was_changed_is_told(
             value, container[name] = container[name], other(container[name])
             db.execute(f"UPDATE {table} SET {column} = ? WHERE {key} = ?", (json.dumps(data), number))
             container[name] = value
-            told = client.get(address.format(session=session, cell=CELL))
+            told = client.get(address.format(session=session, cell=cell))
             assert told.status_code == 422 or "altered" in told.headers["Scancell-Faults"], (name, told.text)
         db.execute(f"UPDATE {table} SET {column} = ? WHERE {key} = ?", (text, number))
     db.close()
     assert "altered" not in faults()
+
+
+def test_a_piece_of_equipment_and_its_certificate_that_were_changed_are_told(
+    served: tuple[httpx.Client, str, Path],
+) -> None:
+    client, _, database = served
+    settings = Settings(data=database.parent)
+    certificate = {"number": "K-1", "due": "2030-01-01"}
+    told = {"kind": "sphere", "name": "K80-1", "serial": "S-1", "certificate": certificate}
+    piece = client.post("/equipment", json=told).raise_for_status().json()["id"]
+    here = f"/equipment/{piece}"
+    client.put(f"{here}/certificate", files={"file": ("K-1.pdf", b"%PDF-1.7 K-1")}).raise_for_status()
+    referring = {"cell": {"pose_convention": "ur", "equipment": [{"kind": "sphere", "register_id": piece}]}}
+    client.post("/sessions", json=referring).raise_for_status()
+    assert not client.get(here).json()["altered"]
+    with sqlite3.connect(database, isolation_level=None, timeout=20) as db:
+        text, file = db.execute("SELECT record, certificate_file FROM equipment").fetchone()
+        data = json.loads(text)
+        for container, name in list(leaves(data)):
+            value, container[name] = container[name], other(container[name])
+            db.execute("UPDATE equipment SET record = ?", (json.dumps(data),))
+            container[name] = value
+            answer = client.get(here)
+            assert answer.status_code == 422 or answer.json()["altered"], name
+            assert_problem(client.post("/sessions", json=referring), 409, "changed in the database")
+        db.execute("UPDATE equipment SET record = ?", (text,))
+        for other_file in (file.replace(b"1.7", b"1.4"), None):
+            db.execute("UPDATE equipment SET certificate_file = ?", (other_file,))
+            assert_problem(client.get(f"{here}/certificate"), 503, "certificate")
+            assert_problem(client.post("/sessions", json=referring), 503, "certificate")
+            assert [one.what for one in examine(settings).findings if one.kind == "damage" and piece in one.what]
+        db.execute("UPDATE equipment SET certificate_sha256 = NULL")  # as if it never had one
+        assert client.get(here).json()["altered"]
+    db.close()
+    client.put(f"{here}/certificate", files={"file": ("K-1.pdf", file[:-1])}).raise_for_status()
+    assert client.get(here).json()["altered"]  # what is written over it mends nothing, unless it is what it was
+    client.put(f"{here}/certificate", files={"file": ("K-1.pdf", file)}).raise_for_status()
+    assert client.get(f"{here}/certificate").content == file
+    assert not client.get(here).json()["altered"]
+    client.delete(here).raise_for_status()
 
 
 def test_what_was_changed_stays_told_when_the_server_writes_it_again(

@@ -191,6 +191,21 @@ def test_a_pose_that_moves_while_the_stripe_stands_was_not_where_it_stood_before
     assert not agreement.is_late()
 
 
+@pytest.mark.parametrize(("deg_per_s", "late_s"), [(0.5, 0.0), (0.5, 0.2), (20.0, 0.2), (20.0, 1.0)])
+def test_an_angle_that_turns_while_its_ball_stands_is_late(deg_per_s: float, late_s: float) -> None:
+    """Exposures arrive late themselves, and a slow table moves the ball little by little."""
+    x, agreement = np.linspace(-12.0, 12.0, 60), Agreement(Rules())
+    for moment_s in np.arange(100.0, 106.0, 0.05):
+        deg, seen_deg = (
+            float(np.clip(deg_per_s * (moment_s - by_s - 102.0), 0.0, 2.0)) for by_s in (late_s, 0.25)
+        )
+        points = np.column_stack([x + 3.0 * seen_deg, 200.0 - np.sqrt(20.0**2 - x**2)])
+        agreement.tell(Sample(moment_s, None, pose(0.0), table_deg=deg))
+        arc = fit_arc(points, 80.0, "away")
+        agreement.see(Exposure(Frame(moment_s + 0.01, "a.csv", b""), points, arc), is_on_table=True)
+    assert ("arrive late" in agreement.late_angle.why) == (late_s == 1.0)
+
+
 @pytest.mark.thorough
 def test_joints_of_ros_that_stand_make_the_sample_as_old_as_they_are() -> None:
     joints = {"header": stamp(8), "name": ["a1"], "position": [0.5]}

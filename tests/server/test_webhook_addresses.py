@@ -43,13 +43,10 @@ def test_this_server_is_refused_by_every_name_of_this_machine(tmp_path: Path, ho
         post(Settings(data=tmp_path, port=8123), f"http://{host}:8123/api/v1/sessions")
 
 
-def test_this_machine_is_reached_where_no_login_is_required_or_it_is_allowed(tmp_path: Path) -> None:
+def test_this_machine_is_reached_where_it_is_allowed_alone(tmp_path: Path) -> None:
     with receiving() as receiver:
-        assert post(Settings(data=tmp_path), receiver.address).status_code == 204
         with pytest.raises(httpx.ConnectError, match="SCANCELL_WEBHOOKS_TO_THIS_MACHINE"):
-            post(Settings(data=tmp_path, require_login=True), receiver.address)
-        with pytest.raises(httpx.ConnectError, match="this machine"):
-            post(Settings(data=tmp_path, webhooks_to_this_machine=False), receiver.address)
-        allowed = Settings(data=tmp_path, require_login=True, webhooks_to_this_machine=True)
+            post(Settings(data=tmp_path), receiver.address)
+        allowed = Settings(data=tmp_path, webhooks_to_this_machine=True)
         assert post(allowed, receiver.address.replace("127.0.0.1", "localhost")).status_code == 204
-    assert [headers["host"].partition(":")[0] for headers, _ in receiver.came] == ["127.0.0.1", "localhost"]
+    assert [headers["host"].partition(":")[0] for headers, _ in receiver.came] == ["localhost"]

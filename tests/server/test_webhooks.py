@@ -151,7 +151,7 @@ def test_what_is_not_taken_is_sent_again_also_by_the_next_server(
     start: Callable[..., Any], tmp_path: Path
 ) -> None:
     with receiving(500) as receiver:
-        with start() as client:
+        with start(webhooks_to_this_machine=True) as client:
             webhook = make_webhook(client, receiver, events=["capture"])
             session = make_session(client)
             upload(client, session, RECORD, arc_csv())
@@ -160,7 +160,7 @@ def test_what_is_not_taken_is_sent_again_also_by_the_next_server(
             assert (waiting[0]["status"], waiting[0]["answered"]) == ("waiting", 500)
             assert waiting[0]["due"] > waiting[0]["created"]
         make_due(tmp_path / "data")
-        with start() as client:
+        with start(webhooks_to_this_machine=True) as client:
             first, second = receiver.wait_for(2)
             assert first == second  # the same message, so that who sees it twice can leave one out
             done = until(

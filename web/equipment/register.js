@@ -35,12 +35,12 @@ export class RegisterElement extends HTMLElement {
 
   /** @param {RegisteredEquipment} piece */
   #row(piece) {
-    const { id, kind, name, model, serial, certificate, overdue } = piece;
+    const { id, kind, name, model, serial, certificate, overdue, altered } = piece;
     const words = pieceWords(piece);
     const input = h("input", { type: "file", hidden: true, "aria-label": t("equipment.keep_certificate", { piece: words }), onchange: () => void this.#keep(id, input.files?.[0]) });
     const number = certificate?.number ?? certificate?.file;
     return h("tr", {},
-      h("th", { scope: "row" }, kindWords(kind)), h("td", {}, [name, model].filter(Boolean).join(" · ")), h("td", {}, serial ?? ""),
+      h("th", { scope: "row" }, kindWords(kind), altered ? mark("fail", t("equipment.altered")) : null), h("td", {}, [name, model].filter(Boolean).join(" · ")), h("td", {}, serial ?? ""),
       h("td", {}, certificate?.file ? h("a", { href: `${ROOT}/equipment/${encodeURIComponent(id)}/certificate`, download: certificate.file }, number ?? "") : number ?? "", certificate?.laboratory ? h("span", { class: "soft" }, ` ${certificate.laboratory}`) : null),
       h("td", { class: "number" }, certificate?.due ? (overdue ? mark("fail", t("equipment.overdue", { due: certificate.due })) : certificate.due) : ""),
       h("td", { class: "right" }, h("div", { class: "row" }, input,
@@ -62,7 +62,7 @@ export class RegisterElement extends HTMLElement {
   /** @param {RegisteredEquipment} [piece] a new one where none is given */
   #edit(piece) {
     const { element: problem, during } = alarm();
-    const plain = piece && /** @type {import("../api-types.js").Equipment} */ (Object.fromEntries(Object.entries(piece).filter(([name]) => !["id", "created", "updated", "overdue"].includes(name))));
+    const plain = piece && /** @type {import("../api-types.js").Equipment} */ (Object.fromEntries(Object.entries(piece).filter(([name]) => !["id", "created", "updated", "overdue", "altered"].includes(name))));
     const fields = pieceFields("piece", plain);
     const dialog = openDialog("piece", t(piece ? "equipment.edit" : "equipment.enter"), [certificateButton(fields.take), fields.element, problem, formButtons(t("place.save"))], { submit: async () => {
       const read = fields.read();
