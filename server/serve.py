@@ -17,7 +17,7 @@ from server.heap import give_back
 from server.http.address_limit import AddressLimit
 from server.http.events import Hub
 from server.http.protocol import LimitedHttp
-from server.settings import Settings, is_loopback
+from server.settings import Settings, address_of, is_loopback
 from server.store.store_lock import store_lock
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024  # a scene's point clouds travel in one WebSocket message
@@ -124,5 +124,4 @@ class WorkbenchServer(uvicorn.Server):
     def address(self) -> str:
         """Where it is served, once it has started."""
         host, port = self.servers[0].sockets[0].getsockname()[:2]
-        scheme = "https" if self.config.is_ssl else "http"
-        return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
+        return address_of("https" if self.config.is_ssl else "http", host, port)

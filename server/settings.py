@@ -24,6 +24,12 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def address_of(scheme: str, host: str, port: int) -> str:
+    """Return the address by which this machine reaches what is served on a host: Windows opens no 0.0.0.0."""
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+    return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
+
+
 def _page() -> Path:
     """Return the folder of the page: within the package where it is installed, beside it in a checkout."""
     here = Path(__file__).resolve().parent

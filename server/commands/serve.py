@@ -86,21 +86,31 @@ def _announce(options: argparse.Namespace, server: "WorkbenchServer") -> None:
 
 
 def _running(host: str, port: int) -> str | None:
-    """Return the address of a workbench that answers there already, None where none does."""
-    import json
-    from urllib.error import HTTPError, URLError
-    from urllib.request import ProxyHandler, build_opener
+    """Return the address of a workbench that answers there already, encrypted or not; None where none does."""
+    from server.settings import address_of
 
-    address = f"http://{host}:{port}"
+    found = (address_of(scheme, host, port) for scheme in ("http", "https"))
+    return next((address for address in found if b'"version"' in _health(address)), None)
+
+
+def _health(address: str) -> bytes:
+    """Return what is said there of its health, also by what still starts (503) or has a certificate of its own."""
+    import ssl
+    from http.client import HTTPException
+    from urllib.error import HTTPError
+    from urllib.request import HTTPSHandler, ProxyHandler, build_opener
+
+    anybody = ssl.create_default_context()
+    anybody.check_hostname, anybody.verify_mode = False, ssl.CERT_NONE  # nothing is told it, and nothing believed
+    opener = build_opener(ProxyHandler({}), HTTPSHandler(context=anybody))
     try:
-        with build_opener(ProxyHandler({})).open(f"{address}/api/v1/health", timeout=_ANSWERS_S) as answer:
-            health = json.load(answer)
+        with opener.open(f"{address}/api/v1/health", timeout=_ANSWERS_S) as answer:
+            return answer.read()
     except HTTPError as error:
         with error:
-            return address if error.code == 503 and b'"version"' in error.read() else None  # it still starts
-    except (URLError, OSError, ValueError):
-        return None
-    return address if isinstance(health, dict) and "version" in health else None
+            return error.read() if error.code == 503 else b""
+    except (OSError, HTTPException, ValueError):
+        return b""
 
 
 def _open(address: str) -> None:

@@ -24,6 +24,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server.auth.buckets import Buckets
+from server.commands.serve import _running
 from server.http.address_limit import AddressLimit
 from server.http.timeouts import Timeouts
 from server.serve import WorkbenchServer
@@ -302,6 +303,9 @@ def test_beyond_this_machine_with_encryption(tmp_path: Path) -> None:
     settings = Settings(host="0.0.0.0", port=0, data=data, warm_up=False, allowed_hosts=["cell4.example"], **files)
     with serving(settings) as plain:
         port = plain.base_url.port
+        # Told, and opened, as Windows takes it; a second `serve --open` finds it, whoever signed its certificate.
+        assert plain.base_url.host == "127.0.0.1"
+        assert _running("0.0.0.0", port) == f"https://127.0.0.1:{port}"
         trusted = ssl.create_default_context(cafile=public)
         with httpx.Client(base_url=f"https://127.0.0.1:{port}/api/v1", verify=trusted, trust_env=False) as client:
             assert client.get("/sessions").status_code == 401

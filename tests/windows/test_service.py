@@ -1,8 +1,10 @@
 """The scheduled task and the links, given to a program in place of Windows' schtasks."""
 
+import socket
 import struct
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path, PureWindowsPath
 from xml.etree import ElementTree
 
@@ -116,6 +118,20 @@ def test_a_link_is_read_back_by_its_format() -> None:
     target = data[at + 8 + 260 : at + size].decode("utf-16-le").rstrip("\0")
     assert target == "C:\\Program Files\\Python\\pythonw.exe"
     assert data[at + size :] == bytes(4)
+
+
+def test_what_speaks_another_language_on_a_port_is_no_workbench() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other, ThreadPoolExecutor(1) as pool:
+
+        def answer() -> None:
+            for _ in ("http", "https"):
+                with other.accept()[0] as caller:
+                    caller.recv(4096)
+                    caller.sendall(b"\x15\x03\x03\x00\x02\x02\x46 220 ready\r\n\r\n")
+
+        answered = pool.submit(answer)
+        assert serve._running("127.0.0.1", other.getsockname()[1]) is None
+        answered.result()
 
 
 @pytest.mark.thorough
