@@ -16,6 +16,7 @@ STYLE: Final = """
 .scancell th { text-align: left; font-weight: 500; }
 .scancell th, .scancell td { padding: 4px 14px 4px 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 .scancell .n { text-align: right; white-space: nowrap; }
+.scancell .n + :not(.n) { padding-left: 8px; }
 .scancell .words { overflow-wrap: anywhere; white-space: normal; }
 .scancell .wide { overflow-x: auto; }
 .scancell .headline td.n { font-size: 20px; font-weight: 600; }

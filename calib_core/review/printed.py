@@ -8,7 +8,7 @@ from typing import Any, Final, get_args
 
 from calib_core.cell.found import SCANNER_FRAMES
 from calib_core.errors import InputError
-from calib_core.evidence.numbers import number_text, quantity, quantity_text
+from calib_core.evidence.numbers import limit_of, number_text, quantity, quantity_text
 from calib_core.evidence.text import cell_text, figure_text, verdict_words
 from calib_core.findings.catalogues import LANGUAGES, catalogue
 from calib_core.records import ResultsData, Session
@@ -85,7 +85,9 @@ def _follow(numbers: Sequence[str], section: Sequence[str]) -> bool:
 def _of_check(check: Mapping[str, Any]) -> list[str]:
     """Return the numbers that the first page has of one of a verification's checks."""
     measured = quantity(check["value_mm"], "mm", (check.get("uncertainty_mm") or 0.0) / 2 or None)
-    return _NUMBER.findall(f"{check['title']} {quantity_text(measured)} {check.get('limit_mm') or 0:g}")
+    limit_mm = check.get("limit_mm") or 0.0
+    limits = f"{quantity_text(limit_of(limit_mm, measured))} {limit_mm:g}"  # as earlier versions print it, too
+    return _NUMBER.findall(f"{check['title']} {quantity_text(measured)} {limits}")
 
 
 def _numbers(block: AnyBlock) -> list[str]:

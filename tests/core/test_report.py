@@ -149,7 +149,10 @@ def test_words_over_a_verification_s_figures_are_no_figures_that_results_must_te
     assert "k = 2" in heads[0]
     told = page.replace(heads[0], heads[0].replace("2", "98765"))
     assert list(misprinted(told.encode(), made.session, results, None)) == []
-    wrong = page.replace("0.4 mm</td>", "0.5 mm</td>")
+    assert "0.40\u202fmm</td>" in page[: page.index("<main>")]  # with its figure's digits, as in the evidence
+    earlier = page.replace("0.40\u202fmm</td>", "0.4 mm</td>", 1)
+    assert list(misprinted(earlier.encode(), made.session, results, None)) == []
+    wrong = page.replace("0.40\u202fmm</td>", "0.50\u202fmm</td>", 1)
     assert wrong != page
     assert list(misprinted(wrong.encode(), made.session, results, None)) == ["figures"]
 

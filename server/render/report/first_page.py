@@ -9,12 +9,12 @@ from typing import Any, Final, Literal
 from calib_core.captures.certificate_dates import overdue_certificates
 from calib_core.errors import ConflictError
 from calib_core.evidence.html import STALE
-from calib_core.evidence.numbers import plus_minus, quantity, quantity_text
+from calib_core.evidence.numbers import limit_of, plus_minus, quantity, quantity_text
 from calib_core.evidence.text import MOST_IN_SIGHT, figure_text, verdict_words
 from calib_core.exports.answer import answer_of
 from calib_core.findings import in_language
 from calib_core.findings.codes.faults import FAULT_CODES
-from calib_core.messages import ENGLISH, Catalogue, message, plural
+from calib_core.messages import ENGLISH, Catalogue, Message, message, plural
 from calib_core.moment import now, said_moment
 from calib_core.records import Capture, Session
 from calib_core.records.callbacks import ReadFile
@@ -33,6 +33,7 @@ ON_FIRST_PAGE: Final = ("customer", "operator", "place", "procedure", "received"
 """What of `documentation` stands there; the report's number heads every page, and the rest follows."""
 
 _HASH_SHOWN = 8
+_UNIT = re.compile(r"(?<=\d) (?=%|mm\b)")  # a line does not end before it
 Data = Mapping[str, Any]
 Rows = list[tuple[str, str]]
 
@@ -53,6 +54,8 @@ class Circumstances:
     of_moment : sequence of str
         Faults of the moment when it was printed, by name.
     decided_before : sequence of DecidedBefore
+    acknowledged : sequence of Message
+        Who acknowledged that cell or equipment had changed, when and why.
     digests : mapping
         The SHA-256 of files that lie beside the session, by their names: of certificates.
     language : Catalogue
@@ -66,6 +69,7 @@ class Circumstances:
     release: Data | None = None
     of_moment: Sequence[str] = ()
     decided_before: Sequence[DecidedBefore] = ()
+    acknowledged: Sequence[Message] = ()
     digests: Mapping[str, str] = field(default_factory=dict[str, str])
     language: Catalogue = field(default=ENGLISH)
     paper: Literal["A4", "letter"] = "A4"
@@ -187,7 +191,7 @@ def outcome(
     decision = verify.get("decision")
     compared = results.get("merge", {}).get("deviation")
     figures = [
-        f"{block.label} {figure_text(block)}"
+        (block.label, _UNIT.sub("\N{NO-BREAK SPACE}", figure_text(block)))
         for block in [*blocks[stage], *(blocks["merge"] if compared and stage != "merge" else [])]
         if isinstance(block, Figure) and block.headline
     ]
@@ -197,7 +201,7 @@ def outcome(
         "word": word,
         "meaning": meaning,
         "figures": figures,
-        "expanded": told.say("expanded") if any("±" in figure for figure in figures) else "",
+        "expanded": told.say("expanded") if any("±" in text for _, text in figures) else "",
         "wanted": quantity_text(plus_minus(wanted / 2, "mm")) if wanted else "",
         "decision": decision or "",
         "decided": told.language.say(DECISIONS.get(str(decision), str(decision))) if decision else "",
@@ -218,10 +222,11 @@ def outcome(
 def _check(check: Data, told: Circumstances) -> Data:
     limit = check.get("limit_mm")
     decision = check.get("decision")
+    measured = quantity(check["value_mm"], "mm", (check["uncertainty_mm"] or 0.0) / 2 or None)
     return {
         "title": told.language.say(str(check["title"])),
-        "measured": quantity_text(quantity(check["value_mm"], "mm", (check["uncertainty_mm"] or 0.0) / 2 or None)),
-        "limit": told.say("not limited") if limit is None else f"{limit:g} mm",
+        "measured": quantity_text(measured),
+        "limit": told.say("not limited") if limit is None else quantity_text(limit_of(limit, measured)),
         "decision": decision or "",
         "decided": told.language.say(DECISIONS.get(str(decision), str(decision))) if decision else "–",
     }
@@ -256,13 +261,13 @@ def _remarks(faults: Sequence[str], stale: bool, told: Circumstances) -> list[st
 
 def approval(told: Circumstances) -> list[str]:
     """Return who released the answer, when and why, and what must be known of it; that nobody did."""
-    release = told.release
+    release, acknowledged = told.release, map(told.language.say, told.acknowledged)
     if release is None:
-        return [told.say("not released")]
+        return [told.say("not released"), *acknowledged]
     faults = " ".join(FAULT_CODES[name].said({}, (), told.language) for name in in_order(release["in_spite_of"]))
     more = [told.say("in spite of", faults=faults)] if faults else []
     unsigned = [] if release["signed"] else [told.say("release unsigned")]
-    return [told.language.say(said_release(release)), *more, *unsigned]
+    return [told.language.say(said_release(release)), *more, *unsigned, *acknowledged]
 
 
 def plain_text(text: str) -> str:
