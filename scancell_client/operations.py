@@ -122,7 +122,7 @@ class Operations(Connection):
         return self.request("GET", "/api/v1/cells")
 
     def cells_get_history(self, cell_id: str) -> Any:
-        """Return a cell's sessions and releases, the newest first."""
+        """Return a cell's sessions and releases, and who acknowledged what, the newest first."""
         return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/history")
 
     def cells_get_drift(self, cell_id: str) -> Any:

@@ -11,6 +11,10 @@ from calib_core.records.faults import in_order
 from calib_core.records.policy import Equipment, Policy
 
 _VERIFIED = ("pass", "conditional-pass")
+_ACKNOWLEDGED = {
+    "drift": message("Change of the cell acknowledged by {who}, {when}. Reason: {why}"),
+    "equipment-changed": message("Other equipment ({changes}) acknowledged by {who}, {when}. Reason: {why}"),
+}
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,17 @@ def _is_overdue(answer: Mapping[str, Any], policy: Policy, now: datetime) -> boo
     told = [datetime.fromisoformat(date) for date in dates if date]
     newest = max((one if one.tzinfo else one.replace(tzinfo=UTC) for one in told), default=None)
     return newest is None or now - newest > timedelta(days=policy.interval_days)
+
+
+def said_acknowledgement(told: Mapping[str, Any]) -> Message:
+    """Return who acknowledged a fault of the moment, when and why: `fault`, `of`, `who`, `created`, `why`."""
+    return message(
+        _ACKNOWLEDGED[told["fault"]],
+        changes="; ".join(told["of"]),
+        who=str(told["who"]),
+        when=said_moment(str(told["created"])),
+        why=str(told["why"]) or message("none given"),
+    )
 
 
 def said_release(release: Mapping[str, Any]) -> Message:

@@ -11,6 +11,7 @@ from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.records import Capture, Measured, Session, parse_capture, parse_session
 from calib_core.records.strict_fields import require_known_fields, unknown_fields
+from calib_core.review.answer import cell_id
 from calib_core.stages.verify.limits import changes_between
 from server.captures.known_results import require_rigid
 from server.captures.measurer import Measurer
@@ -32,6 +33,7 @@ from server.store.sessions import (
     session_data,
     session_row,
 )
+from server.store.standing import require_evidence_kept
 
 _MOST_WORDS = 1000
 _MEASURED_AT_ONCE = 10  # before the answer; more are measured after it
@@ -122,6 +124,8 @@ def corrected_session(
         require_revision(row, if_match)
         if row.revision != revision:
             raise _changed_meanwhile("session")
+        if cell_id(session) != row.cell_id:
+            require_evidence_kept(db, row)
         if anew and not at_once:
             measure_anew(db, session_id, {c.id: to_wait(c, "cell") for c in captures})
         change_session(db, row, {n: v for n, v in session.to_json().items() if n != "captures"}, measured)

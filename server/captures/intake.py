@@ -24,6 +24,7 @@ from server.captures.measuring_queue import to_wait
 from server.http.idempotency import NO_KEY, Idempotency
 from server.http.uploads import digests_of
 from server.jobs.measuring_processes import Measuring
+from server.store.audit import note_captures
 from server.store.calibrations import calibrated_session, needs_calibration
 from server.store.capture_writes import Arrival, add_captures, is_stored, session_record
 from server.store.database import Store
@@ -104,6 +105,7 @@ class Intake:
                     (stored,) = add_captures(db, session_id, [arrival], known.record)
                     if isinstance(stored, CalibrationError):
                         raise stored
+                    note_captures([capture.id])
                     return stored
 
                 return idempotency.within(db, content, 201, add)[0]
@@ -137,7 +139,9 @@ class Intake:
                 _arrival(capture, to_wait(capture), contents, following, waits=True) for capture, contents in good
             ]
             answers = add_captures(db, session_id, arrivals, known.record)
-            return [_outcome(db, session_id, *pair) for pair in zip(arrivals, answers, strict=True)]
+            pairs = list(zip(arrivals, answers, strict=True))
+            note_captures([a.capture.id for a, told in pairs if not isinstance(told, CalibrationError)])
+            return [_outcome(db, session_id, *pair) for pair in pairs]
 
         outcomes = iter(await self._write(store, [part for _, contents in good for part in contents.values()]))
         return [one if isinstance(one, CalibrationError) else next(outcomes) for one in read]

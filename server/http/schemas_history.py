@@ -18,13 +18,14 @@ class TimelineItem(BaseModel):
     The last one is `now`.
 
     `removed` says of a capture that it is not in the session any more; it then stands before the first result that
-    used it. `message` says why a solve failed, which limit of a verification was changed, or who released
-    (`brought`: elsewhere, as the archive tells that the session came with);
+    used it. `message` says why a solve failed, which limit of a verification was changed, who acknowledged
+    that cell or equipment changed, or who released (`brought`: elsewhere, as the archive tells that the session
+    came with);
     `excluded_because` who left a capture out, `included_because` who took it in again.
     """
 
     place: int
-    kind: Literal["capture", "result", "limit", "release", "failed", "cancelled", "now"]
+    kind: Literal["capture", "result", "limit", "release", "acknowledged", "failed", "cancelled", "now"]
     at: str
     capture: str | None = None
     step: StepName | None = None

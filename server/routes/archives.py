@@ -17,8 +17,9 @@ from calib_core.archive.folder import to_json_bytes
 from calib_core.archive.release_file import RELEASE_FILE, release_bytes, release_told
 from calib_core.errors import CalibrationError, InputError
 from calib_core.exports.answer import Answer
-from calib_core.messages import message
+from calib_core.messages import Message, message
 from calib_core.review.answer import answer_record
+from calib_core.review.standing import said_acknowledgement
 from server.http.api_router import api_router
 from server.http.created import created
 from server.http.downloads import Download
@@ -32,9 +33,9 @@ from server.store.models import Data
 from server.store.releases import release_of
 from server.store.session_answer import answer_headers, session_answer
 from server.store.sessions import StoredSession as SessionOfStore
-from server.store.sessions import load_session, session_data
+from server.store.sessions import load_session, session_data, session_row
 from server.store.solves import REPLAY, create_job
-from server.store.standing import with_moment
+from server.store.standing import acknowledgements_of, with_moment
 
 if TYPE_CHECKING:
     from server.render.report.first_page import Circumstances
@@ -101,11 +102,12 @@ def get_archive(
         stored = load_session(db, store.blobs, session_id)
         kept, past = archived_files(db, session_id), history_bytes(db, session_id)
         answer = _answer(db, stored)
-        released = _release(db, stored, answer)
+        released, acknowledged = _release(db, stored, answer), _acknowledged(db, session_id)
     signed = {RELEASE_FILE: release_bytes(released)} if released and _is_ours(released) else {}
     file = store.blobs.scratch()
     try:
-        pages = _pages(stored, _circumstances(stored, answer, release=released), scene)
+        about = _circumstances(stored, answer, release=released, acknowledged=acknowledged)
+        pages = _pages(stored, about, scene)
         pack_stored(stored, kept, file, {**pages, **_answer_file(answer), **signed, HISTORY_FILE: past})
         size = file.seek(0, 2)
     except BaseException:
@@ -185,6 +187,7 @@ def get_report(
             stored,
             None if answer is None else with_moment(db, answer, session_id),
             release=_release(db, stored, answer),
+            acknowledged=_acknowledged(db, session_id),
             language=spoken(),
             paper=paper,
         )
@@ -240,6 +243,10 @@ def _release(db: Transaction, stored: SessionOfStore, answer: Answer | None) -> 
     if released is None and RELEASE_FILE in stored.kept:
         return release_told(stored.blobs.read(stored.kept[RELEASE_FILE]), stored.results, answer.date)
     return released
+
+
+def _acknowledged(db: Transaction, session_id: str) -> list[Message]:
+    return [said_acknowledgement(one) for one in acknowledgements_of(db, session_row(db, session_id))]
 
 
 def _is_ours(release: Data) -> bool:

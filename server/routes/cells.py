@@ -36,6 +36,7 @@ from server.store.session_answer import headers_of, session_answer
 from server.store.sessions import load_session
 from server.store.standing import (
     acknowledge,
+    acknowledgements,
     policy_of,
     released_faults,
     require_four_eyes,
@@ -95,14 +96,6 @@ class CellSession(BaseModel):
     created: str
 
 
-class CellHistory(BaseModel):
-    """A cell's sessions and releases, the newest first."""
-
-    id: str
-    sessions: list[CellSession]
-    releases: list[Release]
-
-
 class ReleaseRequest(Record):
     """Why an answer is released; `allow` names the faults in spite of which, with commas between."""
 
@@ -135,6 +128,15 @@ class Acknowledged(BaseModel):
     created: str
 
 
+class CellHistory(BaseModel):
+    """A cell's sessions and releases, and who acknowledged what, the newest first."""
+
+    id: str
+    sessions: list[CellSession]
+    releases: list[Release]
+    acknowledged: list[Acknowledged]
+
+
 class Rollback(Record):
     """Why an earlier release is put in force again, and its number; left out, the one before."""
 
@@ -154,9 +156,9 @@ def get_cells(store: StoreDep) -> Response:
 
 @router.get("/cells/{cell_id}/history", response_model=CellHistory)
 def get_history(cell_id: CellId, store: StoreDep) -> Response:
-    """Return a cell's sessions and releases, the newest first."""
+    """Return a cell's sessions and releases, and who acknowledged what, the newest first."""
     with store.read() as db:
-        return JSONResponse(cell_history(db, cell_id))
+        return JSONResponse({**cell_history(db, cell_id), "acknowledged": acknowledgements(db, cell_id)})
 
 
 @router.get("/cells/{cell_id}/drift", response_model=CellDrift)

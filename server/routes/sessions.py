@@ -53,7 +53,6 @@ from server.routes.tokens import IdentityDep
 from server.sources.simulated import simulated_session
 from server.store.equipment import keep_certificates, with_registered
 from server.store.models import Data
-from server.store.releases import require_not_in_force
 from server.store.sessions import (
     STORE_FIELDS,
     create_session,
@@ -66,6 +65,7 @@ from server.store.sessions import (
     session_row,
 )
 from server.store.solves import unfinished_jobs
+from server.store.standing import require_evidence_kept
 from server.store.unreferenced import remove_unreferenced
 
 router = api_router("sessions", f"{API}/sessions")
@@ -150,7 +150,7 @@ def delete(
     with store.write() as db:
         row = locked_session(db, session_id)
         require_revision(row, if_match)
-        require_not_in_force(db, row)
+        require_evidence_kept(db, row)
         unfinished = unfinished_jobs(db, session_id)
         digests = delete_session(db, session_id)
     for job_id in unfinished:

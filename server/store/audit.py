@@ -1,6 +1,6 @@
 """The log of who did what: a row in the very transaction that does it, or for a request that was refused."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from itertools import islice
@@ -48,10 +48,16 @@ def note_acts(db: Transaction, acts: Iterable[Act | None]) -> None:
 
 
 def note_change(change: Data) -> None:
-    """Keep in the log what is being changed: `before` and `after`."""
+    """Keep in the log what is being changed: `before` and `after`; each change of a request is a row."""
     act = acting.get()
     if act is not None:
-        act.change = change
+        act.change, act.noted = change, False
+
+
+def note_captures(ids: Sequence[str]) -> None:
+    """Keep in the log which captures are being added."""
+    if ids:
+        note_change({"before": None, "after": {"added": list(ids)}})
 
 
 def note_difference(before: Data, after: Data) -> None:

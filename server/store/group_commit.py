@@ -106,6 +106,7 @@ class GroupCommit:
         done: list[audit.Act | None] = []
         with self._store.write() as db:
             for write in writes:
+                audit.acting.set(write.by)
                 try:
                     outcomes.append(write.act(db, list(islice(digests, len(write.contents)))))
                 except CalibrationError as error:

@@ -15,13 +15,14 @@ from calib_core.findings import verdict_of
 from calib_core.findings.codes.quality import FILES_REMOVED
 from calib_core.messages import message, sentences
 from calib_core.records import Capture, LimitChange, Measured, Session, parse_session
-from calib_core.review.standing import said_release
+from calib_core.review.standing import said_acknowledgement, said_release
 from calib_core.stages.verify.limits import said_change
 from server.store.blobs import Blobs
-from server.store.models import CaptureRow, Data, JobRow, OutputRow, ReleaseRow, ResultRow
+from server.store.models import CaptureRow, Data, JobRow, OutputRow, ReleaseRow, ResultRow, SessionRow
 from server.store.releases import release_data
 from server.store.sessions import ARCHIVED, StoredSession, load_session, session_row
 from server.store.solves import ALL, COMPARE, REPLAY
+from server.store.standing import acknowledgements_of
 
 if TYPE_CHECKING:
     from calib_core.review.compare import Compared
@@ -65,6 +66,7 @@ def timeline(db: Transaction, blobs: Blobs, session_id: str) -> list[Data]:
         *_results(past),
         *_limits(session.record),
         *_released(db, session_id),
+        *_acknowledged(db, session),
         *_brought(db, blobs, session_id, past),
         *_ended_without_result(db, session_id),
     )
@@ -227,6 +229,13 @@ def _released(db: Transaction, session_id: str) -> Iterator[_Item]:
             (row.created, 3, row.number),
             {"kind": "release", "at": row.created, "message": said_release(release_data(row))},
         )
+
+
+def _acknowledged(db: Transaction, session: SessionRow) -> Iterator[_Item]:
+    """Return who acknowledged that the cell changed with it, or its equipment, when and why."""
+    for told in acknowledgements_of(db, session):
+        data = {"kind": "acknowledged", "at": told["created"], "message": said_acknowledgement(told)}
+        yield (told["created"], 3, told["number"]), data
 
 
 def _brought(db: Transaction, blobs: Blobs, session_id: str, past: Sequence[PastResult]) -> Iterator[_Item]:

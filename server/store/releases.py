@@ -19,6 +19,8 @@ from server.store.signed_log import note
 from server.store.staleness import stale_stages
 from server.store.webhooks import tell
 
+_LATEST = select(func.max(ReleaseRow.number)).group_by(ReleaseRow.cell)
+
 
 def list_cells(db: Transaction) -> list[Data]:
     """Return all cells by id: how many sessions each has, the newest of them, and what is released."""
@@ -26,8 +28,7 @@ def list_cells(db: Transaction) -> list[Data]:
     for name, session in _sessions(db):
         cell = cells.setdefault(name, {"sessions": 0})
         cell.update(sessions=cell["sessions"] + 1, newest_session=session["id"], newest_created=session["created"])
-    latest = select(func.max(ReleaseRow.number)).group_by(ReleaseRow.cell)
-    for release in db.scalars(select(ReleaseRow).where(ReleaseRow.number.in_(latest))):
+    for release in db.scalars(select(ReleaseRow).where(ReleaseRow.number.in_(_LATEST))):
         cells.setdefault(release.cell, {"sessions": 0})["released"] = release_data(release)
     empty: Data = {"newest_session": None, "newest_created": None, "released": None}
     return [{"id": name, **empty, **cells[name]} for name in sorted(cells)]
@@ -42,10 +43,13 @@ def cell_history(db: Transaction, cell: str) -> Data:
     return {"id": cell, "sessions": sessions, "releases": releases}
 
 
-def cell_sessions(db: Transaction, cell: str, most: int = 100) -> list[SolvedSession]:
-    """Return a cell's newest sessions with their latest results, the oldest first; raises NotFoundError."""
+def cell_sessions(db: Transaction, cell: str, most: int = 100, *, as_solved: bool = False) -> list[SolvedSession]:
+    """Return a cell's newest sessions with their latest results, the oldest first; raises NotFoundError.
+
+    `as_solved`: none is called stale, whatever was changed since.
+    """
     newest = cell_history(db, cell)["sessions"][:most]
-    stale = stale_stages(db, [session["id"] for session in newest])
+    stale = {} if as_solved else stale_stages(db, [session["id"] for session in newest])
     found = [_solved_session(db, session, stale.get(session["id"], frozenset())) for session in newest[::-1]]
     return sorted(found, key=lambda one: one.date)
 
@@ -63,12 +67,18 @@ def sessions_of_cell(db: Transaction, cell: str) -> list[str]:
     return [session["id"] for name, session in _sessions(db, cell) if name == cell]
 
 
+def sessions_in_force(db: Transaction) -> dict[str, str]:
+    """Return the sessions whose answers are in force, each with its cell, whatever it says of itself by now."""
+    query = select(ReleaseRow.session_id, ReleaseRow.cell).where(ReleaseRow.number.in_(_LATEST))
+    return {row.session_id: row.cell for row in db.execute(query)}
+
+
 def require_not_in_force(db: Transaction, session: SessionRow) -> None:
-    """Refuse to remove what the answer in force was solved from."""
-    rows = _releases(db, session.cell_id, 1)
-    if rows and rows[0].session_id == session.id:
+    """Refuse to remove what the answer in force was solved from, or to give it to another cell."""
+    cell = sessions_in_force(db).get(session.id)
+    if cell is not None:
         to_do = message("Set `archived`, or leave captures out with `excluded`; or release another answer first.")
-        got = message("evidence of the answer in force for cell {cell_id}", cell_id=session.cell_id)
+        got = message("evidence of the answer in force for cell {cell_id}", cell_id=cell)
         raise ConflictError("a session whose answer is not in force", got, to_do, session.id)
 
 

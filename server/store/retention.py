@@ -12,8 +12,10 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import InputError
 from calib_core.moment import from_now
 from server.store.database import Store
-from server.store.models import FileRow, OutputRow, ReleaseRow, SessionRow
+from server.store.models import FileRow, OutputRow, SessionRow
+from server.store.releases import sessions_in_force
 from server.store.sessions import delete_session
+from server.store.standing import open_steps
 from server.store.unreferenced import remove_unreferenced
 
 _MOST: Final = 1e9  # days, or megabytes
@@ -46,7 +48,8 @@ def sessions_beyond(
 ) -> list[Old]:
     """Return the sessions that a rule lets go, the oldest first.
 
-    What is in force for a cell is kept, whatever its age: the session that its answer was released from.
+    What is in force for a cell is kept, whatever its age: the session that its answer was released from.  So is
+    one with which the cell changed, until somebody has acknowledged it.
 
     Parameters
     ----------
@@ -58,8 +61,7 @@ def sessions_beyond(
     quota_bytes : int, optional
         Of each cell the oldest go, until the files of those that stay need no more than this.
     """
-    latest = select(func.max(ReleaseRow.number)).group_by(ReleaseRow.cell)
-    in_force = set(db.scalars(select(ReleaseRow.session_id).where(ReleaseRow.number.in_(latest))))
+    in_force = sessions_in_force(db)
     sizes = _sizes(db)
     before = None if days is None else from_now(-timedelta(days=days))
     newest_first: dict[str, list[SessionRow]] = {}
@@ -76,7 +78,7 @@ def sessions_beyond(
             size = sizes.get(row.id, 0)
             old = before is not None and row.updated < before
             too_much = quota_bytes is not None and total + size > quota_bytes
-            if old or too_much:
+            if (old or too_much) and row.id not in open_steps(db, name):
                 found.append(
                     Old(row.id, row.name, name, row.updated, row.revision, size, "age" if old else "quota")
                 )

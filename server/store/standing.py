@@ -1,6 +1,6 @@
 """How a cell stands at this moment: its policy, its drift, its equipment, and what somebody acknowledged."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,15 +15,23 @@ from calib_core.moment import now
 from calib_core.records.faults import ACKNOWLEDGED, in_order
 from calib_core.records.policy import Policy
 from calib_core.review.answer import answer_record
+from calib_core.review.between_sessions import SolvedSession
 from calib_core.review.standing import Standing, changed_equipment, faults_of_moment, serials_of
 from server.store.access import AuditRow
 from server.store.audit import note_change
-from server.store.models import Data, ReleaseRow, SessionRow
-from server.store.releases import cell_history, cell_sessions, released, sessions_of_cell
+from server.store.models import CaptureRow, Data, ReleaseRow, SessionRow
+from server.store.releases import (
+    cell_history,
+    cell_sessions,
+    released,
+    require_not_in_force,
+    sessions_of_cell,
+)
 from server.store.removed_rows import is_release_removed
 from server.store.signed_log import entries, is_whole, newest, note
+from server.store.staleness import stale_stages
 
-_CAPTURING = ("/captures", "/captures/batch", "/sources/simulated/capture", "/live/capture", "/live/sweep")
+_CAPTURING = ("captures", "captures/batch", "sources/simulated/capture", "live/capture", "live/sweep")
 _NOBODY = "this machine"  # without a login nobody knows who it is
 _MOST_KNOWN = 200
 _steps_known: dict[tuple[Any, ...], frozenset[str]] = {}
@@ -93,7 +101,39 @@ def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> D
         to_do = "Nothing has to be done."
         raise ConflictError("a cell with the fault {fault}", "one without", to_do, cell, fault=fault)
     told = {"fault": fault, "of": sorted(found), "who": who, "why": why, "created": now()}
+    note_change({"before": {"fault": fault, "of": sorted(found)}, "after": told})
     return {"number": note(db, "acknowledged", cell, told).number, "cell": cell, **told}
+
+
+def acknowledgements(db: Transaction, cell: str) -> list[Data]:
+    """Return who acknowledged which fault of a cell, when and why, the newest first."""
+    rows = entries(db, "acknowledged", cell)[::-1]
+    return [{"number": row.number, "cell": cell, **row.told} for row in rows if row.holds]
+
+
+def acknowledgements_of(db: Transaction, session: SessionRow) -> list[Data]:
+    """Return those that a session was the reason of: with which the cell changed, or the newest one then."""
+    if not (told := acknowledgements(db, session.cell_id)):
+        return []
+    sessions = cell_history(db, session.cell_id)["sessions"]
+
+    def reasons(one: Data) -> list[str]:
+        newest = [other["id"] for other in sessions if other["created"] <= one["created"]][:1]
+        return one["of"] if one["fault"] == "drift" else newest
+
+    return [one for one in told if session.id in reasons(one)]
+
+
+def require_evidence_kept(db: Transaction, session: SessionRow) -> None:
+    """Refuse to remove a session that the answer in force rests on, or to give it to another cell.
+
+    So is one with which the cell changed, as long as nobody has acknowledged that.
+    """
+    require_not_in_force(db, session)
+    if session.id in open_steps(db, session.cell_id):
+        to_do = message("Look at the cell's drift, and acknowledge it.")
+        got = message("one with which cell {cell_id} changed, unacknowledged", cell_id=session.cell_id)
+        raise ConflictError("a session that shows no change of its cell", got, to_do, session.id)
 
 
 def open_steps(db: Transaction, cell: str) -> frozenset[str]:
@@ -106,7 +146,7 @@ def require_four_eyes(db: Transaction, cell: str, session_id: str, who: str) -> 
     if not policy_of(db, cell).four_eyes:
         return
     captured = _who_captured(db, session_id)
-    if not captured or _NOBODY in (*captured, who):
+    if not captured or not {None, _NOBODY}.isdisjoint((*captured, who)):
         to_do = message("Capture with a login of one's own, or ask the administrator for the cell's policy.")
         need = "a session of which it is known who captured it"
         raise ConflictError(need, "one of which it is not", to_do, cell)
@@ -115,10 +155,20 @@ def require_four_eyes(db: Transaction, cell: str, session_id: str, who: str) -> 
         raise ConflictError("somebody who did not capture the session", "'{who}', who did", to_do, cell, who=who)
 
 
-def _who_captured(db: Transaction, session_id: str) -> set[str]:
-    paths = [f"/api/v1/sessions/{session_id}{end}" for end in _CAPTURING]
-    query = select(AuditRow.who).where(AuditRow.path.in_(paths), AuditRow.outcome == "done")
-    return set(db.scalars(query.where(AuditRow.method == "POST").distinct()))
+def _who_captured(db: Transaction, session_id: str) -> set[str | None]:
+    """Return who took the session's captures; None for what came otherwise, as from a folder or an archive."""
+    here = f"/api/v1/sessions/{session_id}/"
+    query = select(AuditRow.who, AuditRow.path, AuditRow.change).where(AuditRow.path.startswith(here))
+    took: dict[str, str] = {}
+    before: set[str | None] = set()
+    for who, path, change in db.execute(query.where(AuditRow.outcome == "done").order_by(AuditRow.number)):
+        if change is None and path.removeprefix(here) in _CAPTURING:  # as earlier versions noted it
+            before.add(who)
+        for one in ((change or {}).get("after") or {}).get("added") or ():
+            took[one] = who
+    ids = db.scalars(select(CaptureRow.id).where(CaptureRow.session_id == session_id))
+    found: set[str | None] = {took.get(one) for one in ids}
+    return (found - {None}) | before if before else found
 
 
 def _standing(db: Transaction, cell: str, *, new: bool) -> Standing:
@@ -167,8 +217,6 @@ def _serials_now(db: Transaction, cell: str) -> dict[str, str]:
 
 def _steps(db: Transaction, cell: str) -> frozenset[str]:
     """Return the sessions with which the cell's figures changed; kept until something happens in one of them."""
-    from calib_core.review.drift import cell_drift
-
     ids = sessions_of_cell(db, cell)
     if len(ids) < 2:
         return frozenset()
@@ -177,6 +225,14 @@ def _steps(db: Transaction, cell: str) -> frozenset[str]:
     if state not in _steps_known:
         if len(_steps_known) >= _MOST_KNOWN:
             _steps_known.clear()
-        series = cell_drift(cell_sessions(db, cell)).series
-        _steps_known[state] = frozenset(p.session for one in series for p in one.points if p.flagged)
+        _steps_known[state] = _flagged(cell_sessions(db, cell))
+        # A flag does not end with a capture left out: one whose inputs changed has it until it is solved again.
+        if stale := {one for one, stages in stale_stages(db, ids).items() if stages}:
+            _steps_known[state] |= _flagged(cell_sessions(db, cell, as_solved=True)) & stale
     return _steps_known[state]
+
+
+def _flagged(sessions: Sequence[SolvedSession]) -> frozenset[str]:
+    from calib_core.review.drift import cell_drift
+
+    return frozenset(p.session for one in cell_drift(sessions).series for p in one.points if p.flagged)

@@ -7,7 +7,7 @@ import pytest
 
 from calib_core.review.standing import changed_equipment, serials_of
 from tests.server.access import bearer, guarded
-from tests.server.live_server import assert_problem, simulated_session
+from tests.server.live_server import assert_problem, simulated_session, upload
 
 
 def solved_in(client: httpx.Client, cell: str, seed: int = 7, **more: object) -> str:
@@ -40,6 +40,17 @@ def test_a_step_is_told_and_refuses_a_release_until_somebody_acknowledges_it(cli
     told = client.post(f"/cells/{cell}/acknowledge", json={"fault": "drift", "why": "remounted"})
     assert (told.status_code, told.json()["of"], told.json()["why"]) == (200, [second], "remounted")
     assert_problem(client.post(f"/cells/{cell}/acknowledge", json={"fault": "drift"}), 409, "without")
+    # Who looks later finds who it was, when and why.
+    assert client.get(f"/cells/{cell}/history").json()["acknowledged"] == [told.json()]
+    log = client.get("/audit").json()["items"][0]["change"]
+    assert log["before"] == {"fault": "drift", "of": [second]}
+    assert log["after"]["why"] == "remounted"
+    (item,) = [
+        one for one in client.get(f"/sessions/{second}/timeline").json()["items"] if one["kind"] == "acknowledged"
+    ]
+    assert item["message"].startswith("Change of the cell acknowledged by this machine, ")
+    assert item["message"].endswith("Reason: remounted")
+    assert item["message"] in client.get(f"/sessions/{second}/report").text
     assert client.get(f"/cells/{cell}/answer").json()["faults"] == []
     assert client.post(f"/sessions/{second}/release", json={"why": "new place"}).status_code == 201
     client.delete(f"/sessions/{first}").raise_for_status()  # no longer in force
@@ -71,6 +82,9 @@ def test_policy_and_equipment(client: httpx.Client) -> None:
     assert_problem(client.post(f"/sessions/{second}/release", json={}), 409, "equipment-changed")
     acknowledged = client.post(f"/cells/{cell}/acknowledge", json={"fault": "equipment-changed", "why": "spare"})
     assert acknowledged.json()["of"] == ["scanner S-1 → scanner S-2"]
+    items = client.get(f"/sessions/{second}/timeline").json()["items"]
+    told = [one["message"] for one in items if "message" in one]
+    assert told[0].startswith("Other equipment (scanner S-1 → scanner S-2) acknowledged by ")
     assert client.post(f"/sessions/{second}/release", json={}).status_code == 201
     # The first one comes back from its repair: that was not acknowledged.
     third = solved_in(client, cell, equipment=[scanner])
@@ -104,4 +118,22 @@ def test_four_eyes_and_the_role_release(tmp_path: Path) -> None:
         here = f"/sessions/{session}/release"
         assert_problem(client.post(here, json={}, headers=capture), 403, "release")
         assert_problem(client.post(here, json={}, headers=release), 409, "four eyes")
+        log = client.get("/audit", headers=admin).json()["items"]
+        took = [one["change"]["after"]["added"] for one in log if one["path"].endswith("/capture")]
+        assert sorted(took) == [[f"p{k:02d}"] for k in range(1, 15)]
         assert client.post(here, json={"why": "second pair"}, headers=admin).status_code == 201
+
+        # Of what came in an archive nobody knows it, whoever adds a capture.
+        archive = client.get(f"/sessions/{session}/archive", params={"scene": False}, headers=admin).content
+        sent = {**release, "Content-Type": "application/zip"}
+        brought = client.post("/archives", content=archive, headers=sent).raise_for_status().json()["id"]
+        read = client.get(f"/sessions/{brought}/captures/p01", headers=admin).json()
+        file = client.get(f"/sessions/{brought}/captures/p01/files/{read['files'][0]}", headers=admin).content
+        told = {name: read[name] for name in ("step", "kind", "pose")}
+        own = {**told, "id": "p99", "files": ["captures/p99.csv"]}
+        added = upload(client, brought, own, file, headers=release)
+        assert added.status_code == 201, added.text
+        client.post(f"/sessions/{brought}/solve/tcp", params={"wait": 120}, headers=release).raise_for_status()
+        client.patch(f"/sessions/{brought}", json={"cell": {"id": "seen-by-two"}}, headers=release)
+        refused = client.post(f"/sessions/{brought}/release", json={"allow": "drift"}, headers=admin)
+        assert_problem(refused, 409, "of which it is known who captured it")

@@ -222,6 +222,12 @@ def a_tool_that_was_bumped(here: World) -> str:
     captures = [shifted(made.session, c, [_SHIFTED_MM, 0, 0], "tcp") for c in made.session.captures]
     second = here.session("bumped", replace(made, session=made.session.model_copy(update={"captures": captures})))
     assert here.client.get("/cells/bumped/answer").headers["Scancell-Faults"] == "drift"
+    # Nor is the flag taken away: with the session, by another cell, or by a capture left out.
+    _refused(here.client.delete(second), "acknowledge")
+    _refused(here.client.patch(second, json={"cell": {"id": "elsewhere"}}), "acknowledge")
+    here.client.patch(f"{second}/captures/p03", json={"excluded": True}).raise_for_status()
+    assert here.client.get("/cells/bumped/answer").headers["Scancell-Faults"] == "drift"
+    here.client.patch(f"{second}/captures/p03", json={"excluded": False}).raise_for_status()
     return _refused(here.release(second), "drift")
 
 
@@ -265,6 +271,8 @@ def a_policy_set_by_who_releases(here: World) -> str:
 def evidence_in_force_deleted(here: World) -> str:
     path = here.session("kept", verified_session(18), stage="tcp")
     here.release(path).raise_for_status()
+    _refused(here.client.patch(path, json={"cell": {"id": "elsewhere"}}), "in force")
+    _refused(here.client.delete(f"{path}/captures/p03"), "in force")
     return _refused(here.client.delete(path), "in force")
 
 

@@ -112,7 +112,7 @@ function arrow(way, act) {
 function shape(item) {
   if (item.kind === "result") return s("path", { d: "M0 -7L7 0L0 7L-7 0Z" });
   if (item.kind === "failed" || item.kind === "cancelled") return s("path", { class: "line", d: "M-4 -4L4 4M4 -4L-4 4" });
-  if (item.kind === "release") return s("path", { d: "M-5 0L-1 4L6 -5L-1 -1Z" });
+  if (item.kind === "release" || item.kind === "acknowledged") return s("path", { d: "M-5 0L-1 4L6 -5L-1 -1Z" });
   if (item.kind === "now") return s("path", { class: "line", d: "M0 -7V7" });
   return s("circle", { r: 3 });
 }
@@ -128,6 +128,7 @@ export function itemWords(item) {
   if (item.kind === "result") return t("timeline.result", { stage, verdict });
   if (item.kind === "limit") return t("timeline.limit");
   if (item.kind === "release") return t("release.title");
+  if (item.kind === "acknowledged") return t("timeline.acknowledged");
   if (item.kind === "now") return t("timeline.now");
   return t(item.kind === "failed" ? "timeline.failed" : "timeline.cancelled", { stage });
 }
