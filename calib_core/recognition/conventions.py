@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from calib_core.causes.likely import spreads_mm
 from calib_core.causes.readings import Reading
 from calib_core.poses.conventions import CONVENTIONS
@@ -11,17 +13,25 @@ from calib_core.recognition.taken import PoseRow
 from calib_core.records import Cell
 
 _FEWEST = 5
+_ANGLES = ("ZYX", "XYZ", "ZYZ")
+_FEWEST_ANGLES = 3
+_ALL_BUT_STRAIGHT, _HALF_TURN = 0.05, 3.2
+_TRAVELS = 100.0  # as far as a flange goes for a calibration, in mm
 _CLEARLY = 1.8  # as for a convention that is told and wrong
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A convention, whether it is sure, why, and the reading of the numbers as they stand."""
+    """A convention, whether it is sure, why, and the reading of the numbers as they stand.
+
+    `has_shown` is whether the poses themselves showed it.
+    """
 
     convention: str
     sure: bool
     why: str
     reading: Reading
+    has_shown: bool = False
 
     def rewritten(self, numbers: Sequence[float]) -> tuple[float, ...]:
         """Return a pose's numbers in the convention's own units."""
@@ -64,7 +74,22 @@ def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str
         why = f"{likely}: the poses do not tell {name} from {_named(others[0][1], fitting)}"
         return Choice(name, False, why, reading)
     instead = f", {others[0][0]:.0f} mm in the next best" if others else ""
-    return Choice(name, True, f"Read so, all poses look at one place within {best:.0f} mm{instead}.", reading)
+    return Choice(
+        name, True, f"Read so, all poses look at one place within {best:.0f} mm{instead}.", reading, True
+    )
+
+
+def may_be_radians(rows: Sequence[PoseRow], choice: Choice) -> bool:
+    """Return whether angles that are taken for degrees can be radians: small ones all, while the flange travels.
+
+    Poses that look at one place, read so, have shown that they are none.
+    """
+    known = CONVENTIONS[choice.convention]
+    if known.form not in _ANGLES or choice.reading.radians or choice.has_shown or len(rows) < _FEWEST_ANGLES:
+        return False
+    numbers = np.array([row.numbers for row in rows])
+    largest = float(np.abs(numbers[:, 3:]).max())
+    return _ALL_BUT_STRAIGHT < largest < _HALF_TURN and float(np.ptp(numbers[:, :3])) > _TRAVELS
 
 
 def _spreads(rows: Sequence[PoseRow], convention: str, fitting: Sequence[str]) -> list[tuple[float, Reading]]:

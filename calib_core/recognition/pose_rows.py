@@ -1,6 +1,7 @@
 """Poses among rows of numbers: which columns they are, and in which conventions they can be written."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,6 +22,10 @@ _SAME = {
 }  # fmt: skip
 _TIMES = {"t", "time", "timestamp", "time_s", "t_s", "stamp"}
 _NAMES = {"name", "id", "file", "capture", "profile", "filename", "pose", "point"}
+_MOST_UNNAMED = 200
+_OF_CLOUD = re.compile(
+    r"n[xyz]|[ijkruvg]$|normal|red|green|blue|colou?r|int|grey|gray|refl|width|qual|conf|row|col|line|class|return|scal"
+)
 _COUNTS = {"nr", "no", "number", "index", "idx", "i", "n", "#"}
 
 
@@ -63,7 +68,7 @@ def _named(found: Rows, names: Sequence[str], file: str) -> PoseList | None:
         if convention.form != "matrix" and all(plains.count(name) == 1 for name in wanted):
             fitting.setdefault(tuple(plains.index(name) for name in wanted), []).append(convention.name)
     if not fitting:
-        return None
+        return _turned_somehow(found, plains, file)
     places, conventions = max(fitting.items(), key=lambda one: len(one[1]))
     unit = unit_of(names[places[0]])
     conventions = _of_unit(conventions, unit, [[row.numbers[p] for p in places[:3]] for row in found.rows])
@@ -76,7 +81,27 @@ def _named(found: Rows, names: Sequence[str], file: str) -> PoseList | None:
         for row in found.rows
     ]
     rows = _with_joints(found.rows, rows, names, set(places))
-    return PoseList(tuple(_beside(found.rows, rows, plains, set(places))), tuple(conventions))
+    return PoseList(
+        tuple(_beside(found.rows, rows, plains, set(places))), tuple(conventions), not unit_of(names[places[3]])
+    )
+
+
+def _turned_somehow(found: Rows, plains: Sequence[str], file: str) -> PoseList | None:
+    """Return poses of rows with x, y, z and three or four further columns under names that no convention has.
+
+    A point of a cloud has other things beside its place: these are known by name, and are many.
+    """
+    beside = {*_TIMES, *_NAMES, *_COUNTS, "table", "table_deg", "turntable"}
+    turns = [k for k, name in enumerate(plains) if name not in (*"xyz", *beside)]
+    clear = all(plains.count(axis) == 1 for axis in "xyz") and len(turns) in (3, 4)
+    if not clear or len(found.rows) > _MOST_UNNAMED or any(_OF_CLOUD.match(plains[k]) for k in turns):
+        return None
+    places = [*map(plains.index, "xyz"), *turns]
+    conventions = _conventions(np.array([[row.numbers[p] for p in places] for row in found.rows]))
+    if not conventions:
+        return None
+    rows = [PoseRow(tuple(row.numbers[p] for p in places), row.line, file=file) for row in found.rows]
+    return PoseList(tuple(_beside(found.rows, rows, plains, set(places))), conventions, len(turns) == 3)
 
 
 def _of_unit(conventions: list[str], unit: str, positions: Sequence[Sequence[float]]) -> list[str]:
@@ -151,7 +176,7 @@ def _bare(rows: Sequence[Row], file: str) -> PoseList | None:
             )
             for k, row in enumerate(rows)
         ]
-        return PoseList(tuple(_with_words(rows, made)), conventions)
+        return PoseList(tuple(_with_words(rows, made)), conventions, open_angles=True)
     return None
 
 

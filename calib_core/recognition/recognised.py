@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.errors import CalibrationError
 from calib_core.formats.format import Unit
-from calib_core.recognition.conventions import Choice, chosen_convention
+from calib_core.recognition.conventions import Choice, chosen_convention, may_be_radians
 from calib_core.recognition.file_content import look_at
 from calib_core.recognition.joint_rows import with_joints
 from calib_core.recognition.pairing import By, natural, paired
@@ -155,6 +155,8 @@ def recognise(
     listed = [Pair(k, pairs.get(place), point) for place, (k, point) in enumerate(measured)]
     listed += [Pair(None, k) for k in range(len(rows)) if k not in used]
     missing = _missing(looks, listed, choice, sphere_mm)
+    if any(poses.open_angles for poses in lists) and choice is not None and may_be_radians(rows, choice):
+        (missing if convention is None else doubts).append(Reason("open-angles"))
     return Recognised(
         tuple(looks), tuple(rows), tuple(listed), by, choice, sphere_mm, sphere_from, tuple(doubts), tuple(missing)
     )

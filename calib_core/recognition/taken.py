@@ -89,6 +89,8 @@ _REASONS = templates(
         "missing-poses": "No file holds where the robot stood: give its poses.",
         "missing-poses-of": "No pose for {names}.",
         "missing-convention": "The convention of the poses is not certain: {choices}.",
+        "open-angles": "Nothing says whether the angles are degrees or radians: all lie within ± 3.2. Write their "
+        "unit behind their names, as in A [deg] or A [rad].",
         "missing-sphere": "The sphere's diameter is missing.",
         "paired-by-order": "{measurements} measurements, {poses}, in their order: which ones lack is not known.",
         "rival-lists": "{names} hold different poses: the first is taken.",
@@ -191,10 +193,14 @@ class PoseRow:
 
 @dataclass(frozen=True)
 class PoseList:
-    """The poses of a file, and the conventions in which they can be written: one where the file says which."""
+    """The poses of a file, and the conventions in which they can be written: one where the file says which.
+
+    `open_angles` is whether it says nothing of the unit of their angles.
+    """
 
     rows: tuple[PoseRow, ...]
     conventions: tuple[str, ...]
+    open_angles: bool = False
 
 
 @dataclass(frozen=True)

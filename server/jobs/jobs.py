@@ -83,7 +83,7 @@ class Jobs:
 
     def start(self) -> None:
         """Say of jobs that an earlier server left that they ended, and get the workers ready."""
-        self._fail_unfinished("the server was restarted while it ran")
+        self._fail_unfinished(message("the server was restarted while the job ran"))
         self._pool = self._new_pool()
         self._waiting.start()
 
@@ -196,7 +196,7 @@ class Jobs:
             if pool is not None:
                 pool.close()
         try:
-            self._fail_unfinished("the server was stopped while it ran")
+            self._fail_unfinished(message("the server was stopped while the job ran"))
         except (OSError, DBAPIError):  # the next start says it
             log.exception("what became of the jobs could not be stored")
 
@@ -277,9 +277,7 @@ class Jobs:
                 _kill(running)
 
     def _fail_unfinished(self, got: str) -> None:
-        error = problem_of_status(
-            503, message("the job did not end: {found}", found=got), "The server restarted; run it again."
-        )
+        error = problem_of_status(503, got, "Run it again.")
         with self._store.write() as db:
             for job_id in unfinished_jobs(db):
                 fail_job(db, job_id, error)

@@ -10,6 +10,8 @@ import pytest
 import calib_core as cc
 from calib_core.errors import CalibrationError
 from calib_core.library.new_session import new_session
+from calib_core.recognition.number_rows import rows_in
+from calib_core.recognition.pose_rows import poses_in
 from calib_core.robots import parse_pose
 from server.cli import main
 from tests.lying_folders import CONTENT, DIAMETER_MM, MATRICES, Files, as_yaml, folders, in_convention, lay, lines
@@ -88,6 +90,7 @@ TABLES = {
         "fanuc",
         _csv("x,y,z,roll [rad],pitch [rad],yaw [rad]", _numbers("fanuc", np.pi / 180), ","),
     ),
+    "angles under names that no convention has": ("kuka", _csv("x,y,z,alpha,beta,gamma", _numbers("kuka"), ",")),
     "a log with times, in another order": ("fanuc", _csv("Zeit;Datei;X;Y;Z;W;P;R;Status", LOG[::-1], ";")),
     "names behind the numbers": (
         "kuka",
@@ -110,6 +113,28 @@ def test_poses_in_tables_as_cells_write_them(tmp_path: Path, name: str) -> None:
         np.testing.assert_allclose(found[f"p{k}"], pose.matrix, atol=2e-3)
     why = {file["name"]: file["why"] for file in made.files}
     assert (why["tcp.json"][:8], why["old.zip"][:10]) == ("A result", "An archive")
+
+
+@pytest.mark.parametrize("head", ["x,y,z,yaw,pitch,roll", "x,y,z,A,B,C", "1,x,y,z,alpha,beta,gamma"])
+def test_angles_that_may_be_radians_are_asked_for(tmp_path: Path, head: str) -> None:
+    profiles: Files = {f"p{k}.csv": data for k, data in enumerate(CONTENT, start=1)}
+    rows = _numbers("kuka", np.pi / 180)
+    counted = [[str(k), *row] for k, row in enumerate(rows, start=1)] if head.startswith("1") else rows
+    folder = lay(tmp_path / "in", {**profiles, "table.csv": _csv(head.replace("1,", "index,"), counted, ",")})
+    made = new_session(folder, tmp_path / "out", None, DIAMETER_MM)
+    assert [told for told in made.missing if "degrees or radians" in told]
+    told = new_session(folder, tmp_path / "told", "kuka", DIAMETER_MM)  # a controller's own unit is believed
+    assert not told.missing
+    assert [note for note in told.notes if "degrees or radians" in note]
+
+
+def test_small_clouds_are_no_poses_and_points_for_thousands_are_none() -> None:
+    rows = "".join(f"{k}.5,{k % 7},{200 + k % 3},{k % 90},{k % 5},{k % 11}\n" for k in range(60))
+    for names in ("intensity,width,quality", "nx,ny,nz", "red,green,blue"):
+        assert poses_in(rows_in(f"x,y,z,{names}\n{rows}"), "cloud.csv") is None
+    for line in ("2.111,044;101,7;-1.234.567,5", "2.111,044 101,7 -1.234.567,5"):
+        assert rows_in(line).rows[0].numbers == (2111.044, 101.7, -1234567.5)
+    assert rows_in("2.111,101.740,821.191").rows[0].numbers == (2.111, 101.74, 821.191)
 
 
 def test_what_is_missing_is_named_and_the_session_is_written_all_the_same(

@@ -138,7 +138,7 @@ def test_jobs_on_the_cluster_are_cancelled_and_begin_anew_once_when_their_worker
     assert_gone(worker)
     with start(dask=cluster) as client:
         stopped = client.get(f"/jobs/{last}").json()
-        assert (stopped["status"], stopped["error"]["to_do"]) == ("failed", "The server restarted; run it again.")
+        assert (stopped["status"], stopped["error"]["to_do"]) == ("failed", "Run it again.")
 
 
 def until_elsewhere(client: httpx.Client, job: str, before: int) -> int:

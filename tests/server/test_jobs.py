@@ -162,7 +162,8 @@ def test_a_restart_says_which_jobs_it_ended(start: Callable[..., Any]) -> None:
         for job_id in (running, waiting):
             job = client.get(f"/jobs/{job_id}").json()
             assert job["status"] == "failed"
-            assert job["error"]["to_do"] == "The server restarted; run it again."
+            assert job["error"]["detail"].count("restarted") + job["error"]["detail"].count("stopped") == 1
+            assert job["error"]["to_do"] == "Run it again."
 
 
 @pytest.fixture

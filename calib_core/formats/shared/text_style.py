@@ -10,7 +10,8 @@ _HEAD_LINES = 2000  # where the table must have begun
 _HEAD_CHARACTERS = 1_000_000
 _SEPARATORS = (";", "\t", ",", "|")
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*\Z", re.ASCII)
-_COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?\Z")
+_COMMA_NUMBER = re.compile(r"[+-]?(\d+,?\d*|,\d+|\d{1,3}(\.\d{3})+,\d*)([eE][+-]?\d+)?\Z")
+_THOUSANDS = re.compile(r"\s*[+-]?\d{1,3}(\.\d{3})+,\d*\s*\Z")
 NAN_WORDS = {"nan", "-nan", "+nan", "inf", "-inf", "+inf", "infinity", "-infinity", "null", "none"}
 BLANK_WORDS = {"", "-", "--", "---", "*", "n/a", "#n/a", "na", "invalid", *NAN_WORDS}
 
@@ -29,7 +30,12 @@ class Style:
             found = next(csv.reader([line], delimiter=self.separator), [])
         else:
             found = line.split(self.separator)
-        return [field.replace(",", ".") for field in found] if self.comma else found
+        return [_with_point(field) for field in found] if self.comma else found
+
+
+def _with_point(field: str) -> str:
+    """Return a field with a point for its decimal comma, and none for thousands: 1.234,5."""
+    return (field.replace(".", "") if _THOUSANDS.match(field) else field).replace(",", ".")
 
 
 def decode_text(data: bytes, where: str, example: str) -> str:
