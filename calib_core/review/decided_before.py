@@ -7,6 +7,7 @@ from typing import Any
 from calib_core.archive.seals import decisions_sealed, seal_state
 from calib_core.records import ResultsData, Session, parse_session
 from calib_core.records.decided_before import DecidedBefore, LeftOut
+from calib_core.steps import table_stages, tool_stages
 
 Solved = tuple[Mapping[str, Any], Session | None]
 """A result of `verify` as JSON data, and the session that it was solved from as far as that is known."""
@@ -29,13 +30,15 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
         if one["solved"] not in there
         for known in [DecidedBefore(decision=one["decision"], solved=one["solved"], removed=True)]
     ]
-    for (before, _), (after, solved_from) in pairwise(verifications):
+    for (before, from_before), (after, solved_from) in pairwise(verifications):
         if before.get("decision") is None:
             continue
         captures = {capture.id: capture for capture in (solved_from or now).captures}
         out = {name: one.excluded_because for name, one in captures.items()}
         back = {name: one.included_because for name, one in captures.items() if one.included_because}
         used, then = _used(before), _used(after)
+        if from_before is not None and solved_from is not None:  # so is another calibration
+            used, then = [*_calibrating(from_before), *used], [*_calibrating(solved_from), *then]
         added = [name for name in then if name not in used]
         told = DecidedBefore(
             decision=before["decision"],
@@ -75,6 +78,11 @@ def _when(result: Mapping[str, Any]) -> str:
 
 def _used(result: Mapping[str, Any]) -> list[str]:
     return [row["capture"] for row in result.get("residuals", []) if row.get("used")]
+
+
+def _calibrating(session: Session) -> list[str]:
+    stages = {*tool_stages(), *table_stages()}
+    return [capture.id for capture in session.captures if capture.step in stages and not capture.excluded]
 
 
 def _limits(result: Mapping[str, Any]) -> dict[str, float | None]:

@@ -183,9 +183,10 @@ def get_report(
     with store.read() as db:
         stored = load_session(db, store.blobs, session_id)
         answer = _answer(db, stored)
+        answer = answer and with_moment(db, answer, session_id)
         about = _circumstances(
             stored,
-            None if answer is None else with_moment(db, answer, session_id),
+            answer,
             release=_release(db, stored, answer),
             acknowledged=_acknowledged(db, session_id),
             language=spoken(),

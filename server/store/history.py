@@ -273,7 +273,8 @@ def _session_then(
     for session in [*earlier, now, *reversed(later)]:  # what is nearest in the future counts
         captures |= {capture.id: capture for capture in session.captures}
     nearest = later[0] if later else now
-    there = [captures[name] for name in ids if name in captures]
+    stayed = {one.id for session in [*later, now] for one in session.captures} if later else captures.keys()
+    there = [captures[name] for name in ids if name in captures and name in stayed]
     return nearest.model_copy(update={"captures": there})
 
 

@@ -12,6 +12,7 @@ import pytest
 from calib_core.archive.archive import pack
 from calib_core.archive.folder import to_json_bytes
 from calib_core.simulation import simulate
+from server.store.history import _session_then
 from tests.server.live_server import assert_problem, simulated_session, wait_for
 
 
@@ -73,6 +74,14 @@ def test_each_moment_is_as_it_was(client: httpx.Client, session: str) -> None:
     assert len(now["captures"]) == 10
     assert now["results"]["tcp"]["stale"] is True
     assert first["numbers"]["tcp"] < second["numbers"]["tcp"] == now["numbers"]["tcp"]
+
+
+def test_a_moment_has_no_capture_that_the_next_solve_did_not_find() -> None:
+    whole = simulate("tcp", 1).session
+    fewer = whole.model_copy(update={"captures": whole.captures[1:]})
+    ids = [capture.id for capture in whole.captures]
+    assert [one.id for one in _session_then(fewer, ids, [whole], [fewer]).captures] == ids[1:]
+    assert [one.id for one in _session_then(fewer, ids, [], [whole, fewer]).captures] == ids
 
 
 def test_every_result_is_kept(client: httpx.Client, session: str) -> None:

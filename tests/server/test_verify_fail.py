@@ -104,3 +104,8 @@ def test_a_capture_that_was_left_out_after_a_decision_is_told(client: httpx.Clie
     ]
     again = client.patch(f"{here}/captures/p20", json={"excluded": False}).json()
     assert "excluded_because" not in again
+    # So is another calibration that the same captures are held against until it passes.
+    client.patch(f"{here}/captures/p03", json={"excluded": True}).raise_for_status()
+    client.post(f"{here}/solve/all", params={"wait": 60}).raise_for_status()
+    *_, last = client.get(f"{here}/answer").json()["decided_before"]
+    assert ([one["capture"] for one in last["left_out"]], last["added"]) == (["p03"], ["p20"])

@@ -312,7 +312,9 @@ function columns({ shape, series }, x) {
   const names = series[0]?.captures ?? [];
   if (shape !== "captures" || !names.length) {
     const { values, decimals } = ticks(x, 7);
-    return values.map((value) => [value, fixed(value, decimals)]);
+    const rounds = values.filter((value) => Number.isInteger(value)); // there is no half of a round
+    const counts = rounds.length > 1 && series.every((one) => one.y.every((_, index) => Number.isInteger(xOf(one, index))));
+    return (counts ? rounds : values).map((value) => [value, fixed(value, counts ? 0 : decimals)]);
   }
   const every = Math.ceil(names.length / 12);
   return names.flatMap((name, index) => (index % every ? [] : [/** @type {[number, string]} */ ([xOf(series[0] ?? { y: [] }, index), name])]));

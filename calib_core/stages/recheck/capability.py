@@ -55,14 +55,15 @@ def capability_table(session: Session, rounds: Sequence[RecheckRound]) -> list[A
             id="capability",
             title="Capability",
             caption=message(
-                "Of {count} rounds; the tolerance is ± {limit:g} mm. Cg = 0.2 T / (6 s), "
-                "Cgk = (0.1 T − bias) / (3 s); 1.33 is what is usually asked for, of 25 rounds or more.",
+                "Of {count} rounds, along the scanner's worst axis; the tolerance is ± {limit:g} mm. "
+                "Cg = 0.2 T / (6 s), Cgk = (0.1 T − bias) / (3 s); 1.33 is what is usually asked for, "
+                "of 25 rounds or more.",
                 count=len(rounds),
                 limit=limit_mm,
             ),
             columns=[
-                Column(label="Repeatability s", unit="mm"),
-                Column(label="Bias", unit="mm"),
+                Column(label="Repeatability s", align="left"),
+                Column(label="Bias"),
                 Column(label="Cg"),
                 Column(label="Cgk"),
             ],
