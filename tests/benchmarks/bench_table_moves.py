@@ -7,6 +7,7 @@ import numpy as np
 from bench_table_trouble import STAGES, errors_over_stated
 from harness import Row, all_kept
 
+from calib_core.graph.stage_input import Kept
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
@@ -30,41 +31,52 @@ def run(full: bool) -> list[Row]:
     Of two stages that is 100 a move and 300 that stand still.
     """
     count = 50 if full else 12
-    moves = [row for stage in STAGES for name, least in SOUGHT for row in found(stage, name, least, range(count))]
-    return [*moves, *(row for stage in STAGES for row in still(stage, 3 * count))]
+    moves = [row for name, least in SOUGHT for row in found(name, least, range(count))]
+    return [*moves, *still(range(500, 500 + 3 * count))]
 
 
-def found(stage: str, name: str, least: float, seeds: Iterable[int]) -> list[Row]:
-    """Return how often a stage tells by its code that something moved, and its worst `pass`, in stated 95 %."""
-    ends = all_kept(steps(stage, [(name, seed) for seed in seeds]))
-    if not ends:
-        return []
-    said = sum(any(code in CODES for code in codes) for _, codes, _ in ends)
-    worst = max((off for verdict, _, off in ends if verdict == "pass"), default=0.0)
-    share = said / len(ends)
-    return [
-        Row(f"{stage}, {name}: told", f"≥ {least:.0%}", f"{said} of {len(ends)}", share >= least),
-        Row(f"{stage}, {name}: worst `pass` over its stated 95 %", "≤ 3 ×", f"{worst:.1f} ×", worst <= 3),
-    ]
+def found(name: str, least: float, seeds: Iterable[int]) -> list[Row]:
+    """Return how often each stage tells by its code that something moved, and its worst `pass`, in stated 95 %."""
+    tables = all_kept(steps((name, seed) for seed in seeds))
+    rows: list[Row] = []
+    for stage, ends in _by_stage(tables):
+        said = sum(any(code in CODES for code in codes) for _, codes, _ in ends)
+        worst = max((off for verdict, _, off in ends if verdict == "pass"), default=0.0)
+        share = said / len(ends)
+        rows += [
+            Row(f"{stage}, {name}: told", f"≥ {least:.0%}", f"{said} of {len(ends)}", share >= least),
+            Row(f"{stage}, {name}: worst `pass` over its stated 95 %", "≤ 3 ×", f"{worst:.1f} ×", worst <= 3),
+        ]
+    return rows
 
 
-def still(stage: str, count: int) -> list[Row]:
-    """Return how often a stage says of a table that stands still that it moves."""
-    ends = all_kept(steps(stage, [(_CLEAN[k % len(_CLEAN)], 500 + k) for k in range(count)]))
-    said = sum(any(code in CODES for code in codes) for _, codes, _ in ends)
-    what, told = f"{stage}, tables that stand still: said to move", f"{said} of {len(ends)}"
-    return [Row(what, "≤ 0.5 %", told, said <= 0.005 * len(ends))] if ends else []
+def still(seeds: Iterable[int]) -> list[Row]:
+    """Return how often each stage says of a table that stands still that it moves."""
+    tables = all_kept(steps((_CLEAN[seed % len(_CLEAN)], seed) for seed in seeds))
+    rows: list[Row] = []
+    for stage, ends in _by_stage(tables):
+        said = sum(any(code in CODES for code in codes) for _, codes, _ in ends)
+        what, told = f"{stage}, tables that stand still: said to move", f"{said} of {len(ends)}"
+        rows.append(Row(what, "≤ 0.5 %", told, said <= 0.005 * len(ends)))
+    return rows
 
 
-def steps(stage: str, tables: Iterable[tuple[str, int]]) -> dict[str, Callable[[], End]]:
+def _by_stage(tables: list[dict[str, End]]) -> list[tuple[str, list[End]]]:
+    return [(stage, [table[stage] for table in tables]) for stage in STAGES] if tables else []
+
+
+def steps(tables: Iterable[tuple[str, int]]) -> dict[str, Callable[[], dict[str, End]]]:
     """Return what is to be done with tables of a kind and seed, by names of the steps."""
-    return {f"{stage}-{name}-{seed}".replace(" ", "-"): partial(ended, stage, name, seed) for name, seed in tables}
+    return {f"table-{name}-{seed}".replace(" ", "-"): partial(ended, name, seed) for name, seed in tables}
 
 
-def ended(stage: str, name: str, seed: int) -> End:
-    """Return a stage's verdict on one table, its codes, and its worst error over half the stated 95 %."""
+def ended(name: str, seed: int) -> dict[str, End]:
+    """Return each stage's verdict on one table, its codes, and its worst error over half the stated 95 %."""
     cell = troubled_table(all_table_troubles()[name], seed)
-    result = solve_stage(cell.session, stage, cell.files.__getitem__)
-    assert isinstance(result, TurntableResult | ChainResult)
-    off = float(np.max(errors_over_stated(result, cell)))
-    return result.verdict, [finding.code for finding in result.findings], off
+    kept, ends = Kept(), dict[str, End]()
+    for stage in STAGES:
+        result = solve_stage(cell.session, stage, cell.files.__getitem__, kept=kept)
+        assert isinstance(result, TurntableResult | ChainResult)
+        off = float(np.max(errors_over_stated(result, cell)))
+        ends[stage] = result.verdict, [finding.code for finding in result.findings], off
+    return ends
