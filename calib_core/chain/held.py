@@ -262,6 +262,9 @@ def _held(judged: Judged, apply: bool, lengths: ArmLengths | None) -> Held:
 def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> tuple[float, list[ScannerError]]:
     """Return how surely the files' errors are not nothing, 0 … 1, and those that are significant one by one.
 
+    One whose own 95 % interval holds zero is no accusation: few captures, and rims that err, give some that are
+    beyond chance alone.
+
     Were they nothing, what is found of them would have the covariance C − C P C, P their priors' information.  Of
     a squared length χ² the share 1 − c / χ² is more than chance (after James and Stein, who take the mean of
     χ² for c; its 95 % leaves right scanners alone).
@@ -279,8 +282,9 @@ def _surprise(judged: Judged, covariance: FloatArray, of_files: np.ndarray) -> t
     for n, index in enumerate(of_files):
         error, name = float(found[n] * scale[n]), NAMES[data.kinds[index]]
         chance = float(scale[n] * np.sqrt(max(by_chance[n, n], 1e-6)))
-        if abs(error) > max(_SIGNIFICANT * chance, _WORTH_SAYING[name]):
-            errors.append(ScannerError(name, error, float(np.sqrt(own[n, n]))))
+        sigma = float(np.sqrt(own[n, n]))
+        if abs(error) > max(_SIGNIFICANT * chance, 2 * sigma, _WORTH_SAYING[name]):
+            errors.append(ScannerError(name, error, sigma))
     return max(0.0, 1 - _CHANCE / max(square, 1e-12)), errors
 
 

@@ -152,7 +152,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "poses-scatter": (of_sigmas(position_mm=1.1), of_sigmas(position_mm=0.9)),
     "scanner-bow": (of_error("bow"), of_error("shear")),
     "scanner-shear": (tool_of("scanner: shear of 2 %"), tool_of("arms: clean")),
-    "scanner-scale-off": (tool_of("scanner: x 1 % too long"), tool_of("arms: clean")),
+    "scanner-scale-off": (tool_of("scanner: x 1 % too long"), tool_of("scanner: rim of a cheap sensor", 1)),
     "sphere-diameter-told": (result_of("tcp"), result_of("tcp-centers")),
     "captures-count-less": (of_weight(0.49), of_weight(0.51)),
     "sheet-bent": (
