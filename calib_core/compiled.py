@@ -177,7 +177,7 @@ def _take_along(folder: Path) -> None:
 
 @cache
 def _folder_of_process() -> "tempfile.TemporaryDirectory[str]":
-    return tempfile.TemporaryDirectory(prefix="scancell-kernels-")
+    return tempfile.TemporaryDirectory(prefix="scancell-kernels-", ignore_cleanup_errors=True)
 
 
 @cache

@@ -10,9 +10,10 @@ import secrets
 import shutil
 import stat
 import sys
+import tempfile
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path, PureWindowsPath
 from typing import Any, Final, TypeVar
 
@@ -131,6 +132,17 @@ def _allow_and_go_on(remove: Callable[[str], object], name: str, told: tuple[Any
         raise told[1]
     Path(name).chmod(stat.S_IWRITE | stat.S_IREAD)
     remove(name)
+
+
+@contextmanager
+def temporary_folder(name: str = "scancell-", within: Path | None = None) -> Generator[Path]:
+    """Give a folder that is removed afterwards; what is held for longer stays, and what was done in it is done."""
+    folder = Path(tempfile.mkdtemp(prefix=name, dir=within))
+    try:
+        yield folder
+    finally:
+        with suppress(OSError):
+            remove_folder(folder)
 
 
 def is_system_file(name: str) -> bool:

@@ -6,12 +6,11 @@ A task rather than a service: a service must be a program of its own kind, and o
 import os
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from xml.sax.saxutils import escape
 
-from calib_core.disk import WINDOWS, remove_file
+from calib_core.disk import WINDOWS, remove_file, temporary_folder
 from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_atomically
 from calib_core.messages import message
@@ -75,8 +74,8 @@ def install(service: Service) -> list[str]:
     """
     _require_windows()
     service.data.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
-        file = Path(folder) / "task.xml"
+    with temporary_folder() as folder:
+        file = folder / "task.xml"
         file.write_text(task_xml(service, program()), encoding="utf-16")
         _schtasks("/Create", "/TN", TASK, "/XML", str(file), "/F")
     menu, startup = _links()

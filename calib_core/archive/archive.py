@@ -27,7 +27,7 @@ from calib_core.archive.folder import (
 )
 from calib_core.archive.session_versions import to_present_format
 from calib_core.archive.stored_results import require_result
-from calib_core.disk import extended, remove_folder, rename_new, sync_folder
+from calib_core.disk import extended, remove_folder, rename_new, sync_folder, temporary_folder
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.formats.points import require_file_size
 from calib_core.formats.shared.writing import replacing
@@ -243,8 +243,8 @@ def opened(path: Path) -> Generator[Path]:
     if not is_archive(path):
         yield folder_of(path)
         return
-    with tempfile.TemporaryDirectory(prefix="scancell-") as name:
-        folder = Path(name) / "session"
+    with temporary_folder() as temporary:
+        folder = temporary / "session"
         unpack(path, folder)
         try:
             yield folder / "data"

@@ -1,13 +1,12 @@
 """E57 (ASTM E2807): clouds in metres, as the standard counts, with their poses; read by pye57."""
 
-import tempfile
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
+from calib_core.disk import temporary_folder
 from calib_core.errors import InputError
 from calib_core.formats.format import INTENSITY, Format, Match, PointKind, Reading, Settings, by_ending
 from calib_core.formats.shared.binary_table import require_count
@@ -42,8 +41,8 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[e57]'; or export the cloud as PLY.")
         raise InputError("the extra 'e57', which reads E57", "none", to_do, name) from None
-    with tempfile.TemporaryDirectory() as folder:  # libE57Format reads files alone
-        path = Path(folder) / "scan.e57"
+    with temporary_folder() as folder:  # libE57Format reads files alone
+        path = folder / "scan.e57"
         path.write_bytes(data)
         try:
             with pye57.E57(str(path)) as opened:
@@ -74,8 +73,8 @@ def scan_poses(data: bytes, name: str) -> list[list[float] | None]:
         to_do = message("Install it: pip install 'scancell[e57]'; or export the cloud as PLY.")
         raise InputError("the extra 'e57', which reads E57", "none", to_do, name) from None
     found: list[list[float] | None] = []
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "scan.e57"
+    with temporary_folder() as folder:
+        path = folder / "scan.e57"
         path.write_bytes(data)
         try:
             with pye57.E57(str(path)) as opened:

@@ -1,10 +1,9 @@
 """ROS bags, rosbag 2's SQLite and MCAP: their messages, by the library rosbags."""
 
-import tempfile
 from collections.abc import Collection, Iterator
-from pathlib import Path
 from typing import Any
 
+from calib_core.disk import temporary_folder
 from calib_core.errors import InputError
 from calib_core.messages import message
 
@@ -36,8 +35,8 @@ def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tup
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[ros]'.")
         raise InputError("the library rosbags", "none", to_do, name) from None
-    with tempfile.TemporaryDirectory(prefix="scancell-bag-") as folder:
-        file = Path(folder) / ("bag.mcap" if data.startswith(MCAP) else "bag.db3")
+    with temporary_folder() as folder:
+        file = folder / ("bag.mcap" if data.startswith(MCAP) else "bag.db3")
         file.write_bytes(data)
         try:
             with AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from calib_core.archive import archive
 from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import HISTORY_FILE, SESSION_FILE, load_session, save_session, write_result
+from calib_core.disk import temporary_folder
 from calib_core.errors import InputError
 from calib_core.library.results import Results, as_records
 from calib_core.records import Capture, Cell, Finding, Session
@@ -205,8 +206,8 @@ class OpenSession:
 
     def pack(self, file: str | Path) -> Path:
         """Write the session's archive; an older file of the name is replaced once the new one is whole."""
-        with tempfile.TemporaryDirectory(prefix="scancell-") as name:
-            archive.pack(self.save(Path(name) / "session"), Path(file))
+        with temporary_folder() as folder:
+            archive.pack(self.save(folder / "session"), Path(file))
         return Path(file)
 
     def _names(self) -> Iterator[str]:
@@ -239,7 +240,7 @@ def load(path: str | Path) -> OpenSession:
     place = Path(path)
     if not archive.is_archive(place):
         return _loaded(place)
-    temporary = tempfile.TemporaryDirectory(prefix="scancell-")
+    temporary = tempfile.TemporaryDirectory(prefix="scancell-", ignore_cleanup_errors=True)
     archive.unpack(place, Path(temporary.name) / "session")
     session = _loaded(Path(temporary.name) / "session" / "data")
     weakref.finalize(session, temporary.cleanup)

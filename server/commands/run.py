@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calib_core.disk import temporary_folder
 from calib_core.messages import message
 from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result, remark
@@ -224,14 +225,12 @@ def _run_there(options: argparse.Namespace) -> int:
 
 def _sent(api: "Scancell", path: Path) -> str:
     """Send a session folder or archive to the server; return its id there."""
-    import tempfile
-
     from calib_core.archive.archive import is_archive, pack
 
-    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
+    with temporary_folder() as folder:
         archive = path
         if not is_archive(path):
-            archive = Path(folder) / "session.zip"
+            archive = folder / "session.zip"
             pack(path, archive)
         return str(api.archives_import_archive(archive.read_bytes())["id"])
 

@@ -7,14 +7,13 @@ import os
 import shutil
 import stat
 import sys
-import tempfile
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from glob import glob
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from calib_core.disk import WINDOWS, extended
+from calib_core.disk import WINDOWS, extended, temporary_folder
 from server.console.language import lines_said
 
 STANDARD_OUTPUT = STANDARD_INPUT = Path("-")
@@ -136,8 +135,8 @@ def from_standard_input(options: argparse.Namespace) -> Generator[None]:
 
     if sys.stdin is None or sys.stdin.isatty():
         raise InputError("data on standard input", "a terminal", "Redirect a file or a pipe to it.", "-")
-    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
-        file = Path(folder) / _SPOOLED
+    with temporary_folder() as folder:
+        file = folder / _SPOOLED
         with file.open("wb") as spooled:
             shutil.copyfileobj(sys.stdin.buffer, spooled)
         setattr(options, asked[0], file)

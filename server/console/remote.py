@@ -2,12 +2,11 @@
 
 import argparse
 import os
-import tempfile
 from collections.abc import Generator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calib_core.disk import temporary_folder
 from calib_core.messages import message, plural
 
 if TYPE_CHECKING:
@@ -67,8 +66,8 @@ def from_server(options: argparse.Namespace) -> Generator[None]:
     from calib_core.errors import CalibrationError
 
     name = str(options.session)
-    with tempfile.TemporaryDirectory(prefix="scancell-") as folder:
-        file = Path(folder) / "session.zip"
+    with temporary_folder() as folder:
+        file = folder / "session.zip"
         with connected(options) as api:
             found = session_id(api, name)
             file.write_bytes(api.archives_get_archive(found, scene=False))

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import logging
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator, Mapping
@@ -13,6 +12,7 @@ from typing import Any
 
 from pydantic import SecretStr
 
+from calib_core.disk import temporary_folder
 from calib_core.errors import CalibrationError, ConflictError, InputError
 from calib_core.records import Capture, Measured
 from calib_core.review.answer import cell_id
@@ -169,8 +169,8 @@ class LiveCells:
     @contextmanager
     def recording_folder(self) -> Generator[Path]:
         """Give a folder for a recording's files, which is removed afterwards."""
-        with tempfile.TemporaryDirectory(prefix="recording-", dir=self._data) as folder:
-            yield Path(folder)
+        with temporary_folder("recording-", self._data) as folder:
+            yield folder
 
     def _connect(self, row: DeviceRow) -> None:
         source = SOURCES.get(row.source, row.name)

@@ -8,10 +8,10 @@ import re
 import shutil
 import signal
 import subprocess
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 
+from calib_core.disk import temporary_folder
 from calib_core.errors import InputError
 from calib_core.messages import message
 
@@ -90,8 +90,8 @@ def pdf_of(
             "Install one where this runs: on Debian or Ubuntu, fonts-noto-cjk. {instead}", instead=instead
         )
         raise InputError("a font with Chinese characters, else each is an empty box", "none", to_do, where)
-    with tempfile.TemporaryDirectory(prefix="scancell-", ignore_cleanup_errors=True) as folder:
-        source, target = Path(folder) / "report.html", Path(folder) / "report.pdf"
+    with temporary_folder() as folder:
+        source, target = folder / "report.html", folder / "report.pdf"
         source.write_text(page.replace("<head>", f"<head>{_POLICY}", 1), encoding="utf-8")
         command = [
             program, "--headless", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer",

@@ -6,6 +6,7 @@ WAYS: list[tuple[str, str, str]] = [
     ("blobs are closed before they are renamed", "test_open_files", "test_blobs_are_stored_one_by_one_in_pieces_and_together"),
     ("archives, exports and secrets are closed before they are renamed", "test_open_files", "test_files_archives_and_secrets_are_written"),
     ("a virus scanner holds a new file for a moment", "test_open_files", "test_what_a_scanner_holds_for_a_moment_is_tried_again"),
+    ("a scanner holds what is in a temporary folder", "test_open_files", "test_a_temporary_folder_that_a_scanner_holds_spoils_nothing"),
     ("a program holds a file for good", "test_open_files", "test_what_is_held_for_good_is_told"),
     ("all that renames and removes goes through one helper", "test_open_files", "test_all_that_renames_and_removes_tries_again"),
     ("a watched file is held by the program that writes it", "test_held_files", "test_a_watched_file_that_is_held_is_taken_when_it_is_let_go"),

@@ -1,7 +1,6 @@
 """`scancell archive`: pack, unpack, verify and replay a session's archive."""
 
 import argparse
-import tempfile
 from pathlib import Path
 
 from calib_core.archive import archive
@@ -12,6 +11,7 @@ from calib_core.archive.folder import folder_of, load_session, past_of, to_json_
 from calib_core.archive.seals import signed_result
 from calib_core.archive.stored_results import stored_results, truth_of
 from calib_core.counted import captures, files
+from calib_core.disk import temporary_folder
 from calib_core.errors import CalibrationError, InputError
 from calib_core.findings import in_language
 from calib_core.messages import message
@@ -57,8 +57,8 @@ def pack(options: argparse.Namespace) -> int:
     if not is_stream(options.out):
         _print_facts(options, str(options.out), archive.pack(folder, options.out, extra))
         return OK
-    with tempfile.TemporaryDirectory(prefix="scancell-") as temporary:
-        file = Path(temporary) / "session.zip"
+    with temporary_folder() as temporary:
+        file = temporary / "session.zip"
         archive.pack(folder, file, extra)
         with file.open("rb") as content:
             write_out(options, options.out, iter(lambda: content.read(1 << 20), b""))

@@ -1,11 +1,11 @@
 """The session that `scancell demo` leaves in the workbench."""
 
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from calib_core.archive.archive import pack
 from calib_core.archive.folder import save_session, to_json_bytes, write_result
+from calib_core.disk import temporary_folder
 from calib_core.records import Result
 from calib_core.simulation.session import SimulatedSession
 
@@ -40,18 +40,18 @@ def keep_session(
 
     settings = Settings(data=data)
     name = simulated.session.name
-    with store_lock(settings), tempfile.TemporaryDirectory(prefix="scancell-demo-") as temporary:
+    with store_lock(settings), temporary_folder() as temporary:
         store = Store(settings, lambda _event: None)
         try:
             with store.read() as db:
                 if any(item["name"] == name for item in list_sessions(db, 1000, None, name)["items"]):
                     return name
-            folder = Path(temporary) / "session"
+            folder = temporary / "session"
             files = {**simulated.files, **made, "truth.json": to_json_bytes(simulated.truth)}
             save_session(folder, simulated.session, files)
             for stage, result in results.items():
                 write_result(folder, stage, result, simulated.session)
-            archive = Path(temporary) / "session.zip"
+            archive = temporary / "session.zip"
             pack(folder, archive)
             with archive.open("rb") as file:
                 found = read_import(file, store.blobs)

@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from calib_core.archive.archive import opened
 from calib_core.archive.folder import load_results, load_session
 from calib_core.archive.stored_clouds import CLOUD_FILE, MESH_FILE, StoredFile, cloud_formats, in_format
+from calib_core.disk import temporary_folder
 from calib_core.errors import InputError
 from calib_core.formats.shared.writing import write_pieces
 from calib_core.graph.keys import Graph
@@ -28,11 +28,11 @@ def export_cloud(options: argparse.Namespace) -> int:
     if options.out == STANDARD_OUTPUT and sys.stdout.isatty():
         raise InputError("a file to write to", "the terminal", "Add --out FILE, or redirect the output.", "--out")
     name = CLOUD_FILE if options.format in cloud_formats() else MESH_FILE
-    with opened(options.session) as folder, tempfile.TemporaryDirectory(prefix="scancell-") as fresh:
+    with opened(options.session) as folder, temporary_folder() as fresh:
         session, read = load_session(folder)
         file, merge = folder / name, load_results(folder).get("merge")
         if not file.is_file() or merge is None or _is_stale(merge, session, read):
-            file, merge = Path(fresh) / name, _merged_anew(options, session, read, Path(fresh)).model_dump()
+            file, merge = fresh / name, _merged_anew(options, session, read, fresh).model_dump()
         if not file.is_file():
             to_do = message("Set cell.merge.mesh to poisson or grid, and look at the merge's warnings.")
             raise InputError("a mesh of the merged cloud", "none", to_do, str(options.session))
