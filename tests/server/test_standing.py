@@ -8,6 +8,7 @@ import pytest
 from calib_core.review.standing import changed_equipment, serials_of
 from tests.server.access import bearer, guarded
 from tests.server.live_server import assert_problem, simulated_session, upload
+from tests.server.test_webhooks import make_webhook, receiving
 
 
 def solved_in(client: httpx.Client, cell: str, seed: int = 7, **more: object) -> str:
@@ -26,7 +27,13 @@ def test_a_step_is_told_and_refuses_a_release_until_somebody_acknowledges_it(cli
     released = client.post(f"/sessions/{first}/release", json={"why": "set up"})
     assert released.status_code == 201, released.text
     before = client.get(f"/cells/{cell}/answer")
-    second = solved_in(client, cell, seed=8)
+    with receiving() as receiver:
+        webhook = make_webhook(client, receiver, events=["drift"], cell=cell)["id"]
+        second = solved_in(client, cell, seed=8)
+        (event,) = receiver.wait_for(1)
+        client.delete(f"/webhooks/{webhook}").raise_for_status()
+    assert (event["type"], event["session"]) == ("drift", second)
+    assert event["data"] == {"cell": cell, "sessions": [second]}
     in_force = client.get(f"/cells/{cell}/answer")
     assert (before.json()["faults"], in_force.json()["faults"]) == ([], ["drift"])
     assert before.headers["ETag"] != in_force.headers["ETag"]

@@ -12,6 +12,7 @@ import calib_core as cc
 from calib_core.errors import ConflictError
 from server.cli import main
 from tests.server.live_server import assert_problem
+from tests.server.test_webhooks import make_webhook, receiving
 from tests.verified import verified_session, written
 
 
@@ -94,7 +95,12 @@ def test_a_capture_that_was_left_out_after_a_decision_is_told(client: httpx.Clie
         "this machine",
         "the sphere was touched",
     )
-    client.post(f"{here}/solve/verify", params={"wait": 60}).raise_for_status()
+    with receiving() as receiver:
+        webhook = make_webhook(client, receiver, events=["verify-fail"])["id"]
+        client.post(f"{here}/solve/verify", params={"wait": 60}).raise_for_status()
+        (event,) = receiver.wait_for(1)
+        client.delete(f"/webhooks/{webhook}").raise_for_status()
+    assert (event["type"], event["session"], event["data"]["decision"]) == ("verify-fail", made["id"], "fail")
     (told,) = client.get(f"{here}/answer").json()["decided_before"]
     assert (told["decision"], told["added"], told["limits"]) == ("fail", [], [])
     assert told["left_out"] == [{"capture": "p20", "because": changed["excluded_because"]}]
