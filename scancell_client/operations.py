@@ -131,8 +131,8 @@ class Operations(Connection):
         return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/drift")
 
     def cells_get_released(self, cell_id: str) -> Any:
-        """Return the answer that was released last for a cell, as it was then: later changes do not touch
-        it."""
+        """Return the answer that was released last for a cell, as it was then, with what speaks against it
+        now."""
         return self.request("GET", f"/api/v1/cells/{quote(cell_id, safe='')}/answer")
 
     def cells_get_policy(self, cell_id: str) -> Any:

@@ -173,14 +173,19 @@ def get_drift(cell_id: CellId, store: StoreDep) -> CellDrift:
 
 @router.get("/cells/{cell_id}/answer", response_model=SessionAnswer)
 def get_released(cell_id: CellId, store: StoreDep) -> Response:
-    """Return the answer that was released last for a cell, as it was then: later changes do not touch it."""
+    """Return the answer that was released last for a cell, as it was then, with what speaks against it now."""
+    from calib_core.findings import judgement
+    from calib_core.findings.codes.faults import FAULT_CODES
+
     with store.read() as db:
         row = released(db, cell_id)
         answer, number = row.answer, row.number
         faults = released_faults(db, row)
     headers = {**headers_of(answer["verdict"], answer["stale"], faults), "ETag": _tag(number, faults, answer)}
     told = {name: value for name, value in answer.items() if name != "seal"}
-    return JSONResponse({**told, "faults": list(faults)}, headers=headers)
+    since = judgement(FAULT_CODES[name]() for name in faults if name not in answer["faults"])["findings"]
+    findings = [*(one.to_json() for one in since), *answer.get("findings", [])]
+    return JSONResponse({**told, "faults": list(faults), "findings": findings}, headers=headers)
 
 
 @router.get("/cells/{cell_id}/policy", response_model=Policy, response_model_exclude_unset=True)

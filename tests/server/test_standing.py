@@ -36,6 +36,7 @@ def test_a_step_is_told_and_refuses_a_release_until_somebody_acknowledges_it(cli
     assert event["data"] == {"cell": cell, "sessions": [second]}
     in_force = client.get(f"/cells/{cell}/answer")
     assert (before.json()["faults"], in_force.json()["faults"]) == ([], ["drift"])
+    assert in_force.json()["findings"][0]["code"] == "cell-drifted"
     assert before.headers["ETag"] != in_force.headers["ETag"]
     assert in_force.headers["Scancell-Faults"] == "drift"
     assert client.get(f"/sessions/{second}/answer").json()["faults"] == ["drift"]
