@@ -21,6 +21,7 @@ ON_FLANGE: Final = "tool0_from_laser"
 """The field of records that has a scanner on the flange."""
 SCANNER_FRAMES: Final = (ON_FLANGE, "base_from_laser")
 """The fields of records that have a scanner's pose; one of both is told."""
+_LEAST_POSES: Final = 5
 _BY_BOARD: Final[Mapping[Carrier, str]] = {mount: f"{mount}_from_laser_by_board" for mount in _MOUNTS}
 """The same as a board has it, whose covariance is `laser_covariance`."""
 
@@ -176,6 +177,19 @@ def own_base(cell: Cell, captures: Iterable[Capture]) -> RigidTransform | None:
     toward = scanner_told(cell, next(iter(before.values()))).z_axis == "toward"
     turn = [0.0 if toward else np.pi, 0.0, 0.0]
     return RigidTransform.of(turn, [0.0, 0.0, 0.0], "base", "laser")
+
+
+def told_by_axes(cell: Cell, captures: Iterable[Capture]) -> bool:
+    """Return whether balls on axes alone tell where scanners are: the flange took one to them, to several poses.
+
+    Nothing that is known and no capture of step tcp tells it then.
+    """
+    some = [one for one in captures if not one.excluded]
+    if known_scanner(cell) is not None or any(one.step == "tcp" for one in some):
+        return False
+    seen = [one for one in some if one.step == "turntable" and not stands_still(cell, one)]
+    poses = {tuple(one.pose or next(iter(one.poses or ()), ())) for one in seen}
+    return len(poses) >= _LEAST_POSES and cell.turntable.angles != "unknown"
 
 
 def no_scanner(need: str) -> InputError:

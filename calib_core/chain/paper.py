@@ -25,7 +25,7 @@ def by_paper(
     Of a long session only some captures, evenly spread, are left out in turn: each time all is solved again.
     """
     if judged.data.walk.layout.axes:
-        why = message("the robot stands on an axis that moved")
+        why = message("an axis moved that carries the robot or the sphere")
         return None, TwoStepAnswer(None, None, None, (), why), None
     sphere = SphereSize(2 * state.radius_mm, sphere.sigma_mm)
     used = np.flatnonzero(judged.used & (judged.data.walk.scanner == 0) & (judged.data.walk.place == 0)).tolist()

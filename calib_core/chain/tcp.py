@@ -232,7 +232,9 @@ def solve_tcp(
     data = replace(data, pose_scale=visits_of(data))
     shifts = open_shifts(data).held_at(starts[0][0])
     data = shifts.holding(data)
+    first = starts[0][0].center
     starts = [[shifts.start_at_zero(one) for one in of_scanner] for of_scanner in starts]
+    axes = tuple(replace(axis, origin=axis.origin + starts[0][0].center - first) for axis in axes)
     given = options.position_sigma_mm, options.orientation_sigma_rad, *options.sigmas_of(layout)
     every = [
         likeliest_sides(data.of_one_scanner(n, axes), of_scanner, given[:2]) for n, of_scanner in enumerate(starts)

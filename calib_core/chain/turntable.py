@@ -24,7 +24,7 @@ from calib_core.chain.axes_start import axes_guesses, axes_start
 from calib_core.chain.bend import Bend, unbent
 from calib_core.chain.circles import PaperAxis, paper_axis
 from calib_core.chain.effective import with_effective_points
-from calib_core.chain.held import Held
+from calib_core.chain.held import Held, hold_files
 from calib_core.chain.likelihood import fit, linearised_at
 from calib_core.chain.mirrored import (
     JudgedTable,
@@ -52,7 +52,7 @@ from calib_core.chain.table_patterns import Pattern, pattern_of
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
 from calib_core.chain.table_start import Mounts, TableStart, both_centers_in_base, find_table_start, readings_of
 from calib_core.chain.table_tool import ToolMove, tool_move
-from calib_core.chain.tcp import say_nothing
+from calib_core.chain.tcp import TcpSolution, say_nothing
 from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import MotionError
 from calib_core.estimation import covariance_of
@@ -69,7 +69,8 @@ class KnownTool:
     """The tool of the stage before, what was found of the scanner with it (None: both exact), and the two steps'.
 
     `mount_from_laser` is the answer of that stage, `arm` what its poses were corrected by, `bend` its points.
-    Beside an exact one `late` has by name where others are about, whose places are sought with the table.
+    Beside an exact one `late` has by name where others are about, whose places are sought with the table.  Where
+    nothing places any, all of it is sought, beginning with what balls on axes say of themselves.
     """
 
     mount_from_laser: RigidTransform
@@ -78,15 +79,22 @@ class KnownTool:
     arm: ArmModel | None = None
     bend: Bend | None = None
     late: Mapping[str, RigidTransform] = field(default_factory=dict[str, RigidTransform])
+    sought: TcpSolution | None = None
+
+    @property
+    def state(self) -> ChainState | None:
+        """All that is known of scanners and of axes under the robot, or that a search begins with."""
+        known = self.held or (self.sought and self.sought.held)
+        return known and known.state
 
     @property
     def mounts(self) -> Mounts:
         """The answer of that stage, of several scanners by their names."""
         if self.late:
             return self.late
-        if self.held is None or len(self.held.state.walk.layout.mounts) == 1:
+        state = self.state
+        if state is None or len(state.walk.layout.mounts) == 1:
             return self.mount_from_laser
-        state = self.held.state
         return {name: state.mount(n) for n, (name, _) in enumerate(state.walk.layout.mounts)}
 
 
@@ -349,10 +357,12 @@ def _data(
 ) -> ChainData:
     placed, known = [o.placed for o in observations], tool.held
     layout = _layout(observations, tool, options)
-    data = chain_data(placed, sphere, point_sigma, layout=layout)
+    data = chain_data(placed, sphere, point_sigma, options.priors if tool.sought else None, layout)
     data = replace(data, distances=layout.apart(options.distances))
     for axis in layout.carrying:
         data = data.holding(layout.scale(axis), not options.scale_asked(axis))
+    if tool.sought:
+        return tool.sought.shifts.holding(data)
     for n, axis in enumerate(layout.axes):
         if axis.carries == "robot":  # known with the tool, or never moved
             data = data.holding(layout.axis(n))
@@ -372,7 +382,7 @@ def _data(
 
 def _layout(observations: TableObservations, tool: KnownTool, options: TurntableOptions) -> Layout:
     layout = layout_of([o.placed for o in observations], options.axes)
-    return layout if tool.held is None else replace(layout, mounts=tool.held.state.walk.layout.mounts)
+    return layout if tool.state is None else replace(layout, mounts=tool.state.walk.layout.mounts)
 
 
 def _start(
@@ -406,17 +416,16 @@ def start_data(
 
 def _known_axes(tool: KnownTool) -> dict[str, AxisState]:
     """Return the axes that were found with the tool."""
-    if tool.held is None:
+    if (state := tool.state) is None:
         return {}
-    state = tool.held.state
     return {axis.name: at for axis, at in zip(state.walk.layout.axes, state.position.axes, strict=True)}
 
 
 def _mounts(tool: KnownTool) -> tuple[FloatArray, FloatArray]:
-    if tool.held is None:
+    if tool.state is None:
         every = list(tool.late.values()) or [tool.mount_from_laser]
         return np.array([one.rotation for one in every]), np.array([one.translation_mm for one in every])
-    answer = tool.held.state.position
+    answer = tool.state.position
     return answer.mount_rotations, answer.mount_translations
 
 
@@ -475,6 +484,9 @@ def _tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tuple[
     About the minimum the table follows tool and scanner by −H⁻¹ H_tool, with H of the other unknowns.
     """
     fitted = judged.fit
+    if tool.sought:
+        sought = hold_files(judged, False)
+        return sought.state, sought.covariance
     if tool.held is None:
         return fitted.state, fitted.covariance * judged.inflation
     known, data = tool.held, judged.data

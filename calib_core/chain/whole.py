@@ -29,7 +29,7 @@ from calib_core.chain.mirrored import (
     told_directions,
     with_spread,
 )
-from calib_core.chain.model import ChainState
+from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import (
     SphereObservation,
     SphereSize,
@@ -130,6 +130,10 @@ def solve_chain(
         Called with the fraction done and what is being done.
     late : sequence of LateScanner
         Scanners that the table places, whose captures count last.
+
+    Notes
+    -----
+    Where no ball stood still, `tcp` is what balls on axes said of scanners, and its captures are none.
     """
     tell = progress or say_nothing
     tell(0.1, "Fitting all captures of both kinds jointly")
@@ -154,7 +158,7 @@ def solve_chain(
     spread = mirror_spread(judged.data, held.state, image)
     held = replace(held, covariance=with_spread(held.covariance, spread))
     covariance = held.covariance
-    still = _tcp_part(tcp_observations, tcp, judged, held, point_sigma)
+    still = _tcp_part(tcp_observations or spheres, tcp, judged, held, point_sigma)
     turning = _table_part(table_observations, sphere, tcp, judged, held, point_sigma, encoders, options)
     mirror = mirror_of(spread, held.state, options.direction)
     turning = replace(
@@ -223,14 +227,15 @@ def _judge(
         np.array([*one.mount_rotations, *(own.rotation for own in late)]),
         np.array([*one.mount_translations, *(own.translation for own in late)]),
     )
-    places = np.concatenate([one.places, other.places, *(own.places for own in late)])
+    of_tcp = (one.places, tcp.used) if still else (one.places[:0], tcp.used[:0])
+    places = np.concatenate([of_tcp[0], other.places, *(own.places for own in late)])
     start = ChainState.at(data, Position(*mounts, places, other.axes))
     known = np.zeros(len(data.nuisance_sigmas))
     known[: len(tcp.held.state.scanner)] = tcp.held.state.scanner
     start = replace(start, scanner=np.where(data.nuisance_sigmas > 0, known, 0.0))
     if tcp.arm is not None and tcp.arm.applied:
         data = with_open_arm(data, start, spheres, tcp.arm)
-    core = np.concatenate([tcp.used, turntable.used, *(own.core for own in late)])
+    core = np.concatenate([of_tcp[1], turntable.used, *(own.core for own in late)])
     spheres, data = unbent(spheres, data, start, tcp.bend)
 
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
@@ -248,7 +253,7 @@ def _tcp_part(
     point_sigma: float | None,
 ) -> TcpSolution:
     """Return the tcp stage's solution with the whole chain's answer in it."""
-    state, count, covariance = held.state, len(observations), held.covariance
+    state, count = held.state, len(observations)
     used = judged.used[:count]
     without = without_each(held.at)
     left_out = left_out_states(held, without, used)
@@ -258,10 +263,14 @@ def _tcp_part(
     joint = answer_of(seen, used, sides, state, left_out, data)
     point = seen_point(data, state, used)
     squared = judged.squared_distance[:count]
+    at_rest, follows = _ball_at_rest(data, held)
     return replace(
         alone,
-        joint=joint,
-        covariance=covariance[:9, :9],
+        captures=[o.capture for o in observations],
+        points=[len(o.points_in_laser_mm) for o in observations],
+        zones=[o.circle_radius_mm and o.circle_radius_mm / state.radius_mm for o in seen],
+        joint=replace(joint, center_mm=at_rest),
+        covariance=follows @ held.covariance @ follows.T,
         held=held,
         sigmas=judged.fit.sigmas,
         point_sigma_mm=point_sigma,
@@ -278,6 +287,18 @@ def _tcp_part(
         undetermined=open_directions(held.by_motions(point)),
         weak=open_directions(held.by_motions(point), tolerance=0.2),
     )
+
+
+def _ball_at_rest(data: ChainData, held: Held) -> tuple[FloatArray, FloatArray]:
+    """Return the first ball's place (3,) with axes at zero; how the first mount and it follow all (9, P)."""
+    walk, state, follows = data.walk, held.state, np.eye(9, len(held.covariance))
+    if not walk.layout.rides[0].any():
+        return state.center, follows
+    first = walk.chosen(np.flatnonzero(walk.place == 0)[:1])
+    points, moves, _ = replace(first, readings=np.zeros_like(first.readings)).balls(state.position)
+    assert moves is not None
+    follows[6:, : data.unknowns] = moves[0]
+    return points[0], follows
 
 
 def _table_part(

@@ -66,6 +66,11 @@ class Stage(StageDeclaration):
 
         return self.any_arrangement or not ball_on_flange(session.cell)
 
+    def has_captures(self, session: "Session") -> bool:
+        """Return whether a session has captures that it can be solved from."""
+        steps = {capture.step for capture in session.captures}
+        return (all if self.needs_every_step else any)(step in steps for step in self.steps)
+
     def is_wanted(self, session: "Session") -> bool:
         """Return whether a session has a use for it."""
         del session

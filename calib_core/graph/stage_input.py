@@ -52,12 +52,16 @@ class SolvedTcp:
 
 @dataclass(frozen=True, eq=False)
 class SolvedTable:
-    """The table captures' solution and what it was solved from; scanners that it places, for the whole chain."""
+    """The table captures' solution and what it was solved from; scanners that it places, for the whole chain.
+
+    `sought`: where scanners were found to be by the balls on axes, before these were fitted, if so.
+    """
 
     solution: "TurntableSolution"
     observations: list[TableObservation]
     unused: list[Finding]
     late: "Sequence[LateScanner]" = ()
+    sought: "TcpSolution | None" = None
 
 
 @dataclass(eq=False)

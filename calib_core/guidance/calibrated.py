@@ -62,7 +62,7 @@ class Calibrated:
 
     @classmethod
     def of(cls, result: Mapping[str, Any], point_in_laser_mm: Sequence[float] | None = None) -> "Calibrated":
-        """Return what a result of `chain` or `tcp` has.
+        """Return what a result of `chain` or `tcp` has; one of `turntable` has a scanner that is exact.
 
         A result of before the whole chain told how scanner and table are correlated is taken without the scanner.
 
@@ -76,7 +76,7 @@ class Calibrated:
         if isinstance(scanner, str):
             scanner = (result.get("scanner_errors") or {}).get(scanner)
         found: Mapping[str, Any] = result.get("variance_components") or {}
-        table = result.get("base_from_turntable") if result.get("stage") == "chain" else None
+        table, mount = result.get("base_from_turntable"), scanner_frame(result)
         if scanner is None or (table is not None and scanner.get("covariance_with_table") is None):
             scanner = {
                 "names": [],
@@ -86,18 +86,22 @@ class Calibrated:
             }
         seen = (result.get("workpiece") or {}).get("point_in_laser_mm")
         point = point_in_laser_mm if point_in_laser_mm is not None else seen
+        if point is None and result.get("mounts"):
+            spheres = [one["center_in_turntable_mm"] for one in result["mounts"]]
+            point = (mount.inverse() @ placed_table(result)).apply(np.mean(spheres, axis=0)).tolist()
         if point is None:
             where = f"results/{result.get('stage')}.json: workpiece"
             raise InputError("where the scanner sees the workpiece", "nothing", "Solve the session again.", where)
         names = tuple(NAMES.index(name) for name in scanner["names"])
         count = len(names)
         covariance = np.zeros((12 + count, 12 + count))
-        covariance[:6, :6] = result["covariance"]
+        by_table = table is not None and "turntable_covariance" not in result
+        covariance[:6, :6] = 0.0 if by_table else result["covariance"]
         covariance[12:, 12:] = np.reshape(scanner["covariance"], (count, count))
         covariance[:6, 12:] = scanner["covariance_with_tool"]
         if table is not None:
-            covariance[6:12, 6:12] = result["turntable_covariance"]
-            covariance[:6, 6:12] = result["cross_covariance"]
+            covariance[6:12, 6:12] = result["covariance" if by_table else "turntable_covariance"]
+            covariance[:6, 6:12] = 0.0 if by_table else result["cross_covariance"]
             covariance[6:12, 12:] = scanner["covariance_with_table"]
         covariance = np.triu(covariance) + np.triu(covariance, 1).T
         if not np.isfinite(covariance).all():
@@ -106,7 +110,6 @@ class Calibrated:
         covariance = _with_optics_apart(covariance, optics)
         angle = float(np.deg2rad(result.get("angle_sigma_deg") or 0.0))
         told: Mapping[str, Any] = result.get("arm_errors") or {}
-        mount = scanner_frame(result)
         return cls(
             mount_from_laser=mount,
             base_from_turntable=None if table is None else placed_table(result),

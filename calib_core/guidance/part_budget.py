@@ -13,7 +13,7 @@ from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.guidance.field import FieldPoint, field_over_table
 from calib_core.messages import message
 from calib_core.records import ResultsData, Session
-from calib_core.steps import steps_that_show, tool_stages
+from calib_core.steps import steps_that_show, table_stages, tool_stages
 
 _MOST_VIEWS = 24
 _THERMOMETERS_K = {"arm_c": 0.5, "air_c": 2.0}
@@ -39,7 +39,7 @@ def budget_at(
     ----------
     session : Session
     results : mapping
-        The stages' results as JSON data; those of `chain` or else `tcp` count.
+        The stages' results as JSON data; those of `chain`, `tcp` or else `turntable` count.
     point_mm : (3,), optional
         In T at angle zero; without a table in L. Left out: the cell's, else where the sphere stood.
     with_field : bool
@@ -48,13 +48,13 @@ def budget_at(
     Raises
     ------
     ConflictError
-        If neither is solved.
+        If none is solved.
     InputError
         If the result's covariances are none, or no pose of its captures can be read.
     """
-    stage = next((name for name in tool_stages() if name in results), None)
+    stage = next((name for name in (*tool_stages(), *table_stages()) if name in results), None)
     if stage is None:
-        raise ConflictError("a solved tcp or chain", "none", "Solve the session first.", "tcp")
+        raise ConflictError("an answer", "none", "Solve the session first.", "results")
     result, cell = results[stage], session.cell
     known = _calibrated(session, result)
     views = _views(session, result, known)

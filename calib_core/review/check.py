@@ -19,7 +19,7 @@ from calib_core.captures.sweep import sweep_poses
 from calib_core.causes.flange import flange_findings
 from calib_core.causes.likely import likely_columns, likely_convention
 from calib_core.cell.consistency import require_consistent
-from calib_core.cell.found import own_base
+from calib_core.cell.found import own_base, told_by_axes
 from calib_core.errors import CalibrationError
 from calib_core.findings import Finding, complete_measured, judgement, message_of_finding, sentence_of, to_do_of
 from calib_core.findings.codes import check as codes
@@ -124,7 +124,7 @@ def _unsuited(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
 def _missing(session: Session, used: Sequence[Capture]) -> Iterator[Finding]:
     """Say that nothing shows where the scanner is on the flange; what rests on it cannot be solved then."""
     steps = {capture.step for capture in used}
-    alone = own_base(session.cell, used) is not None
+    alone = own_base(session.cell, used) is not None or told_by_axes(session.cell, used)
     if "tcp" in steps or alone or STAGES.get("tcp").is_brought(session):
         return
     rests = not steps or "turntable" in steps or "scan" in steps

@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from calib_core.cell.found import told_by_axes
 from calib_core.findings import (
     as_read,
     complete_measured,
@@ -156,6 +157,8 @@ def _note(session: Session, step: str, status: GuideStatus, *, revised: bool) ->
     if status == "not-needed" and step == "turntable":
         return message("the cell tells of no turntable: where there is one, say so in the cell's description")
     if status == "not-needed" and step in steps_that_show("sphere"):
+        if told_by_axes(session.cell, session.captures):
+            return message("the spheres on axes tell it; captures of one that stands still make it surer")
         return message(
             "scanner and table are solved to each other; in the robot's base only with captures of step 'tcp'"
         )

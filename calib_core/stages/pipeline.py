@@ -68,7 +68,7 @@ def stages_to_solve(session: Session) -> list[str]:
     """
     if not any(stage_captures(session, stage.name) for stage in stages()):
         _require_captures([], answer_stages()[-1])
-    some = [s for s in stages() if s.suits(session) and not s.is_brought(session) and _has_captures(session, s)]
+    some = [s for s in stages() if s.suits(session) and not s.is_brought(session) and s.has_captures(session)]
     return [s.name for s in some if s.is_wanted(session) or not s.optional]
 
 
@@ -168,11 +168,6 @@ def stage_input(
 
     captures = stage_captures(reduced, stage)
     return StageInput(reduced, captures, read, graph.key(stage), tell, store, solved, solve_other, crew)
-
-
-def _has_captures(session: Session, stage: Stage) -> bool:
-    steps = {capture.step for capture in session.captures}
-    return (all if stage.needs_every_step else any)(step in steps for step in stage.steps)
 
 
 def _require_captures(captures: list[Capture], stage: Stage) -> None:

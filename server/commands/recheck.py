@@ -20,6 +20,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.stages.evidence import text_of
     from calib_core.stages.pipeline import solve_stage
     from calib_core.stages.recheck.guide import recheck_plan
+    from calib_core.stages.recheck.solve import require_still_sphere
     from calib_core.steps import tool_stages
     from server.console.language import result_as_read, spoken
 
@@ -29,6 +30,7 @@ def _run(options: argparse.Namespace) -> int:
         kept = Kept.of_stored(Graph.of_files(session, read), stored, "recheck")
         if not any(c.step == "recheck" and not c.excluded for c in session.captures):
             answers = {name: kept.results[name].to_json() for name in tool_stages() if name in kept.results}
+            require_still_sphere(session)
             if not answers:
                 answers = {"tcp": solve_stage(session, "tcp", read, kept=kept).to_json()}
             plan = recheck_plan(session, answers)

@@ -12,6 +12,7 @@ import calib_core as cc
 from calib_core.exports.answer import answer_of
 from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
+from calib_core.guidance.part_budget import budget_at
 from calib_core.library.opened import OpenSession, in_memory
 from calib_core.library.results import Results
 from calib_core.records import Capture
@@ -22,6 +23,7 @@ from calib_core.simulation.topology import BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.evidence import text_of
 from calib_core.stages.guide import guide
+from calib_core.stages.recheck.guide import recheck_plan
 from tests.topology_errors import distances
 
 CHI2 = {2: 18.4, 6: 27.9}  # 99.99 %
@@ -144,13 +146,33 @@ def test_the_guide_asks_a_scanner_before_a_table_for_no_sphere_on_a_robot(
         assert {one.step: one.status for one in told.steps}["tcp"] == "not-needed"
 
 
-def test_a_scanner_on_the_flange_that_alone_saw_the_table_is_told_what_is_missing() -> None:
+def test_a_scanner_on_the_flange_that_alone_saw_the_table_is_found_with_it() -> None:
     def keep(one: Capture) -> bool:
         return (one.step == "tcp") == (one.scanner == "gate")
 
-    session, _ = seen_by(replace(BESIDE, balls=(BallOptions(), HELD, *MOUNTED)), keep)
-    with pytest.raises(cc.CalibrationError, match="none by 'arm'"):
-        session.run("turntable")
+    session, truth = seen_by(replace(BESIDE, balls=(BallOptions(), HELD, *MOUNTED)), keep)
+    result = session.run()["chain"]
+    assert (result.verdict, all(row.used for row in result.residuals)) == ("pass", True)
+    found = list(distances(result, truth))
+    assert [name for name, *_ in found] == ["base_from_laser", "tool0_from_laser", "table"]
+    for name, squared, freedom, _ in found:
+        assert squared < CHI2[freedom], name
+
+
+def test_a_table_that_its_scanner_alone_knows_has_a_budget_and_is_rechecked_by_another_session(
+    alone: tuple[OpenSession, dict[str, Any], Results],
+) -> None:
+    session, _, results = alone
+    data = {stage: one.to_json() for stage, one in results.items()}
+    told = budget_at(session.record, data)
+    seen = answer_record(answer_of(session.record, results))
+    assert (told.frame, told.stage) == ("turntable", "turntable")
+    (table,) = (part for part in told.parts if part.name == "table")
+    assert 0 < table.worst_sigma_mm < told.uncertainty_mm < 0.5
+    assert all(part.sigma_mm < 1e-3 for part in told.parts if part.name in ("tool", "arm"))
+    assert seen.budget is not None
+    with pytest.raises(cc.CalibrationError, match="scancell drift"):
+        recheck_plan(session.record, data)
 
 
 def test_two_scanners_before_a_table_are_known_to_it_and_to_each_other() -> None:
@@ -180,5 +202,6 @@ def test_what_a_second_scanner_saw_is_judged_by_where_that_is() -> None:
     beside = ScannerOptions("west", "base", aim_mm=(1000.0, -200.0, 440.0))
     two = replace(FIXED, scanners=(ScannerOptions("east", "base"), beside), told="names", balls=(HELD, *MOUNTED))
     session, _ = seen_by(two, lambda one: one.step != "tcp" and int(one.id[1:]) % 2 == 0)  # no side is told
-    told = {one.code for one in session.run("turntable")["turntable"].findings if one.severity == "error"}
-    assert told == {"axis-mirrored"}  # by the other's place angles were said to be off by 47°
+    (told,) = (one for one in session.run("turntable")["turntable"].findings if one.severity == "error")
+    assert told.code == "axis-mirrored"  # by the other's place angles were said to be off by 47°
+    assert "turntable.direction" not in told.to_do  # senses are told about up, which such a cell does not know

@@ -18,9 +18,13 @@ AXIS_MIRRORED = Code(
     "error",
     text="Not determined: the axis, mirrored at the scanner's plane of light, fits the captures as well; it leans by "
     "{lean_deg:.1f}° from the stated one.",
-    to_do="Tell of one capture on the table on which side of the plane of light the sphere's centre is (side: 1 or −1 "
-    "along the scanner's y); or, where the scanner is placed in the robot's base, in which sense the table's angles "
-    "count (turntable.direction).",
+    to_do={
+        "base": "Tell of one capture on the table on which side of the plane of light the sphere's centre is (side: 1 "
+        "or −1 along the scanner's y), or in which sense the table's angles count (turntable.direction).",
+        "scanner": "Tell of one capture on the table on which side of the plane of light the sphere's centre is "
+        "(side: 1 or −1 along the scanner's y).",
+    },
+    by_to_do="known_in",
     meaning="A scanner that stands still before an axis sees the same profiles of the mirrored axis and spheres. A "
     "part that is merged by the mirrored answer is the part's mirror image.",
     decided="Only profiles of scanners that stand still show the axis, no capture's side is told, the mirrored "

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.cell.found import SCANNER_FRAMES, own_base
+from calib_core.cell.found import SCANNER_FRAMES, own_base, told_by_axes
 from calib_core.graph.stage import SPHERE_FIELDS, SPHERE_READS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 
@@ -30,6 +30,10 @@ class Chain(Stage):
     }
     optional = True
     needs_every_step = True
+
+    def has_captures(self, session: "Session") -> bool:
+        """Return whether it has captures of both kinds, or of balls on axes by which it finds scanners, too."""
+        return super().has_captures(session) or told_by_axes(session.cell, session.captures)
 
     def is_wanted(self, session: "Session") -> bool:
         """Return whether anything ties the captures of the table to those of the still sphere."""

@@ -34,6 +34,7 @@ def chain_result(
     """Return a solution as a record, with what was noticed; `observations` are those of the table."""
     table = solution.turntable
     tcp = tcp_result(solution.tcp, software, inputs_sha256, findings)
+    on_table = {o.sphere.capture for o in observations}
     return ChainResult(
         stage="chain",
         method=METHOD,
@@ -42,7 +43,10 @@ def chain_result(
         **judgement(findings),
         turntable_covariance=table.covariance.pose.tolist(),
         cross_covariance=solution.cross_covariance.tolist(),
-        residuals=[*tcp.residuals, *table_rows(observations, table, findings)],
+        residuals=[
+            *(row for row in tcp.residuals if row.capture not in on_table),
+            *table_rows(observations, table, findings),
+        ],
         frames=tcp.frames,
         axes=axes_found(table.state, table.unknowns_covariance),
         **{

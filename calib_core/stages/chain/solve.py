@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.cell.found import own_base
 from calib_core.errors import InputError
@@ -12,7 +13,15 @@ from calib_core.graph.stage_input import Kept, SolvedTable, SolvedTcp, StageInpu
 from calib_core.records.results import ArmModelFound, FoundFrame
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.tcp.solve import of_several_balls, with_all_rows
-from calib_core.stages.turntable.solve import findings_of_table, part_of, table_of, table_options, tcp_of, tool_of
+from calib_core.stages.turntable.solve import (
+    by_axes,
+    findings_of_table,
+    part_of,
+    table_of,
+    table_options,
+    tcp_of,
+    tool_of,
+)
 
 if TYPE_CHECKING:
     from calib_core.chain.whole import ChainSolution
@@ -30,15 +39,13 @@ def solve(given: StageInput) -> ChainResult:
     from calib_core.stages.undetermined_places import without_open_places
 
     turning = [capture for capture in given.captures if capture.step == "turntable"]
-    for step, some in (("tcp", len(turning) < len(given.captures)), ("turntable", bool(turning))):
-        if not some:
-            raise InputError(
-                "captures with step 'tcp' and with step 'turntable'",
-                "none with step '{step}'",
-                "Capture the sphere beside the table and on it; or solve the other stage alone.",
-                "captures",
-                step=step,
-            )
+    if not turning:
+        raise InputError(
+            "captures with step 'turntable'",
+            "none",
+            "Capture the sphere on the table, too; or solve the stage 'tcp' alone.",
+            "captures",
+        )
     if own_base(given.session.cell, given.session.captures) is not None:
         raise InputError(
             "captures by which a scanner sees both the robot's sphere and the table's",
@@ -47,10 +54,12 @@ def solve(given: StageInput) -> ChainResult:
             "captures",
         )
     solved = tcp_of(given)
-    tool = tool_of(solved)
-    table = table_of(
-        replace(given, captures=turning), solved.sphere, tool, part_of(given.progress, 0.4, _TABLE_SHARE)
-    )
+    tool, sphere = (tool_of(solved), solved.sphere) if solved else (None, sphere_of(given.session.cell, turning))
+    table = table_of(replace(given, captures=turning), sphere, tool, part_of(given.progress, 0.4, _TABLE_SHARE))
+    late = [*by_axes(table.solution), *table.late] if solved and table.sought else [*table.late]
+    if solved is None:  # no ball stood still: those on axes told of scanners
+        assert table.sought is not None
+        solved = SolvedTcp(table.sought, [], sphere, [])
     solution = solve_chain(
         solved.observations,
         table.observations,
@@ -59,10 +68,9 @@ def solve(given: StageInput) -> ChainResult:
         table.solution,
         replace(table_options(given.session.cell), distances=table.solution.options.distances),
         part_of(given.progress, _TABLE_SHARE, 1.0),
-        table.late,
+        late,
     )
-    late = [observation for one in table.late for observation in one.observations]
-    table = replace(table, observations=[*table.observations, *late])
+    table = replace(table, observations=[*table.observations, *(o for one in late for o in one.observations)])
     if any(capture.kind in ("frame", "sweep") for capture in given.captures):
         from calib_core.captures.frame_uncertainty import chain_with_calibration_uncertainty
 
@@ -108,12 +116,11 @@ def _findings(
     from calib_core.stages.tcp.result import solution_findings
     from calib_core.stages.tcp.verdict import lag_findings
 
-    tool = tool_of(replace(solved, solution=solution.tcp) if table.late else solved).mounts
     used = [c for c in given.captures if not c.excluded and c.id not in solved.left_out]
     both = [*solved.observations, *(one.sphere for one in table.observations)]
     return [
         *disagreements(solution),
-        *findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere, tool),
+        *findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere),
         *of_several_balls(given, solved, solution_findings(solution.tcp, given.captures, with_table=True)),
         *arm_findings(given.session.cell, solution.tcp.arm, used),
         *lag_findings(solved.observations, solution.tcp.sigmas),

@@ -11,7 +11,7 @@ from calib_core.messages import message
 from calib_core.records import GuideNow, Matrix4, Record, ResultsData, Session
 from calib_core.records.base import Finite
 from calib_core.stages.guide import GuideView
-from calib_core.stages.recheck.solve import ENOUGH, is_repeated
+from calib_core.stages.recheck.solve import ENOUGH, is_repeated, require_still_sphere
 from calib_core.stages.reviewed import review
 
 _EXIT = message("{enough} poses of the calibration were captured again.", enough=ENOUGH)
@@ -42,6 +42,7 @@ def recheck_plan(session: Session, results: ResultsData) -> RecheckPlan:
     MotionError
         If nothing was calibrated from captures of this session.
     """
+    require_still_sphere(session)
     answer = results.get("chain") or results.get("tcp") or {}
     used = {row["capture"] for row in answer.get("residuals", []) if row.get("used")}
     candidates = [

@@ -17,6 +17,7 @@ from calib_core.findings.codes import recheck as codes
 from calib_core.frames import RigidTransform
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
+from calib_core.records import Session
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.recheck.compare import Alike, Change, compared
 from calib_core.stages.recheck.record import RecheckResidual, RecheckResult, RecheckRound
@@ -57,6 +58,7 @@ def solve(given: StageInput) -> RecheckResult:
     MotionError
         If no capture repeats a pose of the calibration.
     """
+    require_still_sphere(given.session)
     observed = observe_stage(given)
     stage = "chain" if any(capture.step == "turntable" for capture in given.session.captures) else "tcp"
     answer = given.solve_other(stage, lambda fraction, message: given.progress(_ANSWER_SHARE * fraction, message))
@@ -113,6 +115,19 @@ def solve(given: StageInput) -> RecheckResult:
         rounds=told,
         residuals=sorted(rows, key=lambda row: order.index(row.capture)),
     )
+
+
+def require_still_sphere(session: Session) -> None:
+    """Refuse a session that spheres on axes alone calibrated: no pose of it can be repeated by itself."""
+    steps = {capture.step for capture in session.captures if not capture.excluded}
+    if "turntable" in steps and "tcp" not in steps:
+        raise MotionError(
+            "a calibration by a sphere that stood still",
+            "one by spheres on axes alone",
+            "Capture some of its angles again as a session of their own, solve it, and let `scancell drift` hold "
+            "both against each other.",
+            "captures",
+        )
 
 
 def _paired(now: Sequence[_Stop], then: Sequence[_Stop]) -> tuple[list[_Pair], list[str]]:

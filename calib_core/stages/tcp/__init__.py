@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, ClassVar
 
-from calib_core.cell.found import SCANNER_FRAMES, own_base
+from calib_core.cell.found import SCANNER_FRAMES, own_base, told_by_axes
 from calib_core.graph.stage import SPHERE_FIELDS, SPHERE_READS, Stage
 from calib_core.stages.raw_frames import rests_on_optics
 from calib_core.steps import CaptureStep
@@ -31,8 +31,9 @@ class Tcp(Stage):
     layers = ("sphere", "captures", "scanner")
 
     def is_wanted(self, session: "Session") -> bool:
-        """Return whether the scanner is not known to a table alone, where the robot's base does not matter."""
-        return own_base(session.cell, session.captures) is None
+        """Return whether neither balls on axes tell where the scanner is, nor a table where no base matters."""
+        alone = own_base(session.cell, session.captures) is not None
+        return not alone and not told_by_axes(session.cell, session.captures)
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stages that it rests on: none where the scanner delivers points."""

@@ -25,7 +25,7 @@ from calib_core.findings import Finding, judged, sentence_of, verdict_of
 from calib_core.findings.codes import turntable as codes
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
-from calib_core.messages import Names
+from calib_core.messages import Names, message
 from calib_core.records import Capture, Cell
 from calib_core.records.callbacks import Progress
 from calib_core.stages.tcp.solve import observe_stage, solve_tcp_captures, with_all_rows
@@ -34,7 +34,6 @@ from calib_core.stages.turntable.record import TurntableResult
 
 if TYPE_CHECKING:
     from calib_core.chain.late_scanner import LateScanner
-    from calib_core.chain.table_start import Mounts
     from calib_core.chain.tcp import TcpSolution
     from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution
 
@@ -60,28 +59,31 @@ def solve(given: StageInput) -> TurntableResult:
 
     cell = given.session.cell
     own = own_base(cell, given.session.captures)
-    known, found = known_scanner(cell) or own, list[Finding]()
+    known, found, tool = known_scanner(cell) or own, list[Finding](), None
     if own is not None:
         given = replace(given, session=given.session.model_copy(update={"cell": without_directions(cell)}))
         found.append(codes.TABLE_WITHOUT_BASE())
     if known is not None:
         tool, sphere = KnownTool(known), sphere_of(cell, given.captures)
+    elif (solved := tcp_of(given)) is None:
+        sphere = sphere_of(cell, given.captures)
     else:
-        solved = tcp_of(given)
         tool, sphere = tool_of(solved), solved.sphere
         found = about_tool(solved.solution, given.session.captures)
     try:
         table = table_of(given, sphere, tool, part_of(given.progress, _TCP_SHARE, 1.0))
     except MotionError as error:  # the table is not to blame where the tool is wrong
         raise (error.adding(sentence_of(found[0])) if found else error) from None
-    found += findings_of_table(given, table, sphere, _mounts(tool, table.solution))
+    found += findings_of_table(given, table, sphere)
     found += beyond_told_sigma(table.solution.sigmas, table.solution.options.position_sigma_mm)
     unused = [*table.unused, *_left_to_chain(table)]
     found += [*lost_rays_of([one.sphere for one in table.observations]), *unused]
     result = turntable_result(table.solution, table.observations, SOFTWARE, given.inputs_sha256, found)
     if cell.turntable.angles != "unknown":
         result = judged(result, play_findings(result))
-    if tool.held is not None:
+    if table.sought is not None:
+        result = without_open_places(result, table.sought.shifts)
+    elif tool is not None and tool.held is not None:
         result = without_open_places(result, open_shifts(tool.held.data))
     if known is not None:
         late = mounts_by_table(table.solution)
@@ -89,14 +91,6 @@ def solve(given: StageInput) -> TurntableResult:
     if own is not None:
         result = without_base(result, table.observations[0].sphere.scanner)
     return with_all_rows(result, given.captures, unused)
-
-
-def _mounts(tool: "KnownTool", table: "TurntableSolution") -> "Mounts":
-    """Return where scanners are: by the stage before, beside an exact one by the table."""
-    several = table.state.walk.layout.mounts
-    if tool.held is not None or len(several) == 1:
-        return tool.mounts
-    return {name: table.state.mount(n) for n, (name, _) in enumerate(several)}
 
 
 def _left_to_chain(table: SolvedTable) -> list[Finding]:
@@ -109,14 +103,14 @@ def _left_to_chain(table: SolvedTable) -> list[Finding]:
     ]
 
 
-def findings_of_table(
-    given: StageInput, table: SolvedTable, sphere: SphereSize, mounts: "Mounts"
-) -> list[Finding]:
+def findings_of_table(given: StageInput, table: SolvedTable, sphere: SphereSize) -> list[Finding]:
     """Return what is noticed of a table, with what would explain doubts about its angles."""
     from calib_core.causes.table import table_causes
     from calib_core.stages.turntable.verdict import table_findings
 
-    found = table_findings(table.solution, table.observations, given.session.cell)
+    alone = own_base(given.session.cell, given.session.captures) is not None
+    known_in = "scanner" if alone else "base"
+    found = table_findings(table.solution, table.observations, given.session.cell, known_in)
     if (
         verdict_of(found) == "pass"
         or given.session.cell.turntable.angles == "unknown"
@@ -125,14 +119,16 @@ def findings_of_table(
         return found
     given.progress(0.99, "Trying other angles of the table")
     captures = [capture for capture in given.captures if capture.step == "turntable"]
+    state = table.solution.state
+    mounts = {name: state.mount(n) for n, (name, _) in enumerate(state.walk.layout.mounts)}
     return [*table_causes(captures, table.observations, sphere, mounts), *found]
 
 
-def tcp_of(given: StageInput) -> SolvedTcp:
-    """Return the tcp captures' solution; raises as the tcp stage does."""
+def tcp_of(given: StageInput) -> SolvedTcp | None:
+    """Return the tcp captures' solution, None where there are none; raises as the tcp stage does."""
     captures = [capture for capture in given.session.captures if capture.step == "tcp"]
     if not captures:
-        raise no_scanner("the scanner's pose on the flange before the turntable's")
+        return None
     return solve_tcp_captures(replace(given, captures=captures, progress=part_of(given.progress, 0.0, _TCP_SHARE)))
 
 
@@ -156,14 +152,19 @@ def about_tool(tool: "TcpSolution", captures: Sequence[Capture]) -> list[Finding
     return [*found, codes.BY_TOOL_ALONE()] if tool.optics else found
 
 
-def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
-    """Return the table captures' solution, which the stages of one run share."""
+def table_of(given: StageInput, sphere: SphereSize, tool: "KnownTool | None", progress: Progress) -> SolvedTable:
+    """Return the table captures' solution, which the stages of one run share.
+
+    Without a tool, or where none of its scanners saw the table, those on the flange are sought with it.
+    """
     if given.kept.table is None:
         given.kept.table = _solve_table(given, sphere, tool, progress)
     return given.kept.table
 
 
-def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progress: Progress) -> SolvedTable:
+def _solve_table(
+    given: StageInput, sphere: SphereSize, tool: "KnownTool | None", progress: Progress
+) -> SolvedTable:
     from calib_core.chain.arm_open import corrected
     from calib_core.chain.table_angles import with_found_angles
     from calib_core.chain.table_start import AnotherPlaceError
@@ -177,17 +178,22 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     if turning.angles != "unknown" and not names_axes(cell):
         _require_angles(captures)
     observed = observe_stage(replace(given, progress=part_of(progress, 0.0, 0.3)))
-    waiting = _not_placed(observed.observations, tool, cell)
-    observed = replace(observed, observations=[o for o in observed.observations if o not in waiting])
+    every = observed.observations
+    every = corrected(every, tool.arm) if tool is not None and tool.arm is not None else every
     by_id = {capture.id: capture for capture in captures}
     carriers = axis_of_mounts(cell, captures)
-    seen = observed.observations if tool.arm is None else corrected(observed.observations, tool.arm)
-    waiting = waiting if tool.arm is None else corrected(waiting, tool.arm)
     options = table_options(cell)
 
     def placed(some: Sequence[SphereObservation]) -> list[TableObservation]:
         return [_on_axis(o, by_id[o.capture], carriers) for o in some]
 
+    ready = _placed_scanners(every, tool, cell)
+    sought = None if ready else _sought(placed(every), sphere, cell, alone=tool is None)
+    if sought is not None:
+        tool, ready = sought
+    assert tool is not None
+    seen, waiting = [o for o in every if o.scanner in ready], [o for o in every if o.scanner not in ready]
+    observed = replace(observed, observations=seen)
     observations, unused, named = placed(seen), observed.unused, None
     try:
         if turning.angles == "unknown":
@@ -209,33 +215,71 @@ def _solve_table(given: StageInput, sphere: SphereSize, tool: "KnownTool", progr
     except MotionError as error:
         raise observed.explaining(error) from None
     late, told = _late(placed(waiting), sphere, solution)
-    if late and tool.held is None:  # no whole chain will take them in
+    if late and tool.state is None:  # no whole chain will take them in
         observations = [*observations, *(o for one in late for o in one.observations)]
         own = {"": tool.mount_from_laser} | {one.observations[0].sphere.scanner: one.mount for one in late}
         tool = replace(tool, late={observations[0].sphere.scanner: own.pop(""), **own})
         solution, late = solve_turntable(observations, sphere, tool, options), []
-    return SolvedTable(solution, observations, [*unused, *told], late)
+    return SolvedTable(solution, observations, [*unused, *told], late, tool.sought)
 
 
-def _not_placed(seen: Sequence[SphereObservation], tool: "KnownTool", cell: Cell) -> list[SphereObservation]:
-    """Return captures by scanners of several that none of step tcp places; raises InputError where all are."""
-    if tool.held:
+def _placed_scanners(seen: Sequence[SphereObservation], tool: "KnownTool | None", cell: Cell) -> set[str]:
+    """Return which scanners that took captures on axes those of step tcp, or the cell, place."""
+    if tool is None:
+        placed: set[str] = set()
+    elif tool.held:
         placed = {name for name, _ in tool.held.state.walk.layout.mounts}
     else:  # the one that is brought, or that base is of
         some = scanner_names(cell) if known_scanner(cell) is not None else tuple(o.scanner for o in seen)
         placed = {"", *some[:1]}
-    missing = [o for o in seen if o.scanner not in placed]
-    if missing and len(missing) == len(seen):
-        raise InputError(
+    return placed & {o.scanner for o in seen}
+
+
+def _sought(
+    seen: Sequence[TableObservation], sphere: SphereSize, cell: Cell, *, alone: bool
+) -> "tuple[KnownTool, set[str]]":
+    """Return scanners on the flange as the balls on axes alone tell of them, and their names.
+
+    `alone`: none has captures of step tcp.
+
+    Raises
+    ------
+    InputError
+        If none is on the flange, or these captures do not tell it.
+    """
+    from calib_core.chain.riding import by_riding
+    from calib_core.chain.turntable import KnownTool
+
+    if alone:
+        error = no_scanner("the scanner's pose on the flange before the turntable's")
+    else:
+        error = InputError(
             "captures with step 'tcp' by a scanner that sees the sphere on an axis",
             "none by '{scanner}'",
-            "While flange and table both move, the sphere does not tell where the scanner is on the flange: with "
-            "the table at rest, its sphere will do for them. For a scanner that stands still put a sphere on the "
-            "flange; or exclude what it saw.",
-            missing[0].capture,
-            scanner=missing[0].scanner,
+            "Capture the sphere on the axis with it while the axis rests; for a scanner that stands still put a "
+            "sphere on the flange. Or exclude what it saw.",
+            seen[0].sphere.capture,
+            scanner=seen[0].sphere.scanner,
         )
-    return missing
+    some = [o for o in seen if o.sphere.carriers.scanner == "tool0"]
+    if not some or cell.turntable.angles == "unknown":
+        raise error
+    try:
+        found = by_riding(some, sphere, table_options(cell))
+    except MotionError as why:
+        told = message("Captures on axes alone tell it where the flange is turned, too. {lack}", lack=why.lack)
+        raise error.adding(told) from None
+    names = {name for name, _ in found.held.state.walk.layout.mounts}
+    return KnownTool(found.joint.mount_from_laser, sought=found), names
+
+
+def by_axes(table: "TurntableSolution") -> "list[LateScanner]":
+    """Return the scanners of a table's own captures, as those that it places for the whole chain."""
+    from calib_core.chain.late_scanner import LateScanner
+
+    at, nothing = table.state.position, np.zeros((0, 3))
+    each = zip(at.mount_rotations, at.mount_translations, strict=True)
+    return [LateScanner(*mount, [], np.zeros(0, dtype=bool), nothing) for mount in each]
 
 
 def _late(

@@ -29,9 +29,14 @@ _LARGE_ANGLE_RAD = np.deg2rad(0.05)
 _HOPELESS_MM = 5.0
 
 
-def table_findings(table: TurntableSolution, observations: TableObservations, cell: Cell) -> list[Finding]:
-    """Return what is noticed of a turntable: root causes first, and not what follows from them."""
-    failures = [*_undetermined(table), *_failures(table, observations)]
+def table_findings(
+    table: TurntableSolution, observations: TableObservations, cell: Cell, known_in: str = "base"
+) -> list[Finding]:
+    """Return what is noticed of a turntable: root causes first, and not what follows from them.
+
+    `known_in`: "base", or "scanner" where nothing ties it to base.
+    """
+    failures = [*_undetermined(table, known_in), *_failures(table, observations)]
     found = [*failures, *_doubts_about_captures(table, observations), *direction_findings(cell, table.frame)]
     found += axis_direction_findings(cell, table.state)
     if not failures:
@@ -39,12 +44,12 @@ def table_findings(table: TurntableSolution, observations: TableObservations, ce
     return found
 
 
-def _undetermined(table: TurntableSolution) -> list[Finding]:
+def _undetermined(table: TurntableSolution, known_in: str) -> list[Finding]:
     sure = _without_mirror(table)
     tilts, shifts = _open_tilts(sure), _open_shifts(sure)
     found: list[Finding] = []
     if (lean_rad := _mirrored_rad(table)) > _UNDETERMINED_RAD:
-        found.append(codes.AXIS_MIRRORED(lean_deg=float(np.rad2deg(lean_rad))))
+        found.append(codes.AXIS_MIRRORED(lean_deg=float(np.rad2deg(lean_rad)), known_in=known_in))
     if tilts:
         axes = ", ".join(f"{_words(axis)} (±{_degrees(value)})" for value, axis in tilts)
         found.append(codes.AXIS_TILT_OPEN(axes=axes, uncertainty_deg=_two_sigma_deg(tilts[-1][0])))
