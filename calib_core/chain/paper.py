@@ -6,9 +6,11 @@ import numpy as np
 
 from calib_core.cell.walk import Position
 from calib_core.chain.answer import Answer, answer_of
+from calib_core.chain.held import Held
 from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.rejection import Judged
+from calib_core.chain.scanner import COUNT, corrected
 from calib_core.chain.two_step import TwoStepAnswer, two_step, without_capture
 from calib_core.chain.two_step_covariance import two_step_covariance
 from calib_core.frames import FloatArray
@@ -18,12 +20,13 @@ _MOST_LEFT_OUT = 60
 
 
 def by_paper(
-    observations: Observations, sphere: SphereSize, judged: Judged, state: ChainState, sides: np.ndarray
-) -> tuple[Answer | None, TwoStepAnswer, FloatArray | None]:
+    observations: Observations, sphere: SphereSize, judged: Judged, held: Held, sides: np.ndarray
+) -> tuple[Answer | None, TwoStepAnswer, tuple[FloatArray, FloatArray] | None]:
     """Return the paper's method on the used captures, its sides and the sphere's size those of the joint answer.
 
     Of a long session only some captures, evenly spread, are left out in turn: each time all is solved again.
     """
+    state = held.state
     if judged.data.walk.layout.axes:
         why = message("an axis moved that carries the robot or the sphere")
         return None, TwoStepAnswer(None, None, None, (), why), None
@@ -45,8 +48,28 @@ def by_paper(
             two_step(rotations[rest], translations[rest], centers[rest], without_capture(own_groups, n)), state
         )
     some, walk = [observations[k] for k in used], judged.data.walk.chosen(np.array(used))
-    covariance = two_step_covariance(some, sphere, centers, rotations, translations, judged.fit, walk)
+    by_files = _by_files(some, sphere, sides[used], centers, held)
+    covariance = two_step_covariance(some, sphere, centers, rotations, translations, judged.fit, walk, by_files)
     return answer_of(observations, judged.used, sides, found, left_out, judged.data), answer, covariance
+
+
+def _by_files(
+    observations: Observations, sphere: SphereSize, sides: np.ndarray, centers: FloatArray, held: Held
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return how centres (K, 3) and joint answer (6,) move with one sigma of each error of the first scanner."""
+    own, first = held.nuisances_of(0), len(held.covariance) - len(held.active)
+    own = own[held.data.of_files[held.active[own]]]
+    spread = held.covariance[np.ix_(first + own, first + own)]
+    values, vectors = np.linalg.eigh(spread)
+    found: list[tuple[FloatArray, FloatArray]] = []
+    for step in (vectors * np.sqrt(np.maximum(values, 0.0))).T:
+        errors = np.zeros(COUNT)
+        errors[held.data.kinds[held.active[own]]] = step
+        right = [corrected(one, errors, held.half_width_mm) for one in observations]
+        pairs = zip(right, sides.tolist(), strict=True)
+        moved = np.array([one.sphere_center_in_laser_mm(sphere, side) for one, side in pairs]) - centers
+        found.append((moved, held.covariance[:6, first + own] @ np.linalg.pinv(spread) @ step))
+    return found
 
 
 def _paper_state(answer: TwoStepAnswer, joint: ChainState) -> ChainState | None:

@@ -111,7 +111,8 @@ class TcpSolution:
         Along which the scanner's place is open, as nothing turned.
     two_step : Answer or None
         The paper's method on the same captures.
-    two_step_covariance : (6, 6) or None
+    two_step_covariance, two_step_beside_joint : (6, 6) or None
+        Of that answer, and of how it differs from the joint one.
     two_step_answer : TwoStepAnswer
         Its groups of pure translations, or the reason why there is no answer.
     rival_scatter_mm, start_scatter_mm
@@ -165,6 +166,7 @@ class TcpSolution:
     shifts: OpenShifts
     two_step: Answer | None
     two_step_covariance: FloatArray | None
+    two_step_beside_joint: FloatArray | None
     two_step_answer: TwoStepAnswer
     rival_scatter_mm: float | None
     sides_log_odds: float | None
@@ -270,7 +272,7 @@ def solve_tcp(
     joint = answer_of(seen, judged.used, sides, state, left_out_states(held, without, judged.used), data)
 
     tell(0.85, "Computing the paper's two steps beside it")
-    paper, paper_answer, paper_covariance = by_paper(seen, sphere, judged, state, sides)
+    paper, paper_answer, paper_covariance = by_paper(seen, sphere, judged, held, sides)
 
     tell(0.95, "Looking for causes")
     covariance = held.covariance
@@ -298,7 +300,8 @@ def solve_tcp(
         weak=open_directions(held.by_motions(point), tolerance=0.2),
         shifts=shifts,
         two_step=paper,
-        two_step_covariance=paper_covariance,
+        two_step_covariance=paper_covariance and paper_covariance[0],
+        two_step_beside_joint=paper_covariance and paper_covariance[1],
         two_step_answer=paper_answer,
         rival_scatter_mm=starts[0][0].rival_scatter_mm,
         sides_log_odds=chosen.log_odds,

@@ -1,5 +1,7 @@
 """How uncertain the paper's two-step answer is: the centres' errors propagated through both steps."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib_core.cell.walk import Walk
@@ -23,10 +25,12 @@ def two_step_covariance(
     translations: FloatArray,
     fit: ChainFit,
     walk: Walk,
-) -> FloatArray | None:
-    """Return the 6×6 covariance of the two-step mount_from_laser, or None beyond 60 captures (it would be slow).
+    by_files: Sequence[tuple[FloatArray, FloatArray]],
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the 6×6 covariance of the two-step mount_from_laser, and that of how it differs from the joint one.
 
-    Each centre's own covariance and its pose's random error are carried through both steps by differences.
+    Each centre's own covariance and its pose's random error are carried through both steps by differences.  What
+    the scanner's files err by moves both answers.  None beyond 60 captures (it would be slow).
 
     Parameters
     ----------
@@ -40,6 +44,8 @@ def two_step_covariance(
         Of the same captures: its sigmas are used.
     walk : Walk
         Their ways.
+    by_files : sequence of ((K, 3), (6,))
+        How the centres move with one sigma of each independent error of the scanner's files, and the joint answer.
     """
     if len(observations) > _MOST_CAPTURES:
         return None
@@ -60,10 +66,14 @@ def two_step_covariance(
             columns[3:, axis] = other_translation - translation
         columns /= _NUDGE_MM
         covariance += columns @ (_own_covariance(observation, sphere) + spread[k]) @ columns.T
-    by_size = _by_size(observations, sphere, centers)
-    other_rotation, other_translation, _ = both_steps(rotations, translations, centers + by_size, groups)
-    common = np.concatenate([vector_from_rotation(rotation.T @ other_rotation), other_translation - translation])
-    return covariance + np.outer(common, common)
+    beside_joint = covariance.copy()
+    for moved, joint in ((_by_size(observations, sphere, centers), np.zeros(6)), *by_files):
+        other_rotation, other_translation, _ = both_steps(rotations, translations, centers + moved, groups)
+        turned = vector_from_rotation(rotation.T @ other_rotation)
+        step = np.concatenate([turned, other_translation - translation])
+        covariance += np.outer(step, step)
+        beside_joint += np.outer(step - joint, step - joint)
+    return covariance, beside_joint
 
 
 def _by_size(observations: Observations, sphere: SphereSize, centers: FloatArray) -> FloatArray:

@@ -166,6 +166,23 @@ def test_balls_of_a_plate_on_two_axes_are_told_apart_and_tell_the_axes() -> None
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("axis", ["rail", "slide"])
+def test_balls_that_nobody_named_are_told_apart_beside_a_linear_axis(axis: str) -> None:
+    made, plate = TOPOLOGY_SCENARIOS[axis], TOPOLOGY_SCENARIOS["plate"].balls
+    if axis == "slide":  # in the chain the slide leaned by 1.1°, whose captures show the plate at one stop each
+        moved = (replace(b, on=axis, mount="plate", at_mm=(b.at_mm[0] - 60, b.at_mm[1] - 300, 430)) for b in plate)
+        plate = (made.balls[0], *moved)
+    session, files, truth = simulate_topology(replace(made, balls=plate, cell=WIDE, on_axes=24), "", 1)
+    results = in_memory(session, files).run()
+    result = results["chain" if axis == "slide" else "tcp"]
+    assert (result.verdict, len(result.spheres)) == ("pass", len(plate))
+    assert all(row.used for row in result.residuals)
+    found = list(distances(result, truth))
+    assert [name for name, *_ in found] == ["tool0_from_laser", axis]
+    assert all(squared < {2: 18.4, **CHI2}[freedom] for _, squared, freedom, _ in found)
+
+
+@pytest.mark.thorough
 def test_told_distances_name_balls_on_axes() -> None:
     scenario = replace(TOPOLOGY_SCENARIOS["plate-on-positioner"], told="distances")
     session, files, truth = simulate_topology(scenario, "plate-on-positioner", 3)

@@ -82,7 +82,7 @@ def two_steps(times: float) -> Case:
         found = Cell.of("tcp-centers", 1).solve(GIVEN)
         shift = np.array([0, 0, 0, times * found.stated_mm, 0, 0])
         off = replace(found.joint, mount_from_laser=found.joint.mount_from_laser.perturbed(shift))
-        return doubts_about_two_steps(replace(found, two_step=off, two_step_covariance=1e-6 * np.eye(6)))
+        return doubts_about_two_steps(replace(found, two_step=off, two_step_beside_joint=1e-6 * np.eye(6)))
 
     return case
 

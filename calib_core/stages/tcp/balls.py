@@ -13,6 +13,7 @@ from calib_core.cell.axes import moved_axes
 from calib_core.cell.carriers import ball_name, rides_on_axis, told_balls, told_distances
 from calib_core.chain.arrays import layout_of
 from calib_core.chain.balls import by_distances, labelled
+from calib_core.chain.foot_of_balls import linear_feet
 from calib_core.chain.foot_start import foot_axes, on_foot
 from calib_core.chain.held import Held
 from calib_core.chain.model import ChainState
@@ -69,8 +70,9 @@ def with_all_balls(given: StageInput, observed: Observed, sphere: SphereSize) ->
         return replace(observed, observations=alone)
     found = [replace(arc, ball=one.ball, sphere=one.sphere) for arc, one in zip(arcs, named, strict=True)]
     found = named_by_sizes(given.session.cell, found)
-    unused = [*observed.unused, *of_no_ball([o.capture for o in observed.observations], found)]
-    return Observed([o for o in found if o.ball], observed.failed, unused)
+    seen = [o for o in found if o.ball]
+    unused = [*observed.unused, *of_no_ball([o.capture for o in observed.observations], seen)]
+    return Observed(seen, observed.failed, unused)
 
 
 def named_by_sizes(cell: Cell, arcs: Observations) -> list[SphereObservation]:
@@ -111,20 +113,27 @@ def balls_in_turn(
 
 
 def _standing(cell: Cell, arcs: Observations, sphere: SphereSize) -> Observations:
-    """Return arcs as of a robot whose foot stands still, by a scanner that sees one ball; else as they are."""
+    """Return arcs as of a robot whose foot stands still, where they tell how its axes lie; else as they are.
+
+    A scanner that sees one ball tells it, or one before which arcs of some ball come together.
+    """
     layout = layout_of(arcs, moving_axes(arcs, moved_axes(cell)))
-    for some in by_scanner(arcs) if layout.axes else ():
+    groups = by_scanner(arcs) if layout.axes else []
+    for some in groups:
         own = [arcs[k] for k in some]
         if len(told_balls(cell, own[0].carriers.ball)) < 2 and len(own) >= LEAST_CAPTURES:
             axes, start = foot_axes(own, sphere, layout)
             if start.scatter_mm < _ONE_BALL_MM:
                 return on_foot(arcs, layout, axes)
+    for some in sorted(groups, key=len, reverse=True):
+        if (found := linear_feet([arcs[k] for k in some], sphere, layout)) is not None:
+            return on_foot(arcs, layout, found)
     return arcs
 
 
 def of_no_ball(own: Sequence[str], found: Observations) -> list[Finding]:
-    """Return the captures none of whose arcs is of a ball."""
-    kept = {o.capture for o in found if o.ball}
+    """Return the captures none of whose arcs is among those of balls that were found."""
+    kept = {o.capture for o in found}
     stray = list(dict.fromkeys(name for name in own if name not in kept))
     return [CAPTURE_OF_NO_BALL(stray)] if stray else []
 

@@ -172,7 +172,7 @@ def solve_tcp_captures(given: StageInput) -> SolvedTcp:
 def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
     from calib_core.chain.arm_open import corrected
     from calib_core.chain.tcp import TcpOptions, solve_tcp
-    from calib_core.stages.tcp.balls import named_by_distances, other_arcs, with_all_balls
+    from calib_core.stages.tcp.balls import named_by_distances, of_no_ball, other_arcs, with_all_balls
 
     cell = given.session.cell
     for ball in riders(cell):
@@ -210,7 +210,8 @@ def _solve_tcp_captures(given: StageInput) -> SolvedTcp:
         solution = with_calibration_uncertainty(given.session, given.read, solution)
     if solution.arm is not None and solution.arm.applied:
         seen = corrected(seen, solution.arm)
-    return SolvedTcp(solution, seen, sphere, observed.unused, noticed)
+    stray = of_no_ball([o.capture for o in observed.observations], seen)
+    return SolvedTcp(solution, seen, sphere, [*observed.unused, *stray], noticed)
 
 
 def _solved(

@@ -155,13 +155,13 @@ def _doubts_about_motion(solution: TcpSolution) -> list[Finding]:
 
 def doubts_about_two_steps(solution: TcpSolution) -> list[Finding]:
     """Return what is noticed where the joint answer and the paper's two steps contradict each other."""
-    if solution.two_step is None or solution.two_step_covariance is None:
+    if solution.two_step is None or solution.two_step_beside_joint is None:
         return []
     if solution.held.errors:
         return []  # of arm or scanner: they move the two steps otherwise, and are said, with what to do
     joint, two_step = solution.joint.mount_from_laser, solution.two_step.mount_from_laser
     difference = joint.difference(two_step)
-    distance = float(difference @ np.linalg.solve(solution.two_step_covariance, difference))
+    distance = float(difference @ np.linalg.solve(solution.two_step_beside_joint, difference))
     there = solution.seen_in_laser_mm
     shift_mm = float(np.linalg.norm(joint.apply(there) - two_step.apply(there)))
     if distance <= _CHI2_6_RARE or shift_mm <= solution.stated_mm:

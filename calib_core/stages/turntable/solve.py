@@ -307,8 +307,8 @@ def _of_balls(
 
     if named is None:
         return observations, unused
-    stray = of_no_ball([o.sphere.capture for o in observations], [o.sphere for o in named])
-    return [o for o in named if o.sphere.ball], [*unused, *stray]
+    kept = [o for o in named if o.sphere.ball]
+    return kept, [*unused, *of_no_ball([o.sphere.capture for o in observations], [o.sphere for o in kept])]
 
 
 def _on_axis(seen: SphereObservation, capture: Capture, carriers: Mapping[str, str]) -> TableObservation:
