@@ -31,6 +31,11 @@ class Carriers:
     ball: str = "base"
 
     @property
+    def scanner_moves(self) -> bool:
+        """Whether the flange carries the scanner."""
+        return self.scanner == "tool0"
+
+    @property
     def over_robot(self) -> int:
         """1 where the way from scanner to ball leads from the flange to base, −1 the other way, 0 not over it."""
         return (self.ball != "tool0") - (self.scanner == "base")

@@ -261,7 +261,7 @@ def _sought(
             seen[0].sphere.capture,
             scanner=seen[0].sphere.scanner,
         )
-    some = [o for o in seen if o.sphere.carriers.scanner == "tool0"]
+    some = [o for o in seen if o.sphere.carriers.scanner_moves]
     if not some or cell.turntable.angles == "unknown":
         raise error
     try:
