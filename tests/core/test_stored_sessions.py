@@ -154,7 +154,7 @@ def test_an_answer_of_an_older_revision_stays_fresh_and_solving_anew_is_offered(
     assert "solve anew" in str(step.note)
     (replayed,) = replay(folders / "tcp").stages
     assert replayed.provenance == "replayed"
-    # Since revision 4 of tcp the ± at the workpiece is in base as the arm tells it, since 14 the covariance of the
+    # Since revision 4 of tcp the ± at the workpiece is in base as the arm tells it, since 15 the covariance of the
     # two steps holds what the scanner's files err by; nothing else has moved.
     moved = {".".join(one.path.replace("[", ".").split(".")[:2]) for one in replayed.differences}
     assert {one.split(".")[0] for one in moved} == {"workpiece", "two_step"}
