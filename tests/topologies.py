@@ -20,9 +20,9 @@ def topologies(draw: st.DrawFn, noise: TcpScenario = TcpScenario(window_x_mm=100
         ScannerOptions(f"scanner{k + 1}", "base" if on == "base" else "tool0", 0.3 * k)
         for k, on in enumerate(ends)
     )
-    carriers = ["base"] if "tool0" in ends else []
-    carriers += ["tool0"] if "base" in ends else []
     objects = [axis.name for axis in axes if axis.carries == "object"]
+    carriers = ["base"] if "tool0" in ends and (not objects or draw(st.booleans())) else []
+    carriers += ["tool0"] if "base" in ends else []
     carriers += objects[-1:]
     count = draw(st.integers(len(carriers), 4))
     carriers += draw(

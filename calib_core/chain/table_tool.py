@@ -95,9 +95,9 @@ def tool_move(judged: Judged) -> ToolMove | None:
 def with_tool_move(held: Held, move: ToolMove | None, still: int) -> Held:
     """Return an answer of both kinds of captures whose table's covariance holds that the tool moved between them.
 
-    Captures of the table whose sphere is expected elsewhere by J · off pull the answer, and the
-    scanner's errors, by H⁻¹ Σ JᵀΛJ · off.  The tool's own covariance stays: of directions that neither kind of
-    captures sees well, `off` is mostly noise, which the table does not follow.
+    Captures of the table whose sphere is expected elsewhere by J · off pull the answer by H⁻¹ Σ JᵀΛJ · off,
+    those that share a stop the scanner's errors, too.  The tool's own covariance stays: of directions that neither
+    kind of captures sees well, `off` is mostly noise, which the table does not follow.
 
     Parameters
     ----------
@@ -114,7 +114,8 @@ def with_tool_move(held: Held, move: ToolMove | None, still: int) -> Held:
     layout = held.data.walk.layout
     moved = jacobian[:, :, layout.of_mounts] @ move.off[: len(layout.of_mounts)]
     pull = np.einsum("kip,kij,kj->p", jacobian, known, moved)
-    pull[at.nuisances] += np.einsum("kni,ki->n", reduced[still:, 3:, :3], moved)
+    together = held.data.stop[still:] >= 0  # their Λ is of points alone: the scanner's errors took up all of it
+    pull[at.nuisances] += np.einsum("kni,ki->n", reduced[still:, 3:, :3][together], moved[together])
     table = layout.axis_and_places(layout.table)
     by_move = np.zeros(len(held.covariance))
     by_move[table] = np.sqrt(move.share) * (covariance_of(at.hessian) @ pull)[table]
