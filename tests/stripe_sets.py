@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.records import Session
 from calib_core.simulation.frame_cell import FrameCell, FrameScenario, as_png, build_cell
-from calib_core.simulation.frame_surfaces import BoardSurface
+from calib_core.simulation.frame_surfaces import BoardSurface, Hit
 from calib_core.simulation.frames import Exposure, FloatArray, LightSheet, light, sense
 from calib_core.simulation.motion import pose, turn
 
@@ -15,7 +15,24 @@ KINDS = (
     "clean", "saturated", "doubled", "faint", "speckled", "broken", "thick-3", "thick-4", "thick-6", "beside",
     "over-black", "pairs-along", "pairs-across", "bent",
 )  # fmt: skip
+DARK_KINDS = ("clean", "speckled", "pairs-along", "tape", "reflections", "edges")
+"""What a board shows without a laser."""
 _PX_MM = 0.28  # a pixel on the boards
+
+
+@dataclass(frozen=True, eq=False)
+class TapedBoard(BoardSurface):
+    """A board with a strip of tape across, as light as told, with its direction, rad, its place and width, mm."""
+
+    tape: tuple[float, float, float, float] = (0.9, 0.0, 0.0, 3.0)
+
+    def white(self, hit: Hit, blur_px: FloatArray) -> FloatArray:
+        """Return the pattern with the tape over it."""
+        light, direction, place, width = self.tape
+        across = self.on_board(hit) @ [-np.sin(direction), np.cos(direction)] - place
+        blur = blur_px * np.hypot(*np.gradient(across))
+        over = np.clip((width / 2 - np.abs(across)) / np.maximum(2 * blur, 1e-9) + 0.5, 0, 1)
+        return np.asarray(super().white(hit, blur_px) * (1 - over) + light * np.nan_to_num(over))
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +50,8 @@ class StripeSet:
 
 
 def stripe_set(kind: str, seed: int, boards: int = 8, laser_off: frozenset[int] = frozenset()) -> StripeSet:
-    """Return a set of one of the `KINDS`; the camera is told, some boards are taken with the laser off."""
-    rng = np.random.default_rng([seed, KINDS.index(kind), 4711])
+    """Return a set of one of the kinds; the camera is told, some boards are taken with the laser off."""
+    rng = np.random.default_rng([seed, [*KINDS, *DARK_KINDS[3:]].index(kind), 4711])
     cell = build_cell(FrameScenario(""), rng)
     if kind == "pairs-across":  # the camera turned by a right angle: its stripe runs from top to bottom
         normal = cell.sheet.normal[[1, 0, 2]]
@@ -44,6 +61,15 @@ def stripe_set(kind: str, seed: int, boards: int = 8, laser_off: frozenset[int] 
     board = _board(kind, cell, 0, rng)
     for number in range(boards):
         board = _board(kind, cell, number, rng)
+        if kind == "tape":  # where it is stuck, on every frame
+            strip = np.random.default_rng(seed)
+            tape = (
+                strip.choice([0.05, 0.6, 1.0]),
+                strip.uniform(-0.6, 0.6),
+                strip.uniform(0, 45),
+                strip.uniform(1, 6),
+            )
+            board = TapedBoard(**vars(board), tape=tape)
         sheet = None if number in laser_off else _sheet(kind, cell)
         names = _frames(kind, cell, board, sheet, f"l{number + 1:02d}", files, rng)
         captures.append({"id": f"l{number + 1:02d}", "step": "laser-plane", "kind": "frame", "files": names})
@@ -102,6 +128,10 @@ def _frames(
     lamp = replace(Exposure(hot_pixels=60), ambient=90.0)
     dark = replace(lamp, ambient=0.0, speckle=speckle)
     room = light(cell.camera, [board], None, lamp, rng)
+    if kind == "reflections":
+        room = room + _streak(room.shape, rng)
+    if kind == "edges":
+        room = room * _shadow(room.shape, rng)
     laser = np.zeros_like(room) if sheet is None else light(cell.camera, [board], sheet, dark, rng)
     if sheet is not None and kind == "doubled":
         ghost = replace(sheet, distance_mm=sheet.distance_mm + 2.5, brightness=0.7 * sheet.brightness)
@@ -117,6 +147,27 @@ def _frames(
         return [f"captures/{label}-lit.png", f"captures/{label}-stripe.png"]
     files[f"captures/{label}.png"] = as_png(sense(room + laser, lamp, rng))
     return [f"captures/{label}.png"]
+
+
+def _across(shape: tuple[int, ...], rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return how far pixels lie beside a line somewhere in the frame, and along it, px."""
+    down, right = np.mgrid[: shape[0], : shape[1]].astype(float)
+    down, right = down - rng.uniform(0.3, 0.7) * shape[0], right - rng.uniform(0.3, 0.7) * shape[1]
+    c, s = np.cos(angle := rng.uniform(0, np.pi)), np.sin(angle)
+    return c * down - s * right, s * down + c * right
+
+
+def _streak(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Return a lamp's light on a board that shines: a streak, as narrow as a laser's line or wider."""
+    beside, along = _across(shape, rng)
+    width, length = np.exp(rng.uniform(np.log(1.5), np.log(15))), rng.uniform(15, 80)
+    return rng.uniform(20, 150) * np.exp(-0.5 * (beside / width) ** 2 - 0.5 * (along / length) ** 2)
+
+
+def _shadow(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Return how much room light is left beside and in the shadow of something with a straight edge."""
+    beside, _ = _across(shape, rng)
+    return 1 - rng.uniform(0.3, 0.8) / (1 + np.exp(-beside / rng.uniform(0.7, 3)))
 
 
 def _gaps(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:

@@ -122,15 +122,15 @@ def stripe_of(capture: Capture, read: ReadFile) -> StripeCenters:
 
 def stripe_looks(capture: Capture, read: ReadFile) -> StripeLooks:
     """Return the stripe of a laser-plane capture as it is met in several ways; raises as `stripe_of`."""
-    return seen_once(StripeLooks, capture.files, read, None, lambda: look_again(*_stripe_frames(capture, read)))
+    return seen_once(StripeLooks, capture.files, read, None, lambda: look_again(*stripe_frames(capture, read)))
 
 
 def _stripe(capture: Capture, read: ReadFile) -> StripeCenters:
-    frame, dark = _stripe_frames(capture, read)
+    frame, dark = stripe_frames(capture, read)
     return find_stripe(frame, dark=dark)
 
 
-def _stripe_frames(capture: Capture, read: ReadFile) -> tuple[Image, Image | None]:
+def stripe_frames(capture: Capture, read: ReadFile) -> tuple[Image, Image | None]:
     """Return the frame with the stripe, and the one without it that is to be taken off."""
     frame = read_frame(capture, read, -1)
     if len(capture.files) == 1:

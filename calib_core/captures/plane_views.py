@@ -10,6 +10,7 @@ from calib_core.captures.boards import (
     board_of,
     read_frame,
     relative_pitch_sigma,
+    stripe_frames,
     stripe_looks,
     stripe_of,
 )
@@ -22,10 +23,17 @@ from calib_core.optics.board_refusal import BRING_WHOLE, grey_eight_bit
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.hand_eye import HandEye, solve_hand_eye
 from calib_core.optics.hand_eye_frames import CameraDoubt
-from calib_core.optics.laser_plane_solve import PlaneView, board_poses, has_plain_line
+from calib_core.optics.laser_plane_solve import (
+    PlaneView,
+    board_poses,
+    is_plain,
+    lines_on_board,
+    without_its_board,
+)
 from calib_core.optics.robot_lengths import camera_doubt
 from calib_core.optics.stripe import StripeCenters
 from calib_core.optics.stripe_light import light_squares
+from calib_core.optics.stripe_looks import look_along
 from calib_core.records import Capture, Cell, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.camera_result import CameraResult
@@ -59,9 +67,26 @@ class PlaneViews:
         board = board_in(capture, self._board, self._read)
         lit = grey_eight_bit(read_frame(capture, self._read))
         found = PlaneView(capture.id, board, self._stripe(capture), squares=light_squares(lit, board))
-        if has_plain_line(self._camera, found, self._board.margin_mm):
+        ((_, lines),) = lines_on_board(self._camera, found, self._board.margin_mm)
+        if any(is_plain(line) for line in lines):
             return found
-        return replace(found, others=stripe_looks(capture, self._read).stripes)
+        return self._along_its_lines(replace(found, others=stripe_looks(capture, self._read).stripes), capture)
+
+    def _along_its_lines(self, view: PlaneView, capture: Capture) -> PlaneView:
+        """Return a view whose stripes are measured once more, each along the line that it forms on the board.
+
+        Where none is known well, it is looked for without the board's own light, too.
+        """
+        frame, dark = stripe_frames(capture, self._read)
+        again, enough = list[StripeCenters](), False
+        for stripe, lines in lines_on_board(self._camera, view, self._board.margin_mm):
+            on_line = max((line.on_line for line in lines), key=np.sum, default=None)
+            again.append(stripe if on_line is None else look_along(stripe, on_line, frame, dark))
+            enough |= any(line.is_enough for line in lines)
+        measured = replace(view, stripe=again[0], others=tuple(again[1:]))
+        if enough or dark is not None:
+            return measured
+        return without_its_board(self._camera, measured, frame if frame.ndim == 2 else frame.max(axis=2))
 
     @cached_property
     def hand_eye(self) -> HandEye:

@@ -97,6 +97,12 @@ class BoardShape:
         """Return z (N,) at places (N, 2) or (N, 3) of the board's frame."""
         return shape_basis(points_mm, self.extent_mm) @ self.coefficients_mm
 
+    def bend_mm(self, points_mm: FloatArray) -> float:
+        """Return how far places of the board leave their own plane, highest to lowest."""
+        heights = self.heights_mm(points_mm)
+        places = np.column_stack([points_mm[:, :2], np.ones(len(heights))])
+        return float(np.ptp(heights - places @ np.linalg.lstsq(places, heights, rcond=None)[0]))
+
 
 def shape_basis(points_mm: FloatArray, extent_mm: FloatArray) -> FloatArray:
     """Return the functions (N, 7) by which a board may be bent: quadratic and cubic, each at most 1 on the board.

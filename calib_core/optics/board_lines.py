@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 OnBoard = Callable[[FloatArray], FloatArray]
 """From pixels (N, 2) to places (N, 2) on the board, mm."""
 
-LEAST_POINTS = 12
+_LEAST_POINTS, _LEAST_TOGETHER = 12, 6
 # What else a board shows (its squares, tape, reflections) lies alike over a square at most: a line is sure where
 # chance would lay so many squares' worth of centres into one less than once in a thousand frames.
 _SURE_LOG_CHANCE = -3.0
@@ -59,6 +59,8 @@ class Trace:
         How wide the part of the sheet is on which it was looked for.
     is_doubtful : bool
         Whether it may be the board's pattern, or lies far beside the squares: the other boards' plane must agree.
+    scatter_mm, mm_per_px : float
+        How far its centres lie beside a straight line, root mean square; how large a pixel is on the board.
     """
 
     stripe: StripeCenters
@@ -68,11 +70,29 @@ class Trace:
     log_chance_by_squares: float
     room_mm: float
     is_doubtful: bool
+    scatter_mm: float
+    mm_per_px: float
 
     @property
     def is_sure(self) -> bool:
         """Whether it is a laser's line, whatever the other boards say."""
         return self.log_chance_by_squares < _SURE_LOG_CHANCE and not self.is_doubtful
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether it is sure and known well, so that nothing else needs to be looked for."""
+        return self.is_sure and int(self.clear.sum()) * self.stripe.together >= _ENOUGH_CLEAR
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """By what the better of two lines is told that are one: by what it tells, if it is sure."""
+        each_mm2 = (self.stripe.sigma_px[self.clear] * self.mm_per_px) ** 2 + self.scatter_mm**2
+        return self.is_sure, float((1 / each_mm2).sum())
+
+
+def least_points(stripe: StripeCenters) -> int:
+    """Return of how many centres a line is at least: of fewer where each is of several columns."""
+    return max(_LEAST_POINTS // stripe.together, _LEAST_TOGETHER)
 
 
 def find_traces(
@@ -104,7 +124,7 @@ def find_traces(
                 continue
             far = margin_mm is None and number >= _USUAL_MARGINS
             found.append(replace(trace, is_doubtful=trace.is_doubtful or far))
-        if any(trace.is_sure and trace.clear.sum() >= _ENOUGH_CLEAR for trace in found):
+        if any(trace.is_enough for trace in found):
             break  # what is known well enough on the squares is not looked for beside them
     return found
 
@@ -148,13 +168,13 @@ def _trace(
     places = on_board(stripe.pixels)
     low, high = grid.low - beyond_mm, grid.high + beyond_mm
     near = np.flatnonzero(np.all((places > low) & (places < high), axis=1))
-    if len(near) < LEAST_POINTS:
+    if len(near) < least_points(stripe):
         return None
     spread_px = np.maximum(3.0 * np.median(stripe.sigma_px[near]), _LEAST_REACH_PX)
     reach = float(spread_px) * grid.mm_per_px + slack_mm
-    straight = _straight(places[near], reach)
+    straight = _straight(places[near], reach, least_points(stripe))
     count = int(straight.sum())
-    if count < LEAST_POINTS:
+    if count < least_points(stripe):
         return None
     on_line = np.zeros(len(places), dtype=bool)
     on_line[near[straight]] = True
@@ -163,19 +183,22 @@ def _trace(
         return None
     room = float((high - low).min())
     share = 2 * reach / room
-    log_chance = _log_chance(len(near) / _NEIGHBOURS, count / _NEIGHBOURS, share)
-    square_px = max(_NEIGHBOURS, float(grid.pitch.min()) / grid.mm_per_px)
-    by_squares = _log_chance(len(near) / square_px, count / square_px, share)
+    alike = max(_NEIGHBOURS / stripe.together, 1.0)
+    log_chance = _log_chance(len(near) / alike, count / alike, share)
+    square = max(alike, float(grid.pitch.min()) / grid.mm_per_px / stripe.together)
+    by_squares = _log_chance(len(near) / square, count / square, share)
     if log_chance > _UNSURE_LOG_CHANCE:
         return None
     wide = stripe.width_px * grid.mm_per_px > _WIDE * float(grid.pitch.min())
     doubtful = wide or _is_pattern(places[on_line], grid)
     clear, pull_px = _clear(stripe, places, on_line, grid, on_board)
     stripe = replace(stripe, sigma_px=np.hypot(stripe.sigma_px, pull_px))
-    return Trace(stripe, on_line, clear, log_chance, by_squares, room, doubtful)
+    center = places[on_line].mean(axis=0)
+    scatter = float(np.linalg.svd(places[on_line] - center, compute_uv=False)[1] / np.sqrt(count))
+    return Trace(stripe, on_line, clear, log_chance, by_squares, room, doubtful, scatter, grid.mm_per_px)
 
 
-def _straight(places: FloatArray, reach: float) -> Mask:
+def _straight(places: FloatArray, reach: float, least: int) -> Mask:
     """Return which places (N, 2) lie on the line that has most of them within reach."""
     n = len(places)
     rng = np.random.default_rng(0)
@@ -192,7 +215,7 @@ def _straight(places: FloatArray, reach: float) -> Mask:
     weights = np.clip(1 - (distances / reach) ** 2, 0, None).sum(axis=1)
     keep = distances[int(np.argmax(weights))] <= reach
     for _ in range(5):
-        if keep.sum() < LEAST_POINTS:
+        if keep.sum() < least:
             break
         center = places[keep].mean(axis=0)
         direction = np.linalg.svd(places[keep] - center, full_matrices=False)[2][0]
@@ -238,17 +261,18 @@ def _clear(
 ) -> tuple[Mask, float]:
     """Return which centres' peaks lie within one square, and by how much an edge may yet draw them, px."""
     own, along = grid.cells(places), stripe.across[::-1]
-    enough = np.clip(_ENOUGH_SHARE * on_line.sum(), LEAST_POINTS, _ENOUGH_CLEAR)
+    enough = np.clip(_ENOUGH_SHARE * on_line.sum(), least_points(stripe), _ENOUGH_CLEAR / stripe.together)
+    beside_px = _BLUR_PX + stripe.blind_px + (stripe.together - 1) / 2
     clear, widths = on_line, 0.0
     for widths in _CLEAR_WIDTHS:
         clear = on_line.copy()
         for probe in (
-            *(side * widths * stripe.width_px * stripe.across for side in (-1, 1)),
-            *(side * _BLUR_PX * along for side in (-1, 1)),
+            *(side * (widths * stripe.width_px + stripe.blind_px) * stripe.across for side in (-1, 1)),
+            *(side * beside_px * along for side in (-1, 1)),
         ):
             clear &= (grid.cells(on_board(stripe.pixels + probe)) == own).all(axis=1)
         if clear.sum() >= enough:
             break
-    if clear.sum() < LEAST_POINTS:
+    if clear.sum() < least_points(stripe):
         clear, widths = on_line, 0.0
     return clear, stripe.width_px * float(np.exp(-(widths**2) / 2))

@@ -130,16 +130,16 @@ def held_out_errors(
         kept = np.setdiff1d(np.arange(corners.views), out)
         if 2 * int((corners.take(kept).weights > 0).sum()) < len(layout.free) + 6 * len(kept) + 10:
             return None
-        try:
-            trained = Adjustment(corners.take(kept), *layout.bands, layout.free).solve(start.take(kept), 1e-3)
-        except np.linalg.LinAlgError:
-            return None
-        settled &= trained.converged
+        shared = start.shared
+        if len(layout.free):
+            try:
+                trained = Adjustment(corners.take(kept), *layout.bands, layout.free).solve(start.take(kept), 1e-3)
+            except np.linalg.LinAlgError:
+                return None
+            shared, settled = trained.state.shared, settled and trained.converged
         left = corners.take(out)
         there = start.take(out)
-        end = fit_poses(
-            left, State(trained.state.shared, there.rotations, there.translations), layout.bands, np.inf
-        )
+        end = fit_poses(left, State(shared, there.rotations, there.translations), layout.bands, np.inf)
         each = (end.corner_residuals**2).sum(axis=1) * (left.weights > 0)
         counts = np.add.reduceat((left.weights > 0).astype(float), left.ends[:-1])
         squares[out] = np.add.reduceat(each, left.ends[:-1]) / np.maximum(counts, 1)

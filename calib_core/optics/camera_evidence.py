@@ -84,6 +84,8 @@ def summarise(
         residuals[view] = end.corner_residuals[fit.corners.ends[k] : fit.corners.ends[k + 1]]
     shape_at = shape_start(len(layout.nears))
     shaped = fit if layout.bends else bent
+    shape = None if shaped is None else shaped.adjusted.state.shared[shape_at : shape_at + SHAPE_TERMS].copy()
+    bend = None if shape is None else BoardShape(shape, fit.corners.extent_mm)
     return CameraSolution(
         camera=camera_of(state.shared, layout, image_size),
         parameters=layout.names,
@@ -98,10 +100,8 @@ def summarise(
         rejected_corners=int((~kept).sum()),
         candidates=candidates,
         tilt_correlation=tilt_correlation(layout.names, covariance),
-        board_shape=BoardShape(state.shared[shape_at : shape_at + 7].copy(), fit.corners.extent_mm)
-        if layout.bends
-        else None,
-        bend_mm=None if shaped is None else _bend_mm(shaped, shape_at),
+        board_shape=bend if layout.bends else None,
+        bend_mm=None if bend is None or shaped is None else bend.bend_mm(shaped.corners.points_mm),
         bend_gain=None if bent is None else 1 - bent.sigma_px / fit.sigma_px,
         inflation=inflation,
         coverage=coverage(fit, layout, image_size, inflation),
@@ -126,12 +126,6 @@ def correlation_inflation(fit: "Fit", layout: "Layout", scale: float) -> float:
         expected -= float(np.sum(share * share.T))
     ratio = found / (scale * max(expected, 0.2 * len(layout.free)))
     return ratio if ratio > 1 + 2 * np.sqrt(2 / (len(layout.free) * corners.views)) else 1.0
-
-
-def _bend_mm(fit: "Fit", shape_at: int) -> float:
-    heights = fit.corners.shape_basis() @ fit.adjusted.state.shared[shape_at : shape_at + 7]
-    places = np.column_stack([fit.corners.points_mm[:, :2], np.ones(len(heights))])
-    return float(np.ptp(heights - places @ np.linalg.lstsq(places, heights, rcond=None)[0]))
 
 
 def tilt_correlation(names: tuple[str, ...], covariance: FloatArray) -> float | None:

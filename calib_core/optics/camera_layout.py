@@ -48,7 +48,15 @@ class Layout:
 
 
 def restart(state: State, layout: Layout) -> State:
-    """Return a state laid out for another model: the same camera, its distortion in every band, a flat board."""
+    """Return a state laid out for another model: the same camera, its distortion in every band, a flat board.
+
+    A layout that frees nothing of the lens is of a camera that is known.
+    """
+    start = shape_start(len(layout.nears))
+    if not np.any(layout.free < start):
+        shared = state.shared.copy()
+        shared[start : start + SHAPE_TERMS] = 0.0
+        return State(shared, state.rotations, state.translations)
     matrix = np.array([[state.shared[0], 0, state.shared[2]], [0, state.shared[1], state.shared[3]], [0, 0, 1.0]])
     lens = np.zeros(14)
     own = [int(place) - 4 for place in layout.free if 4 <= place < 18]

@@ -50,6 +50,12 @@ class BoardLine:
     name: str
     points_in_camera_mm: FloatArray
     sigma_mm: FloatArray
+    least: int = _LEAST_POINTS_PER_LINE
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether it has as many points as a line needs."""
+        return len(self.points_in_camera_mm) >= self.least
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +170,7 @@ def fit_plane(lines: Sequence[BoardLine]) -> PlaneFit:
     MotionError
         If there are fewer than two lines, or they are one and the same line, so that any plane through it fits.
     """
-    usable = [line for line in lines if len(line.points_in_camera_mm) >= _LEAST_POINTS_PER_LINE]
+    usable = [line for line in lines if line.is_enough]
     if len(usable) < 2:
         need = "the stripe on at least two boards, better five at different distances"
         to_do = "Capture the board with the stripe on it at other distances and tilts."
@@ -280,8 +286,7 @@ def _require_width(length_mm: float, width_mm: float, scale_mm: float) -> None:
 def _largest_angle_deg(lines: Sequence[BoardLine]) -> float:
     directions = [
         np.linalg.svd(p - p.mean(axis=0), full_matrices=False)[2][0]
-        for p in (line.points_in_camera_mm for line in lines)
-        if len(p) >= _LEAST_POINTS_PER_LINE
+        for p in (line.points_in_camera_mm for line in lines if line.is_enough)
     ]
     cosines = np.abs(np.array(directions) @ np.array(directions).T)
     return float(np.rad2deg(np.arccos(np.clip(cosines.min(), 0.0, 1.0))))

@@ -144,9 +144,11 @@ def refine_together(
     covariance = adjusted.covariance * max(_tension(problem, adjusted, start), _correlation(problem, adjusted))
     if uncertainty is not None and not with_camera:
         covariance = _carried_through(problem, adjusted, uncertainty, covariance)
-    moved = _moved_sigmas(camera, shared, uncertainty) if uncertainty is not None and with_camera else 0.0
-    final = _camera_with(camera, shared) if with_camera else camera
-    worsened = stripes_worsen_corners(problem, adjusted) if with_camera else None
+    moved, worsened, final = 0.0, None, camera
+    if uncertainty is not None and with_camera and np.any(uncertainty.free < shape_start(len(bands))):
+        moved = _moved_sigmas(camera, shared, uncertainty)
+        final = _camera_with(camera, shared)
+        worsened = stripes_worsen_corners(problem, adjusted)
     if shape is not None:
         at = shape_start(len(bands))
         shape = BoardShape(shared[at : at + SHAPE_TERMS], corners.extent_mm)

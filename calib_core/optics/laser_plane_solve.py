@@ -17,7 +17,8 @@ from calib_core.findings.codes.laser_plane import CAMERA_HELD
 from calib_core.frames import RigidTransform
 from calib_core.optics.adjust import BoardShape, Corners, State, fit_poses, shared_vector
 from calib_core.optics.board import BoardView
-from calib_core.optics.board_lines import LEAST_POINTS, OnBoard, Trace, find_traces
+from calib_core.optics.board_ground import without_board
+from calib_core.optics.board_lines import OnBoard, Trace, find_traces, least_points
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_start import homographies, poses_from_homographies
 from calib_core.optics.laser_plane import (
@@ -32,6 +33,7 @@ from calib_core.optics.laser_plane_joint import CameraUncertainty, Joint, refine
 from calib_core.optics.line_choice import PlacedTrace, choose_traces
 from calib_core.optics.stripe import StripeCenters
 from calib_core.optics.stripe_light import drawn_px
+from calib_core.optics.stripe_looks import look_without_board
 
 FloatArray = NDArray[np.float64]
 
@@ -227,6 +229,13 @@ def board_poses(camera: CameraModel, views: Sequence[BoardView]) -> tuple[list[R
     return posed.poses(), sigma
 
 
+def posed_corners(camera: CameraModel, views: Sequence[BoardView]) -> tuple[Corners, State]:
+    """Return boards' corners, weighed by their noise, and where flat boards would stand."""
+    corners = _corners(views)
+    posed, sigma = _fit_poses(camera, corners)
+    return corners.weighted(1.0 / sigma[corners.view_of_each]), posed
+
+
 def _corners(views: Sequence[BoardView], shape: BoardShape | None = None) -> Corners:
     corners = Corners.of([v.points_px for v in views], [v.points_in_board_mm for v in views])
     return corners if shape is None else replace(corners, extent_mm=shape.extent_mm)
@@ -261,14 +270,29 @@ def _on_board(
     return pose.inverse().apply(points_on_board(camera, stripe.pixels, pose, shape))
 
 
-def has_plain_line(camera: CameraModel, view: PlaneView, margin_mm: float | None) -> bool:
-    """Return whether a view's first stripe forms a line without gaps on its board: no need to look again."""
+def lines_on_board(
+    camera: CameraModel, view: PlaneView, margin_mm: float | None
+) -> list[tuple[StripeCenters, list[Trace]]]:
+    """Return each of a view's stripes with the lines that its centres may form on the board."""
     (pose,), _ = board_poses(camera, [view.board])
-    for trace in find_traces([view.stripe], view.board, _places(camera, pose, None), margin_mm):
-        along = view.stripe.pixels[trace.on_line][:, 0 if view.stripe.axis == "columns" else 1]
-        if trace.is_sure and len(along) > _PLAIN_SHARE * (np.ptp(along) + 1):
-            return True
-    return False
+    on_board = _places(camera, pose, None)
+    stripes = (view.stripe, *view.others)
+    return [(stripe, find_traces([stripe], view.board, on_board, margin_mm)) for stripe in stripes]
+
+
+def without_its_board(camera: CameraModel, view: PlaneView, image: NDArray[np.uint8 | np.uint16]) -> PlaneView:
+    """Return a view with what is found where its board's own light is taken off the frame (H, W), too."""
+    (pose,), _ = board_poses(camera, [view.board])
+    left = without_board(
+        image, view.board, lambda p: camera.project(pose.apply(np.column_stack([p, np.zeros(len(p))])))
+    )
+    return view if left is None else replace(view, others=(*view.others, *look_without_board(left)))
+
+
+def is_plain(trace: Trace) -> bool:
+    """Whether a line is sure and without gaps: no need to look again."""
+    along = trace.stripe.pixels[trace.on_line][:, 0 if trace.stripe.axis == "columns" else 1]
+    return trace.is_sure and len(along) > _PLAIN_SHARE * (np.ptp(along) + 1)
 
 
 def _places(camera: CameraModel, pose: RigidTransform, shape: BoardShape | None) -> OnBoard:
@@ -312,18 +336,19 @@ def _line(
         return BoardLine(name, np.zeros((0, 3)), np.zeros(0))
     points = points_on_board(camera, pixels, pose, shape)
     moved = points_on_board(camera, pixels + 0.1 * stripe.across, pose, shape)
-    return BoardLine(name, points, np.linalg.norm(moved - points, axis=1) * 10.0 * stripe.sigma_px)
+    sigma = np.linalg.norm(moved - points, axis=1) * 10.0 * stripe.sigma_px
+    return BoardLine(name, points, sigma, least_points(stripe))
 
 
 def _reasons(lines: Sequence[BoardLine], fit: PlaneFit) -> list[LeftOut | None]:
     """Return why a view is left out, or None."""
-    enough = [len(line.points_in_camera_mm) >= LEAST_POINTS for line in lines]
+    enough = [line.is_enough for line in lines]
     usual = float(np.median([rms for rms, fine in zip(fit.line_rms_mm, enough, strict=True) if fine] or [np.inf]))
     limit = _SPOILED_RMS_RATIO * max(usual, fit.rms_mm)
     reasons: list[LeftOut | None] = []
     for line, rms, inlier in zip(lines, fit.line_rms_mm, fit.inliers, strict=True):
         reason: LeftOut | None = None
-        if len(line.points_in_camera_mm) < LEAST_POINTS:
+        if not line.is_enough:
             reason = "no-line"
         elif rms > limit or inlier.mean() < 0.3:
             reason = "off-plane"

@@ -1,6 +1,6 @@
 """Which of the lines that the boards offer lie in one plane: the plane of light's."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ _LOG_CHANCE = -3.0  # one session in a thousand takes what no laser laid
 _OFF_SHARE = 0.003  # of the distance: boards' poses are off by less
 _DOUBTFUL_WEIGHT = 0.2
 _MOST_WEIGHT = 30.0
+_STRAY_SCATTERS = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +49,17 @@ class PlacedTrace:
 
 
 def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
-    """Return each view's line: of those in one plane with the others' the first, else the surest one."""
+    """Return each view's line: of those in one plane with the others' the best, else the surest one."""
     every = [(number, placed) for number, view in enumerate(views) for placed in view]
     agrees = _in_one_plane(every, len(views))
-    chosen: list[Trace | None] = [None] * len(views)
+    best: dict[int, PlacedTrace] = {}
     for (number, placed), fits in zip(every, agrees, strict=True):
-        here = chosen[number]
-        if fits and (here is None or (placed.trace.is_sure and not here.is_sure)):
-            chosen[number] = placed.trace
+        if fits and (number not in best or placed.trace.rank > best[number].trace.rank):
+            best[number] = placed
+    chosen: list[Trace | None] = [None] * len(views)
+    for number in best:
+        if not _strays(best, number):
+            chosen[number] = best[number].trace
     found = [one for one in chosen if one is not None]
     sure = sum(one.is_sure for one in found)
     # Patterns of many boards lie in some plane by chance: lines that are not sure count where chance does not
@@ -70,6 +74,21 @@ def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
         if chosen[number] is None and others:
             chosen[number] = min(others, key=lambda one: one.log_chance)
     return chosen
+
+
+def _strays(best: Mapping[int, PlacedTrace], number: int) -> bool:
+    """Return whether a line that is not sure lies farther off the others' plane than these scatter about it."""
+    here = best[number]
+    others = [placed for view, placed in best.items() if view != number]
+    sure = [placed for placed in others if placed.trace.is_sure]
+    others = sure if len(sure) >= _LEAST_VIEWS else others
+    if here.trace.is_sure or len(others) < _LEAST_VIEWS:
+        return False
+    ends = np.concatenate([placed.ends_mm for placed in others])
+    normals, distances = _planes(ends[None])
+    usual = float(np.sqrt(np.mean((ends @ normals[0] - distances[0]) ** 2)))
+    off = float(np.abs(here.ends_mm @ normals[0] - distances[0]).max())
+    return off > _STRAY_SCATTERS * max(usual, here.trace.scatter_mm)
 
 
 def _log_chance_of_plane(views: Sequence[Sequence[PlacedTrace]], agreeing: int) -> float:

@@ -82,6 +82,10 @@ class StripeCenters:
         How many columns (rows) were left out, by reason: weak, saturated, double, irregular, isolated.
     ground, lever_px : (N,), or None where they are not known
         Grey value of the surroundings, and by how much surroundings that rise by one a pixel draw a centre.
+    together : int
+        Of how many columns (rows) beside each other a centre is.
+    blind_px : float
+        How near to a square's edge nothing was looked at.
     """
 
     column_px: FloatArray
@@ -94,6 +98,8 @@ class StripeCenters:
     left_out: dict[str, int] = field(default_factory=dict)
     ground: FloatArray | None = None
     lever_px: FloatArray | None = None
+    together: int = 1
+    blind_px: float = 0.0
 
     @property
     def pixels(self) -> FloatArray:

@@ -3,16 +3,21 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.errors import MeasurementError
+from calib_core.frames import FloatArray
+from calib_core.optics.board_ground import EDGE_PX, SATURATED, SCALE
 from calib_core.optics.stripe import StripeCenters, StripeOptions, find_stripe
-from calib_core.optics.stripe_view import Axis, Color, ImageArray
+from calib_core.optics.stripe_view import SMALLEST_PX, Axis, Color, ImageArray
 
 _AXES: tuple[Axis, ...] = ("columns", "rows")
 _COLORS: tuple[Color, ...] = ("red", "green", "blue")
 _FAINT_SNR, _RIVALRY = 4.0, 0.98
 _NARROW_PX, _WIDEST_PX = 15, 61
 _WHOLE_WIDTHS, _WIDENINGS = 6.0, 3
+_TOGETHER, _LEAST_TOGETHER, _SLOPES = 4, 8, tuple(np.arange(-3, 4) / 9)
+_LINE_DEGREE, _BESIDE_PX, _LEAST_CENTERS = 2, 20, 12
 _SAME_LINE, _NEAR_PX = 0.85, 3.0  # of a line's centres are there again, and so near, when less is taken off
 
 
@@ -46,6 +51,109 @@ def look_again(image: ImageArray, dark: ImageArray | None = None) -> StripeLooks
         if dark is None:
             found += _among_wider(image, replace(options, flanks=False))
     return StripeLooks(tuple(found))
+
+
+def look_along(
+    stripe: StripeCenters, on_line: NDArray[np.bool_], image: ImageArray, dark: ImageArray | None = None
+) -> StripeCenters:
+    """Return a stripe whose centres on a line are measured again, by what stands along that line alone.
+
+    Where most of a frame's peaks are the board's pattern, the stripe's width and its noise are the pattern's too:
+    a filter as wide as that reaches over edges that lie far beside the line and is drawn by them.
+
+    Parameters
+    ----------
+    stripe : StripeCenters
+    on_line : (N,)
+        Which of its centres form the line.
+    image : (H, W) or (H, W, 3)
+        In which it was found.
+    dark : like image, optional
+        The same view without the laser.
+    """
+    columns = stripe.axis == "columns"
+    along, across = (stripe.column_px, stripe.row_px) if columns else (stripe.row_px, stripe.column_px)
+    frames = [one if columns else one.swapaxes(0, 1) for one in (image, dark) if one is not None]
+    places = np.rint(along[on_line]).astype(int)
+    middle = np.polynomial.Polynomial.fit(places, across[on_line], _LINE_DEGREE)(places)
+    first = np.rint(middle).astype(int) - _BESIDE_PX
+    inside = (first >= 0) & (first + 2 * _BESIDE_PX < len(frames[0]))
+    which = np.flatnonzero(on_line)[inside]
+    if len(which) < _LEAST_CENTERS:
+        return stripe
+    several = np.arange(max(len(which), SMALLEST_PX)) % len(which)
+    rows, beside = first[inside][several] + np.arange(2 * _BESIDE_PX + 1)[:, None], places[inside][several]
+    strips = [np.ascontiguousarray(one[rows, beside]) for one in frames]
+    options = StripeOptions("columns", least_snr=_FAINT_SNR, rivalry=_RIVALRY, flanks=True)
+    try:
+        again = find_stripe(strips[0], options, dark=strips[1] if dark is not None else None)
+    except MeasurementError:
+        return stripe
+    taken = again.column_px < len(which)
+    again = again.selected(taken & (np.abs(again.row_px - _BESIDE_PX) < _NEAR_PX))
+    if len(again.row_px) < _SAME_LINE * len(which):
+        return stripe  # what stands out most along the line is another peak
+    at = which[np.rint(again.column_px).astype(int)]
+    back = again.row_px + first[inside][np.rint(again.column_px).astype(int)]
+    pixels = stripe.pixels.copy()
+    pixels[at, 1 if columns else 0] = back
+    kept = ~on_line
+    kept[at] = True
+    both = replace(
+        stripe,
+        column_px=pixels[:, 0],
+        row_px=pixels[:, 1],
+        sigma_px=_with(stripe.sigma_px, at, again.sigma_px),
+        amplitude=_with(stripe.amplitude, at, again.amplitude),
+        ground=None if stripe.ground is None or again.ground is None else _with(stripe.ground, at, again.ground),
+        lever_px=None
+        if stripe.lever_px is None or again.lever_px is None
+        else _with(stripe.lever_px, at, again.lever_px),
+        width_px=again.width_px,
+        noise=again.noise,
+    )
+    return both.selected(kept)
+
+
+def look_without_board(left: NDArray[np.uint16]) -> list[StripeCenters]:
+    """Return what is found along both axes in what is left of a frame without its board, see `board_ground`."""
+    found: list[StripeCenters] = []
+    for axis in _AXES:
+        ways = [_look_together(left if axis == "columns" else left.T, slope) for slope in _SLOPES]
+        best = max((one for one in ways if one is not None), key=lambda one: len(one.row_px), default=None)
+        if best is not None:
+            turned = replace(best, column_px=best.row_px, row_px=best.column_px, axis=axis)
+            found.append(best if axis == "columns" else turned)
+    return found
+
+
+def _look_together(left: NDArray[np.uint16], slope: float) -> StripeCenters | None:
+    """Return what is found where columns beside each other are taken together along a slope, rows a column."""
+    width = left.shape[1] // _TOGETHER * _TOGETHER
+    down = np.rint(slope * (np.arange(width) - width / 2)).astype(int)
+    rows = np.clip(np.arange(len(left))[:, None] + down, 0, len(left) - 1)
+    mean = left[rows, np.arange(width)].reshape(len(left), -1, _TOGETHER).mean(axis=2)
+    options = StripeOptions("columns", None, None, SATURATED, _FAINT_SNR, _RIVALRY, _LEAST_TOGETHER)
+    for one in _found(np.rint(mean).astype(np.uint16), [options], None):
+        middle = down.reshape(-1, _TOGETHER).mean(axis=1)[one.column_px.astype(int)]
+        return replace(
+            one,
+            column_px=_TOGETHER * one.column_px + (_TOGETHER - 1) / 2,
+            row_px=one.row_px + middle,
+            amplitude=one.amplitude / SCALE,
+            noise=one.noise / SCALE,
+            ground=np.zeros(len(one.row_px)),
+            together=_TOGETHER,
+            blind_px=EDGE_PX,
+        )
+    return None
+
+
+def _with(values: FloatArray, at: NDArray[np.int64], others: FloatArray) -> FloatArray:
+    """Return values (N,) with others (M,) at places (M,)."""
+    changed = values.copy()
+    changed[at] = others
+    return changed
 
 
 def _found(image: ImageArray, ways: list[StripeOptions], dark: ImageArray | None) -> list[StripeCenters]:

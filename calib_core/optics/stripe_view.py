@@ -13,7 +13,8 @@ Color = Literal["grey", "red", "green", "blue"]
 ImageArray = NDArray[np.uint8 | np.uint16]
 
 _CHANNEL: dict[Color, int] = {"red": 0, "green": 1, "blue": 2}
-_SMALLEST_PX = 32
+SMALLEST_PX = 32
+"""No frame is less high or wide."""
 _LARGEST_PX = 65_535
 _SAMPLED_LINES = 64
 _USUAL_RISES = 5.0
@@ -94,7 +95,7 @@ def _plain_axis(image: ImageArray, axis: Axis | None) -> Axis | None:
     """Return "columns" for a grey frame of 8 bit that can be taken as it is: no more is done than must be."""
     if image.dtype.char != "B" or image.ndim != 2 or not image.flags.c_contiguous:
         return None
-    if min(image.shape) < _SMALLEST_PX or max(image.shape) > _LARGEST_PX:
+    if min(image.shape) < SMALLEST_PX or max(image.shape) > _LARGEST_PX:
         return None
     return "columns" if (axis or _clear_axis(image)) == "columns" else None
 
@@ -148,9 +149,9 @@ def _require_image(image: ImageArray, where: str) -> None:
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3):
         need = "a grey or a three-colour image"
         raise InputError(need, "an array of shape {shape}", "Give one frame.", where, shape=image.shape)
-    if min(image.shape[:2]) < _SMALLEST_PX or max(image.shape[:2]) > _LARGEST_PX:
+    if min(image.shape[:2]) < SMALLEST_PX or max(image.shape[:2]) > _LARGEST_PX:
         need = "an image at least {smallest_px:g} pixels high and wide"
-        raise InputError(need, _words(image), "Give the whole frame.", where, smallest_px=_SMALLEST_PX)
+        raise InputError(need, _words(image), "Give the whole frame.", where, smallest_px=SMALLEST_PX)
 
 
 def _words(image: ImageArray) -> str:

@@ -133,7 +133,7 @@ class BoardSurface:
         hit = PlaneSurface(self.camera_from_board).meet(rays)
         if self.bend_mm:
             hit = self._bent(rays, hit)
-        on_board = self._on_board(hit)
+        on_board = self.on_board(hit)
         corners = self.points_on_board_mm()[:, :2]
         beyond = _MARGIN_PITCHES * self.pitch_mm if self.margin_mm is None else self.margin_mm
         margin = self.pitch_mm + beyond
@@ -148,14 +148,14 @@ class BoardSurface:
         m, x = self.camera_from_board, self.points_on_board_mm()[:, 0]
         middle, half = (x.min() + x.max()) / 2, np.ptp(x) / 2
         for _ in range(4):
-            height = self.bend_mm * (1 - ((self._on_board(hit)[..., 0] - middle) / half) ** 2)
+            height = self.bend_mm * (1 - ((self.on_board(hit)[..., 0] - middle) / half) ** 2)
             depth = (m[:3, 2] @ m[:3, 3] + np.nan_to_num(height)) / (rays @ m[:3, 2])
             hit = Hit(np.where(np.isfinite(hit.depth_mm), depth, np.inf), depth[..., None] * rays, hit.normals)
         return hit
 
     def white(self, hit: Hit, blur_px: FloatArray) -> FloatArray:
         """Return the pattern, its edges blurred across by the image's blur laid on the board."""
-        on_board = self._on_board(hit)
+        on_board = self.on_board(hit)
         if self.kind == "chessboard":
             waves = [self._wave(on_board[..., k], blur_px, n) for k, n in ((0, self.columns), (1, self.rows))]
             dark = 0.5 * (waves[0][1] * waves[1][1] - waves[0][0] * waves[1][0])
@@ -169,7 +169,8 @@ class BoardSurface:
         """Return False: nothing stands behind the board."""
         return np.zeros(points_mm.shape[:-1], dtype=bool)
 
-    def _on_board(self, hit: Hit) -> FloatArray:
+    def on_board(self, hit: Hit) -> FloatArray:
+        """Return x and y (H, W, 2) in the board's frame, mm."""
         m = self.camera_from_board
         x, y, z = np.moveaxis(hit.points_mm - m[:3, 3], -1, 0)
         return np.stack([x * a + y * b + z * c for a, b, c in m[:3, :2].T], axis=-1)

@@ -5,9 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.captures.camera_source import camera_of
+from calib_core.captures.plane_views import PlaneViews
 from calib_core.errors import MotionError
+from calib_core.formats.shared.images import decode_image
 from calib_core.optics.board import BoardView
+from calib_core.optics.board_lines import Trace
 from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.laser_plane import points_on_board
+from calib_core.optics.laser_plane_solve import PlaneView, board_poses
+from calib_core.optics.line_choice import PlacedTrace, choose_traces
 from calib_core.optics.stripe import StripeCenters, find_stripe
 from calib_core.optics.stripe_flanks import flank_centers
 from calib_core.optics.stripe_light import drawn_px, light_squares
@@ -31,7 +38,7 @@ def sigmas(one: StripeSet, result: LaserPlaneResult) -> float:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["broken", "thick-6", "pairs-along"])
+@pytest.mark.parametrize("kind", ["broken", "thick-6", "pairs-along", "faint", "bent"])
 def test_lines_that_a_person_sees_are_used_and_as_well_known_as_stated(kind: str) -> None:
     one = stripe_set(kind, 0)
     result = solved(one)
@@ -118,3 +125,68 @@ def test_a_boards_light_squares_tell_how_lamps_and_lens_light_it() -> None:
     of_lens = 4 * 20 / 800**2  # near the axis
     np.testing.assert_allclose(np.median(drawn.px), 16 * (of_lens - 0.001) + 9 * of_lens, atol=0.002)
     assert (np.abs(drawn.doubt_px) < 0.01).all()
+
+
+def seen_views(kind: str, seed: int, boards: int) -> tuple[StripeSet, list[PlaneView]]:
+    one = stripe_set(kind, seed, boards)
+    camera, _ = camera_of(one.session, one.files.__getitem__)
+    views = PlaneViews(one.session, camera, one.files.__getitem__)
+    return one, [views.of(capture) for capture in one.session.captures]
+
+
+def off_px(one: StripeSet, view: PlaneView, stripe: StripeCenters) -> np.ndarray:
+    """Return how far centres (N,) on a board lie off the light, px across."""
+    camera, _ = camera_of(one.session, one.files.__getitem__)
+    (pose,), _ = board_poses(camera, [view.board])
+    away = [
+        points_on_board(camera, stripe.pixels + step * stripe.across, pose) @ one.cell.sheet.normal
+        - one.cell.sheet.distance_mm
+        for step in (0.0, 0.1)
+    ]
+    return 0.1 * away[0] / (away[1] - away[0])
+
+
+def test_a_broken_line_is_measured_by_its_own_width_not_by_the_patterns() -> None:
+    """Two thirds of the columns show squares alone: a filter as wide as their edges is drawn by 0.3 px."""
+    one, (view, *_) = seen_views("broken", 115, 1)
+    frame = decode_image(one.files["captures/l01.png"], "l01.png")
+    before = find_stripe(frame)
+    off = off_px(one, view, view.stripe)
+    near = np.abs(off) < 1.5
+    assert view.stripe.width_px < 0.9 * before.width_px
+    assert near.sum() > 60
+    assert np.sqrt(np.mean(off[near] ** 2)) < 0.7 * np.sqrt(np.mean(off_px(one, view, before) ** 2))
+
+
+def test_a_faint_line_is_found_where_the_boards_own_light_is_taken_off() -> None:
+    """Six times the noise of a pixel where the paper is white; squares' edges are ten times as strong."""
+    one, (view, *_) = seen_views("faint", 103, 2)
+    (together,) = [stripe for stripe in view.others if stripe.together > 1]
+    off = off_px(one, view, together) / together.sigma_px
+    assert len(off) > 25
+    assert np.median(np.abs(off)) < 1.5
+    assert stripe_with_laser_off("faint", 103) < 12
+
+
+def stripe_with_laser_off(kind: str, seed: int) -> int:
+    """Return of how many centres the longest stripe is that a dark frame without its board shows."""
+    one = stripe_set(kind, seed, 1, laser_off=frozenset({0}))
+    camera, _ = camera_of(one.session, one.files.__getitem__)
+    view = PlaneViews(one.session, camera, one.files.__getitem__).of(one.session.captures[0])
+    return max((len(s.row_px) for s in view.others if s.together > 1), default=0)
+
+
+def test_a_line_that_is_not_sure_must_lie_as_near_to_the_plane_as_the_others_do() -> None:
+    rng, n = np.random.default_rng(3), 12
+    stripe = StripeCenters(*np.zeros((2, n)), np.full(n, 0.05), np.zeros(n), "columns", 1.0, 1.0)
+    every = np.ones(n, dtype=bool)
+
+    def placed(off_mm: float, sure: bool) -> list[PlacedTrace]:
+        trace = Trace(stripe, every, every, -9.0, -9.0 if sure else -1.0, 60.0, not sure, 0.02, 0.3)
+        depth = rng.uniform(200, 300)
+        ends = np.array([[-30.0, off_mm, depth], [30.0, 0.0, depth]])
+        return [PlacedTrace(trace, ends, 0.8, 1e-3)]
+
+    lit = [placed(rng.normal(0, 0.01), sure=True) for _ in range(4)]
+    assert [one is not None for one in choose_traces([*lit, placed(0.6, sure=False)])] == [True] * 4 + [False]
+    assert [one is not None for one in choose_traces([*lit, placed(0.02, sure=False)])] == [True] * 5

@@ -8,8 +8,9 @@ import pytest
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics import laser_plane_joint
-from calib_core.optics.adjust import Adjusted, Adjustment, State
+from calib_core.optics.adjust import Adjusted, Adjustment, BoardShape, State
 from calib_core.optics.board import BoardView
+from calib_core.optics.board_bend import bend_of
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel
@@ -259,3 +260,46 @@ def test_lines_close_together_are_warned_of_and_spread_ones_are_not() -> None:
     spread = [line(on_plane(z), str(z)) for z in (200, 230, 260, 300)]
     assert plane_findings(fit_plane(spread), spread, 0.01) == []
     assert "±1.00°" in plane_findings(fit_plane(spread), spread, 0.5)[0].text
+
+
+def bent_views(seed: int, bend_mm: float) -> list[PlaneView]:
+    """Boards whose middle of the rows stands off their ends, with the light where it meets that sheet."""
+    rng, made = np.random.default_rng(seed), []
+    shape = BoardShape(np.array([-bend_mm, 0, 0, 0, 0, 0, 0]), np.array([GRID[:, :2].min(0), GRID[:, :2].max(0)]))
+    for number, depth in enumerate(np.linspace(190, 300, 8)):
+        rotation = RigidTransform.of(rng.uniform(-0.35, 0.35, 3), np.zeros(3), "camera", "board").rotation
+        offset = np.array([*rng.uniform(-0.03, 0.03, 2) * depth, depth])
+        pose = RigidTransform.of(rotation, offset - rotation @ GRID.mean(axis=0), "camera", "board")
+        lifted = GRID + np.outer(shape.heights_mm(GRID), [0, 0, 1])
+        corners = CAMERA.project(pose.apply(lifted)) + rng.normal(0, 0.02, (54, 2))
+        n, d = pose.rotation.T @ NORMAL, DISTANCE - NORMAL @ pose.translation_mm
+        line = np.column_stack([np.linspace(0, 72, 160), np.zeros((160, 2))])
+        for _ in range(30):
+            line[:, 2] = shape.heights_mm(line)
+            line[:, 1] = (d - n[0] * line[:, 0] - n[2] * line[:, 2]) / n[1]
+        pixels = CAMERA.project(pose.apply(line))
+        sigma = np.full(160, 0.05)
+        pixels[:, 1] += rng.normal(0, sigma)
+        stripe = StripeCenters(pixels[:, 0], pixels[:, 1], sigma, sigma * 0 + 100, "columns", 2.0, 1.0)
+        made.append(PlaneView(f"l{number}", BoardView(corners, GRID, np.arange(54), (640, 480), 0.02), stripe))
+    return made
+
+
+def test_the_bend_of_boards_before_a_known_camera_is_solved_with_the_plane() -> None:
+    """Of a sheet bent by 1 mm the plane is as well known as stated; a flat one, or one told flat, stays flat."""
+    seen = bent_views(1, 1.0)
+    boards = [v.board for v in seen]
+    known = bend_of(CAMERA, boards, None)
+    assert known is not None
+    assert known.shape is not None
+    assert known.shape.bend_mm(GRID) == pytest.approx(1.0, abs=0.02)
+    found, flat = solve_plane(CAMERA, seen, known), solve_plane(CAMERA, seen)
+    errors = [np.array([*(one.normal - NORMAL), one.distance_mm - DISTANCE]) for one in (found, flat)]
+    assert np.linalg.norm(errors[0][:3]) < 0.1 * np.linalg.norm(errors[1][:3])
+    assert abs(errors[0][3]) < 0.1 * abs(errors[1][3])
+    nees = errors[0] @ np.linalg.pinv(found.covariance, rcond=1e-10, hermitian=True) @ errors[0]
+    assert nees < 14.2  # χ² of 3 degrees is above that once in 400
+    assert found.camera_held is None
+    assert bend_of(CAMERA, boards, flat=True) is None
+    assert bend_of(CAMERA, [v.board for v in bent_views(2, 0.0)], None) is None
+    assert bend_of(CAMERA, boards[:5], None) is None

@@ -165,7 +165,7 @@ BOARD_BENT = Code(
 BOARD_SHAPE_SOLVED = Code(
     "board-shape-solved",
     "note",
-    text="The board is bent by {bend_mm:.2f} mm, highest to lowest point; its shape was solved with the camera.",
+    text="The board is bent by {bend_mm:.2f} mm, highest to lowest point; its shape was solved, too.",
     meaning="Held-out views are met better with a board that may be bent, or cell.board.flat is false.",
     decided="Views that have no part in the fit are foretold significantly better with the board's shape free, or the cell "
     "says that it is not flat.",

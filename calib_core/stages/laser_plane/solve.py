@@ -17,6 +17,7 @@ from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.messages import Value, message
 from calib_core.optics.adjust import BoardShape
+from calib_core.optics.board_bend import bend_of
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
@@ -75,11 +76,19 @@ def solve_laser_plane(
         given.progress(_FINDING_SHARE + (1 - _FINDING_SHARE) * fraction, what.capitalize())
 
     try:
-        known = _uncertainty(given, camera_result)
-        solution = solve_plane(camera, views, known, tell, board_of(given.session.cell).margin_mm)
+        board = board_of(given.session.cell)
+        if camera_result is None:
+            known = bend_of(camera, [view.board for view in views], board.flat)
+        else:
+            known = _uncertainty(given, camera_result)
+        solution = solve_plane(camera, views, known, tell, board.margin_mm)
     except MotionError as error:
         raise error.with_failures(failed) from None
-    return _result(given, solution, failed, camera_result)
+    shape = known.shape if known is not None and camera_result is None else None
+    bent = [] if shape is None else [shape.bend_mm(np.concatenate([v.board.points_in_board_mm for v in views]))]
+    return _result(
+        given, solution, failed, camera_result, [camera_codes.BOARD_SHAPE_SOLVED(bend_mm=mm) for mm in bent]
+    )
 
 
 def _find_all(given: StageInput, boards: PlaneViews) -> tuple[list[PlaneView], dict[str, MeasurementError]]:
@@ -98,10 +107,8 @@ def _find_all(given: StageInput, boards: PlaneViews) -> tuple[list[PlaneView], d
     return views, failed
 
 
-def _uncertainty(given: StageInput, result: CameraResult | None) -> CameraUncertainty | None:
+def _uncertainty(given: StageInput, result: CameraResult) -> CameraUncertainty:
     """Return how well the camera is known, with the boards that it was found from besides the plane's."""
-    if result is None:
-        return None
     from calib_core.optics.camera_layout import parameter_places
 
     board = board_of(given.session.cell)
@@ -115,13 +122,17 @@ def _uncertainty(given: StageInput, result: CameraResult | None) -> CameraUncert
 
 
 def _result(
-    given: StageInput, solution: PlaneSolution, failed: dict[str, MeasurementError], camera: CameraResult | None
+    given: StageInput,
+    solution: PlaneSolution,
+    failed: dict[str, MeasurementError],
+    camera: CameraResult | None,
+    bent: list[Finding],
 ) -> LaserPlaneResult:
     normal, distance = solution.normal, solution.distance_mm
     covariance = _with_pitch(solution.covariance, distance, camera)
     sigma_deg = rotation_sigma_deg(covariance)
     unused = lines_not_used(solution, failed, len(given.captures))
-    found = [*noticed(solution, sigma_deg), *lost_rays(sum(view.without_ray for view in solution.views))]
+    found = [*noticed(solution, sigma_deg), *bent, *lost_rays(sum(view.without_ray for view in solution.views))]
     found += [solution.camera_held] if solution.camera_held else []
     return LaserPlaneResult(
         method="robust plane through the stripe's points on the boards, then plane and board poses together",
