@@ -8,11 +8,10 @@ import numpy as np
 
 from calib_core.captures.placement import Placement
 from calib_core.captures.scans import ScanGroup, SessionScans, poses_of
-from calib_core.causes.readings import Reading, changes_of, readings
+from calib_core.causes.readings import MM_PER_UNIT, Reading, changes_of, readings
 from calib_core.cell.carriers import stands_still
 from calib_core.errors import CalibrationError
 from calib_core.findings.codes import merge as codes
-from calib_core.formats.format import MM_PER_UNIT
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.fusion.arrangement import Fit, coarse, fit
 from calib_core.fusion.clean import clean_scan
