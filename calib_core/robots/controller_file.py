@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from calib_core.arms.configuration import Configuration
+from calib_core.proof import Proof
 
 Reference = int | str
 """A tool's or frame's number, or its name where the brand names them."""
@@ -197,6 +198,7 @@ class ControllerFile:
     skipped: tuple[Skipped, ...]
     notes: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    proof: Proof = "manual only"
 
     def to_json(self) -> dict[str, Any]:
         """Return all of it as JSON data, as `scancell poses --json` prints it."""
@@ -208,4 +210,5 @@ class ControllerFile:
             "skipped": [skipped.to_json() for skipped in self.skipped],
             "notes": list(self.notes),
             "files": list(self.files),
+            "proof": self.proof,
         }

@@ -48,6 +48,7 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
         tuple(skipped),
         tuple(notes),
         tuple(part.file for part in found),
+        brand.proof,
     )
 
 

@@ -83,6 +83,7 @@ def pairs_of(words: list[str]) -> dict[str, str]:
 def _text(read: "ControllerFile") -> str:
     from calib_core import counted
     from calib_core.messages import message
+    from calib_core.proof import WORDS
     from calib_core.robots import CONVENTIONS
 
     count = {
@@ -91,6 +92,7 @@ def _text(read: "ControllerFile") -> str:
         "frames": counted.frames(len(read.frames)),
     }
     lines = [message("{brand}: {poses}, {tools}, {frames}.", brand=read.brand, **count)]
+    lines += [message("Its reader is {proof}.", proof=WORDS[read.proof])]
     if read.poses:
         names = CONVENTIONS[read.poses[0].convention].numbers
         units = CONVENTIONS[read.poses[0].convention].units

@@ -38,7 +38,8 @@ def _run(options: argparse.Namespace) -> int:
     """Fit the file's sphere, or the circle of a profile, and print it."""
     from calib_core.archive.folder import read_bytes
     from calib_core.errors import InputError, MeasurementError
-    from calib_core.formats.points import known_points, read_file
+    from calib_core.formats.points import FORMATS, known_points, read_file
+    from calib_core.proof import WORDS, is_experimental
 
     file, diameter_mm = options.file, options.diameter_mm
     if diameter_mm is not None and not (math.isfinite(diameter_mm) and diameter_mm > 0):
@@ -46,6 +47,9 @@ def _run(options: argparse.Namespace) -> int:
     data = read_bytes(file, message("Name the scanner's file."))
     reading = read_file(data, str(file), format_name=options.format, settings=_settings(options))
     points = known_points(reading, str(file))
+    proof = FORMATS.get(reading.format).proof
+    if is_experimental(proof):
+        remark(options, message("Its reader is {proof}.", proof=WORDS[proof]))
     for doubt in reading.doubts:
         remark(options, message("Warning: {file}: {doubt}", file=str(file), doubt=doubt))
     try:

@@ -29,6 +29,12 @@ _HEADERS = {
     "Scancell-Stale": {"description": "`true` where inputs have changed since.", "schema": {"type": "string"}},
     "Scancell-Verdict": {"description": "`pass`, `warn` or `fail`.", "schema": {"type": "string"}},
 }
+_PROOF = {
+    "Scancell-Proof": {
+        "description": "What proved that the other program takes it, as `GET /exports` says; none: own forms.",
+        "schema": {"type": "string"},
+    }
+}
 _BINARY = {"*/*": {"schema": BYTES}}
 
 Allow = Annotated[
@@ -91,7 +97,11 @@ def get_frames(
     "/exports/{name}",
     response_class=Response,
     responses={
-        200: {"description": "The file, in the format's own media type.", "content": _BINARY, "headers": _HEADERS}
+        200: {
+            "description": "The file, in the format's own media type.",
+            "content": _BINARY,
+            "headers": {**_HEADERS, **_PROOF},
+        }
     },
 )
 def export_results(
@@ -113,5 +123,5 @@ def export_results(
         answer = session_answer(db, load_session(db, store.blobs, session_id))
         answer = with_moment(db, answer, session_id)
     content, entry = write_export(answer, name, allowed, chosen)
-    headers = dict(answer_headers(answer))
+    headers = {**answer_headers(answer), **({} if entry.proof is None else {"Scancell-Proof": entry.proof})}
     return Response(content, media_type=entry.media_type, headers=headers)

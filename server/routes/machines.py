@@ -70,6 +70,7 @@ class ControllerFileContent(BaseModel):
     frames: list[FrameOfFile]
     skipped: list[SkippedPart]
     notes: list[str]
+    proof: Proof = Field(description="What proved their reader.")
 
 
 class Brand(BaseModel):

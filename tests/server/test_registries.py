@@ -1,9 +1,12 @@
 """The lists of what exists, from which the page builds its choices and forms."""
 
+from pathlib import Path
+
 import httpx
 import jsonschema_rs
 import pytest
 
+from server.cli import main
 from tests.server.live_server import make_session, simulated_session, upload, wait_for
 from tests.server.test_captures import POSE, arc_csv
 
@@ -68,3 +71,13 @@ def test_jobs_are_listed_by_page_session_and_status(client: httpx.Client) -> Non
 def test_lists_tell_what_proved_each(client: httpx.Client, path: str) -> None:
     for one in client.get(path).json()["items"]:
         assert one["experimental"] is (one["proof"] == "manual only"), one["name"]
+
+
+def test_downloads_and_files_that_were_read_tell_it_too(
+    client: httpx.Client, solved: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = {name: client.get(f"/sessions/{solved}/exports/{name}").headers for name in ("denso", "kuka", "json")}
+    assert [one.get("Scancell-Proof") for one in told.values()] == ["manual only", "real files", None]
+    (tmp_path / "a.src").write_text("DEF a()\nPTP {X 900.0, Y 0.0, Z 700.0, A 0.0, B 90.0, C 0.0}\nEND\n")
+    assert main(["poses", str(tmp_path / "a.src")]) == 0
+    assert "Its reader is proved by real files." in capsys.readouterr().out

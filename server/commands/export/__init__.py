@@ -9,10 +9,13 @@ from server.console.command import Command, late, session_argument
 def _arguments(parser: argparse.ArgumentParser) -> None:
     from calib_core.archive.stored_clouds import media_types
     from calib_core.exports.registry import all_exports
+    from calib_core.proof import is_experimental
 
     session_argument(parser)
-    names = ", ".join(export.name for export in all_exports())
-    formats = f"tool and table: {names}; the merged cloud or its mesh: {', '.join(media_types())}"
+    proved = ", ".join(export.name for export in all_exports() if not is_experimental(export.proof))
+    others = ", ".join(export.name for export in all_exports() if is_experimental(export.proof))
+    formats = f"tool and table: {proved}; the merged cloud or its mesh: {', '.join(media_types())}"
+    formats += f"; experimental, written after their makers' manuals alone: {others}"
     parser.add_argument("--format", required=True, metavar="NAME", help=formats)
     parser.add_argument("--tool", metavar="N", help="the tool's number or name in the controller")
     parser.add_argument("--frame", metavar="N", help="the user frame's number or name, for the turntable")
