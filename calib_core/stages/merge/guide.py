@@ -180,8 +180,8 @@ def _first(turns: bool) -> GuideNow:
         return now.model_copy(update={"exit": _EXIT_WITHOUT_TABLE, "drawing": "scan-first"})
     now = _capture(
         "Put the object on the table and scan it.",
-        "Tool and table are calibrated: export them under Result, and stop here; or go on and scan an object from "
-        "everywhere, in one frame, without markers or registration.",
+        "Scanner and table are calibrated: export them under Result, and stop here; or go on and scan an object "
+        "from everywhere, in one frame, without markers or registration.",
         progress=message("{count} of {wanted_around} scans around", count=0, wanted_around=WANTED_AROUND),
         still_needed=WANTED_AROUND,
     )
