@@ -236,9 +236,11 @@ def test_what_was_changed_stays_told_when_the_server_writes_it_again(
 ) -> None:
     client, session, database = served
     with sqlite3.connect(database, isolation_level=None, timeout=20) as db:
-        record, text = db.execute("SELECT record, measured FROM captures WHERE id = 'p05'").fetchone()
+        record, text = db.execute(
+            "SELECT record, measured FROM captures WHERE id = 'p05' AND session_id = ?", (session,)
+        ).fetchone()
         better = json.dumps({**json.loads(text), "points": 9999})
-        db.execute("UPDATE captures SET measured = ? WHERE id = 'p05'", (better,))
+        db.execute("UPDATE captures SET measured = ? WHERE id = 'p05' AND session_id = ?", (better, session))
         client.patch(f"/sessions/{session}/captures/p05", json={"excluded": True}).raise_for_status()
         client.patch(f"/sessions/{session}/captures/p05", json={"excluded": False}).raise_for_status()
         assert "altered" in client.get(f"/sessions/{session}/answer").json()["faults"]
@@ -250,7 +252,8 @@ def test_what_was_changed_stays_told_when_the_server_writes_it_again(
         assert "scancell doctor" in kept[0]["to_do"]
         found = examine(Settings(data=database.parent))
         assert [(one.session, one.capture) for one in found.findings if one.kind == "damage"] == [(session, "p05")]
-        db.execute("UPDATE captures SET record = ?, measured = ? WHERE id = 'p05'", (record, text))
+        back = "UPDATE captures SET record = ?, measured = ? WHERE id = 'p05' AND session_id = ?"
+        db.execute(back, (record, text, session))
         assert "altered" not in client.get(f"/sessions/{session}/answer").json()["faults"]
     db.close()
 
