@@ -42,6 +42,8 @@ class FrameScenario:
     position_sigma_mm, orientation_sigma_rad : float
         The robot's pose errors.
     board : {"chessboard", "charuco", "circles", "asymmetric-circles"}
+    spread : float
+        How far from the view's middle the camera's boards are held; at 1 they stay near it.
     """
 
     description: str
@@ -55,6 +57,7 @@ class FrameScenario:
     position_sigma_mm: float = 0.05
     orientation_sigma_rad: float = 0.0002
     board: BoardKind = "chessboard"
+    spread: float = 1.0
 
 
 FRAME_SCENARIOS: Mapping[str, FrameScenario] = MappingProxyType(
@@ -74,6 +77,7 @@ FRAME_SCENARIOS: Mapping[str, FrameScenario] = MappingProxyType(
             plane_views=8,
             translations=4,
             orientations=10,
+            spread=2.8,
         ),
         "frames-tcp-known": FrameScenario(
             "14 frames of the sphere; camera and plane of light are brought along",
@@ -199,11 +203,11 @@ def one_more_frame(
     """Return another capture of a step, boards anywhere in the view; None where the cell has none."""
     options = FRAME_SCENARIOS[scenario]
     cell = build_cell(options, np.random.default_rng([seed, _OF_CELL]))
-    one = replace(options, camera_views=1, plane_views=1, translations=0, orientations=1)
+    one = replace(options, camera_views=1, plane_views=1, translations=0, orientations=1, spread=_ANYWHERE)
     files: dict[str, bytes] = {}
     truth: dict[str, Any] = {"base_from_tool0": {}}
     if step == "camera":
-        (record,) = _camera_captures(cell, one, rng, files, spread=_ANYWHERE)
+        (record,) = _camera_captures(cell, one, rng, files)
     elif step == "laser-plane":
         (record,) = _plane_captures(cell, one, rng, files)
     elif step in ("tcp", "verify") and (options.translations or options.orientations):
@@ -250,10 +254,10 @@ def exposure_for(options: FrameScenario, cell: FrameCell, ambient: float) -> Exp
 
 
 def _camera_captures(
-    cell: FrameCell, options: FrameScenario, rng: np.random.Generator, files: dict[str, bytes], spread: float = 1.0
+    cell: FrameCell, options: FrameScenario, rng: np.random.Generator, files: dict[str, bytes]
 ) -> list[dict[str, Any]]:
     captures: list[dict[str, Any]] = []
-    for index, board in enumerate(board_views(options.camera_views, rng, options.board, spread)):
+    for index, board in enumerate(board_views(options.camera_views, rng, options.board, options.spread)):
         name = f"captures/c{index + 1:02d}.png"
         files[name] = as_png(render(cell.camera, [board], None, exposure_for(options, cell, 190.0), rng))
         captures.append({"id": f"c{index + 1:02d}", "step": "camera", "kind": "frame", "files": [name]})
