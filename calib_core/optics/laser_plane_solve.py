@@ -314,7 +314,8 @@ def _choose_lines(
         stripes = [view.stripe, *view.others]
         traces = find_traces(stripes, view.board, _places(camera, pose, shape), margin_mm, slack)
         points = [points_on_board(camera, t.stripe.pixels[t.on_line], pose, shape) for t in traces]
-        placed.append([PlacedTrace.of(t, p) for t, p in zip(traces, points, strict=True)])
+        place = pose.inverse() if view.board.is_numbered else None
+        placed.append([PlacedTrace.of(t, p, place) for t, p in zip(traces, points, strict=True)])
     return choose_traces(placed)
 
 

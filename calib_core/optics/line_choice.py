@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.optics.board_lines import Trace
 
 _MOST_PAIRS = 3000
@@ -15,6 +15,7 @@ _OFF_SHARE = 0.003  # of the distance: boards' poses are off by less
 _DOUBTFUL_WEIGHT = 0.2
 _MOST_WEIGHT = 30.0
 _STRAY_SCATTERS = 6.0
+_OWN_VIEWS = 3  # at so many boards' one place a line that no plane explains is the board's own
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,22 +26,30 @@ class PlacedTrace:
     ----------
     chance : float
         How often a line that lies anywhere on the sheet is in a given plane.
+    on_board_mm : (2, 3) or None
+        Where its ends are on the board; None where it is not known which of the board's corners are seen.
     """
 
     trace: Trace
     ends_mm: FloatArray
     off_mm: float
     chance: float
+    on_board_mm: FloatArray | None = None
 
     @classmethod
-    def of(cls, trace: Trace, points_mm: FloatArray) -> "PlacedTrace":
+    def of(
+        cls, trace: Trace, points_mm: FloatArray, board_from_camera: RigidTransform | None = None
+    ) -> "PlacedTrace":
         """Return the trace whose points (N, 3) on the line are given."""
         center = points_mm.mean(axis=0)
         direction = np.linalg.svd(points_mm - center, full_matrices=False)[2][0]
         low, high = np.percentile((points_mm - center) @ direction, [5, 95])
         off = _OFF_SHARE * float(np.linalg.norm(center))
         both_ends = min(2 * off / trace.room_mm, 1.0) ** 2
-        return cls(trace, center + np.outer([low, high], direction), off, both_ends)
+        ends = center + np.outer([low, high], direction)
+        return cls(
+            trace, ends, off, both_ends, None if board_from_camera is None else board_from_camera.apply(ends)
+        )
 
     @property
     def weight(self) -> float:
@@ -50,12 +59,14 @@ class PlacedTrace:
 
 def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
     """Return each view's line: of those in one plane with the others' the best, else the surest one."""
-    every = [(number, placed) for number, view in enumerate(views) for placed in view]
+    every, own = _apart_from_own_lines(views)
+    views = [[placed for number, placed in every if number == view] for view in range(len(views))]
     agrees = _in_one_plane(every, len(views))
     best: dict[int, PlacedTrace] = {}
     for (number, placed), fits in zip(every, agrees, strict=True):
         if fits and (number not in best or placed.trace.rank > best[number].trace.rank):
             best[number] = placed
+    best |= _in_the_plane(own, best)
     chosen: list[Trace | None] = [None] * len(views)
     for number in best:
         if not _strays(best, number):
@@ -74,6 +85,59 @@ def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
         if chosen[number] is None and others:
             chosen[number] = min(others, key=lambda one: one.log_chance)
     return chosen
+
+
+def _apart_from_own_lines(
+    views: Sequence[Sequence[PlacedTrace]],
+) -> tuple[list[tuple[int, PlacedTrace]], list[tuple[int, PlacedTrace]]]:
+    """Return the lines by view, and apart those of the boards' own: tape, a print, an edge of the pattern.
+
+    These lie at one place of several boards and in no plane.
+    """
+    lines: list[tuple[int, PlacedTrace]] = []
+    own: list[tuple[int, PlacedTrace]] = []
+    every = [(number, placed) for number, view in enumerate(views) for placed in view]
+    for number, placed in every:
+        alike = {number: placed}
+        for other, there in every:
+            if other not in alike and _at_one_place(placed, there):
+                alike[other] = there
+        is_own = len(alike) >= _OWN_VIEWS and not _lie_in_a_plane(list(alike.values()))
+        (own if is_own else lines).append((number, placed))
+    return lines, own
+
+
+def _in_the_plane(
+    own: Sequence[tuple[int, PlacedTrace]], best: Mapping[int, PlacedTrace]
+) -> dict[int, PlacedTrace]:
+    """Return lines of further views that lie in the others' plane after all: light where the board has a line."""
+    if len(best) < _LEAST_VIEWS:
+        return {}
+    ends = np.concatenate([placed.ends_mm for placed in best.values()])
+    normals, distances = _planes(ends[None])
+    return {
+        number: placed
+        for number, placed in own
+        if number not in best and np.abs(placed.ends_mm @ normals[0] - distances[0]).max() <= placed.off_mm
+    }
+
+
+def _at_one_place(one: PlacedTrace, other: PlacedTrace) -> bool:
+    """Return whether two lines are the same one of their boards: the ends of each lie on the other."""
+    if one.on_board_mm is None or other.on_board_mm is None:
+        return False
+    for line, ends in ((one.on_board_mm, other.on_board_mm), (other.on_board_mm, one.on_board_mm)):
+        along = line[1] - line[0]
+        beside = np.linalg.norm(np.cross(ends - line[0], along), axis=1) / max(float(np.linalg.norm(along)), 1e-9)
+        if beside.max() > max(one.off_mm, other.off_mm):
+            return False
+    return True
+
+
+def _lie_in_a_plane(placed: Sequence[PlacedTrace]) -> bool:
+    ends = np.concatenate([one.ends_mm for one in placed])
+    normals, distances = _planes(ends[None])
+    return float(np.abs(ends @ normals[0] - distances[0]).max()) <= max(one.off_mm for one in placed)
 
 
 def _strays(best: Mapping[int, PlacedTrace], number: int) -> bool:
