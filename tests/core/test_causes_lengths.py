@@ -116,3 +116,10 @@ def test_captures_that_turn_alone_are_not_called_too_large() -> None:
     found = {finding.code for finding in result.findings}
     assert "scaled-profile" not in found
     assert "tool-rotation-undetermined" in found
+
+
+def test_the_chain_does_not_bend_tool_and_poses_until_angles_in_gon_fit(table: SimulatedSession) -> None:
+    session = told_angles(table.session, lambda angles: [one / 0.9 for one in angles])
+    found = run(session, table.files.__getitem__, "chain")["chain"]
+    assert found.verdict == "fail"
+    assert {"table-angles-do-not-fit", "table-angles"} <= {finding.code for finding in found.findings}

@@ -3,6 +3,8 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from calib_core.captures.content import sphere_of
 from calib_core.captures.lost_rays import lost_rays_of
 from calib_core.cell.found import own_base
@@ -120,7 +122,7 @@ def _findings(
     both = [*solved.observations, *(one.sphere for one in table.observations)]
     return [
         *disagreements(solution),
-        *findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere),
+        *_of_table(given, solved, table, solution),
         *of_several_balls(given, solved, solution_findings(solution.tcp, given.captures, with_table=True)),
         *arm_findings(given.session.cell, solution.tcp.arm, used),
         *lag_findings(solved.observations, solution.tcp.sigmas),
@@ -128,3 +130,21 @@ def _findings(
         *solved.unused,
         *table.unused,
     ]
+
+
+def _of_table(
+    given: StageInput, solved: SolvedTcp, table: SolvedTable, solution: "ChainSolution"
+) -> list[Finding]:
+    """Return what is noticed of the table in the chain.
+
+    The chain can bend tool and poses until wrong angles lie within its limit: what the still sphere's tool, which
+    owes the table nothing, says of the angles stays said.
+    """
+    from calib_core.stages.turntable.verdict import angles_that_do_not_fit
+
+    found = findings_of_table(given, replace(table, solution=solution.turntable), solved.sphere)
+    known = solved.solution.at_workpiece
+    sigma_mm = float(np.sqrt(np.linalg.eigvalsh(known)[-1])) if np.isfinite(known).all() else np.inf
+    alone = angles_that_do_not_fit(table.solution, sigma_mm)
+    told = {finding.code for finding in found}
+    return [*(finding for finding in alone if finding.code not in told), *found]

@@ -124,11 +124,16 @@ def _failures(table: TurntableSolution, observations: TableObservations) -> list
     if rejected > _MOST_REJECTED * count:
         each, names = table_reasons(observations, table), named(table.captures, table.used)
         found.append(codes.MANY_CONTRADICT(list(each), each=each, rejected=rejected, count=count, names=names))
+    return [*found, *angles_that_do_not_fit(table)]
+
+
+def angles_that_do_not_fit(table: TurntableSolution, tool_sigma_mm: float = 0.0) -> list[Finding]:
+    """Return the finding where spheres lie farther off their circles than a tool within three sigmas explains."""
     scatter = float(np.sqrt(np.mean(table.residuals.distance_mm[table.used] ** 2)))
-    if scatter > _HOPELESS_MM:
-        axis = _worst_axis(table)
-        found.append(codes.ANGLES_DO_NOT_FIT(scatter_mm=scatter, of="several" if axis else "one", axis=axis))
-    return found
+    if scatter <= max(_HOPELESS_MM, 3 * tool_sigma_mm):
+        return []
+    axis = _worst_axis(table)
+    return [codes.ANGLES_DO_NOT_FIT(scatter_mm=scatter, of="several" if axis else "one", axis=axis)]
 
 
 def _worst_axis(table: TurntableSolution) -> str:
