@@ -9,6 +9,7 @@ from calib_core.captures.camera_source import camera_of
 from calib_core.captures.plane_views import PlaneViews
 from calib_core.errors import MotionError
 from calib_core.formats.shared.images import decode_image
+from calib_core.frames import RigidTransform
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_lines import Trace
 from calib_core.optics.camera_model import CameraModel
@@ -176,16 +177,39 @@ def stripe_with_laser_off(kind: str, seed: int) -> int:
     return max((len(s.row_px) for s in view.others if s.together > 1), default=0)
 
 
+def line_seen(sure: bool) -> Trace:
+    stripe = StripeCenters(*np.zeros((2, 12)), np.full(12, 0.05), np.zeros(12), "columns", 1.0, 1.0)
+    every = np.ones(12, dtype=bool)
+    return Trace(stripe, every, every, -9.0, -9.0 if sure else -1.0, 60.0, not sure, 0.02, 0.3)
+
+
+def test_tape_that_sits_at_one_place_of_the_board_is_no_laser_on_boards_without_one() -> None:
+    rng = np.random.default_rng(5)
+
+    def placed(taped: bool) -> list[PlacedTrace]:
+        tilt, depth = rng.uniform(-0.4, 0.4, 3), rng.uniform(200, 300)
+        board = RigidTransform.of(tilt, [0.0, 0.0, depth], "camera", "board")
+        if taped:
+            ends = board.apply(np.array([[-30.0, 12.0, 0.0], [30.0, 18.0, 0.0]]))
+        else:  # the camera's plane y = 0, met by the board
+            normal, middle = board.matrix[:3, 2], board.matrix[:3, 3]
+            x = np.array([-30.0, 30.0])
+            ends = np.column_stack([x, np.zeros(2), middle[2] - normal[0] * x / normal[2]])
+        points = np.linspace(*ends, 12) + rng.normal(0, 0.02, (12, 3))
+        return [PlacedTrace.of(line_seen(sure=True), points, board.inverse())]
+
+    views = [placed(taped) for taped in [False, True, True, False, True, True, False, True]]
+    found = [one is not None for one in choose_traces(views)]
+    assert found == [True, False, False, True, False, False, True, False]
+
+
 def test_a_line_that_is_not_sure_must_lie_as_near_to_the_plane_as_the_others_do() -> None:
-    rng, n = np.random.default_rng(3), 12
-    stripe = StripeCenters(*np.zeros((2, n)), np.full(n, 0.05), np.zeros(n), "columns", 1.0, 1.0)
-    every = np.ones(n, dtype=bool)
+    rng = np.random.default_rng(3)
 
     def placed(off_mm: float, sure: bool) -> list[PlacedTrace]:
-        trace = Trace(stripe, every, every, -9.0, -9.0 if sure else -1.0, 60.0, not sure, 0.02, 0.3)
         depth = rng.uniform(200, 300)
         ends = np.array([[-30.0, off_mm, depth], [30.0, 0.0, depth]])
-        return [PlacedTrace(trace, ends, 0.8, 1e-3)]
+        return [PlacedTrace(line_seen(sure), ends, 0.8, 1e-3)]
 
     lit = [placed(rng.normal(0, 0.01), sure=True) for _ in range(4)]
     assert [one is not None for one in choose_traces([*lit, placed(0.6, sure=False)])] == [True] * 4 + [False]
