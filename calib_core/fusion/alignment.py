@@ -148,7 +148,8 @@ def _fitted(
             return None
         spread = 1.4826 * float(np.median(np.abs(distance[near])))
         scale = max(min(spread, scale), _LEAST_MM) if number >= _FIRST_STEPS else max(_SLOWLY * scale, spread)
-        weights = np.where(near, np.maximum(1 - (distance / (_TUKEY * scale)) ** 2, 0.0) ** 2, 0.0)
+        bounded = np.where(near, np.maximum(1 - (distance / (_TUKEY * scale)) ** 2, 0.0), 0.0)
+        weights = bounded**2
         rows = rows_of(there - away, across, pose, centre)
         matrix = (rows * weights[:, None]).T @ rows
         matrix += 1e-9 * np.diag([nominal.extent_mm**2] * 3 + [1.0] * 3) * weights.sum()
@@ -158,21 +159,29 @@ def _fitted(
         number += 1
         if number >= _FINE_STEPS or (moved < 0.1 * _LEAST_MM and number > _FIRST_STEPS + 1):
             break
-    covariance = _clustered(rows * weights[:, None], distance, matrix, there, nominal)
+    slopes = bounded * (5 * bounded - 4)  # of a distance's influence, weight · distance
+    bending = (rows * slopes[:, None]).T @ rows
+    if np.linalg.eigvalsh(bending)[0] <= 0:  # of a start that leads nowhere
+        bending = matrix
+    covariance = _clustered(rows * weights[:, None], distance, bending, there, nominal)
     rms_mm = float(np.sqrt(np.average(distance**2, weights=weights)))
     return Alignment(pose, rms_mm, about_origin(covariance, pose, centre), float(np.mean(weights > 0)))
 
 
 def _clustered(
-    weighed: FloatArray, distance: FloatArray, matrix: FloatArray, there: FloatArray, nominal: Nominal
+    weighed: FloatArray, distance: FloatArray, bending: FloatArray, there: FloatArray, nominal: Nominal
 ) -> FloatArray:
-    """Return the fit's covariance; distances in one part of the nominal are alike and count once together."""
+    """Return the fit's covariance; distances in one part of the nominal are alike and count once together.
+
+    An M-estimator's: the scores' between two inverses of the slope of their sum, less than the weights' own
+    matrix (Huber, Robust Statistics, 1981, 6.3).
+    """
     counts = weighed.any(axis=1)
     cells = np.floor((there[counts] - nominal.middle_mm) / (nominal.extent_mm / _CELLS)).astype(np.int64)
     _, cell, many = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     scores = np.zeros((len(many), 6))
     np.add.at(scores, cell.ravel(), (weighed * distance[:, None])[counts])
-    inverse = np.linalg.inv(matrix)
+    inverse = np.linalg.inv(bending)
     least = np.diag([_SINGLE**2] * 3 + [(_SINGLE * nominal.extent_mm) ** 2] * 3)
     alike = float(many.sum() ** 2 / (many**2).sum())  # so many cells, were all alike
     return inverse @ (scores.T @ scores) @ inverse * _widened(alike) + least

@@ -118,7 +118,8 @@ def test_captures_that_turn_alone_are_not_called_too_large() -> None:
     assert "tool-rotation-undetermined" in found
 
 
-def test_the_chain_does_not_bend_tool_and_poses_until_angles_in_gon_fit(table: SimulatedSession) -> None:
+def test_the_chain_does_not_bend_tool_and_poses_until_angles_in_gon_fit() -> None:
+    table = simulate("turntable", 2)
     session = told_angles(table.session, lambda angles: [one / 0.9 for one in angles])
     found = run(session, table.files.__getitem__, "chain")["chain"]
     assert found.verdict == "fail"

@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 8  # mirrored and sparse scans in metres are named
+    method_revision = 9  # the part's pose by best fit is stated less certain, as it is
     step = CaptureStep(
         "scan",
         "Scan",
