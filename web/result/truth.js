@@ -27,8 +27,9 @@ export function truthSection(sessionId, stage) {
 function line({ frame, at_workpiece_mm, at_workpiece_sigma_mm, angle_deg, chance }, named) {
   const within = chance >= RARE;
   const stated_mm = K * at_workpiece_sigma_mm;
+  const name = maybe(`comparison.${frame}`, frame);
   return h("p", {},
-    named && h("strong", {}, maybe(`comparison.${frame}`, frame), ": "),
+    named && h("strong", {}, name.charAt(0).toUpperCase(), name.slice(1), ": "),
     t("truth.off", {
       error: `${fixed(at_workpiece_mm, decimalsFor(stated_mm))}\u202fmm`,
       angle: significant(angle_deg, 2),
