@@ -28,7 +28,7 @@ _CLEAN = ("clean", "repeats to 0.1 mm", "joints 0.01°, links 0.05 mm")
 def run(full: bool) -> list[Row]:
     """Return each stage's rows; `full` takes 50 tables a move and 150 that stand still, otherwise 12 and 36.
 
-    Of two stages that is 100 a move and 300 that stand still.
+    Both stages judge the same 50 tables a move and 150 that stand still.
     """
     count = 50 if full else 12
     moves = [row for name, least in SOUGHT for row in found(name, least, range(count))]
