@@ -174,7 +174,7 @@ def _clustered(
     """Return the fit's covariance; distances in one part of the nominal are alike and count once together.
 
     An M-estimator's: the scores' between two inverses of the slope of their sum, less than the weights' own
-    matrix (Huber, Robust Statistics, 1981, 6.3).
+    matrix (Huber, Robust Statistics, 1981).
     """
     counts = weighed.any(axis=1)
     cells = np.floor((there[counts] - nominal.middle_mm) / (nominal.extent_mm / _CELLS)).astype(np.int64)

@@ -97,11 +97,10 @@ def _apart_from_own_lines(
     lines: list[tuple[int, PlacedTrace]] = []
     own: list[tuple[int, PlacedTrace]] = []
     every = [(number, placed) for number, view in enumerate(views) for placed in view]
-    for number, placed in every:
+    for (number, placed), there in zip(every, _at_one_place([placed for _, placed in every]), strict=True):
         alike = {number: placed}
-        for other, there in every:
-            if other not in alike and _at_one_place(placed, there):
-                alike[other] = there
+        for index in np.flatnonzero(there):
+            alike.setdefault(*every[index])
         is_own = len(alike) >= _OWN_VIEWS and not _lie_in_a_plane(list(alike.values()))
         (own if is_own else lines).append((number, placed))
     return lines, own
@@ -122,16 +121,20 @@ def _in_the_plane(
     }
 
 
-def _at_one_place(one: PlacedTrace, other: PlacedTrace) -> bool:
-    """Return whether two lines are the same one of their boards: the ends of each lie on the other."""
-    if one.on_board_mm is None or other.on_board_mm is None:
-        return False
-    for line, ends in ((one.on_board_mm, other.on_board_mm), (other.on_board_mm, one.on_board_mm)):
-        along = line[1] - line[0]
-        beside = np.linalg.norm(np.cross(ends - line[0], along), axis=1) / max(float(np.linalg.norm(along)), 1e-9)
-        if beside.max() > max(one.off_mm, other.off_mm):
-            return False
-    return True
+def _at_one_place(lines: Sequence[PlacedTrace]) -> np.ndarray:
+    """Return which of lines are the same one of their boards, (T, T): the ends of each lie on the other."""
+    nowhere = np.full((2, 3), np.nan)
+    ends = np.array([nowhere if one.on_board_mm is None else one.on_board_mm for one in lines]).reshape(-1, 2, 3)
+    off = np.array([one.off_mm for one in lines])
+    along = ends[:, 1] - ends[:, 0]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    beside = np.array(
+        [
+            np.linalg.norm(np.cross(ends - start, way), axis=2).max(axis=1)
+            for start, way in zip(ends[:, 0], along, strict=True)
+        ]
+    ).reshape(len(lines), len(lines))
+    return np.maximum(beside, beside.T) <= np.maximum.outer(off, off)
 
 
 def _lie_in_a_plane(placed: Sequence[PlacedTrace]) -> bool:

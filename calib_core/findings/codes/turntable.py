@@ -135,7 +135,8 @@ ANGLES_DO_NOT_FIT = Code(
     by="of",
     to_do="Check the angles, their unit, and that every capture has its own.",
     meaning="No axis brings the captures to a circle.",
-    decided="The used captures lie more than 5 mm off their circles (RMS).",
+    decided="The used captures lie more than 5 mm off their circles (RMS); in the whole chain also by the still sphere's "
+    "tool alone, unless three of its sigmas explain it.",
     usual_causes="Angles in another unit, angles of other captures.",
     fixed=True,
 )
