@@ -264,7 +264,9 @@ def test_a_newcomer_whose_browser_applies_the_first_camera_late_is_taken_back_to
             wait_until(lambda: position(501) is not None and not is_at(first.position, 501))
             # Its user who looks from elsewhere is left there, and so is who has chosen a view.
             socket.send(camera([1, 2, 3], [0, 0, 0], 502))
+            wait_until(lambda: is_at([1, 2, 3], 502))
             live.move("page", "Captures")
+            wait_until(lambda: not is_at([1, 2, 3], 502))  # what is told before counts for the view that was left
             socket.send(camera(first.position, first.look_at, 503))
             socket.send(camera([1, 2, 3], [0, 0, 0], 504))
             wait_until(lambda: is_at([1, 2, 3], 504))
