@@ -212,6 +212,7 @@ class Deviation(Record):
     uncertainty_mm: float | None = None
     points: int
     counted: float
+    across_edges: int | None = None
     limit_mm: float
     histogram: list[int]
     extremes: list[ExtremePoint] | None = None

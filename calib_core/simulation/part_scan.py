@@ -90,7 +90,7 @@ class PartScanner:
         true = np.einsum("pij,pcj->pci", poses[:, :3, :3], hit) + poses[:, None, :3, 3]
         error = rng.standard_normal(distance.shape) * o.point_sigma_mm / np.maximum(cosine, 0.05)
         measured = np.where(seen, distance + error, np.nan)
-        mixed = self._mix(measured, rng)
+        mixed = self._mix(measured, cosine, rng)
         strays = rng.random(distance.shape) < o.stray_fraction
         measured[strays] = rng.uniform(120.0, 280.0, int(strays.sum()))
         true[~(seen | strays)] = np.nan
@@ -121,10 +121,15 @@ class PartScanner:
         distance, _ = self._cast(origins, np.einsum("pij,pcj->pci", rotation, toward))
         return distance > length[..., 0] - 0.1
 
-    def _mix(self, measured: FloatArray, rng: np.random.Generator) -> np.ndarray:
-        """Put the last point before a jump between both sides, in places; return which."""
+    def _mix(self, measured: FloatArray, cosine: FloatArray, rng: np.random.Generator) -> np.ndarray:
+        """Put the last point before a jump between both sides, in places; return which.
+
+        A surface that is seen at a grazing angle steps farther from point to point, but does not jump.
+        """
         jump = np.zeros(measured.shape, dtype=bool)
-        jump[:, :-1] = np.abs(np.diff(measured, axis=1)) > 3.0
+        steepest = np.clip(np.minimum(cosine[:, :-1], cosine[:, 1:]), 0.05, 1.0)
+        sloped = self.options.pitch_mm * np.abs(measured[:, :-1]) / 200.0 * np.sqrt(1 / steepest**2 - 1)
+        jump[:, :-1] = np.abs(np.diff(measured, axis=1)) > 3.0 + 1.5 * sloped
         mixed = jump & (rng.random(measured.shape) < self.options.mixed_fraction)
         share = rng.uniform(0.25, 0.75, measured.shape)
         beyond = np.roll(measured, -1, axis=1)

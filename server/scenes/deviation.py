@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calib_core.errors import CalibrationError, MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.fusion.deviation import Deviations, mesh_deviations, sphere_deviations
+from calib_core.fusion.sharp_edges import near_sharp_edges
 from calib_core.messages import message
 from server.scenes.cloud_view import Against
 from server.scenes.colors import residual_limit_mm
@@ -18,12 +19,14 @@ from server.scenes.colors import residual_limit_mm
 class ReferenceMesh:
     """A mesh that says what the object should be: corners (C, 3) in the cloud's frame, triangles (M, 3).
 
-    `tolerance_mm` is how far the object may lie off it, where that was told.
+    `tolerance_mm` is how far the object may lie off it, where that was told.  With `voxel_mm`, that of the cloud,
+    points within a voxel of the mesh's edges count as beside it: means across an edge lie on no face.
     """
 
     corners_mm: NDArray[np.floating]
     triangles: NDArray[np.integer]
     tolerance_mm: float | None = None
+    voxel_mm: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +92,11 @@ def _from_mesh(points_mm: NDArray[np.floating], reference: ReferenceMesh) -> Clo
         return mesh_deviations(points, reference.corners_mm, reference.triangles).values_mm
 
     found = mesh_deviations(points_mm, reference.corners_mm, reference.triangles)
+    if reference.voxel_mm:
+        corners_mm = np.asarray(reference.corners_mm, dtype=float)
+        at_edges = near_sharp_edges(points_mm, corners_mm, reference.triangles, reference.voxel_mm)
+        if not at_edges.all():
+            found = Deviations(np.where(at_edges, np.nan, found.values_mm))
     return replace(_of(found, message("the reference mesh"), of), tolerance_mm=reference.tolerance_mm)
 
 

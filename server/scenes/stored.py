@@ -86,7 +86,8 @@ def reference_mesh(
     mesh = parse_mesh(data, name)
     pose = cloud_from_reference(merge, data)
     tolerance_mm = ((merge or {}).get("deviation") or {}).get("tolerance_mm")
-    return ReferenceMesh(mesh.corners_mm @ pose[:3, :3].T + pose[:3, 3], mesh.triangles, tolerance_mm)
+    voxel_mm = (merge or {}).get("voxel_mm")
+    return ReferenceMesh(mesh.corners_mm @ pose[:3, :3].T + pose[:3, 3], mesh.triangles, tolerance_mm, voxel_mm)
 
 
 def stored_scene(store: "Store", session_id: str) -> SceneInput | None:

@@ -91,7 +91,7 @@ def faces_outward(mesh: Mesh, part: PartMesh) -> bool:
 
 def of_parts(full: bool) -> list[Row]:
     """Each seed has errors of its own, of which nothing is told; the part lies where it is known to."""
-    outward, tight, wrong, squares, seeds = 0, 0, list[str](), list[float](), 10 if full else 3
+    outward, tight, wrong, squares, seeds = 0, 0, list[str](), list[float](), 20 if full else 3
     for seed, (shape, views) in product(range(seeds), SHAPES.items()):
         there = scan_set(shape, seed, views=views, pitch_mm=1.0)
         told = {"voxel_mm": 1.0, "mesh": "poisson", "holes": "fill", "reference": "part.stl", "alignment": "none"}
@@ -126,5 +126,5 @@ def of_parts(full: bool) -> list[Row]:
 
 
 def run(full: bool) -> list[Row]:
-    """Return the rows of this benchmark; `full` takes ten seeds a part and three of edges, else three and one."""
+    """Return the rows of this benchmark; `full` takes twenty seeds a part and three of edges, else three and one."""
     return [*of_edges(full), *of_parts(full)]

@@ -141,7 +141,7 @@ def _nominal(result: MergeResult) -> list[AnyBlock]:
         ),
         Figure(label="95 % of the points lie within", quantity=quantity(off.within_95_mm, "mm")),
         Figure(label="Mean deviation, positive outside", quantity=quantity(off.signed_mean_mm, "mm")),
-        Figure(label="Points compared", quantity=fixed(off.points, 0), remark=_share(off.counted)),
+        Figure(label="Points compared", quantity=fixed(off.points, 0), remark=_share(off)),
         *_laid(alignment, _believed(result)),
     ]
     width = 2 * off.limit_mm / len(off.histogram)
@@ -187,8 +187,15 @@ def _within(off: Deviation) -> list[AnyBlock]:
     return [Figure(label=label, quantity=quantity, remark=beyond, headline=True)]
 
 
-def _share(counted: float) -> str:
-    return message("{share:.0f} % of the cloud; the rest is too far off", share=100 * counted)
+def _share(off: Deviation) -> str:
+    if not off.across_edges:
+        return message("{share:.0f} % of the cloud; the rest is too far off", share=100 * off.counted)
+    return message(
+        "{share:.0f} % of the cloud; the rest is too far off. {edges} points within a voxel of an edge do not "
+        "count",
+        share=100 * off.counted,
+        edges=off.across_edges,
+    )
 
 
 def _laid(alignment: Alignment, believed: bool) -> list[AnyBlock]:

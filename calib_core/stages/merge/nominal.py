@@ -16,6 +16,7 @@ from calib_core.fusion.alignment import Alignment, about_origin, best_fit
 from calib_core.fusion.certainty import against_nominal
 from calib_core.fusion.datums import DatumAlignment, Feature, by_datums, on_nominal
 from calib_core.fusion.deviation import Deviations, Nominal, histogram
+from calib_core.fusion.sharp_edges import near_sharp_edges
 from calib_core.fusion.solve import MergeSolution
 from calib_core.graph.stage_input import StageInput
 from calib_core.messages import message
@@ -28,6 +29,7 @@ _OF_THE_PART = 0.05  # of the nominal's size: what is farther off is another thi
 _FEW = 0.5
 _OTHER_UNIT = 0.02
 _HEAD_ON = 0.1  # such a share of the points, at least, is seen nearly head-on
+_ALIKE = 0.9  # the mean normal's length: a thin sheet's two sides in one voxel have a mean inside of it
 _EXTREMES, _APART = 5, 0.05  # of each sign; of the nominal's size
 
 
@@ -59,7 +61,7 @@ def compared(
     mesh = parse_mesh(data, settings.reference)
     nominal = Nominal(mesh.corners_mm - origin_mm, mesh.triangles)
     wanted = settings.alignment or PartAlignment()
-    points, normals, noise_mm2 = _points(solution)
+    points, normals, noise_mm2, of_one = _points(solution)
     try:
         _require_alike_size(nominal, points)
         found = _aligned(points, normals, nominal, wanted, base_from_cloud, origin_mm)
@@ -75,7 +77,7 @@ def compared(
         noise_mm2,
     )
     deviation = _deviation(
-        points, origin_mm, nominal, found, settings.tolerance_mm, voxel_mm, known.deviation_sigma_mm
+        points, of_one, origin_mm, nominal, found, settings.tolerance_mm, voxel_mm, known.deviation_sigma_mm
     )
     findings = nominal_findings(found.alike, deviation.counted)
     cloud_from_reference = _shifted(found.cloud_from_reference, origin_mm)
@@ -167,19 +169,20 @@ def _datums_found(found: DatumAlignment, origin_mm: FloatArray) -> list[record.D
     ]
 
 
-def _points(solution: MergeSolution) -> tuple[FloatArray, FloatArray, float]:
-    """Return the merged points, their normals and their mean variance; every so many where there are very many.
+def _points(solution: MergeSolution) -> tuple[FloatArray, FloatArray, float, NDArray[np.bool_]]:
+    """Return the merged points, their normals, their mean variance, and which are of surfaces that face alike.
 
-    A point's variance along the normal is that of one seen head-on, over how many it stands for.
+    Every so many where there are very many.  A point's variance along the normal is that of one seen head-on, over
+    how many it stands for.
     """
     every = max(1, -(-solution.extent.points // _MOST_POINTS))
     parts = [
-        (cloud.points_mm[::every], cloud.normals[::every], cloud.sigma_mm[::every], cloud.counts[::every])
-        for cloud in solution.grid.clouds()
+        tuple(column[::every] for column in (c.points_mm, c.normals, c.sigma_mm, c.counts, c.coherence))
+        for c in solution.grid.clouds()
     ]
-    points, normals, sigmas, counts = (np.concatenate(c).astype(float) for c in zip(*parts, strict=True))
+    points, normals, sigmas, counts, alike = (np.concatenate(c).astype(float) for c in zip(*parts, strict=True))
     head_on = float(np.quantile(sigmas**2 * counts, _HEAD_ON))
-    return points, normals, head_on * float(np.mean(1 / counts))
+    return points, normals, head_on * float(np.mean(1 / counts)), alike > _ALIKE
 
 
 def _require_alike_size(nominal: Nominal, points: FloatArray) -> None:
@@ -205,6 +208,7 @@ def _in_base(covariance: FloatArray, base_from_cloud: FloatArray) -> FloatArray:
 
 def _deviation(
     points: FloatArray,
+    of_one: NDArray[np.bool_],
     origin_mm: FloatArray,
     nominal: Nominal,
     found: Alignment,
@@ -214,6 +218,10 @@ def _deviation(
 ) -> record.Deviation:
     pose = found.cloud_from_reference
     in_nominal = (points - pose[:3, 3]) @ pose[:3, :3]
+    plain = of_one & ~near_sharp_edges(in_nominal, nominal.corners_mm, nominal.triangles, voxel_mm)
+    if not plain.any():  # all of it is smaller than the voxels
+        plain[:] = True
+    points, in_nominal = points[plain], in_nominal[plain]
     values = nominal.distances_mm(in_nominal)
     of_it = np.abs(values) <= _OF_THE_PART * nominal.extent_mm
     counted = float(np.mean(of_it))
@@ -229,6 +237,7 @@ def _deviation(
         uncertainty_mm=sigma_mm if np.isfinite(sigma_mm) else None,
         points=len(seen.values_mm),
         counted=counted,
+        across_edges=int((~plain).sum()),
         limit_mm=limit_mm,
         histogram=histogram(seen.values_mm, limit_mm).tolist(),
         extremes=_extremes(points[of_it] + origin_mm, seen.values_mm, _APART * nominal.extent_mm),

@@ -124,8 +124,10 @@ class Deviation(Record):
     """How far the merged points lie off the nominal, positive outside.
 
     `counted` is the share of the points that are of the part: others, such as a fixture's, lie farther off than a
-    twentieth of its size.  `within_95_mm` holds 95 % of them in either direction.  `uncertainty_mm` is the
-    standard deviation of a point's deviation by calibration, scans and noise, RMS over all, after the alignment.
+    twentieth of its size.  `across_edges` points are not compared: the mean of a voxel across an edge or of both
+    sides of a sheet lies on no face.  `within_95_mm` holds 95 % of the others in either direction.
+    `uncertainty_mm` is the standard deviation of a point's deviation by calibration, scans and noise, RMS over
+    all, after the alignment.
     `histogram` counts them in even bins from −`limit_mm` to `limit_mm`; `extremes` are the farthest, outside
     first, apart from each other.  `within_tolerance` is the share within ± `tolerance_mm`, `above_tolerance` and
     `below_tolerance` are those farther outside and inside.  `sections` go through the nominal's middle.
@@ -137,6 +139,7 @@ class Deviation(Record):
     uncertainty_mm: float | None = None
     points: int
     counted: float
+    across_edges: int = 0
     limit_mm: float
     histogram: list[int]
     extremes: list[ExtremePoint] = Field(default_factory=list[ExtremePoint])

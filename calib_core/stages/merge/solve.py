@@ -49,7 +49,8 @@ from calib_core.stages.merge.record import Facing, MergeResidual, MergeResult, P
 from calib_core.stages.merge.trials import PATCH_SPACINGS
 
 _USUAL_VOXEL_MM, _COARSE = 0.5, 2.0
-_LOOKED_AT = 2  # scans of which the spacing is asked: one of them may be in metres
+_LOOKED_AT = 3  # scans of which the spacing is asked: one of them may be in metres, or hardly see the part
+_IN_METRES = 0.02  # of the widest spacing
 
 
 def solve(given: StageInput) -> MergeResult:
@@ -134,8 +135,9 @@ def plan_merge(given: StageInput) -> MergePlan:
     groups = scan_groups(corrected_captures(given.session.cell, fit, calibration.arm))
     settings = given.session.cell.merge
     scans = SessionScans(given.session, groups, calibration.placement, given.read)
-    first = [scans[number] for number in range(min(_LOOKED_AT, len(scans)))]
-    spacing_mm = max((scan.spacing_mm for scan in first), default=0.0)
+    spread = {len(scans) * part // _LOOKED_AT for part in range(_LOOKED_AT)} if len(scans) else set[int]()
+    first = [scans[number] for number in sorted(spread)]
+    spacing_mm = _spacing_mm(first)
     voxel_mm = settings.voxel_mm or _voxel_mm(spacing_mm)
     options = MergeOptions(
         voxel_mm,
@@ -155,6 +157,18 @@ def plan_merge(given: StageInput) -> MergePlan:
     errors = pose_errors(given, groups, calibration) if calibration.tells_scatter else None
     ball = None if calibration.by == "known" else side_of_ball(given.session, given.read)
     return MergePlan(groups, calibration, scans, errors, options, unused, tuple(found), ball)
+
+
+def _spacing_mm(scans: Sequence[Scan]) -> float:
+    """Return how far points of scans lie apart, in the mean over the points.
+
+    A scan that hardly sees the part, its edge or a face at a grazing angle, has few points, far apart: patches as
+    large as that would take both sides of a thin part together.  One in metres has a thousandth of the others'.
+    """
+    counts = np.array([np.isfinite(scan.points_in_laser_mm[..., 2]).sum() for scan in scans], dtype=float)
+    spacings = np.array([scan.spacing_mm for scan in scans])
+    counts[spacings < _IN_METRES * spacings.max(initial=0.0)] = 0.0
+    return float(np.average(spacings, weights=counts)) if counts.any() else 0.0
 
 
 def _voxel_mm(spacing_mm: float) -> float:

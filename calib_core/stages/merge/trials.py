@@ -21,7 +21,7 @@ LEAST_PAIRS = 50
 MORE = 1.4
 """Of the score, what there must be when a mistake is taken back."""
 
-PATCH_SPACINGS = 1.5
+PATCH_SPACINGS = 2.0
 """How large a patch is at least, in distances between a scan's points."""
 
 _ONE_SURFACE = 0.15  # of a patch
