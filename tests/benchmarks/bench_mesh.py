@@ -126,5 +126,5 @@ def of_parts(full: bool) -> list[Row]:
 
 
 def run(full: bool) -> list[Row]:
-    """Return the rows of this benchmark; `full` takes twenty seeds a part and three of edges, else three and one."""
+    """Return the rows of this benchmark; `full`: twenty seeds a part and three of edges, else three and one."""
     return [*of_edges(full), *of_parts(full)]
