@@ -14,7 +14,7 @@ _WITHIN_A_VOXEL_RAD = 0.8  # of many small faces: a radius of 1.3 voxels
 
 
 def near_sharp_edges(
-    points_mm: FloatArray, corners_mm: FloatArray, triangles: NDArray[np.integer], voxel_mm: float
+    points_mm: NDArray[np.floating], corners_mm: FloatArray, triangles: NDArray[np.integer], voxel_mm: float
 ) -> NDArray[np.bool_]:
     """Return which points (N, 3) lie within a voxel of an edge of a mesh, or of a rounding smaller than that.
 
