@@ -193,13 +193,16 @@ class DatumFound(Record):
 
 
 class DecidedBefore(Record):
-    """A decision that was made before captures were left out or added, or a limit was changed (by figure)."""
+    """A decision that was made before captures were left out, added or changed, a limit (by figure) or the cell."""
     decision: str
     solved: str | None = None
     left_out: list[LeftOut] | None = None
     added: list[str] | None = None
     limits: list[str] | None = None
     taken_back: list[LeftOut] | None = None
+    came: list[LeftOut] | None = None
+    changed: list[LeftOut] | None = None
+    cell: list[str] | None = None
     removed: bool | None = None
     text: str | None = None
 
@@ -252,7 +255,7 @@ class EquipmentCertificate(Record):
 
 
 class Excluded(Record):
-    """Who left a capture out, or took it in again, when (ISO 8601) and why."""
+    """Who left a capture out, took it in again, added or corrected it, when (ISO 8601) and why."""
     who: str | None = None
     when: str | None = None
     why: str | None = None
@@ -394,9 +397,11 @@ class LeftInFiles(Record):
 
 
 class LeftOut(Record):
-    """A capture that was left out after a decision, or taken in again, and why where that was told."""
+    """A capture that was left out after a decision, taken in again, added or changed, and why where that was told."""
     capture: str
     because: Excluded | None = None
+    deleted: bool | None = None
+    fields: list[str] | None = None
 
 
 class MergeResidual(Record):

@@ -96,9 +96,9 @@ class Operations(Connection):
         """Correct a capture's record; its files stay as they came."""
         return self.request("PATCH", f"/api/v1/sessions/{quote(session_id, safe='')}/captures/{quote(capture_id, safe='')}", json=body, headers={"If-Match": if_match})
 
-    def captures_delete(self, session_id: str, capture_id: str, *, if_match: str | None = None) -> Any:
+    def captures_delete(self, session_id: str, capture_id: str, *, why: str | None = None, if_match: str | None = None) -> Any:
         """Remove a capture with its files, for good; to leave it out of solves, set `excluded` instead."""
-        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/captures/{quote(capture_id, safe='')}", headers={"If-Match": if_match})
+        return self.request("DELETE", f"/api/v1/sessions/{quote(session_id, safe='')}/captures/{quote(capture_id, safe='')}", params=_given({"why": why}), headers={"If-Match": if_match})
 
     def captures_get_file(self, session_id: str, capture_id: str, name: str) -> Any:
         """Return a file as it came, byte for byte; `name` as in the record's `files`, or its last part."""

@@ -9,7 +9,9 @@ from calib_core.graph.stage import Stage
 from calib_core.records import Session
 from calib_core.steps import steps_that_show
 
-_LATER = {"taken", "clock", "excluded_because", "included_because", "environment"}
+_LATER = {
+    "taken", "clock", "excluded_because", "included_because", "added_because", "changed_because", "environment"
+}  # fmt: skip
 
 
 def inputs_sha256_of_0_1_0(session: Session, stage: Stage, digest: Callable[[str], str]) -> str:

@@ -1,10 +1,13 @@
 """A decision of a verification after which its evidence was changed."""
 
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 from typing import Final
 
 from pydantic import Field
 
 from calib_core.messages import Message, Names, message, sentences, templates
+from calib_core.moment import said_moment
 from calib_core.records.base import Record
 from calib_core.records.policy import Excluded
 
@@ -19,17 +22,22 @@ DECISIONS: Final = templates({
 
 
 class LeftOut(Record):
-    """A capture that was left out after a decision, or taken in again, and why where that was told."""
+    """A capture that was left out after a decision, taken in again, added or changed, and why where that was told.
+
+    `deleted` is whether it was taken out of the session for good, `fields` are those that were changed.
+    """
 
     capture: str
     because: Excluded | None = None
+    deleted: bool = False
+    fields: list[str] = Field(default_factory=list[str])
 
 
 class DecidedBefore(Record):
-    """A decision that was made before captures were left out or added, or a limit was changed (by figure).
+    """A decision that was made before captures were left out, added or changed, a limit (by figure) or the cell.
 
-    `taken_back` are those of `added` that had been left out before; `removed` is whether all that is left of it is
-    what a later one's seal says; `text` says it all.
+    `taken_back` are those of `added` that had been left out before, `came` the others; `removed` is whether all
+    that is left of it is what a later one's seal says; `text` says it all.
     """
 
     decision: str
@@ -38,6 +46,9 @@ class DecidedBefore(Record):
     added: list[str] = Field(default_factory=list[str])
     limits: list[str] = Field(default_factory=list[str])
     taken_back: list[LeftOut] = Field(default_factory=list[LeftOut])
+    came: list[LeftOut] = Field(default_factory=list[LeftOut])
+    changed: list[LeftOut] = Field(default_factory=list[LeftOut])
+    cell: list[str] = Field(default_factory=list[str])
     removed: bool = False
     text: str = ""
 
@@ -49,13 +60,20 @@ class DecidedBefore(Record):
             begin = message("The decision of {when} UTC was: {decision}.", when=when, decision=word)
         else:
             begin = message("A decision before was: {decision}.", decision=word)
-        parts = [begin, *(_left_out(one) for one in self.left_out)]
-        parts += [_taken_back(one) for one in self.taken_back]
-        again = {one.capture for one in self.taken_back}
-        if new := [name for name in self.added if name not in again]:
-            parts.append(message("Then {captures} came.", captures=Names(new)))
+        parts = [begin]
+        for what, captures in (
+            ("deleted", [one for one in self.left_out if one.deleted]),
+            ("out", [one for one in self.left_out if not one.deleted]),
+            ("back", self.taken_back),
+            ("came", self.came),
+            ("changed", [one for one in self.changed if one.fields]),
+            ("changed somehow", [one for one in self.changed if not one.fields]),
+        ):
+            parts += [_said(what, of_one) for of_one in _alike(captures)]
         if self.limits:
             parts.append(message("Then limits were changed: {limits}.", limits=list(self.limits)))
+        if self.cell:
+            parts.append(message("Then the cell was changed: {fields:,}.", fields=list(self.cell)))
         if self.removed:
             parts.append(message("It was removed or changed since."))
         return sentences(parts)
@@ -64,25 +82,36 @@ class DecidedBefore(Record):
         return str(self.said())
 
 
-def _left_out(one: LeftOut) -> Message:
-    because = one.because
-    if because is None:
-        return message("Then {capture} was left out.", capture=one.capture)
-    return message(
-        "Then {capture} was left out by {who} ({when}), reason: {why}.",
-        capture=one.capture,
-        who=because.who or message("nobody known"),
-        when=because.when[:16].replace("T", " "),
-        why=because.why or message("none given"),
-    )
+_DEEDS: Final = templates({
+    "deleted": "Then removed for good: {captures}.",
+    "out": "Then left out: {captures}.",
+    "back": "Then taken in again: {captures}.",
+    "came": "Then added: {captures}.",
+    "changed": "Then changed: {captures} ({fields:,}).",
+    "changed somehow": "Then changed: {captures}.",
+})  # fmt: skip
 
 
-def _taken_back(one: LeftOut) -> Message:
-    because = one.because or Excluded()
-    return message(
-        "Then {capture} was taken in again by {who} ({when}), reason: {why}.",
-        capture=one.capture,
+def _alike(captures: Iterable[LeftOut]) -> Iterator[list[LeftOut]]:
+    """Give those together that the same one changed in the same way on one day for the same reason."""
+
+    def deed(one: LeftOut) -> tuple[str, ...]:
+        because = one.because or Excluded()
+        return (because.who, because.why or "", because.when[:10], *one.fields)
+
+    for _, alike in groupby(captures, deed):
+        yield list(alike)
+
+
+def _said(what: str, captures: Sequence[LeftOut]) -> Message:
+    because, last = captures[0].because, captures[-1].because
+    deed = message(_DEEDS[what], captures=Names(one.capture for one in captures), fields=captures[0].fields)
+    if because is None or last is None:
+        return deed
+    by = message(
+        "By {who} ({when}), reason: {why}.",
         who=because.who or message("nobody known"),
-        when=because.when[:16].replace("T", " "),
+        when=" – ".join(dict.fromkeys(said_moment(one.when) for one in (because, last))),
         why=because.why or message("none given"),
     )
+    return sentences([deed, by])

@@ -55,8 +55,15 @@ class Environment(WrittenRecord):
 
 
 class Excluded(WrittenRecord):
-    """Who left a capture out, or took it in again, when (ISO 8601) and why."""
+    """Who left a capture out, took it in again, added or corrected it, when (ISO 8601) and why."""
 
     who: str = ""
     when: str = ""
     why: str | None = None
+
+
+class Removed(Excluded):
+    """A capture that was taken out of its session for good: which, of which step, by whom, when and why."""
+
+    capture: str
+    step: str = ""

@@ -24,7 +24,7 @@ from calib_core.records.base import (
 from calib_core.records.findings import Severity
 from calib_core.records.merging import MergeSettings
 from calib_core.records.planning import Limits, Nominal
-from calib_core.records.policy import Environment, Equipment, Excluded, Policy
+from calib_core.records.policy import Environment, Equipment, Excluded, Policy, Removed
 from calib_core.records.topology import CellAxis, KnownFrame, MountedScanner, Scanner, Sphere, SphereDistance
 
 SphereClass = Literal["certified", "bearing", "coated", "turned"]
@@ -270,7 +270,7 @@ class Capture(WrittenRecord):
     `moving` says that the robot was; `source` is the file and line, or the device, that it came from.
     `taken` is when (ISO 8601 with offset), by `clock`: of the file, the server, a device, or the program that sent
     it, else when it was `received`; `excluded_because` who left it out, when and why, `included_because` who took
-    it in again.
+    it in again; `added_because` and `changed_because` who added or corrected it after a verification.
     `format` names the files' format where it is not recognised, `format_settings` says what they do not.
     """
 
@@ -290,6 +290,8 @@ class Capture(WrittenRecord):
     excluded: bool = False
     excluded_because: Excluded | None = None
     included_because: Excluded | None = None
+    added_because: Excluded | None = None
+    changed_because: Excluded | None = None
     taken: str | None = None
     clock: Literal["file", "server", "device", "program", "received"] | None = None
     environment: Environment | None = None
@@ -329,7 +331,8 @@ class Session(WrittenRecord):
     """A session: the cell and its captures; one that is `archived` is kept, no longer in use.
 
     `documentation` is printed: operator, place, procedure, report number, customer, when the item was `received`,
-    the report that it `replaces`, `replaces_because`, and what else there is.
+    the report that it `replaces`, `replaces_because`, and what else there is. `removed` are captures that were
+    taken out once something was solved.
     """
 
     format: Literal["scancell-session/1"] = FORMAT
@@ -337,6 +340,7 @@ class Session(WrittenRecord):
     archived: bool = False
     documentation: dict[str, str] | None = None
     environment: Environment | None = None
+    removed: list[Removed] | None = None
     cell: Cell
     captures: list[Capture] = Field(default_factory=list)
 

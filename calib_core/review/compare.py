@@ -202,7 +202,7 @@ def changes(
 def _capture_changes(
     before: Capture, after: Capture, files: tuple[Mapping[str, str], Mapping[str, str]]
 ) -> Iterator[Change]:
-    told = {"excluded"}
+    told = {"excluded", "added_because", "changed_because"}
     if before.excluded != after.excluded:
         told |= {"excluded_because", "included_because"}
         yield Change(kind="left-out" if after.excluded else "taken-back", what=before.id)

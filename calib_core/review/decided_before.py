@@ -1,13 +1,22 @@
 """Decisions of a verification that were followed by other captures or other limits: told beside the last one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 from calib_core.archive.seals import decisions_sealed, seal_state
-from calib_core.records import ResultsData, Session, parse_session
+from calib_core.records import Capture, ResultsData, Session, parse_session
 from calib_core.records.decided_before import DecidedBefore, LeftOut
+from calib_core.records.policy import Excluded, Removed
+from calib_core.review.compare import changes
 from calib_core.steps import table_stages, tool_stages
+
+_NO_EVIDENCE: Final = {
+    "excluded", "excluded_because", "included_because", "added_because", "changed_because", "taken", "clock",
+    "source",
+}  # fmt: skip
+"""What of a capture's record no stage reads."""
+_NOT_MEASURED_WITH: Final = {"verification", "findings", "release", "merge", "id", "wanted_mm"}
 
 Solved = tuple[Mapping[str, Any], Session | None]
 """A result of `verify` as JSON data, and the session that it was solved from as far as that is known."""
@@ -33,24 +42,76 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
     for (before, from_before), (after, solved_from) in pairwise(verifications):
         if before.get("decision") is None:
             continue
-        captures = {capture.id: capture for capture in (solved_from or now).captures}
-        out = {name: one.excluded_because for name, one in captures.items()}
-        back = {name: one.included_because for name, one in captures.items() if one.included_because}
-        used, then = _used(before), _used(after)
-        if from_before is not None and solved_from is not None:  # so is another calibration
-            used, then = [*_calibrating(from_before), *used], [*_calibrating(solved_from), *then]
-        added = [name for name in then if name not in used]
-        told = DecidedBefore(
-            decision=before["decision"],
-            solved=before.get("solved"),
-            left_out=[LeftOut(capture=name, because=out.get(name)) for name in used if name not in then],
-            added=added,
-            limits=[name for name, mm in _limits(before).items() if _limits(after).get(name) != mm],
-            taken_back=[LeftOut(capture=name, because=back[name]) for name in added if name in back],
-        )
-        if told.left_out or told.added or told.limits:
+        told = _changed_after(before, from_before, after, solved_from or now, is_known=solved_from is not None)
+        if told.left_out or told.added or told.limits or told.changed or told.cell:
             found.append(told.model_copy(update={"text": told.said()}))
     return found
+
+
+def _changed_after(
+    before: Mapping[str, Any], origin: Session | None, after: Mapping[str, Any], now: Session, *, is_known: bool
+) -> DecidedBefore:
+    """Return a decision with what was changed until the next one; so is another calibration, where it is known."""
+    captures = {capture.id: capture for capture in now.captures}
+    used, then = _used(before), _used(after)
+    if origin is not None and is_known:
+        used, then = [*_calibrating(origin), *used], [*_calibrating(now), *then]
+    gone = {one.capture: one for one in _removed(now) if one not in _removed(origin) and one.capture in used}
+    gone = {name: one for name, one in gone.items() if origin is not None or one.when > _when(before)}
+    out: list[LeftOut] = []
+    for name in used:
+        if name in gone:
+            because = Excluded.model_validate(gone[name].model_dump(include={*Excluded.model_fields}))
+            out.append(LeftOut(capture=name, because=because, deleted=True))
+        elif name not in then:
+            one = captures.get(name)
+            because = one and (one.excluded_because or one.changed_because)  # or it is of another step since
+            out.append(LeftOut(capture=name, because=because, deleted=one is None))
+    added = [name for name in then if name not in used or name in gone]
+    back = {name: one for name in added if (one := captures[name].included_because if name in captures else None)}
+    came = [name for name in added if name not in back]
+    stayed = [name for name in dict.fromkeys(then) if name not in added]
+    return DecidedBefore(
+        decision=before["decision"],
+        solved=before.get("solved"),
+        left_out=out,
+        added=added,
+        limits=[name for name, mm in _limits(before).items() if _limits(after).get(name) != mm],
+        taken_back=[LeftOut(capture=name, because=one) for name, one in back.items()],
+        came=[
+            LeftOut(capture=name, because=captures[name].added_because if name in captures else None)
+            for name in came
+        ],
+        changed=[*_corrected(origin if is_known else None, captures, stayed, _when(before))],
+        cell=_of_cell(origin, now) if origin is not None and is_known else [],
+    )
+
+
+def _of_cell(before: Session, after: Session) -> list[str]:
+    """Return the fields of the cell that are others than then; limits are told by themselves."""
+    found = [one.what for one in changes(before, after) if one.kind == "cell"]
+    return [path for path in found if path.partition(".")[0] not in _NOT_MEASURED_WITH]
+
+
+def _removed(session: Session | None) -> list[Removed]:
+    return (session and session.removed) or []
+
+
+def _corrected(
+    origin: Session | None, captures: Mapping[str, Capture], names: Iterable[str], since: str
+) -> Iterator[LeftOut]:
+    """Give the captures whose record is another than then, with the fields that are as far as these are known."""
+    then = {capture.id: capture for capture in (origin.captures if origin else ())}
+    for one in (captures[name] for name in names if name in captures):
+        because, fields = one.changed_because, _differing(then[one.id], one) if one.id in then else []
+        if fields or (origin is None and because is not None and because.when > since):
+            yield LeftOut(capture=one.id, because=because, fields=fields)
+
+
+def _differing(before: Capture, after: Capture) -> list[str]:
+    records = (before.to_json(), after.to_json())
+    then, now = ({name: value for name, value in one.items() if name not in _NO_EVIDENCE} for one in records)
+    return [name for name in {**then, **now} if then.get(name) != now.get(name)]
 
 
 def decided_before_in(

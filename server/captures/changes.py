@@ -49,6 +49,7 @@ _MEASURED_FROM = (
 )
 FIXED = ("id", "files", "kind")
 _BECAUSE = ("included_because", "excluded_because")
+_KEPT_HERE = (*_BECAUSE, "added_because", "changed_because")
 
 
 def corrected_capture(
@@ -71,12 +72,12 @@ def corrected_capture(
         stored = load_session(db, store.blobs, session_id)
         before = capture_row(db, session_id, capture_id)
         record, revision, measured_before = before.record, before.revision, before.measured
-    capture = _changed(record, _with_reason(record, changes, who))
+    capture = _changed(record, _with_reason(record, changes, who, verified="verify" in stored.results))
     check_poses(stored.session, capture)
     try:
         measured = Measurer(measure, stored.session, lambda: calibrated(stored)).measure(capture, stored.reader)
     except DamagedError:
-        if not set(changes) <= {"excluded", *_BECAUSE}:
+        if not set(changes) <= {"excluded", *_KEPT_HERE}:
             raise
         # What the disk has spoiled can still be left out: that is what makes the others count again.
         measured = Measured.model_validate(measured_before)
@@ -113,6 +114,9 @@ def corrected_session(
     changes = {name: value for name, value in changes.items() if name != "why"}
     record: Data = merge_patch(before.session.model_copy(update={"captures": []}).to_json(), changes)
     session = parse_session({**record, "captures": [capture.to_json() for capture in captures]}, "request")
+    if session.removed != before.session.removed:
+        to_do = message("Leave `removed` out: it is kept by the server.")
+        raise InputError("the captures that were removed, as they were kept", "something else", to_do, "removed")
     with store.read() as db:
         session = with_registered(db, _with_limit_changes(before.session, session, who, why))
     anew = require_usable(before.session, session)
@@ -168,18 +172,25 @@ def _with_limit_changes(before: Session, after: Session, who: str, why: str) -> 
     return after.model_copy(update={"cell": after.cell.model_copy(update={"verification": limits})})
 
 
-def _with_reason(record: Data, changes: Mapping[str, object], who: str) -> Mapping[str, object]:
-    """Return the changes with who leaves the capture out or takes it in again, when, and why."""
-    if "excluded" not in changes:
-        return changes
-    excluded = bool(changes["excluded"])
-    given = next((told for name in _BECAUSE if isinstance(told := changes.get(name), Mapping)), {})
-    others = {name: value for name, value in changes.items() if name not in _BECAUSE}
-    if excluded == bool(record.get("excluded")):
+def _with_reason(record: Data, changes: Mapping[str, object], who: str, *, verified: bool) -> Mapping[str, object]:
+    """Return the changes with who leaves the capture out or takes it in again, when, and why.
+
+    So is who corrects it, once the session was verified; what is kept of all these nobody else writes.
+    """
+    given = next((told for name in _KEPT_HERE if isinstance(told := changes.get(name), Mapping)), {})
+    others = {name: value for name, value in changes.items() if name not in _KEPT_HERE}
+    because = because_of(who, given.get("why"))
+    if verified and any(record.get(name) != value for name, value in others.items() if name != "excluded"):
+        others["changed_because"] = because
+    excluded = bool(changes.get("excluded"))
+    if "excluded" not in changes or excluded == bool(record.get("excluded")):
         return others
-    why = given.get("why")
-    because = {"who": who, "when": now(), **({"why": str(why)[:_MOST_WORDS]} if why else {})}
     return {**others, _BECAUSE[excluded]: because, _BECAUSE[not excluded]: None}
+
+
+def because_of(who: str, why: object) -> Data:
+    """Return who does something to a capture now, and why where that is told."""
+    return {"who": who, "when": now(), **({"why": str(why)[:_MOST_WORDS]} if why else {})}
 
 
 def _changed(record: Data, changes: Mapping[str, object]) -> Capture:

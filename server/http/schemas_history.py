@@ -13,7 +13,7 @@ from server.http.schemas_results import StoredResult
 
 
 class TimelineItem(BaseModel):
-    """What happened: a capture came, a limit changed late, a stage was solved or not, an answer was released.
+    """What happened: a capture came or was removed, a limit changed late, a stage was solved, an answer released.
 
     The last one is `now`.
 
@@ -21,11 +21,13 @@ class TimelineItem(BaseModel):
     used it. `message` says why a solve failed, which limit of a verification was changed, who acknowledged
     that cell or equipment changed, or who released (`brought`: elsewhere, as the archive tells that the session
     came with);
-    `excluded_because` who left a capture out, `included_because` who took it in again.
+    `excluded_because` who left a capture out, `included_because` who took it in again,
+    `added_because` and `changed_because` who added or corrected it after a verification, `removed_because` who
+    removed it.
     """
 
     place: int
-    kind: Literal["capture", "result", "limit", "release", "acknowledged", "failed", "cancelled", "now"]
+    kind: Literal["capture", "removed", "result", "limit", "release", "acknowledged", "failed", "cancelled", "now"]
     at: str
     capture: str | None = None
     step: StepName | None = None
@@ -38,6 +40,9 @@ class TimelineItem(BaseModel):
     brought: bool = False
     excluded_because: Excluded | None = None
     included_because: Excluded | None = None
+    added_because: Excluded | None = None
+    changed_because: Excluded | None = None
+    removed_because: Excluded | None = None
 
 
 class Timeline(BaseModel):

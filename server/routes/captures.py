@@ -5,7 +5,7 @@ from pathlib import PurePosixPath
 from typing import Annotated
 from urllib.parse import quote
 
-from fastapi import File, Form, Path, Response, UploadFile
+from fastapi import File, Form, Path, Query, Response, UploadFile
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
@@ -13,7 +13,7 @@ from calib_core.errors import InputError, TooLargeError
 from calib_core.findings import measured_as_read
 from calib_core.records import StepName, parse_capture
 from calib_core.records.strict_fields import require_known_fields
-from server.captures.changes import corrected_capture
+from server.captures.changes import because_of, corrected_capture
 from server.http.api_router import API, api_router
 from server.http.created import created
 from server.http.downloads import Download
@@ -181,14 +181,21 @@ def change(
 
 
 @router.delete("/captures/{capture_id}", status_code=204)
-def delete(session_id: SessionId, capture_id: CaptureId, store: StoreDep, if_match: IfMatch = None) -> None:
+def delete(
+    session_id: SessionId,
+    capture_id: CaptureId,
+    identity: IdentityDep,
+    store: StoreDep,
+    why: Annotated[str, Query(max_length=1000, description="Kept in the session once something is solved.")] = "",
+    if_match: IfMatch = None,
+) -> None:
     """Remove a capture with its files, for good; to leave it out of solves, set `excluded` instead."""
     with store.write() as db:
         session = locked_session(db, session_id)
         row = capture_row(db, session_id, capture_id)
         require_revision(row, if_match)
         require_not_in_force(db, session)
-        digests = remove_capture(db, session, row)
+        digests = remove_capture(db, session, row, because_of(identity.name, why.strip()))
     remove_unreferenced(store, digests)
 
 

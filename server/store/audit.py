@@ -54,6 +54,12 @@ def note_change(change: Data) -> None:
         act.change, act.noted = change, False
 
 
+def who_acts() -> str:
+    """Return who does what is being done; "" where the server does it by itself."""
+    act = acting.get()
+    return "" if act is None else act.who
+
+
 def note_captures(ids: Sequence[str]) -> None:
     """Keep in the log which captures are being added."""
     if ids:

@@ -15,10 +15,12 @@ from sqlalchemy.orm import Session as Transaction
 from calib_core.errors import CalibrationError, ConflictError
 from calib_core.moment import now
 from calib_core.records import Capture, Measured
+from calib_core.records.policy import Excluded
+from server.store.audit import who_acts
 from server.store.calibrations import board_results
 from server.store.database import publish_later
 from server.store.json_text import JsonText
-from server.store.models import CaptureRow, Data, EventRow, FileRow, SessionRow, WaitingRow
+from server.store.models import CaptureRow, Data, EventRow, FileRow, ResultRow, SessionRow, WaitingRow
 from server.store.row_seals import row_seal
 from server.store.sessions import no_such_session
 
@@ -48,6 +50,11 @@ _TOUCH = (
         last_position=bindparam("place"),
         updated=bindparam("moment"),
     )
+)
+_VERIFIED = (
+    select(ResultRow.number)
+    .where(ResultRow.session_id == bindparam("session_id"), ResultRow.stage == "verify")
+    .limit(1)
 )
 _ADD_CAPTURES, _ADD_FILES, _ADD_WAITING = insert(CaptureRow), insert(FileRow), insert(WaitingRow)
 _ADD_EVENT = insert(EventRow)
@@ -150,6 +157,7 @@ def add_captures(
     if record["cell"] != measured_for["cell"]:
         raise ConflictError("a cell that rests", "one that was just changed", "Send the request again.", "cell")
     reasons = _refusals(db, session_id, [(a.capture, a.digests) for a in arriving])
+    verified = is_verified(db, session_id)
     answers: list[JsonText | CalibrationError] = []
     captures: list[Data] = []
     files: list[Data] = []
@@ -158,7 +166,8 @@ def add_captures(
         if reason is not None:
             answers.append(reason)
             continue
-        (told, data), (found, seen) = _with_text(a.capture), _with_text(a.measured)
+        capture = _as_added(a.capture, moment) if verified else a.capture
+        (told, data), (found, seen) = _with_text(capture), _with_text(a.measured)
         signed = {"session_id": session_id, "id": a.capture.id, "record": told, "measured": found}
         keys = {"session_id": session_id, "capture_id": a.capture.id}
         place = position + len(captures) + 1
@@ -191,6 +200,17 @@ def add_captures(
     return answers
 
 
+def is_verified(db: Transaction, session_id: str) -> bool:
+    """Return whether a verification was solved: what is changed since is kept with who, when and why."""
+    return db.connection().execute(_VERIFIED, {"session_id": session_id}).first() is not None
+
+
+def _as_added(capture: Capture, moment: str) -> Capture:
+    """Return a capture that comes after a verification, with who adds it."""
+    why = capture.added_because and capture.added_because.why
+    return capture.model_copy(update={"added_because": Excluded(who=who_acts(), when=moment, why=why)})
+
+
 def _with_text(record: Capture | Measured | JsonText) -> tuple[Data, JsonText]:
     if isinstance(record, JsonText):
         return json.loads(record), record
@@ -205,7 +225,8 @@ def is_stored(db: Transaction, session_id: str, arrival: Arrival) -> bool:
         return False
     told = arrival.capture.to_json()
     received = {"taken": told["taken"]} if arrival.capture.clock == "received" else {}
-    if {**row.record, **received} != told:
+    stored, sent = ({**one, "added_because": None} for one in ({**row.record, **received}, told))
+    if stored != sent:
         return False
     names = select(FileRow.name, FileRow.sha256).where(
         FileRow.session_id == session_id, FileRow.capture_id == arrival.capture.id

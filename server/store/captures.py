@@ -12,7 +12,7 @@ from calib_core.messages import message
 from calib_core.records import Measured
 from server.store.audit import note_change, note_difference
 from server.store.database import record_event
-from server.store.models import CaptureRow, Data, FileRow, SessionRow, required
+from server.store.models import CaptureRow, Data, FileRow, ResultRow, SessionRow, required
 from server.store.paging import after_cursor, page_of
 from server.store.sessions import touch
 
@@ -71,11 +71,17 @@ def change_capture(
     record_event(db, session, "capture", {"action": "changed", "capture": row.id})
 
 
-def remove_capture(db: Transaction, session: SessionRow, row: CaptureRow) -> set[str]:
-    """Remove a capture; returns the digests of its files (see `remove_unreferenced`)."""
+def remove_capture(db: Transaction, session: SessionRow, row: CaptureRow, because: Data) -> set[str]:
+    """Remove a capture; returns the digests of its files (see `remove_unreferenced`).
+
+    Once something was solved the session keeps which it was, and who removed it, when and why.
+    """
     digests = set(_digests(db, session.id, row.id).values())
     note_change({"before": row.record, "after": None})
     db.execute(delete(CaptureRow).where(CaptureRow.session_id == session.id, CaptureRow.id == row.id))
+    if db.scalars(select(ResultRow.number).where(ResultRow.session_id == session.id).limit(1)).first():
+        told = {"capture": row.id, "step": row.record["step"], **because}
+        session.record = {**session.record, "removed": [*session.record.get("removed", ()), told]}
     touch(session)
     record_event(db, session, "capture", {"action": "removed", "capture": row.id})
     return digests

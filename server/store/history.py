@@ -65,6 +65,7 @@ def timeline(db: Transaction, blobs: Blobs, session_id: str) -> list[Data]:
     others = (
         *_results(past),
         *_limits(session.record),
+        *_removed(session.record),
         *_released(db, session_id),
         *_acknowledged(db, session),
         *_brought(db, blobs, session_id, past),
@@ -191,7 +192,7 @@ def _captures(db: Transaction, session_id: str, past: Sequence[PastResult]) -> I
         since[row.id] = row.created
         data = {"kind": "capture", "at": row.created, "capture": row.id, "step": row.record["step"]}
         told_of = {"verdict": row.measured["verdict"], "removed": False}
-        names = ("excluded_because", "included_because")
+        names = ("excluded_because", "included_because", "added_because", "changed_because")
         told_of |= {name: row.record[name] for name in names if row.record.get(name)}
         yield (row.created, 0, row.position), {**data, **told_of}
     told: set[str] = set()
@@ -220,6 +221,14 @@ def _limits(record: Data) -> Iterator[_Item]:
     for place, one in enumerate((record["cell"].get("verification") or {}).get("changes") or ()):
         change = LimitChange.model_validate(one)
         yield (change.at, 0, place), {"kind": "limit", "at": change.at, "message": said_change(change)}
+
+
+def _removed(record: Data) -> Iterator[_Item]:
+    """Return each capture that was removed once something was solved: by whom, when and why."""
+    for place, one in enumerate(record.get("removed") or ()):
+        because = {name: one[name] for name in ("who", "when", "why") if name in one}
+        data = {"kind": "removed", "at": one["when"], "capture": one["capture"], "removed_because": because}
+        yield (one["when"], 0, place), {**data, "step": one.get("step") or None}
 
 
 def _released(db: Transaction, session_id: str) -> Iterator[_Item]:

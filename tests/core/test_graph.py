@@ -157,6 +157,8 @@ CAPTURE: dict[str, tuple[Any, tuple[str, ...]]] = {
     "environment": ({"ball_c": 24.0}, NONE),
     "excluded_because": ({"who": "me", "when": "2026-11-23T22:00:00+00:00", "why": "bumped"}, NONE),
     "included_because": ({"who": "me", "when": "2026-11-23T22:05:00+00:00", "why": "good after all"}, NONE),
+    "added_because": ({"who": "me", "when": "2026-11-23T22:07:00+00:00"}, NONE),
+    "changed_because": ({"who": "me", "when": "2026-11-23T22:08:00+00:00"}, NONE),
     "taken": ("2026-11-23T22:00:00+00:00", NONE),
     "clock": ("server", NONE),
     "id": ("x9", tuple(READ_BY)),

@@ -11,7 +11,7 @@ import pytest
 import calib_core as cc
 from calib_core.errors import ConflictError
 from server.cli import main
-from tests.server.live_server import assert_problem
+from tests.server.live_server import assert_problem, upload
 from tests.server.test_webhooks import make_webhook, receiving
 from tests.verified import verified_session, written
 
@@ -103,7 +103,8 @@ def test_a_capture_that_was_left_out_after_a_decision_is_told(client: httpx.Clie
     assert (event["type"], event["session"], event["data"]["decision"]) == ("verify-fail", made["id"], "fail")
     (told,) = client.get(f"{here}/answer").json()["decided_before"]
     assert (told["decision"], told["added"], told["limits"]) == ("fail", [], [])
-    assert told["left_out"] == [{"capture": "p20", "because": changed["excluded_because"]}]
+    (left_out,) = told["left_out"]
+    assert (left_out["capture"], left_out["because"]) == ("p20", changed["excluded_because"])
     items = client.get(f"{here}/timeline").json()["items"]
     assert [one["excluded_because"] for one in items if one.get("excluded_because")] == [
         changed["excluded_because"]
@@ -115,3 +116,59 @@ def test_a_capture_that_was_left_out_after_a_decision_is_told(client: httpx.Clie
     client.post(f"{here}/solve/all", params={"wait": 60}).raise_for_status()
     *_, last = client.get(f"{here}/answer").json()["decided_before"]
     assert ([one["capture"] for one in last["left_out"]], last["added"]) == (["p03"], ["p20"])
+
+
+def test_whatever_changed_after_a_decision_is_told_with_who_when_and_why(
+    client: httpx.Client, archive: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sent = {"Content-Type": "application/zip"}
+    here = f"/sessions/{client.post('/archives', content=archive, headers=sent).json()['id']}"
+    read = client.get(f"{here}/captures/p21").json()
+    file = client.get(f"{here}/captures/p21/files/{read['files'][0]}").content
+    client.delete(f"{here}/captures/p20", params={"why": "touched"}).raise_for_status()
+    client.delete(f"{here}/captures/p21", params={"why": "badly seen"}).raise_for_status()
+    again = {**read, "added_because": {"who": "somebody", "why": "seen well"}}
+    better = upload(client, here.rpartition("/")[2], again, file)
+    assert better.status_code == 201, better.text
+    told = client.get(f"{here}/captures/p22").json()["pose"]
+    turned = [told[0] + 0.2, *told[1:]]
+    reason = {"who": "somebody", "why": "misread"}
+    patched = client.patch(f"{here}/captures/p22", json={"pose": turned, "changed_because": reason})
+    assert patched.status_code == 200, patched.text
+    assert patched.json()["changed_because"]["who"] == "this machine", patched.text
+    forged = {"excluded_because": {"who": "somebody"}, "added_because": {"who": "somebody"}}
+    assert not client.patch(f"{here}/captures/p23", json=forged).json().keys() & forged.keys()
+    assert_problem(client.patch(here, json={"removed": []}), 422, "kept by the server")
+    job = client.post(f"{here}/solve/verify", params={"wait": 60}).raise_for_status().json()
+    assert job["status"] == "done", job["error"]
+    client.patch(f"{here}/captures/p23", json={"mount": "low"}).raise_for_status()
+    client.patch(f"{here}/captures/p23", json={"pose": turned, "mount": read["mount"]}).raise_for_status()
+    diameter_mm = client.get(here).json()["cell"]["sphere_diameter_mm"] + 0.001
+    client.patch(here, json={"cell": {"sphere_diameter_mm": diameter_mm}}).raise_for_status()
+    job = client.post(f"{here}/solve/verify", params={"wait": 60}).raise_for_status().json()
+    assert job["status"] == "done", job["error"]
+
+    said = (
+        "Then removed for good: p20. By this machine (", "reason: touched.",
+        "Then removed for good: p21.", "reason: badly seen.",
+        "Then added: p21. By this machine (", "reason: seen well.",
+        "Then changed: p22. By this machine (", "reason: misread.",
+        "Then changed: p23 (pose). By this machine (", "reason: none given.",
+        "Then the cell was changed: sphere_diameter_mm.",
+    )  # fmt: skip
+    answer = client.get(f"{here}/answer").json()
+    kept = client.get(f"{here}/archive", params={"scene": False}).content
+    brought = f"/sessions/{client.post('/archives', content=kept, headers=sent).json()['id']}"
+    packed = tmp_path / "kept.zip"
+    packed.write_bytes(kept)
+    main(["answer", str(packed)])
+    told = " ".join(one["text"] for one in answer["decided_before"])
+    texts = (told, client.get(f"{here}/report").text, capsys.readouterr().out)
+    for text in (*texts, client.get(f"{brought}/report").text):
+        assert [words for words in said if words not in " ".join(text.split())] == []
+    items = client.get(f"{brought}/timeline").json()["items"]
+    deeds = {name: [one[name] for one in items if one.get(name)] for name in ("removed_because", "added_because")}
+    assert [(one["who"], one["why"]) for one in deeds["removed_because"]] == [
+        ("this machine", "touched"), ("this machine", "badly seen"),
+    ]  # fmt: skip
+    assert [one["why"] for one in deeds["added_because"]] == ["seen well"]

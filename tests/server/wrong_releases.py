@@ -417,7 +417,7 @@ BY_COMMAND: Mapping[Callable[[World], str], Callable[[World], str]] = {
     its_answer_taken_by_a_program: _there("failed", "verify-fail"),
     rollback_to_it: _there("rolled", "verify-fail"),
     a_capture_left_out_after_the_decision: lambda here: _decided_before(
-        _folder(here, "picked", verified_session(4, _SHIFTED_MM), _left_out), "was left out"
+        _folder(here, "picked", verified_session(4, _SHIFTED_MM), _left_out), "left out"
     ),
     a_limit_widened_after_the_decision: lambda here: _decided_before(
         _folder(here, "widened", verified_session(5, _SHIFTED_MM),

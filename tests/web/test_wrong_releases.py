@@ -146,7 +146,7 @@ BY_PAGE: Mapping[Callable[[World], str], Way] = {
     by.release_of_a_failed_verification: told("failed", "verify-fail"),
     by.export_of_a_failed_verification: exported,
     by.rollback_to_it: rolled_back,
-    by.a_capture_left_out_after_the_decision: decided_before("picked", "was left out"),
+    by.a_capture_left_out_after_the_decision: decided_before("picked", "left out"),
     by.a_limit_widened_after_the_decision: decided_before("widened", "limits were changed"),
     by.a_limit_taken_away_after_the_decision: decided_before("unlimited", "limits were changed"),
     by.the_verification_deleted: told("deleted", "verify-fail"),

@@ -12,6 +12,11 @@ import { attempt } from "../components/toasts.js";
 /** @import {TimelineItem} from "../state/model.js" */
 
 const MOST_LINES = 300;
+/** What somebody does to a capture and is kept with who, when and why. */
+const DEEDS = /** @type {const} */ ([
+  ["timeline.added", "added_because"], ["timeline.changed", "changed_because"], ["timeline.left_out", "excluded_because"],
+  ["timeline.taken_back", "included_because"], ["timeline.deleted_by", "removed_because"],
+]);
 
 export class ReviewLogElement extends StateElement {
   #list = h("ol", { class: "log" });
@@ -39,11 +44,11 @@ export class ReviewLogElement extends StateElement {
     return h("li", {},
       h("button", { type: "button", class: "plain", "data-place": item.place, onclick: () => void go() }, h("time", { class: "soft number", datetime: item.at }, when(item.at)), ` ${itemWords(item)}`),
       item.message && h("p", { class: "soft small" }, said(item.message)),
-      ...[becauseWords("timeline.left_out", item.excluded_because), becauseWords("timeline.taken_back", item.included_because)].map((words) => words && h("p", { class: "soft small" }, words)));
+      ...DEEDS.map(([name, deed]) => becauseWords(name, item[deed])).map((words) => words && h("p", { class: "soft small" }, words)));
   }
 }
 
-/** @param {"timeline.left_out" | "timeline.taken_back"} name @param {TimelineItem["excluded_because"]} because */
+/** @param {typeof DEEDS[number][0]} name @param {TimelineItem["excluded_because"]} because */
 const becauseWords = (name, because) => because && t(name, { who: because.who ?? "", when: because.when ? when(because.when) : "", why: because.why || t("timeline.no_reason") });
 
 /** Of a long row of captures the first and the last, so that the log stays one to read. @param {TimelineItem[]} timeline */

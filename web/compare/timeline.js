@@ -111,7 +111,7 @@ function arrow(way, act) {
 /** @param {TimelineItem} item */
 function shape(item) {
   if (item.kind === "result") return s("path", { d: "M0 -7L7 0L0 7L-7 0Z" });
-  if (item.kind === "failed" || item.kind === "cancelled") return s("path", { class: "line", d: "M-4 -4L4 4M4 -4L-4 4" });
+  if (item.kind === "failed" || item.kind === "cancelled" || item.kind === "removed") return s("path", { class: "line", d: "M-4 -4L4 4M4 -4L-4 4" });
   if (item.kind === "release" || item.kind === "acknowledged") return s("path", { d: "M-5 0L-1 4L6 -5L-1 -1Z" });
   if (item.kind === "now") return s("path", { class: "line", d: "M0 -7V7" });
   return s("circle", { r: 3 });
@@ -125,6 +125,7 @@ export function itemWords(item) {
   const stage = maybe(`step.${item.stage}`, item.stage ?? "");
   const verdict = item.verdict ? maybe(item.kind === "capture" ? `quality.${item.verdict}` : `verdict.${item.verdict}`, item.verdict) : "";
   if (item.kind === "capture") return t(item.removed ? "timeline.removed" : "timeline.capture", { capture: item.capture ?? "", verdict });
+  if (item.kind === "removed") return t("timeline.deleted", { capture: item.capture ?? "" });
   if (item.kind === "result") return t("timeline.result", { stage, verdict });
   if (item.kind === "limit") return t("timeline.limit");
   if (item.kind === "release") return t("release.title");

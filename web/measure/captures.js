@@ -7,10 +7,9 @@ import { plural, said, t } from "../texts.js";
 import { StateElement } from "../components/base.js";
 import { columnsFor, statusOf } from "./capture-columns.js";
 import { copy } from "../components/copy.js";
-import { excludeCapture, excludeCaptures, oncePer } from "./exclude.js";
+import { excludeCapture, excludeCaptures, oncePer, withReason } from "./exclude.js";
 import { keep } from "./removed-captures.js";
 import { isReplaceable } from "./replaceable.js";
-import { attempt } from "../components/toasts.js";
 import { redoLast, undoLast } from "./undo.js";
 import { WindowRows } from "./window-rows.js";
 
@@ -200,7 +199,7 @@ export class CapturesElement extends StateElement {
     if (column.name === "id") return h("button", { type: "button", class: "plain pick", "aria-pressed": String(this.state.selected === capture.id), onclick: () => this.state.select(capture.id) }, capture.id);
     if (column.name !== "table") return column.cell(capture, residual);
     const words = String(column.cell(capture, residual));
-    return h("button", { type: "button", class: "plain table-place number", needs: "capture", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: async () => (await import("./table-dialog.js")).tableDialog(this.state.id, capture) }, words);
+    return h("button", { type: "button", class: "plain table-place number", needs: "capture", "aria-label": t("captures.table", { capture: capture.id, place: words }), onclick: async () => (await import("./table-dialog.js")).tableDialog(this.state, capture) }, words);
   }
 
   /** The way to take it again from the same pose. @param {CaptureOut} capture */
@@ -226,14 +225,16 @@ export class CapturesElement extends StateElement {
 
   /** @param {readonly CaptureOut[]} captures */
   async #remove(captures) {
+    await import("../texts/later.js");
     const { remove, restore } = keep(this.state.id, captures);
     const [first] = captures;
-    await oncePer(captures, () => attempt(async () => {
-      await remove();
+    const act = async (/** @type {string} */ why) => {
+      await remove(why);
       for (const { id } of captures) this.#chosen.delete(id);
       this.#offerSeveral();
-      did(captures.length === 1 && first ? t("captures.removed", { capture: first.id }) : t("captures.removed_many", { count: captures.length }), restore, { tell: true, redo: remove });
-    }));
+      did(captures.length === 1 && first ? t("captures.removed", { capture: first.id }) : t("captures.removed_many", { count: captures.length }), restore, { tell: true, redo: () => remove(why) });
+    };
+    await oncePer(captures, () => withReason(this.state, { title: t("captures.remove_decided"), go: t("captures.delete"), act }));
   }
 
   /** What stands in the table, as it is sorted and filtered. */

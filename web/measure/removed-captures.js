@@ -8,12 +8,12 @@ import { api } from "../state/api.js";
 export function keep(sessionId, captures) {
   /** @type {{ record: Capture, files: File[] }[]} */
   let kept = [];
-  const remove = async () => {
+  const remove = async (why = "") => {
     kept = [];
     for (const capture of captures) {
       const { measured: _, ...record } = /** @type {CaptureOut} */ (capture);
       kept.push({ record, files: await Promise.all((capture.files ?? []).map((name) => api.captureFile(sessionId, capture.id, name))) });
-      await api.removeCapture(sessionId, capture.id);
+      await api.removeCapture(sessionId, capture.id, why);
     }
   };
   const restore = async () => { for (const { record, files } of kept) await api.addCapture(sessionId, record, files); };

@@ -109,8 +109,8 @@ export const api = {
   /** @param {string} id @param {string} captureId @param {Record<string, unknown>} change @returns {Promise<CaptureOut>} */
   changeCapture: async (id, captureId, change) => (await request(capture(id, captureId), json("PATCH", change))).json(),
 
-  /** @param {string} id @param {string} captureId */
-  removeCapture: async (id, captureId) => void (await request(capture(id, captureId), json("DELETE"))),
+  /** @param {string} id @param {string} captureId @param {string} [why] */
+  removeCapture: async (id, captureId, why = "") => void (await request(`${capture(id, captureId)}${why && `?why=${encodeURIComponent(why)}`}`, json("DELETE"))),
 
   /** @param {string} id @param {string} captureId @param {string} name @returns {Promise<File>} */
   captureFile: async (id, captureId, name) => {
