@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from calib_core.messages import Message, message
+from calib_core.messages import Message, message, sentences
 from calib_core.moment import said_moment
 from calib_core.records.faults import in_order
 from calib_core.records.policy import Equipment, Policy
@@ -108,6 +108,13 @@ def said_acknowledgement(told: Mapping[str, Any]) -> Message:
         when=said_moment(str(told["created"])),
         why=str(told["why"]) or message("none given"),
     )
+
+
+def said_signed(said: Message, told: Mapping[str, Any]) -> Message:
+    """Return what is said of what came with an archive; that nobody signed it, where `signed` is false."""
+    if told.get("signed", True):
+        return said
+    return sentences([said, message("Nobody who is trusted here has signed this as it stands.")])
 
 
 def said_release(release: Mapping[str, Any]) -> Message:

@@ -1,7 +1,7 @@
 """Archives and reports: a session out as one file, and an archive in."""
 
 import threading
-from collections.abc import AsyncGenerator, Mapping
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import suppress
 from typing import IO, TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,12 +14,12 @@ from starlette.datastructures import UploadFile
 from calib_core.archive.archive import REPORT_FILE, SCENE_FILE, ArchiveFacts, archive_name
 from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import to_json_bytes
-from calib_core.archive.release_file import RELEASE_FILE, release_bytes, release_told
+from calib_core.archive.release_file import RELEASE_FILE, acknowledged_told, release_bytes, release_told
 from calib_core.errors import CalibrationError, InputError
 from calib_core.exports.answer import Answer
-from calib_core.messages import Message, message
+from calib_core.messages import message
 from calib_core.review.answer import answer_record
-from calib_core.review.standing import said_acknowledgement
+from calib_core.review.standing import said_acknowledgement, said_signed
 from server.http.api_router import api_router
 from server.http.created import created
 from server.http.downloads import Download
@@ -102,13 +102,13 @@ def get_archive(
         stored = load_session(db, store.blobs, session_id)
         kept, past = archived_files(db, session_id), history_bytes(db, session_id)
         answer = _answer(db, stored)
-        released, acknowledged = _release(db, stored, answer), _acknowledged(db, session_id)
-    signed = {RELEASE_FILE: release_bytes(released)} if released and _is_ours(released) else {}
+        released, acknowledged = _release(db, stored, answer), _acknowledged(db, stored, answer)
     file = store.blobs.scratch()
     try:
         about = _circumstances(stored, answer, release=released, acknowledged=acknowledged)
-        pages = _pages(stored, about, scene)
-        pack_stored(stored, kept, file, {**pages, **_answer_file(answer), **signed, HISTORY_FILE: past})
+        signed = _release_file(answer, released, acknowledged)
+        pages = {**_pages(stored, about, scene), **_answer_file(answer), **signed}
+        pack_stored(stored, kept, file, {**pages, HISTORY_FILE: past})
         size = file.seek(0, 2)
     except BaseException:
         file.close()
@@ -188,7 +188,7 @@ def get_report(
             stored,
             answer,
             release=_release(db, stored, answer),
-            acknowledged=_acknowledged(db, session_id),
+            acknowledged=_acknowledged(db, stored, answer),
             language=spoken(),
             paper=paper,
         )
@@ -246,22 +246,34 @@ def _release(db: Transaction, stored: SessionOfStore, answer: Answer | None) -> 
     return released
 
 
-def _acknowledged(db: Transaction, session_id: str) -> list[Message]:
-    return [said_acknowledgement(one) for one in acknowledgements_of(db, session_row(db, session_id))]
+def _acknowledged(db: Transaction, stored: SessionOfStore, answer: Answer | None) -> list[Data]:
+    """Return who acknowledged what, on this server and as the archive tells that the session came with."""
+    file = stored.kept.get(RELEASE_FILE) if answer else None
+    content = stored.blobs.read(file) if file else b""
+    brought = acknowledged_told(content, stored.results, answer.date if answer else "")
+    return acknowledgements_of(db, session_row(db, stored.id), brought)
 
 
-def _is_ours(release: Data) -> bool:
-    """Return whether a release was made here and is as it was stored, no archive's and no changed one."""
-    return "cell" in release and release["signed"]
+def _release_file(answer: Answer | None, release: Data | None, acknowledged: Sequence[Data]) -> dict[str, bytes]:
+    """Return what is signed here: the answer's release, what was acknowledged; an archive's own goes on."""
+    own = [one for one in acknowledged if "cell" in one]
+    if answer is None or not (own or release):
+        return {}
+    if release is None:
+        told = answer_record(answer).to_json()
+        release = {name: told[name] for name in ("cell", "solved", "inputs_sha256")} | {"signed": True}
+    is_ours = "cell" in release and release["signed"]  # no archive's, and as it was stored
+    return {RELEASE_FILE: release_bytes(release, own)} if is_ours else {}
 
 
 def _circumstances(stored: SessionOfStore, answer: Answer | None, **more: Any) -> "Circumstances":
     from server.render.report.first_page import Circumstances
 
+    said = [said_signed(said_acknowledgement(one), one) for one in more.pop("acknowledged")]
+    known: Any = {"digests": stored.kept, "read": stored.read, "acknowledged": said, **more}
     if answer is None:
-        return Circumstances(digests=stored.kept, read=stored.read, **more)
+        return Circumstances(**known)
     before, moment = answer.decided_before, answer.all_faults  # its results know nothing of what was taken out
-    known: Any = {"digests": stored.kept, "read": stored.read, **more}
     return Circumstances(solved=answer.date, decided_before=before, of_moment=moment, **known)
 
 

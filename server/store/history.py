@@ -1,21 +1,23 @@
 """A session's past: what came when, how everything stood at each moment, and every result that there was."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from itertools import islice
+from typing import TYPE_CHECKING, TypeVar
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import undefer
 
-from calib_core.archive.release_file import RELEASE_FILE, release_told
+from calib_core.archive.release_file import RELEASE_FILE, acknowledged_told, release_told
 from calib_core.captures.measured import measured_of
 from calib_core.errors import InputError, NotFoundError
 from calib_core.findings import verdict_of
 from calib_core.findings.codes.quality import FILES_REMOVED
-from calib_core.messages import message, sentences
+from calib_core.messages import message
 from calib_core.records import Capture, LimitChange, Measured, Session, parse_session
-from calib_core.review.standing import said_acknowledgement, said_release
+from calib_core.records.policy import Excluded, Removed
+from calib_core.review.standing import said_acknowledgement, said_release, said_signed
 from calib_core.stages.verify.limits import said_change
 from server.store.blobs import Blobs
 from server.store.models import CaptureRow, Data, JobRow, OutputRow, ReleaseRow, ResultRow, SessionRow
@@ -27,7 +29,7 @@ from server.store.standing import acknowledgements_of
 if TYPE_CHECKING:
     from calib_core.review.compare import Compared
 
-_UNSIGNED: Final = message("Nobody who is trusted here has signed this release as it stands.")
+_Read = TypeVar("_Read")
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def timeline(db: Transaction, blobs: Blobs, session_id: str) -> list[Data]:
         *_limits(session.record),
         *_removed(session.record),
         *_released(db, session_id),
-        *_acknowledged(db, session),
+        *_acknowledged(db, blobs, session, past),
         *_brought(db, blobs, session_id, past),
         *_ended_without_result(db, session_id),
     )
@@ -226,9 +228,10 @@ def _limits(record: Data) -> Iterator[_Item]:
 def _removed(record: Data) -> Iterator[_Item]:
     """Return each capture that was removed once something was solved: by whom, when and why."""
     for place, one in enumerate(record.get("removed") or ()):
-        because = {name: one[name] for name in ("who", "when", "why") if name in one}
-        data = {"kind": "removed", "at": one["when"], "capture": one["capture"], "removed_because": because}
-        yield (one["when"], 0, place), {**data, "step": one.get("step") or None}
+        told = Removed.model_validate(one)
+        because = told.model_dump(include={*Excluded.model_fields}, exclude_none=True)
+        data = {"kind": "removed", "at": told.when, "capture": told.capture, "removed_because": because}
+        yield (told.when, 0, place), {**data, "step": told.step or None}
 
 
 def _released(db: Transaction, session_id: str) -> Iterator[_Item]:
@@ -240,26 +243,35 @@ def _released(db: Transaction, session_id: str) -> Iterator[_Item]:
         )
 
 
-def _acknowledged(db: Transaction, session: SessionRow) -> Iterator[_Item]:
+def _acknowledged(
+    db: Transaction, blobs: Blobs, session: SessionRow, past: Sequence[PastResult]
+) -> Iterator[_Item]:
     """Return who acknowledged that the cell changed with it, or its equipment, when and why."""
-    for told in acknowledgements_of(db, session):
-        data = {"kind": "acknowledged", "at": told["created"], "message": said_acknowledgement(told)}
-        yield (told["created"], 3, told["number"]), data
+    brought = next(_read_then(_release_file(db, blobs, session.id), past, acknowledged_told), ())
+    for place, one in enumerate(acknowledgements_of(db, session, brought)):
+        message = said_signed(said_acknowledgement(one), one)
+        yield (one["created"], 3, place), {"kind": "acknowledged", "at": one["created"], "message": message}
 
 
 def _brought(db: Transaction, blobs: Blobs, session_id: str, past: Sequence[PastResult]) -> Iterator[_Item]:
     """Return the release that came with an archive, of the answer that it is of, however long ago."""
-    kept = db.get(OutputRow, (session_id, ARCHIVED + RELEASE_FILE))
-    content = b"" if kept is None else blobs.read(kept.sha256)
+    for told in islice(_read_then(_release_file(db, blobs, session_id), past, release_told), 1):
+        data = {"kind": "release", "at": told["created"], "message": said_signed(said_release(told), told)}
+        yield (told["created"], 3, 0), {**data, "brought": True}
+
+
+def _read_then(content: bytes, past: Sequence[PastResult], read: Callable[..., _Read | None]) -> Iterator[_Read]:
+    """Give what a `release.json` tells of the results as they were after each solve, where it tells anything."""
     results: dict[str, Data] = {}
     for result in past if content else ():
         results[result.stage] = result.record
-        told = release_told(content, results, str(result.record.get("solved")))
-        if told is not None:
-            words = [said_release(told), "" if told["signed"] else _UNSIGNED]
-            data = {"kind": "release", "at": told["created"], "message": sentences(words), "brought": True}
-            yield (told["created"], 3, 0), data
-            return
+        if told := read(content, results, str(result.record.get("solved"))):
+            yield told
+
+
+def _release_file(db: Transaction, blobs: Blobs, session_id: str) -> bytes:
+    kept = db.get(OutputRow, (session_id, ARCHIVED + RELEASE_FILE))
+    return b"" if kept is None else blobs.read(kept.sha256)
 
 
 def _ended_without_result(db: Transaction, session_id: str) -> Iterator[_Item]:

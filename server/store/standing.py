@@ -111,17 +111,26 @@ def acknowledgements(db: Transaction, cell: str) -> list[Data]:
     return [{"number": row.number, "cell": cell, **row.told} for row in rows if row.holds]
 
 
-def acknowledgements_of(db: Transaction, session: SessionRow) -> list[Data]:
-    """Return those that a session was the reason of: with which the cell changed, or the newest one then."""
+def acknowledgements_of(db: Transaction, session: SessionRow, brought: Sequence[Data] = ()) -> list[Data]:
+    """Return those that a session was the reason of, and those of the time when its answer was in force.
+
+    The reason is the session with which the cell changed, or the newest one then. So are those after which its
+    answer was released, as they made way for it, and what the session's archive `brought`.
+    """
     if not (told := acknowledgements(db, session.cell_id)):
-        return []
-    sessions = cell_history(db, session.cell_id)["sessions"]
+        return [*brought]
+    history = cell_history(db, session.cell_id)
+    sessions, releases = history["sessions"], history["releases"]
 
-    def reasons(one: Data) -> list[str]:
+    def concerned(one: Data) -> list[str]:
         newest = [other["id"] for other in sessions if other["created"] <= one["created"]][:1]
-        return one["of"] if one["fault"] == "drift" else newest
+        before = [row["session"] for row in releases if row["created"] <= one["created"]][:1]
+        after = [row["session"] for row in releases if row["created"] > one["created"]][-1:]
+        return [*(one["of"] if one["fault"] == "drift" else newest), *before, *after]
 
-    return [one for one in told if session.id in reasons(one)]
+    own = [one for one in told if session.id in concerned(one)]
+    known = {(one["fault"], one["who"], one["created"]) for one in own}
+    return [*own, *(one for one in brought if (one["fault"], one["who"], one["created"]) not in known)]
 
 
 def require_evidence_kept(db: Transaction, session: SessionRow) -> None:

@@ -49,10 +49,18 @@ def test_an_auditor_finds_dates_release_and_certificate_in_the_archive_alone(
         session = simulated_session(client, captures=14)  # no program told when
         piece = client.post("/equipment", json={"kind": "sphere", "serial": "S-1"}).json()["id"]
         client.put(f"/equipment/{piece}/certificate", files={"file": ("K.pdf", CERTIFICATE)}).raise_for_status()
-        told = {"cell": {"equipment": [{"kind": "sphere", "register_id": piece}]}}
-        client.patch(f"/sessions/{session}", json=told).raise_for_status()
+        sphere, cell = {"kind": "sphere", "register_id": piece}, "audited"
+
+        def with_scanner(serial: str) -> None:
+            told = {"id": cell, "equipment": [sphere, {"kind": "scanner", "serial": serial}]}
+            client.patch(f"/sessions/{session}", json={"cell": told}).raise_for_status()
+
+        with_scanner("N-1")
         client.post(f"/sessions/{session}/solve/tcp", params={"wait": 120}).raise_for_status()
         release = client.post(f"/sessions/{session}/release", json={"why": "night of the audit"}).json()
+        with_scanner("N-2")
+        spare = {"fault": "equipment-changed", "why": "spare"}
+        client.post(f"/cells/{cell}/acknowledge", json=spare).raise_for_status()
         dates = of_server(client, session)
         packed = client.get(f"/sessions/{session}/archive", params={"scene": False}).content
         assert client.get(f"/sessions/{session}/archive", params={"scene": False}).content == packed
@@ -66,12 +74,16 @@ def test_an_auditor_finds_dates_release_and_certificate_in_the_archive_alone(
     capsys.readouterr()
     assert main(["report", str(file), "--out", str(tmp_path / "report.html")]) == 0
     words = [f"Release {release['number']} by this machine", "night of the audit", "when the server received them"]
+    words += ["Other equipment (scanner N-1 → scanner N-2) acknowledged by this machine", "Reason: spare"]
     words += [hashlib.sha256(CERTIFICATE).hexdigest(), f"certificates/{piece}.pdf"]
     with serving(Settings(data=tmp_path / "two", port=0, warm_up=False)) as client:
         there = imported(client, packed)
         assert of_server(client, there) == dates
         again = client.get(f"/sessions/{there}/archive", params={"scene": False}).content
         assert of_archive(again) == dates
+        items = client.get(f"/sessions/{there}/timeline").json()["items"]
+        (acknowledged,) = (one["message"] for one in items if one["kind"] == "acknowledged")
+        assert acknowledged.endswith("Reason: spare")
         reports = {
             "command": (tmp_path / "report.html").read_text(encoding="utf-8"),
             "server": client.get(f"/sessions/{there}/report").text,
@@ -88,4 +100,6 @@ def test_an_auditor_finds_dates_release_and_certificate_in_the_archive_alone(
     forged = tmp_path / "bag" / "data" / "release.json"
     forged.write_text(forged.read_text().replace("night of the audit", "nothing"))
     assert main(["report", str(forged.parent), "--out", str(tmp_path / "forged.html")]) == 0
-    assert "No release of this answer is known here." in (tmp_path / "forged.html").read_text(encoding="utf-8")
+    report = (tmp_path / "forged.html").read_text(encoding="utf-8")
+    assert "No release of this answer is known here." in report
+    assert "acknowledged by" not in report

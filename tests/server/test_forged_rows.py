@@ -122,7 +122,7 @@ def test_a_changed_release_is_in_no_report_and_archive_as_signed_and_a_roll_back
 ) -> None:
     client, session, _ = served
     client.post(f"/sessions/{session}/release", json={"why": "third"}).raise_for_status()
-    unsigned = "Nobody who is trusted here has signed this release as it stands."
+    unsigned = "Nobody who is trusted here has signed this as it stands."
     archived = f"/sessions/{session}/archive"
 
     def names() -> set[str]:

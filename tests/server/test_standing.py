@@ -45,6 +45,8 @@ def test_a_step_is_told_and_refuses_a_release_until_somebody_acknowledges_it(cli
     assert (given.status_code, given.headers["Scancell-Faults"]) == (200, "drift")
     assert "ATTENTION" in given.text
     assert_problem(client.post(f"/cells/{cell}/acknowledge", json={"fault": "stale"}), 422, "drift")
+    # By name: whoever it is, no request says it; the reason is the page's to ask for.
+    assert_problem(client.post(f"/cells/{cell}/acknowledge", json={"fault": "drift", "who": "he"}), 422, "who")
     told = client.post(f"/cells/{cell}/acknowledge", json={"fault": "drift", "why": "remounted"})
     assert (told.status_code, told.json()["of"], told.json()["why"]) == (200, [second], "remounted")
     assert_problem(client.post(f"/cells/{cell}/acknowledge", json={"fault": "drift"}), 409, "without")
@@ -61,6 +63,9 @@ def test_a_step_is_told_and_refuses_a_release_until_somebody_acknowledges_it(cli
     assert item["message"] in client.get(f"/sessions/{second}/report").text
     assert client.get(f"/cells/{cell}/answer").json()["faults"] == []
     assert client.post(f"/sessions/{second}/release", json={"why": "new place"}).status_code == 201
+    # The answer that was in force when it was acknowledged tells it, too.
+    at_first = client.get(f"/sessions/{first}/timeline").json()["items"]
+    assert [one["message"] for one in at_first if one["kind"] == "acknowledged"] == [item["message"]]
     client.delete(f"/sessions/{first}").raise_for_status()  # no longer in force
     assert_problem(client.delete(f"/sessions/{second}"), 409, "archived")
 
@@ -88,7 +93,8 @@ def test_policy_and_equipment(client: httpx.Client) -> None:
     second = solved_in(client, cell, equipment=[{**scanner, "serial": "S-2"}])
     assert client.get(f"/cells/{cell}/answer").json()["faults"] == ["equipment-changed"]
     assert_problem(client.post(f"/sessions/{second}/release", json={}), 409, "equipment-changed")
-    acknowledged = client.post(f"/cells/{cell}/acknowledge", json={"fault": "equipment-changed", "why": "spare"})
+    acknowledged = client.post(f"/cells/{cell}/acknowledge", json={"fault": "equipment-changed"})
+    assert (acknowledged.json()["who"], acknowledged.json()["why"]) == ("this machine", "")
     assert acknowledged.json()["of"] == ["scanner S-1 → scanner S-2"]
     items = client.get(f"/sessions/{second}/timeline").json()["items"]
     told = [one["message"] for one in items if "message" in one]

@@ -23,7 +23,7 @@ from calib_core.records.evidence import AnyBlock, Figure
 from calib_core.records.faults import in_order
 from calib_core.records.policy import Equipment
 from calib_core.review.answer import cell_id
-from calib_core.review.standing import said_release
+from calib_core.review.standing import said_release, said_signed
 from calib_core.stages.evidence import title_of
 from calib_core.stages.verify.limits import said_change
 from calib_core.steps import capture_steps
@@ -266,8 +266,7 @@ def approval(told: Circumstances) -> list[str]:
         return [told.say("not released"), *acknowledged]
     faults = " ".join(FAULT_CODES[name].said({}, (), told.language) for name in in_order(release["in_spite_of"]))
     more = [told.say("in spite of", faults=faults)] if faults else []
-    unsigned = [] if release["signed"] else [told.say("release unsigned")]
-    return [told.language.say(said_release(release)), *more, *unsigned, *acknowledged]
+    return [told.language.say(said_signed(said_release(release), release)), *more, *acknowledged]
 
 
 def plain_text(text: str) -> str:

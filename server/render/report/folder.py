@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from calib_core.archive.folder import past_of
-from calib_core.archive.release_file import RELEASE_FILE, release_told
+from calib_core.archive.release_file import RELEASE_FILE, acknowledged_told, release_told
 from calib_core.errors import CalibrationError
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.review.decided_before import decided_before_in
+from calib_core.review.standing import said_acknowledgement, said_signed
 from server.render.report.circumstances import certificate_files
 from server.render.report.first_page import Circumstances, Data
 
@@ -20,12 +21,16 @@ def circumstances_in(
     folder: Path, session: Session, read: ReadFile, results: Mapping[str, Data], solved: str, **more: Any
 ) -> Circumstances:
     """Return the circumstances of a folder's report; `more` are its language and paper."""
-    release = None
+    content = b""
     with suppress(OSError):
-        release = release_told((folder / RELEASE_FILE).read_bytes(), results, solved)
+        content = (folder / RELEASE_FILE).read_bytes()
+    release = release_told(content, results, solved)
+    told = acknowledged_told(content, results, solved)
+    acknowledged = [said_signed(said_acknowledgement(one), one) for one in told]
     digests: dict[str, str] = {}
     for name in certificate_files(session):
         with suppress(CalibrationError):
             digests[name] = hashlib.sha256(read(name)).hexdigest()
     before = decided_before_in(past_of(folder), session, results)
-    return Circumstances(solved=solved, release=release, decided_before=before, digests=digests, read=read, **more)
+    known: Any = {"decided_before": before, "digests": digests, "read": read, **more}
+    return Circumstances(solved=solved, release=release, acknowledged=acknowledged, **known)

@@ -49,7 +49,6 @@ WORDS: Final = templates({
     "approval": "Approval",
     "not released": "No release of this answer is known here.",
     "in spite of": "It was released in spite of this: {faults}",
-    "release unsigned": "Nobody who is trusted here has signed this release as it stands.",
     "name": "Name",
     "date": "Date",
     "signature": "Signature",
