@@ -12,9 +12,9 @@ from calib_core.errors import MotionError
 from calib_core.library.opened import in_memory
 from calib_core.records import Measured, Session, Verification, parse_session
 from calib_core.simulation import SimulatedSession, retake, simulate
+from calib_core.stages.capability import capability
 from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import run
-from calib_core.stages.recheck.capability import capability
 from calib_core.stages.recheck.guide import recheck_plan
 from calib_core.stages.recheck.record import RecheckResult, RecheckRound
 from tests.arm_cell import later_on_an_arm

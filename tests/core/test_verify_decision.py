@@ -10,11 +10,14 @@ import pytest
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
+from calib_core.records.evidence import Quantity, Table
 from calib_core.robots import parse_pose, to_pose
-from calib_core.simulation import simulate
+from calib_core.simulation import retake, simulate, simulate_verify
+from calib_core.simulation.verify_cell import VERIFY_SCENARIOS
 from calib_core.stages.pipeline import run
 from calib_core.stages.verify.decision import decided, probing
 from calib_core.stages.verify.record import VerifyResult
+from calib_core.stages.verify.repeated import capability_of_captures
 from tests.verified import shifted, solved, verified_session
 
 
@@ -206,3 +209,33 @@ def test_the_one_wrong_pose_is_named() -> None:
 def test_figures_of_signing_hold_on_a_few() -> None:
     rows = [*bench_sign.decisions(24), *bench_sign.wrong_poses((1.0, 5.0), 4, 8)]
     assert [f"{r.what}: {r.measured}, target {r.target}" for r in rows if not r.holds] == []
+
+
+def test_captures_that_repeat_a_pose_tell_what_the_cell_is_capable_of() -> None:
+    options = replace(VERIFY_SCENARIOS["verify"], of_sphere=6, of_bar=0, of_plate=0, limits={"tool_mm": 0.4})
+    made = simulate_verify(3, options)
+    first = next(one for one in made.session.captures if one.step == "verify")
+    again = [retake(made, first.id, f"again{k}", 100 + k) for k in range(4)]
+    own = [one.model_copy(update={"step": first.step, "mount": first.mount}) for one, _ in again]
+    files = dict(made.files)
+    for _, content in again:
+        files |= content
+    names = {first.id, *(one.id for one in own)}
+
+    captures = [*made.session.captures, *own]
+    session = made.session.model_copy(update={"captures": captures})
+    result = run(session, files.__getitem__, "verify")["verify"]
+    assert isinstance(result, VerifyResult)
+    (table,) = (one for one in result.evidence if isinstance(one, Table) and one.id == "capability")
+    assert "5 captures that repeat a pose (poses: 1)" in table.caption
+    assert "± 0.4 mm" in table.caption
+    offsets = np.array([row.center_offset_in_base_mm for row in result.residuals if row.capture in names])
+    spread = offsets.std(axis=0, ddof=1).max()
+    (error,) = (check.value_mm for check in result.checks if check.name == "tool")
+    told = [cell.value for cell in table.rows[0].cells if isinstance(cell, Quantity)]
+    assert told == pytest.approx([spread, error, 0.16 / (6 * spread), (0.08 - error) / (3 * spread)])
+    # One of another angle of a table is no repeat, nor are two captures alone enough.
+    turned = [one.model_copy(update={"table_deg": 10.0 * k}) for k, one in enumerate(own)]
+    for some in (turned, own[:1]):
+        others = made.session.model_copy(update={"captures": [*made.session.captures, *some]})
+        assert not capability_of_captures(others, result)

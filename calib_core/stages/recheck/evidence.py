@@ -5,8 +5,8 @@ from typing import Final
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Plot, Row, Series, Table
+from calib_core.stages.capability import capability_of_rounds
 from calib_core.stages.evidence_parts import captures_used, left_out, provenance, residual_table
-from calib_core.stages.recheck.capability import capability_table
 from calib_core.stages.recheck.record import RecheckResult
 
 _COLUMNS: Final = (
@@ -31,7 +31,7 @@ def evidence(session: Session, result: RecheckResult) -> list[AnyBlock]:
         Figure(label="An unchanged cell shows as much in", quantity=fixed(100 * result.rounds[-1].chance, 1, "%")),
         captures_used(result),
         *_rounds(result),
-        *capability_table(session, result.rounds),
+        *capability_of_rounds(session, result.rounds),
         *left_out(result.residuals),
         *residual_table(result.residuals, _COLUMNS),
         *provenance(result),

@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.findings.codes.verify import NOT_HELD_OUT
-from calib_core.frames import vector_from_rotation
+from calib_core.frames import RigidTransform, vector_from_rotation
 from calib_core.records import Capture
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.findings import Finding
@@ -84,6 +84,11 @@ def _same_points(one: SphereObservation, other: SphereObservation) -> bool:
 
 
 def _same_poses(one: SphereObservation, other: SphereObservation) -> bool:
-    apart = one.base_from_tool0.inverse() @ other.base_from_tool0
+    return is_same_pose(one.base_from_tool0, other.base_from_tool0)
+
+
+def is_same_pose(one: RigidTransform, other: RigidTransform) -> bool:
+    """Return whether a controller may have reported one pose twice."""
+    apart = one.inverse() @ other
     turned_rad = float(np.linalg.norm(vector_from_rotation(apart.rotation)))
     return float(np.linalg.norm(apart.translation_mm)) < _SAME_MM and turned_rad < _SAME_RAD

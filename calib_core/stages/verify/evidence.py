@@ -17,6 +17,7 @@ from calib_core.stages.evidence_parts import (
 )
 from calib_core.stages.verify.limits import changes_table
 from calib_core.stages.verify.record import VerifyCheck, VerifyResult
+from calib_core.stages.verify.repeated import capability_of_captures
 
 _COLUMNS: Final = (
     ("points", "Points", ""),
@@ -38,6 +39,7 @@ def evidence(session: Session, result: VerifyResult) -> list[AnyBlock]:
         captures_used(result),
         *_chance(result),
         *_checks(result),
+        *capability_of_captures(session, result),
         *changes_table(session.cell.verification),
         *residual_plot(result.residuals),
         *left_out(result.residuals),
