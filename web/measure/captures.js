@@ -225,7 +225,6 @@ export class CapturesElement extends StateElement {
 
   /** @param {readonly CaptureOut[]} captures */
   async #remove(captures) {
-    await import("../texts/later.js");
     const { remove, restore } = keep(this.state.id, captures);
     const [first] = captures;
     const act = async (/** @type {string} */ why) => {
