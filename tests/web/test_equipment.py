@@ -95,7 +95,7 @@ def test_a_piece_is_registered_and_a_session_refers_to_it(
 def test_after_a_decision_the_page_asks_why(profile: SharedProfile, world: World) -> None:
     client = world.client
     here = world.session("asked", replace(verified_session(3)))
-    last = client.get(f"{here}/captures", params={"limit": 200}).json()["items"][-1]["id"]
+    *_, bad, last = (one["id"] for one in client.get(f"{here}/captures", params={"limit": 200}).json()["items"])
     page = profile.open(reduced_motion="reduce")
     log_in(page, client, world.tokens["admin"], f"{here}%23verify")
     use = page.get_by_label(f"Use {last}")
@@ -110,12 +110,22 @@ def test_after_a_decision_the_page_asks_why(profile: SharedProfile, world: World
     because = client.get(f"{here}/captures/{last}").json()["excluded_because"]
     assert (because["who"], because["why"]) == ("one who may admin", "somebody leaned on the table")
 
+    page.get_by_role("button", name=f"Delete {bad}").press("Enter")
+    dialog = page.get_by_role("dialog", name="Delete after a decision")
+    dialog.get_by_label("Why").fill("the ball was wet")
+    page.keyboard.press("Enter")
+    expect(page.get_by_label(f"Use {bad}")).to_have_count(0)
+    (removed,) = client.get(here).json()["removed"]
+    told = {name: removed[name] for name in ("capture", "step", "who", "why")}
+    assert told == {"capture": bad, "step": "verify", "who": "one who may admin", "why": "the ball was wet"}
+
     world.solve(here, "verify")
     client.patch(f"{here}/captures/{last}", json={"excluded": False, "excluded_because": {"why": "it was fine"}})
     client.patch(here, json={"cell": {"verification": {"tool_mm": 5.0}}, "why": "the drawing says 5"})
     world.solve(here, "verify")
     before = client.get(f"{here}/answer").json()["decided_before"]
-    assert before[0]["left_out"][0]["because"]["why"] == "somebody leaned on the table"
+    why = {one["capture"]: one["because"]["why"] for one in before[0]["left_out"]}
+    assert why == {bad: "the ball was wet", last: "somebody leaned on the table"}
     assert before[1]["taken_back"][0]["because"]["why"] == "it was fine"
     assert "reason: it was fine" in before[1]["text"]
     items = client.get(f"{here}/timeline").json()["items"]
@@ -126,6 +136,8 @@ def test_after_a_decision_the_page_asks_why(profile: SharedProfile, world: World
     page.goto(f"{site_of(client)}{here}/review")
     expect(page.locator("sc-review-log")).to_contain_text("reason: the drawing says 5")
     expect(page.locator("sc-review-log")).to_contain_text("it was fine")
+    expect(page.locator("sc-review-log")).to_contain_text(f"Capture {bad} deleted")
+    expect(page.locator("sc-review-log")).to_contain_text("the ball was wet")
     page.goto(f"{site_of(client)}{here}#tcp.result")
     expect(page.get_by_role("region", name="Approval")).to_contain_text("somebody leaned on the table")
 
