@@ -47,6 +47,17 @@ def swap(record: dict[str, Any], files: dict[str, bytes]) -> None:
     one["files"], other["files"] = other["files"], one["files"]
 
 
+def inverted_of_clouds(record: dict[str, Any], files: dict[str, bytes]) -> None:
+    """Poses that say where the base is, of clouds without a grid: rubble tells no outside."""
+    for capture in record["captures"]:
+        name = capture["files"][0]
+        points = np.frombuffer(files[name].split(b"DATA binary\n")[1], np.float32).reshape(-1, 3)
+        rows = points[np.isfinite(points).all(axis=1)]
+        capture["files"] = [f"{name}.xyz"]
+        files[f"{name}.xyz"] = "\n".join(f"{x:.4f} {y:.4f} {z:.4f}" for x, y, z in rows.tolist()).encode()
+        capture["pose"] = np.linalg.inv(np.array(capture["pose"]).reshape(4, 4)).ravel().tolist()
+
+
 def one_in_metres(record: dict[str, Any], files: dict[str, bytes]) -> None:
     in_metres(record["captures"][4], files)
 
@@ -111,6 +122,7 @@ def rubble(record: dict[str, Any], files: dict[str, bytes], seed: int = 6) -> No
         (longer_steps, True, "merge-table-steps"),
         (swap, True, "merge-swapped-scans"),
         (one_in_metres, True, "merge-scans-in-metres"),
+        (inverted_of_clouds, False, "merge-pose-reading"),
         (swap, False, "merge-swapped-scans"),
         (all_in_metres, False, "merge-scans-in-metres"),
         (inverted, False, "merge-pose-reading"),

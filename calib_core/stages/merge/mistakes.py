@@ -51,6 +51,7 @@ _MOST_SUSPECTS = 6
 _SMALLER = 0.02  # of the others' size: metres
 _LEAST_MM = 2.0  # nobody scans so little of an object
 _MOST_READ_AGAIN = 24
+_BY_EACH_SCAN = ("told", "ball", "rays")  # how the outside was found without regard to where scans stand
 
 
 class Mistakes:
@@ -105,7 +106,11 @@ class Mistakes:
         now = fit(seen)
         tried = sorted(self._tried(looked, seen, now), key=lambda one: -one.fit.score)
         for one in tried[:_MOST_CHECKED]:
-            if impossible_share(seen, one.ways, looked.directions) < max(_MUDDLED, 0.5 * impossible):
+            share = impossible_share(seen, one.ways, looked.directions)
+            if looked.outward.how not in _BY_EACH_SCAN:  # rubble does not tell which way is out
+                share = min(share, 1 - share)
+            borders = _RUBBLE_OF_FEW if one.fit.pairs > len(seen.scans) else _MUDDLED
+            if share < max(borders, 0.5 * impossible):
                 return [one.finding(now, one.fit)]
         elsewhere = self._elsewhere(looked, {*alone, *astray}) if apart.pairs else []
         if elsewhere:
