@@ -86,7 +86,15 @@ def _run(options: argparse.Namespace) -> int:
     said = spoken(options)
     text = text_of(result_as_read(result, said), said)
     print_result(options, text, {"session": session.to_json(), "results": {"merge": result_data(result)}})
+    if any(finding.remedy is not None for finding in result.findings):
+        remark(options, _how_to_apply(options.out))
     return NOT_ACCEPTED if result.verdict == "fail" else OK
+
+
+def _how_to_apply(out: Path | None) -> str:
+    if out is None:
+        return message("To repair it give --out DIR, too; then: scancell run DIR --apply 1")
+    return message("To repair it: scancell run {folder} --apply 1", folder=str(out))
 
 
 def _keep(folder: Path, session: "Session", files: dict[str, Path], result: "Result") -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from server.cli import main
-from tests.merge_sets import in_one_frame, scan_set
+from tests.merge_sets import in_one_frame, merge_session, scan_set
 
 pye57 = pytest.importorskip("pye57")
 
@@ -50,3 +50,23 @@ def test_scans_in_metres_are_merged_by_the_unit_that_is_told(tmp_path: Path, cap
     assert [one["format_settings"] for one in told["session"]["captures"]] == [{"unit": "m"}] * 2
     assert told["results"]["merge"]["points"] > 1000
     assert "merge-scans-in-metres" not in {one["code"] for one in told["results"]["merge"]["findings"]}
+
+
+@pytest.mark.thorough
+def test_scans_that_changed_places_are_named_and_the_folder_that_was_written_repairs_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    record, files = merge_session(scan_set("bracket", 2, count=12, views="table"))
+    for name, data in files.items():
+        (tmp_path / Path(name).name).write_bytes(data)
+    poses = np.array([capture["pose"] for capture in record["captures"]])
+    poses[[2, 5]] = poses[[5, 2]]
+    np.savetxt(tmp_path / "poses.txt", poses)
+    names = [str(tmp_path / Path(name).name) for name in files]
+    given = [*names, "--poses", str(tmp_path / "poses.txt"), "--mesh", "none", "--voxel-mm", "1"]
+    assert main(["merge", *given]) == 1
+    assert "--out DIR" in capsys.readouterr().err
+    out = tmp_path / "out"
+    assert main(["merge", *given, "--out", str(out)]) == 1
+    assert f"scancell run {out} --apply 1" in capsys.readouterr().err
+    assert main(["run", str(out), "--apply", "1"]) == 0
