@@ -676,6 +676,7 @@ class CameraResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -717,6 +718,7 @@ class ChainResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     base_from_turntable: list[list[float]]
     axis_direction_in_base: list[float]
     axis_point_in_base_mm: list[float]
@@ -782,6 +784,7 @@ class HandEyeResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -820,6 +823,7 @@ class LaserPlaneResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -854,6 +858,7 @@ class MergeResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
     up_to_shift: UpToShift | None = None
@@ -908,6 +913,7 @@ class RecheckResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     method: str
     method_revision: int | None = None
     software: str
@@ -938,6 +944,7 @@ class TcpResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     spheres: list[FoundSphere] | None = None
     axes: list[FoundAxis] | None = None
     tool0_from_laser: list[list[float]] | None = None
@@ -985,6 +992,7 @@ class TurntableResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     spheres: list[FoundSphere] | None = None
     axes: list[FoundAxis] | None = None
     tool0_from_laser: list[list[float]] | None = None
@@ -1034,6 +1042,7 @@ class VerifyResult(Record):
     stale: bool
     at_workpiece: list[AtWorkpiece] | None = None
     turned_deg: dict[str, float] | None = None
+    decided_before: list[DecidedBefore] | None = None
     tool0_from_laser: list[list[float]] | None = None
     base_from_laser: list[list[float]] | None = None
     up_to_shift: UpToShift | None = None

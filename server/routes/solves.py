@@ -33,6 +33,7 @@ from server.routes.dependencies import (
 from server.store.database import Store
 from server.store.history import latest_numbers
 from server.store.models import Data
+from server.store.session_answer import decisions_before
 from server.store.sessions import StoredSession, load_session, locked_session, session_row
 from server.store.solves import ALL, ENDED, create_job, job_data, job_row, list_jobs
 
@@ -143,21 +144,25 @@ def list_results(session_id: SessionId, store: StoreDep) -> Response:
         if not latest_numbers(db, session_id):  # pages ask with every capture, mostly before there are any
             return JSONResponse({})
         stored = load_session(db, store.blobs, session_id)
-    return JSONResponse(_as_read(stored, stored.results_with_stale()))
+        read = _as_read(db, stored)
+    return JSONResponse(read)
 
 
 @router.get("/sessions/{session_id}/results/{stage}", response_model=StoredResult)
 def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Response:
     """Return a stage's latest result; `stale` where captures or cell changed since."""
     with store.read() as db:
-        stored = load_session(db, store.blobs, session_id)
-    if stage not in stored.results:
+        read = _as_read(db, load_session(db, store.blobs, session_id))
+    if stage not in read:
         to_do = "POST …/solve/{stage} first."
         raise NotFoundError("a stage that was solved", "'{stage}', which was not", to_do, "stage", stage=stage)
-    return JSONResponse(_as_read(stored, stored.results_with_stale())[stage])
+    return JSONResponse(read[stage])
 
 
-def _as_read(stored: StoredSession, results: dict[str, Data]) -> dict[str, Data]:
-    """Return results with the cell's own severities."""
+def _as_read(db: Transaction, stored: StoredSession) -> dict[str, Data]:
+    """Return results with the cell's own severities, a verification with what was decided before."""
     severities = stored.session.cell.findings
-    return {stage: as_read(result, severities=severities) for stage, result in results.items()}
+    read = {stage: as_read(one, severities=severities) for stage, one in stored.results_with_stale().items()}
+    if "verify" in read:
+        read["verify"]["decided_before"] = [one.to_json() for one in decisions_before(db, stored)]
+    return read

@@ -1,6 +1,6 @@
 """A session's answer: as its latest results have it, with when they were solved, and whether it is stale."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -35,13 +35,12 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
     stale = stored.stale
     answer = answer_of(stored.session, stored.results, stale)
     row = _newest(db, stored.id, answer.stage)[0]
-    verified = _newest(db, stored.id, "verify", most=None)[::-1]
     session = stored.session
     if answer.stale and row.solved_from is not None:
         then = parse_session(row.solved_from["session"], stored.id)
         session = session.model_copy(update={"cell": then.cell, "captures": then.captures})
     answer = answer_of(session, stored.results, stale, row.record.get("solved") or row.created)
-    before = tuple(_decided_before(verified, stored))
+    before = decisions_before(db, stored)
     return replace(answer, decided_before=before, altered=_is_altered(db, stored.id))
 
 
@@ -64,11 +63,12 @@ def _is_altered(db: Transaction, session_id: str) -> bool:
     )
 
 
-def _decided_before(verified: Sequence[ResultRow], stored: StoredSession) -> list[DecidedBefore]:
+def decisions_before(db: Transaction, stored: StoredSession) -> tuple[DecidedBefore, ...]:
     """Return the decisions after which the verification's evidence was changed."""
+    verified = _newest(db, stored.id, "verify", most=None)[::-1]
     origins = [(row.record, row.origin()) for row in verified]
     solved = [(record, parse_session(of["session"], stored.id) if of else None) for record, of in origins]
-    return decided_before(solved, stored.session)
+    return tuple(decided_before(solved, stored.session))
 
 
 def answer_headers(answer: Answer) -> Mapping[str, str]:

@@ -162,6 +162,7 @@ def test_whatever_changed_after_a_decision_is_told_with_who_when_and_why(
     packed = tmp_path / "kept.zip"
     packed.write_bytes(kept)
     main(["answer", str(packed)])
+    assert client.get(f"{here}/results/verify").json()["decided_before"] == answer["decided_before"]
     told = " ".join(one["text"] for one in answer["decided_before"])
     texts = (told, client.get(f"{here}/report").text, capsys.readouterr().out)
     for text in (*texts, client.get(f"{brought}/report").text):
