@@ -88,18 +88,11 @@ class BrickTable:
         )
         return following, added, outside
 
-    def add_voxels(self, voxels: Voxels, first: int = 0) -> int:
-        """Add voxels' sums from number `first` on; return the one to go on with: less than all when full."""
-        from calib_core.kernels import fusion
-
-        self.used, following = fusion.add_voxels(*voxels, *self._arrays, self.used, first)
-        return following
-
-    def voxels(self, first: int = 0, beyond: int | None = None) -> Voxels:
-        """Return the occupied voxels of the bricks `first` … `beyond` − 1 (all if left out)."""
+    def voxels(self) -> Voxels:
+        """Return the occupied voxels."""
         from calib_core.kernels.fusion import voxel_keys
 
-        part = slice(first, self.used if beyond is None else min(beyond, self.used))
+        part = slice(self.used)
         counts = self._counts[part]
         many = int(np.count_nonzero(counts))
         keys, places = np.empty(many, np.int64), np.empty(many, np.int64)

@@ -19,7 +19,6 @@ from calib_core.fusion.bricks import BrickTable, Voxels
 SingleArray = NDArray[np.float32]
 
 _FIRST_BRICKS = 1 << 12
-_BRICKS_AT_ONCE = 1 << 14
 _TILE_BITS = 8  # a tile is 256 voxels wide
 
 
@@ -191,21 +190,6 @@ class VoxelGrid:
                 beyond=beyond,
             )
 
-    def absorb(self, other: "VoxelGrid") -> None:
-        """Add all that another grid of the same voxels holds in memory, which is of no use afterwards.
-
-        Raises
-        ------
-        InputError
-            If its voxels are others, or it has given some to a store.
-        """
-        same = other.size_mm == self.size_mm and np.array_equal(other.origin_mm, self.origin_mm)
-        if not same or other._table.attributes != self._table.attributes or other._tiles:
-            raise InputError("a grid of the same voxels", "something else", "Make both grids alike.", "voxel_mm")
-        for first in range(0, other._table.used, _BRICKS_AT_ONCE):
-            self._take(other._table.voxels(first, first + _BRICKS_AT_ONCE))
-        self.points_added += other.points_added
-
     def clouds(self) -> Iterator[VoxelCloud]:
         """Give the fused points, a tile at a time where sums went to the store; the grid stays as it is."""
         for tile in self.tiles():
@@ -253,13 +237,6 @@ class VoxelGrid:
             )
         if not np.isfinite(weights).all():
             raise InputError("finite weights", "NaN or infinity", "Check the points' sigmas.", where)
-
-    def _take(self, voxels: Voxels) -> None:
-        following = 0
-        while following < len(voxels.keys):
-            following = self._table.add_voxels(voxels, following)
-            if following < len(voxels.keys):
-                self._make_room()
 
     def _make_room(self) -> None:
         """Double the table, or where that is not allowed, give all sums to the store."""
@@ -328,40 +305,3 @@ def _tile_numbers(indices: NDArray[np.int64]) -> NDArray[np.int64]:
     from calib_core.kernels.fusion import pack_keys
 
     return pack_keys(indices >> _TILE_BITS)
-
-
-def fuse(
-    scans: Sequence[tuple[SingleArray, FloatArray]],
-    size_mm: float,
-    origin_mm: ArrayLike = (0.0, 0.0, 0.0),
-    workers: int = 2,
-) -> VoxelGrid:
-    """Return the grid of scans that need no cleaning, all points of equal weight, summed by several threads.
-
-    Parameters
-    ----------
-    scans : sequence of ((P, C, 3) float32, (P, 4, 4) or (1, 4, 4))
-        Points and their poses.
-    size_mm, origin_mm
-        As in `VoxelGrid`.
-    workers : int
-        Threads; each has a table of its own.
-
-    Raises
-    ------
-    InputError
-        As `VoxelGrid` does.
-    """
-    from concurrent.futures import ThreadPoolExecutor
-
-    def part(first: int) -> VoxelGrid:
-        grid = VoxelGrid(size_mm, origin_mm)
-        for points, poses in scans[first::workers]:
-            grid.add(points, poses)
-        return grid
-
-    with ThreadPoolExecutor(workers) as pool:
-        first, *others = pool.map(part, range(workers))
-    for other in others:
-        first.absorb(other)
-    return first

@@ -206,48 +206,6 @@ def regions_of(points: SingleArray, origin: FloatArray, size: float, regions: in
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def add_voxels(
-    keys: KeyArray,
-    voxel_sums: SingleArray,
-    voxel_counts: CountArray,
-    heads: KeyArray,
-    numbers: CountArray,
-    sums: SingleArray,
-    counts: CountArray,
-    normal_sums: SingleArray,
-    used: int,
-    first: int,
-) -> tuple[int, int]:
-    """Add voxels' sums to a table, from voxel `first` on, while it has room.
-
-    They are (N, 4), with normals (N, 7), with intensities too (N, 8).
-
-    Returns
-    -------
-    used, following : int
-        Bricks taken, and the voxel to go on with (N when done).
-    """
-    shift = _shift(heads)
-    for n in range(first, keys.shape[0]):
-        i, j, k = keys[n] >> (2 * BITS), (keys[n] >> BITS) & _MASK, keys[n] & _MASK
-        brick = _brick_of(i, j, k)
-        slot = _slot(heads, brick, shift)
-        if heads[slot] == EMPTY:
-            if used == sums.shape[0]:
-                return used, n
-            heads[slot] = brick
-            numbers[slot] = used
-            used += 1
-        b, v = numbers[slot], _place_in_brick(i, j, k)
-        for c in range(4):
-            sums[b, v, c] += voxel_sums[n, c]
-        for c in range(voxel_sums.shape[1] - 4):
-            normal_sums[b, v, c] += voxel_sums[n, 4 + c]
-        counts[b, v] += voxel_counts[n]
-    return used, keys.shape[0]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def enter_bricks(bricks: KeyArray, heads: KeyArray, numbers: CountArray) -> None:
     """Enter the bricks (N,), numbered as they come, into an empty hash table."""
     shift = _shift(heads)

@@ -71,7 +71,6 @@ def _run_others() -> None:
 
     from calib_core.formats.shared.e57_writing import cloud_pieces
     from calib_core.formats.shared.writing import XYZ
-    from calib_core.fusion.bricks import BrickTable
     from calib_core.kernels.project import undistort_over_depth
     from calib_core.optics.camera_model import CameraModel
     from calib_core.optics.stripe import find_stripe
@@ -80,9 +79,6 @@ def _run_others() -> None:
     find_stripe((2000 + 40_000 * np.exp(-0.5 * (rows / 2) ** 2)).astype(np.uint16))
     list(cloud_pieces([np.zeros((4, 3))], 4, XYZ))
     camera = CameraModel(np.diag([1000.0, 1000.0, 1.0]))
-    for attributes in (0, 3):
-        table = BrickTable(attributes, 16)
-        table.add_voxels(table.voxels())
     undistort_over_depth(np.zeros((1, 2)), camera.rays_from_pixels, *camera.bands, np.zeros((1, 3)))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import open3d as o3d
 from harness import Row
 
-from calib_core.fusion.merge import VoxelGrid, fuse
+from calib_core.fusion.merge import VoxelGrid
 from calib_core.kernels.fusion import pack_keys
 from tests.vase import poses, view
 
@@ -35,6 +35,13 @@ def status_mb(field: str) -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
+def fused(points: np.ndarray, ways: list[np.ndarray], origin: np.ndarray) -> VoxelGrid:
+    grid = VoxelGrid(VOXEL_MM, origin)
+    for way in ways:
+        grid.add(points, way[None])
+    return grid
+
+
 def run(full: bool) -> list[Row]:
     """Return the rows of this benchmark; `full` takes the 72 scans of a million points of the target."""
     count, side = (72, 1000) if full else (12, 200)
@@ -43,7 +50,7 @@ def run(full: bool) -> list[Row]:
     origin = np.array([-120.0, -120.0, -120.0])
 
     def ours() -> VoxelGrid:
-        return fuse([(points, way[None]) for way in ways], VOXEL_MM, origin)
+        return fused(points, ways, origin)
 
     def theirs() -> o3d.geometry.PointCloud:
         merged = o3d.geometry.PointCloud()
@@ -51,7 +58,7 @@ def run(full: bool) -> list[Row]:
             merged += o3d.geometry.PointCloud(theirs_scan).transform(way)
         return merged.voxel_down_sample(VOXEL_MM)
 
-    fuse([(points[:10], ways[0][None])], VOXEL_MM)  # compiles
+    fused(points[:10], ways[:1], origin)  # compiles
     rounds = 3 if full else 1
     ours_runs = [peak_of(ours) for _ in range(rounds)]
     theirs_runs = [peak_of(theirs) for _ in range(rounds)]
@@ -79,7 +86,7 @@ def same_voxels(what: str, points: np.ndarray, ways: list[np.ndarray], thinned: 
         moved = points.reshape(-1, 3).astype(float) @ way[:3, :3].T + way[:3, 3]
         low = np.minimum(low, moved.min(axis=0))
     corner = low - VOXEL_MM / 2
-    keys = fuse([(points, way[None]) for way in ways], VOXEL_MM, corner).cloud().keys
+    keys = fused(points, ways, corner).cloud().keys
     voxels = np.floor((np.asarray(thinned.points) - corner) / VOXEL_MM).astype(np.int64)
     differ = len(np.setxor1d(keys, pack_keys(voxels)))
     figures = f"{len(keys):,} voxels, {differ} differ"

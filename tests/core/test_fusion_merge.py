@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from calib_core.archive.spill import FileSpill
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
-from calib_core.fusion.merge import VoxelCloud, VoxelGrid, fuse
+from calib_core.fusion.merge import VoxelCloud, VoxelGrid
 from calib_core.fusion.scan import Scan, as_rows
 from calib_core.kernels.fusion import pack_keys, unpack_keys
 
@@ -117,12 +117,6 @@ def test_a_full_disk_while_spilling_is_named_and_leaves_nothing(tmp_path: Path, 
     assert not list(tmp_path.iterdir())
 
 
-def test_threads_give_the_same_as_one():
-    rng = np.random.default_rng(3)
-    scans = [(rng.uniform(-40, 40, (20, 50, 3)).astype(np.float32), np.eye(4)[None]) for _ in range(5)]
-    require_same(by_voxel(fuse(scans, 1.5, workers=3).cloud()), by_voxel(fuse(scans, 1.5, workers=1).cloud()))
-
-
 def test_occupied_voxels_are_those_of_open3d():
     import open3d as o3d
 
@@ -135,7 +129,9 @@ def test_occupied_voxels_are_those_of_open3d():
     theirs = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(float))).transform(pose)
     origin = theirs.get_min_bound() - 0.25
     thinned = np.asarray(theirs.voxel_down_sample(0.5).points)
-    cloud = fuse([(as_rows(points), pose[None])], 0.5, origin).cloud()
+    grid = VoxelGrid(0.5, origin)
+    grid.add(as_rows(points), pose[None])
+    cloud = grid.cloud()
     voxels = np.floor((thinned - origin) / 0.5).astype(np.int64)
     order, same = np.argsort(cloud.keys), np.argsort(pack_keys(voxels))
     assert np.array_equal(cloud.keys[order], pack_keys(voxels)[same])
