@@ -203,6 +203,7 @@ class DecidedBefore(Record):
     came: list[LeftOut] | None = None
     changed: list[LeftOut] | None = None
     cell: list[str] | None = None
+    otherwise: bool | None = None
     removed: bool | None = None
     text: str | None = None
 

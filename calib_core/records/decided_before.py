@@ -36,8 +36,9 @@ class LeftOut(Record):
 class DecidedBefore(Record):
     """A decision that was made before captures were left out, added or changed, a limit (by figure) or the cell.
 
-    `taken_back` are those of `added` that had been left out before, `came` the others; `removed` is whether all
-    that is left of it is what a later one's seal says; `text` says it all.
+    `taken_back` are those of `added` that had been left out before, `came` the others; `otherwise` is whether its
+    inputs are others and nothing says which; `removed` is whether all that is left of it is what a later one's
+    seal says; `text` says it all.
     """
 
     decision: str
@@ -49,6 +50,7 @@ class DecidedBefore(Record):
     came: list[LeftOut] = Field(default_factory=list[LeftOut])
     changed: list[LeftOut] = Field(default_factory=list[LeftOut])
     cell: list[str] = Field(default_factory=list[str])
+    otherwise: bool = False
     removed: bool = False
     text: str = ""
 
@@ -74,6 +76,8 @@ class DecidedBefore(Record):
             parts.append(message("Then limits were changed: {limits}.", limits=list(self.limits)))
         if self.cell:
             parts.append(message("Then the cell was changed: {fields:,}.", fields=list(self.cell)))
+        if self.otherwise:
+            parts.append(message("Then poses, files or the cell were changed; which is not known here."))
         if self.removed:
             parts.append(message("It was removed or changed since."))
         return sentences(parts)

@@ -43,8 +43,12 @@ def decided_before(verifications: Sequence[Solved], now: Session) -> list[Decide
         if before.get("decision") is None:
             continue
         told = _changed_after(before, from_before, after, solved_from or now, is_known=solved_from is not None)
-        if told.left_out or told.added or told.limits or told.changed or told.cell:
-            found.append(told.model_copy(update={"text": told.said()}))
+        if not (told.left_out or told.added or told.limits or told.changed or told.cell):
+            is_known = from_before is not None and solved_from is not None
+            if is_known or not _has_other_inputs(before, after):
+                continue
+            told = told.model_copy(update={"otherwise": True})
+        found.append(told.model_copy(update={"text": told.said()}))
     return found
 
 
@@ -84,6 +88,14 @@ def _changed_after(
         ],
         changed=[*_corrected(origin if is_known else None, captures, stayed, _when(before))],
         cell=_of_cell(origin, now) if origin is not None and is_known else [],
+    )
+
+
+def _has_other_inputs(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
+    """Return whether one program solved both from other inputs: a folder keeps no earlier poses and files."""
+    same = ("software", "method_revision")
+    return all(before.get(name) == after.get(name) for name in same) and before.get("inputs_sha256") != after.get(
+        "inputs_sha256"
     )
 
 

@@ -71,3 +71,19 @@ def test_a_date_that_was_set_back_is_told(copied: Path) -> None:
     file.write_text(json.dumps({**json.loads(file.read_bytes()), "solved": "2020-01-01T00:00:00.000Z"}))
     said = [one["text"] for one in answered(copied)["findings"]]
     assert "results/tcp.json is not what was signed." in said
+
+
+@pytest.mark.parametrize("what", ["pose", "file"])
+def test_a_pose_or_a_file_that_was_changed_after_the_decision_is_told(copied: Path, what: str) -> None:
+    record = json.loads((copied / "session.json").read_bytes())
+    last = record["captures"][-1]
+    if what == "pose":
+        last["pose"][0] += 0.1
+        (copied / "session.json").write_text(json.dumps(record))
+    else:
+        with (copied / last["files"][0]).open("a") as file:
+            file.write("\n")
+    assert command("run", str(copied), "--quiet")[0] == 0
+    *_, told = answered(copied)["decided_before"]
+    assert (told["decision"], told["otherwise"]) == ("pass", True)
+    assert "Then poses, files or the cell were changed" in told["text"]
