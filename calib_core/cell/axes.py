@@ -47,14 +47,19 @@ def carrier_of_axis(axis: CellAxis, axes: Sequence[CellAxis]) -> str:
 
 
 def moved_axes(cell: Cell) -> tuple[MovedAxis, ...]:
-    """Return the axes that a cell names, as the walk takes them, each after the one that it stands on."""
+    """Return the axes that a cell names, as the walk takes them, each after the one that it stands on.
+
+    Those that lead nowhere, which `require_consistent` names, are taken as if they stood on base.
+    """
     axes = tuple(cell.axes or ())
     waiting, given = [*axes], list[MovedAxis]()
     while waiting:
         known = {"base", *(one.name for one in given)}
-        axis = next(one for one in waiting if carrier_of_axis(one, axes) in known)
+        axis = next((one for one in waiting if carrier_of_axis(one, axes) in known), waiting[0])
+        under = carrier_of_axis(axis, axes)
         waiting.remove(axis)
-        given.append(MovedAxis(axis.name, axis.kind, axis.carries, carrier_of_axis(axis, axes), axis.direction))
+        on = under if under in known else "base"
+        given.append(MovedAxis(axis.name, axis.kind, axis.carries, on, axis.direction))
     return tuple(given)
 
 

@@ -73,7 +73,7 @@ class SessionAnswer(Record):
     base_from_turntable: AnsweredFrame | None
     laser_from_turntable: AnsweredFrame | None = None
     position_sigma_mm: Open
-    rotation_sigma_deg: float
+    rotation_sigma_deg: Open
     budget: Any = None
     decision: str | None = None
     limits_changed: list[str] = Field(default_factory=list[str])

@@ -107,13 +107,17 @@ class AxisTruth:
         rotation = wobble @ turn(angle * self.direction)
         return pose(rotation, self.point_mm - rotation @ self.point_mm)
 
-    def frame(self) -> FloatArray:
-        """Return base_from_axis (4, 4): z along it, x across z in the plane of z and the base's x (or its y)."""
+    def frame(self, beside: FloatArray | None) -> FloatArray:
+        """Return base_from_axis (4, 4): z along it, x across z in the plane of z and the base's x (or its y).
+
+        Its origin is on the axis, beside the first ball (3,) that it carries itself.
+        """
         aside = np.eye(3)[0 if abs(self.direction[0]) < 0.9 else 1]
         across = aside - (aside @ self.direction) * self.direction
         across = across / float(np.sqrt(across @ across))
         rotation = np.array([across, np.cross(self.direction, across), self.direction], dtype=float).T
-        return pose(rotation, self.point_mm)
+        along = 0.0 if beside is None else (beside - self.point_mm) @ self.direction
+        return pose(rotation, self.point_mm + along * self.direction)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +179,8 @@ class TopologyWorld:
             )
         for name, axis in self.axes.items():
             frame = "turntable" if name == "table" else name
-            frames.append({"into": "base", "outof": frame, "scanner": None, "matrix": axis.frame().tolist()})
+            beside = next((at for ball, at in self.balls.values() if ball.on == name), None)
+            frames.append({"into": "base", "outof": frame, "scanner": None, "matrix": axis.frame(beside).tolist()})
         first = next(iter(frames))
         plain = {f"{frame['into']}_from_{frame['outof']}": frame["matrix"] for frame in (*frames[1:], first)}
         return {

@@ -8,6 +8,7 @@ from calib_core.archive.folder import parse_json
 from calib_core.captures.contradictions import unfit
 from calib_core.cell.axes import axis_that_moved
 from calib_core.errors import InputError, MotionError
+from calib_core.library.opened import in_memory
 from calib_core.records import Capture, parse_capture, parse_cell, parse_session
 from calib_core.stages.pipeline import solve_stage
 from tests.cell_edges import Edge, Edges, edges_of
@@ -142,6 +143,29 @@ def test_what_contradicts_itself_is_one_sentence(
 ) -> None:
     with pytest.raises(InputError, match=sentence):
         edges(*captures, **cell)
+
+
+@pytest.mark.parametrize(
+    ("under", "sentence"),
+    [(("turn", "tilt"), "loop: 'tilt' on 'turn' on 'tilt'"), (("base", "tlit"), "got 'tlit'")],
+)
+def test_axes_that_do_not_lead_to_base_are_one_sentence_of_check_and_run(
+    under: tuple[str, str], sentence: str
+) -> None:
+    axes = [{**axis, "on": on} for axis, on in zip((TILT, TURN), under, strict=True)]
+    opened = in_memory(
+        parse_session(
+            {
+                "format": "scancell-session/1",
+                "cell": {"pose_convention": "kuka", "axes": axes},
+                "captures": [one.to_json() for one in captures_of(READ, {"axes_deg": {"tilt": 9.0, "turn": 7.0}})],
+            }
+        ),
+        {},
+    )
+    assert [finding for finding in opened.check() if finding.severity == "error" and sentence in finding.text]
+    with pytest.raises(InputError, match=sentence):
+        opened.run()
 
 
 def test_balls_of_one_diameter_whose_places_are_not_told_are_fine() -> None:

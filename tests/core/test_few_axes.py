@@ -12,6 +12,7 @@ import calib_core as cc
 from calib_core.archive.folder import result_data
 from calib_core.cell.found import placed_scanner, placed_table
 from calib_core.errors import ConflictError
+from calib_core.review.answer import answer_of_folder
 from calib_core.simulation import TOPOLOGY_SCENARIOS
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.pipeline import solve_stage
@@ -84,6 +85,11 @@ def test_a_scanner_on_one_linear_axis_knows_the_table_but_not_its_turn_about_the
     assert np.linalg.norm(np.cross(seen, true)) < np.deg2rad(0.2)  # a mirrored one leans by 14°
     scale = np.abs(data["up_to_shift"]["turntable_covariance"])
     assert np.isfinite(np.array(scale, dtype=float)).all()
+    answer = answer_of_folder(simulated.record, {"chain": data}, simulated.read)
+    assert answer is not None
+    assert (
+        json.loads(json.dumps(answer.to_json(), allow_nan=False))["rotation_sigma_deg"] is None
+    )  # was not packed
 
 
 def untold(scenario: str) -> cc.OpenSession:

@@ -84,3 +84,11 @@ def test_a_drawn_topology_is_listed_as_it_was_built(scenario: TopologyScenario, 
     assert [edge.name for edge in edges.of("place")] == [ball.name for ball in scenario.balls]
     assert {capture.scanner for capture in simulated.session.captures} == {s.name for s in scenario.scanners}
     assert worst_mm(simulated) < 0.3
+
+
+def test_a_true_tables_frame_stands_where_results_put_it() -> None:
+    simulated = simulate("fixed-scanner-turntable", 5)
+    first = next(one for one in simulated.session.captures if one.table_deg is not None)
+    ball = next(b for b in simulated.truth["spheres"] if b["name"] == simulated.truth["balls_seen"][first.id][0])
+    table = np.array(simulated.truth["base_from_turntable"])
+    assert (np.array(ball["center_mm"]) - table[:3, 3]) @ table[:3, 2] == pytest.approx(0.0, abs=1e-9)
