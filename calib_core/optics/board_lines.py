@@ -84,6 +84,11 @@ class Trace:
         return self.is_sure and int(self.clear.sum()) * self.stripe.together >= _ENOUGH_CLEAR
 
     @property
+    def width_mm(self) -> float:
+        """Standard deviation of its peak's shape on the board."""
+        return self.stripe.width_px * self.mm_per_px
+
+    @property
     def rank(self) -> tuple[bool, float]:
         """By what the better of two lines is told that are one: by what it tells, if it is sure."""
         each_mm2 = (self.stripe.sigma_px[self.clear] * self.mm_per_px) ** 2 + self.scatter_mm**2

@@ -157,27 +157,29 @@ def points_on_board(
     return rays * ((height + raised) / slope)[:, None]
 
 
-def fit_plane(lines: Sequence[BoardLine]) -> PlaneFit:
+def fit_plane(lines: Sequence[BoardLine], agreeing: Sequence[int] = ()) -> PlaneFit:
     """Fit the plane of light through the lines on several boards, robustly.
 
     Parameters
     ----------
     lines : sequence of BoardLine
         At least two.
+    agreeing : sequence of int
+        Places of those that alone lay the plane, because the others would draw it to them; none told: all do.
 
     Raises
     ------
     MotionError
         If there are fewer than two lines, or they are one and the same line, so that any plane through it fits.
     """
-    usable = [line for line in lines if line.is_enough]
+    laying = [lines[i] for i in agreeing] or lines
+    usable = [line for line in laying if line.is_enough]
     if len(usable) < 2:
         need = "the stripe on at least two boards, better five at different distances"
         to_do = "Capture the board with the stripe on it at other distances and tilts."
         raise MotionError(need, "{count} with a measurable line on the board", to_do, count=len(usable))
-    points = np.concatenate([line.points_in_camera_mm for line in lines])
-    counts = np.array([len(line.points_in_camera_mm) for line in lines])
-    sigma = np.concatenate([line.sigma_mm for line in lines])
+    points = np.concatenate([line.points_in_camera_mm for line in laying])
+    sigma = np.concatenate([line.sigma_mm for line in laying])
     normal, distance = _start(usable, np.random.default_rng(0))
     sigma = np.maximum(sigma, max(float(np.median(sigma)), 1e-6))
     weight = np.ones(len(points))
@@ -195,13 +197,13 @@ def fit_plane(lines: Sequence[BoardLine]) -> PlaneFit:
     inside = points[inlier]
     spread = np.linalg.svd(inside - inside.mean(axis=0), compute_uv=False) / np.sqrt(len(inside))
     _require_width(float(spread[0]), float(spread[1]), scale)
+    off = [line.points_in_camera_mm @ normal - distance for line in lines]
     normal, distance = oriented_plane(normal, distance)
-    cuts = np.cumsum(counts)[:-1]
     return PlaneFit(
         normal,
         distance,
-        tuple(np.split(inlier, cuts)),
-        tuple(float(np.sqrt(np.mean(r**2))) if len(r) else np.nan for r in np.split(residual, cuts)),
+        tuple(np.abs(r) <= _STRAY_SIGMAS * scale for r in off),
+        tuple(float(np.sqrt(np.mean(r**2))) if len(r) else np.nan for r in off),
         float(np.sqrt(np.mean(residual[inlier] ** 2))),
         float(spread[0]),
         float(spread[1]),

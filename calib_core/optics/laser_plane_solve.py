@@ -159,7 +159,7 @@ def solve_plane(
     posed, corner_sigma = _fit_poses(camera, corners, shape)
     poses = posed.poses()[: len(views)]
     progress(0.5, "fitting the plane")
-    traces = _choose_lines(camera, views, poses, shape, margin_mm)
+    traces, agreeing = _choose_lines(camera, views, poses, shape, margin_mm)
     kept = [
         view.stripe.selected(np.zeros(len(view.stripe.row_px), dtype=bool))
         if trace is None
@@ -167,8 +167,8 @@ def solve_plane(
         for view, trace in zip(views, traces, strict=True)
     ]
     lines = [_line(camera, v.name, s, p, shape) for v, s, p in zip(views, kept, poses, strict=True)]
-    fit = fit_plane(lines)
-    reasons = _reasons(lines, fit)
+    fit = fit_plane(lines, agreeing)
+    reasons = _reasons(lines, fit, agreeing or range(len(lines)))
     used = [i for i, reason in enumerate(reasons) if reason is None]
     if len(used) < len(lines):
         fit = fit_plane([lines[i] for i in used])
@@ -306,8 +306,8 @@ def _choose_lines(
     poses: Sequence[RigidTransform],
     shape: BoardShape | None,
     margin_mm: float | None,
-) -> list[Trace | None]:
-    """Return the laser's line on each board, None where none is seen."""
+) -> tuple[list[Trace | None], list[int]]:
+    """Return the laser's line on each board, None where none is seen, and the views whose lines agree."""
     placed: list[list[PlacedTrace]] = []
     for view, pose in zip(views, poses, strict=True):
         slack = 0.0 if shape is None else float(np.ptp(shape.heights_mm(view.board.points_in_board_mm)))
@@ -341,10 +341,9 @@ def _line(
     return BoardLine(name, points, sigma, least_points(stripe))
 
 
-def _reasons(lines: Sequence[BoardLine], fit: PlaneFit) -> list[LeftOut | None]:
-    """Return why a view is left out, or None."""
-    enough = [line.is_enough for line in lines]
-    usual = float(np.median([rms for rms, fine in zip(fit.line_rms_mm, enough, strict=True) if fine] or [np.inf]))
+def _reasons(lines: Sequence[BoardLine], fit: PlaneFit, agreeing: Sequence[int]) -> list[LeftOut | None]:
+    """Return why a view is left out, or None; those that agree tell how far off the plane a line usually lies."""
+    usual = float(np.median([fit.line_rms_mm[i] for i in agreeing if lines[i].is_enough] or [np.inf]))
     limit = _SPOILED_RMS_RATIO * max(usual, fit.rms_mm)
     reasons: list[LeftOut | None] = []
     for line, rms, inlier in zip(lines, fit.line_rms_mm, fit.inliers, strict=True):

@@ -15,6 +15,7 @@ _OFF_SHARE = 0.003  # of the distance: boards' poses are off by less
 _DOUBTFUL_WEIGHT = 0.2
 _MOST_WEIGHT = 30.0
 _STRAY_SCATTERS = 6.0
+_STRAY_WIDTHS = 3.0  # one laser's line is as wide on every board, grazing ones apart
 _OWN_VIEWS = 3  # at so many boards' one place a line that no plane explains is the board's own
 
 
@@ -57,8 +58,8 @@ class PlacedTrace:
         return min(-self.trace.log_chance, _MOST_WEIGHT) * (_DOUBTFUL_WEIGHT if self.trace.is_doubtful else 1.0)
 
 
-def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
-    """Return each view's line: of those in one plane with the others' the best, else the surest one."""
+def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> tuple[list[Trace | None], list[int]]:
+    """Return each view's line, and the views whose lines lie in one plane; of others the surest line is told."""
     every, own = _apart_from_own_lines(views)
     views = [[placed for number, placed in every if number == view] for view in range(len(views))]
     agrees = _in_one_plane(every, len(views))
@@ -78,13 +79,14 @@ def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> list[Trace | None]:
     supported = len(found) >= _LEAST_VIEWS and (
         sure >= len(found) / 2 or _log_chance_of_plane(views, len(found)) < _LOG_CHANCE
     )
+    if not supported:
+        chosen = [None] * len(views)
+    agreeing = [number for number, trace in enumerate(chosen) if trace is not None]
     for number, view in enumerate(views):
         others = [one.trace for one in view if one.trace.is_sure]
-        if not supported:
-            chosen[number] = None
         if chosen[number] is None and others:
             chosen[number] = min(others, key=lambda one: one.log_chance)
-    return chosen
+    return chosen, agreeing
 
 
 def _apart_from_own_lines(
@@ -144,13 +146,15 @@ def _lie_in_a_plane(placed: Sequence[PlacedTrace]) -> bool:
 
 
 def _strays(best: Mapping[int, PlacedTrace], number: int) -> bool:
-    """Return whether a line that is not sure lies farther off the others' plane than these scatter about it."""
+    """Return whether a line that is not sure is far wider than the others or lies off their plane as none does."""
     here = best[number]
     others = [placed for view, placed in best.items() if view != number]
     sure = [placed for placed in others if placed.trace.is_sure]
     others = sure if len(sure) >= _LEAST_VIEWS else others
     if here.trace.is_sure or len(others) < _LEAST_VIEWS:
         return False
+    if here.trace.width_mm > _STRAY_WIDTHS * float(np.median([placed.trace.width_mm for placed in others])):
+        return True
     ends = np.concatenate([placed.ends_mm for placed in others])
     normals, distances = _planes(ends[None])
     usual = float(np.sqrt(np.mean((ends @ normals[0] - distances[0]) ** 2)))

@@ -177,8 +177,8 @@ def stripe_with_laser_off(kind: str, seed: int) -> int:
     return max((len(s.row_px) for s in view.others if s.together > 1), default=0)
 
 
-def line_seen(sure: bool) -> Trace:
-    stripe = StripeCenters(*np.zeros((2, 12)), np.full(12, 0.05), np.zeros(12), "columns", 1.0, 1.0)
+def line_seen(sure: bool, width_px: float = 1.0) -> Trace:
+    stripe = StripeCenters(*np.zeros((2, 12)), np.full(12, 0.05), np.zeros(12), "columns", width_px, 1.0)
     every = np.ones(12, dtype=bool)
     return Trace(stripe, every, every, -9.0, -9.0 if sure else -1.0, 60.0, not sure, 0.02, 0.3)
 
@@ -199,18 +199,25 @@ def test_tape_that_sits_at_one_place_of_the_board_is_no_laser_on_boards_without_
         return [PlacedTrace.of(line_seen(sure=True), points, board.inverse())]
 
     views = [placed(taped) for taped in [False, True, True, False, True, True, False, True]]
-    found = [one is not None for one in choose_traces(views)]
+    found = [one is not None for one in choose_traces(views)[0]]
     assert found == [True, False, False, True, False, False, True, False]
 
 
 def test_a_line_that_is_not_sure_must_lie_as_near_to_the_plane_as_the_others_do() -> None:
     rng = np.random.default_rng(3)
 
-    def placed(off_mm: float, sure: bool) -> list[PlacedTrace]:
+    def placed(off_mm: float, sure: bool, width_px: float = 1.0) -> list[PlacedTrace]:
         depth = rng.uniform(200, 300)
         ends = np.array([[-30.0, off_mm, depth], [30.0, 0.0, depth]])
-        return [PlacedTrace(line_seen(sure), ends, 0.8, 1e-3)]
+        return [PlacedTrace(line_seen(sure, width_px), ends, 0.8, 1e-3)]
 
     lit = [placed(rng.normal(0, 0.01), sure=True) for _ in range(4)]
-    assert [one is not None for one in choose_traces([*lit, placed(0.6, sure=False)])] == [True] * 4 + [False]
-    assert [one is not None for one in choose_traces([*lit, placed(0.02, sure=False)])] == [True] * 5
+    every = [0, 1, 2, 3, 4]
+    assert choose_traces([*lit, placed(0.6, sure=False)])[1] == every[:4]
+    assert choose_traces([*lit, placed(0.02, sure=False)])[1] == every
+    # a row of squares that lies in the light's plane by chance
+    assert choose_traces([*lit, placed(0.02, sure=False, width_px=10.0)])[1] == every[:4]
+    reflection = placed(25.0, sure=True)
+    chosen, agreeing = choose_traces([*lit, reflection])
+    assert agreeing == every[:4], "a sure line off the plane is told, but lays no plane"
+    assert chosen[4] is reflection[0].trace

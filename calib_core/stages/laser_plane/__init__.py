@@ -15,7 +15,7 @@ class LaserPlane(Stage):
     """The plane of laser light, from frames of the board with the stripe on it."""
 
     name, title, place = "laser-plane", "Laser plane", 20
-    method_revision = 8  # lines by their own width, faint ones too; a bend is solved where the camera is told
+    method_revision = 9  # lines that lie in one plane with others lay it; sure ones off it are told, not fitted
     any_arrangement = True
     step = CaptureStep(
         "laser-plane",
