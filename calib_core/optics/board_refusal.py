@@ -15,6 +15,8 @@ Grey = NDArray[np.uint8]
 
 _SHARP = 0.06
 _SEARCHED_PIXELS = 1_400_000
+# Of the frame; less counts where nothing else tells why no board is seen.
+_MOSTLY_SATURATED, _SATURATED_IN_PART = 0.5, 0.1
 _LEAST_CONTRAST = 12.0  # grey values of 255 between the dark and the bright of a frame
 CELL_BOARD = "cell.board"
 """Where a frame contradicts what is told of the board: who looks at many frames says so first."""
@@ -109,9 +111,8 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
     """Return the likeliest reason why the board was not found; `seen` is another chessboard, or a part of this."""
     need = message("the whole board, {board}", board=board_words(board.kind, board.columns, board.rows))
     saturated = float((grey >= 255).mean())
-    if saturated > 0.5:
-        to_do = "Shorten the exposure or dim the laser or the lamps."
-        return MeasurementError(need, "a frame that is saturated over {saturated:.0%}", to_do, saturated=saturated)
+    if saturated > _MOSTLY_SATURATED:
+        return _saturated(need, saturated)
     (bright,) = grey_levels(grey, [99.5])
     if bright < 60:
         got = "a frame too dark to find it (brightest grey {bright:.0f} of 255)"
@@ -142,8 +143,15 @@ def why_not_found(grey: Grey, board: Board, seen: FloatArray | None = None) -> M
             columns=columns,
             rows=rows,
         )
+    if saturated > _SATURATED_IN_PART:  # the board itself, or what outshines it
+        return _saturated(need, saturated)
     to_do = "Bring the whole board into the frame, evenly lit, and check kind, columns and rows in cell.board."
     return MeasurementError(need, "no board", to_do)
+
+
+def _saturated(need: Message, share: float) -> MeasurementError:
+    to_do = "Shorten the exposure or dim the laser or the lamps."
+    return MeasurementError(need, "a frame that is saturated over {saturated:.0%}", to_do, saturated=share)
 
 
 def is_blurred(grey: Grey) -> bool:

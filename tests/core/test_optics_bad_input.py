@@ -72,6 +72,17 @@ def test_each_bad_frame_has_its_own_sentence(rendered: Callable[[str, int], Simu
     assert frame.said(image).startswith("pass")
 
 
+def test_a_saturated_board_in_a_part_of_the_frame_is_named(
+    rendered: Callable[[str, int], SimulatedSession],
+) -> None:
+    frame = Spoiled(rendered("camera", 5))
+    small = cv2.resize(frame.image, (370, 278))  # a third of the frame
+    for factor, sentence in ((15, "saturated over"), (1, "pass")):
+        around = np.full_like(frame.image, 25)
+        around[100:378, 130:500] = np.clip(small.astype(int) * factor, 0, 255)
+        assert sentence in frame.said(around), sentence
+
+
 def test_files_that_are_no_frames_are_refused_before_they_are_unpacked(simulated: SimulatedSession) -> None:
     capture = simulated.session.captures[0]
     whole = simulated.files[capture.files[0]]

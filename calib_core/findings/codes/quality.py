@@ -150,8 +150,8 @@ CORNERS_COVERED = Code(
     "board-corners-covered",
     "note",
     text=Plural(
-        "{count} corner under the stripe, glare or dirt was left out.",
-        "{count} corners under the stripe, glare or dirt were left out.",
+        "{count} corner was left out: glare, dirt or something over it.",
+        "{count} corners were left out: glare, dirt or something over them.",
         by="count",
     ),
     meaning="Corners that do not look like corners do not count.",

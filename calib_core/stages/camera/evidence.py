@@ -28,7 +28,7 @@ from calib_core.stages.evidence_parts import capture_series, captures_used, prov
 from calib_core.stages.frames_left_out import frames_left_out
 
 MODELS: Final = templates({
-    "plain": "plain: k1 k2 p1 p2 k3",
+    "plain": "plain",
     "rational": "rational",
     "tilted": "tilted sensor",
     "segmental": "segments over depth",
@@ -48,7 +48,7 @@ def evidence(session: Session, result: CameraResult) -> list[AnyBlock]:
     """Return the camera told in blocks, the answer first."""
     return [
         Figure(label="Reprojection, RMS", quantity=rms(result.reprojection_rms_px, "px"), headline=True),
-        Figure(label="Model", text=MODELS[result.model]),
+        Figure(label="Model", text=_model(result)),
         captures_used(result),
         *_parameters(result),
         *_lengths(result),
@@ -69,6 +69,13 @@ def evidence(session: Session, result: CameraResult) -> list[AnyBlock]:
         *_matrix(result),
         *provenance(result),
     ]
+
+
+def _model(result: CameraResult) -> str:
+    """Return the model with the members that the views determined."""
+    members = " ".join(name for name in result.distortion if name in result.parameters)
+    model = MODELS[result.model]
+    return message("{model}: {members}", model=model, members=members) if members else model
 
 
 def _sigma(result: CameraResult, name: str) -> float | None:
