@@ -83,10 +83,10 @@ class Operations(Connection):
         it is all of them, else a page."""
         return self.whole("GET", f"/api/v1/sessions/{quote(session_id, safe='')}/captures", params=_given({"limit": limit, "cursor": cursor}))
 
-    def captures_take_simulated(self, session_id: str, *, step: str | None = None, again: str | None = None) -> Any:
+    def captures_take_simulated(self, session_id: str, *, step: str | None = None, again: str | None = None, why: str | None = None) -> Any:
         """Let the simulated cell take its next capture, one of `step` where that is named; or one of its
         own `again`. What is taken again has a name of its own (`p05-again`); arm and scanner err anew."""
-        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/simulated/capture", params=_given({"step": step, "again": again}))
+        return self.request("POST", f"/api/v1/sessions/{quote(session_id, safe='')}/sources/simulated/capture", params=_given({"step": step, "again": again, "why": why}))
 
     def captures_get(self, session_id: str, capture_id: str) -> Any:
         """Return a capture with what was measured in it."""

@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from calib_core.errors import InputError, TooLargeError
 from calib_core.findings import measured_as_read
 from calib_core.records import StepName, parse_capture
+from calib_core.records.policy import Excluded
 from calib_core.records.strict_fields import require_known_fields
 from server.captures.changes import because_of, corrected_capture
 from server.http.api_router import API, api_router
@@ -109,6 +110,7 @@ async def take_simulated(
     intake: IntakeDep,
     step: StepName | None = None,
     again: Again = None,
+    why: Annotated[str, Query(max_length=1000, description="Kept with what comes after a verification.")] = "",
 ) -> Response:
     """Let the simulated cell take its next capture, one of `step` where that is named; or one of its own `again`.
 
@@ -120,6 +122,8 @@ async def take_simulated(
         return created(answered, f"/api/v1/sessions/{session_id}/captures/{{id}}")
     chosen = SimulatedSettings(step=step, again=again)
     capture, contents = await run_in_threadpool(_triggered, store, session_id, SIMULATED, chosen)
+    if why:
+        capture = capture.model_copy(update={"added_because": Excluded(why=why)})
     return _created(session_id, await intake.take(session_id, capture, contents, idempotency, content), capture.id)
 
 

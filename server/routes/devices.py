@@ -78,6 +78,9 @@ class Devices(BaseModel):
     waits_for: str = Field(description="What a capture waits for.")
 
 
+_WHY = Field(default="", max_length=1000, description="Kept with a capture that comes after a verification.")
+
+
 class ShotRequest(Record):
     """A capture to be taken now, once robot, table and stripe prove that they stand; all may be left out."""
 
@@ -86,6 +89,7 @@ class ShotRequest(Record):
     id: Identifier | None = None
     pose: list[Finite] | None = Field(default=None, max_length=16)
     table_deg: Finite | None = None
+    why: str = _WHY
 
 
 class SweepRequest(Record):
@@ -96,6 +100,7 @@ class SweepRequest(Record):
     id: Identifier | None = None
     seconds: float = Field(ge=0.2, le=120.0)
     table_deg: Finite | None = None
+    why: str = _WHY
 
 
 class TakenShot(BaseModel):
@@ -181,8 +186,7 @@ def take_sweep(
     """
     require_known_fields(body, "request")
     live = require_live(cells, session_id)
-    extra = {} if body.table_deg is None else {"table_deg": body.table_deg}
-    shot = Shot(body.id, host_now_s(), extra=extra, act=acting.get())
+    shot = Shot(body.id, host_now_s(), extra=_told(body), act=acting.get())
     with cells.recording_folder() as folder:
         taken = live.sweep(shot, body.seconds, folder)
     return _taken(session_id, response, taken)
@@ -258,8 +262,13 @@ def _shot(session_id: str, body: ShotRequest, store: StoreDep) -> Shot:
         with store.read() as db:
             convention = session_row(db, session_id).record["cell"]["pose_convention"]
         pose = parse_pose(convention, body.pose)
-    extra = {} if body.table_deg is None else {"table_deg": body.table_deg}
-    return Shot(body.id, host_now_s(), body.pose, pose, extra, act=acting.get())
+    return Shot(body.id, host_now_s(), body.pose, pose, _told(body), act=acting.get())
+
+
+def _told(body: ShotRequest | SweepRequest) -> dict[str, Any]:
+    """Return what a request says of the capture itself."""
+    told = {} if body.table_deg is None else {"table_deg": body.table_deg}
+    return {**told, **({"added_because": {"why": body.why}} if body.why else {})}
 
 
 def _devices(session_id: str, cells: LiveCells) -> Devices:

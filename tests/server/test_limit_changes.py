@@ -49,3 +49,17 @@ def test_an_approval_without_a_reason_is_kept_as_one_without(client: httpx.Clien
     client.post(f"/sessions/{session}/solve/tcp", params={"wait": 60})
     release = client.post(f"/sessions/{session}/release", json={"why": "   "})
     assert (release.status_code, release.json()["why"]) == (201, "")
+
+
+def test_the_reason_for_captures_after_a_decision_stays_with_them(client: httpx.Client) -> None:
+    session = simulated_session(client, scenario="verify", captures=0)
+    here, take = f"/sessions/{session}", f"/sessions/{session}/sources/simulated/capture"
+    for step in (*["tcp"] * 8, *["verify"] * 4):
+        client.post(take, params={"step": step}).raise_for_status()
+    client.post(f"{here}/solve/all", params={"wait": 60}).raise_for_status()
+    last = client.post(take, params={"step": "verify", "why": "too few decide"}).raise_for_status().json()
+    told = last["added_because"]
+    assert (told["who"], told["why"], len(told["when"])) == ("this machine", "too few decide", 24)
+    client.post(f"{here}/solve/verify", params={"wait": 60}).raise_for_status()
+    (before,) = client.get(f"{here}/answer").json()["decided_before"]
+    assert [(one["capture"], one["because"]) for one in before["came"]] == [(last["id"], told)]

@@ -128,8 +128,9 @@ def test_a_capture_is_taken_when_asked_for_and_refused_on_the_move(client: httpx
     made, session = live
     made.go(made.good[0])
     until(lambda: not made.cell.at(time.monotonic()).moving)
-    taken = client.post(f"/sessions/{session}/live/capture", json={"id": "first"})
+    taken = client.post(f"/sessions/{session}/live/capture", json={"id": "first", "why": "one more"})
     assert taken.status_code == 201, taken.text
+    assert captures(client, session)[0]["added_because"]["why"] == "one more"
     assert taken.json()["id"] == "first"
     assert taken.json()["verdict"] == "pass"
     when = datetime.fromisoformat(captures(client, session)[0]["taken"])

@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.server.access import bearer, guarded, site_of
+from tests.server.live_server import simulated_session
 from tests.server.test_equipment import DCC
 from tests.server.wrong_releases import World
 from tests.verified import verified_session
@@ -152,3 +153,33 @@ def test_after_a_decision_the_page_asks_why(profile: SharedProfile, world: World
     expect(page.get_by_role("dialog")).to_have_count(0)
     replaced = client.get(f"{here}/captures/{first['id']}").json()
     assert replaced["excluded_because"]["why"] == "the clamp was loose"
+
+
+@pytest.mark.thorough
+def test_the_first_capture_after_a_decision_asks_why_and_the_next_ones_keep_it(
+    profile: SharedProfile, world: World
+) -> None:
+    client = world.client
+    session = simulated_session(client, scenario="verify", captures=0)
+    here, take = f"/sessions/{session}", f"/sessions/{session}/sources/simulated/capture"
+    for step in (*["tcp"] * 8, *["verify"] * 4):
+        client.post(take, params={"step": step}).raise_for_status()
+    world.solve(here, "all")
+    page = profile.open(reduced_motion="reduce")
+    log_in(page, client, world.tokens["admin"], f"{here}%23verify")
+    capture = page.get_by_role("button", name="Capture to verify")
+    capture.press("Enter")
+    dialog = page.get_by_role("dialog", name="Add after a decision")
+    dialog.get_by_role("button", name="Cancel").click()
+    expect(capture).to_be_enabled()
+    capture.press("Enter")
+    dialog.get_by_label("Why").fill("too few decide")
+    page.keyboard.press("Enter")
+    rows = page.locator("table.captures tbody tr")
+    expect(rows).to_have_count(5)
+    capture.press("Enter")
+    expect(rows).to_have_count(6)
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    items = client.get(f"{here}/captures", params={"limit": 200}).json()["items"]
+    told = [(one["added_because"]["who"], one["added_because"]["why"]) for one in items if "added_because" in one]
+    assert told == [("one who may admin", "too few decide")] * 2

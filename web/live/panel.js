@@ -5,6 +5,7 @@ import { ago, live, followPreviews, OLD_S } from "../state/live.js";
 import { StateElement } from "../components/base.js";
 import { zoneBar } from "../measure/profile-plot.js";
 import { stepName } from "../measure/rail.js";
+import { addedWithReason } from "../measure/add-reason.js";
 import { attempt } from "../components/toasts.js";
 import { field, h, make, style } from "../dom.js";
 import { fixed, integer, small, typedNumber } from "../format.js";
@@ -128,13 +129,14 @@ class LivePanelElement extends StateElement {
     if (this.#seconds.reportValidity()) await this.#take(this.#sweep, "capture.recording", (angle) => live.sweep(this.state.id, { seconds, ...angle }));
   }
 
-  /** @param {HTMLElement} button @param {"capture.waiting" | "capture.recording"} meanwhile @param {(angle: { table_deg?: number }) => Promise<unknown>} take */
+  /** @param {HTMLElement} button @param {"capture.waiting" | "capture.recording"} meanwhile @param {(told: { table_deg?: number, why?: string }) => Promise<unknown>} take */
   async #take(button, meanwhile, take) {
     const before = button.textContent;
     button.setAttribute("aria-disabled", "true");
     button.textContent = t(meanwhile);
     const angle = typedNumber(this.#angle.value);
-    await attempt(() => take(this.#angleField.hidden || !this.#angle.value.trim() ? {} : { table_deg: angle }));
+    const own = this.#angleField.hidden || !this.#angle.value.trim() ? {} : { table_deg: angle };
+    await addedWithReason(this.state, (why) => take({ ...own, ...(why ? { why } : {}) }));
     button.textContent = before;
     button.removeAttribute("aria-disabled");
   }

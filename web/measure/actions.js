@@ -235,7 +235,9 @@ export class ActionsElement extends StateElement {
     this.update();
     await attempt(async () => {
       const { id } = this.state;
-      const capture = await api.captureSimulated(id, this.#step);
+      const { addedWithReason } = await import("./add-reason.js");
+      const capture = await addedWithReason(this.state, (why) => api.captureSimulated(id, this.#step, why));
+      if (!capture) return;
       if (!this.state.captures.some((one) => one.id === capture.id)) this.#awaited = capture.id;
       this.state.hurry();
       const kept = keep(id, [capture]);

@@ -50,13 +50,18 @@ export async function excludeCaptures(state, captures, excluded, otherwise) {
   await oncePer(captures, () => withReason(state, { title, go: t(excluded ? "captures.exclude" : "captures.include"), act, otherwise }));
 }
 
+/** The verification that has decided, where one has. @param {SessionState} state */
+export function decisionOf(state) {
+  const verified = /** @type {{ decision?: string | null, solved?: string | null }} */ (state.results["verify"] ?? {});
+  return verified.decision ? verified : undefined;
+}
+
 /**
  * Do what changes the captures; once a verification has decided, with the reason that is asked for.
  * @param {SessionState} state
  * @param {{ title: string, go: string, act: (why: string) => Promise<unknown>, otherwise?: (() => void) | undefined }} deed
  */
 export async function withReason(state, { act, ...deed }) {
-  const decision = /** @type {{ decision?: string | null }} */ (state.results["verify"] ?? {}).decision;
-  if (decision) whyDialog({ ...deed, words: [t("captures.decided_words")], act, after: () => undefined });
+  if (decisionOf(state)) whyDialog({ ...deed, words: [t("captures.decided_words")], act, after: () => undefined });
   else await attempt(() => act(""));
 }

@@ -10,7 +10,7 @@ import { plural, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { draftKey, freeId, send, takeBrought, takeWaiting } from "../state/upload.js";
 import { StateElement } from "../components/base.js";
-import { withReason } from "./exclude.js";
+import { addedWithReason } from "./add-reason.js";
 import { keep } from "./removed-captures.js";
 import { imageOf, matchTable, numbersOf, pictureOf } from "./match-row.js";
 import { PoseColumnsElement } from "./pose-columns.js";
@@ -351,18 +351,15 @@ export class IntakePanelElement extends StateElement {
   async #send() {
     const parcels = this.#isSending ? [] : this.#parcels(); // once, however often it is clicked
     if (!parcels.length || !await attempt(() => this.#adoptConvention())) return false;
-    return new Promise((resolve) => {
-      const act = async (/** @type {string} */ why) => {
-        const because = why ? { added_because: { why } } : {};
-        const outcome = await this.#deliver(parcels.map(({ record, files }) => ({ record: { ...record, ...because }, files })));
-        for (const file of outcome.files) this.#stored.add(file);
-        if (outcome.problems.length) this.#draw();
-        else this.close();
-        resolve(!outcome.problems.length);
-      };
-      const deed = { title: t("captures.add_decided"), go: t("captures.add_go"), act, otherwise: () => resolve(false) };
-      void withReason(this.state, deed).catch(() => resolve(false));
+    const outcome = await addedWithReason(this.state, (why) => {
+      const because = why ? { added_because: { why } } : {};
+      return this.#deliver(parcels.map(({ record, files }) => ({ record: { ...record, ...because }, files })));
     });
+    if (!outcome) return false;
+    for (const file of outcome.files) this.#stored.add(file);
+    if (outcome.problems.length) this.#draw();
+    else this.close();
+    return !outcome.problems.length;
   }
 
   /** Send, and tell it once table and guide show what came. @param {readonly Parcel[]} parcels */

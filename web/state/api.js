@@ -122,8 +122,8 @@ export const api = {
   /** The simulated cell goes to a capture's pose again. @param {string} id @param {string} captureId @returns {Promise<CaptureOut>} */
   captureAgain: async (id, captureId) => (await request(`${session(id)}/sources/simulated/capture?again=${encodeURIComponent(captureId)}`, json("POST"))).json(),
 
-  /** One of `step` where the simulated cell has some left. @param {string} id @param {string} [step] @returns {Promise<CaptureOut>} */
-  captureSimulated: async (id, step) => (await request(`${session(id)}/sources/simulated/capture${step ? `?step=${encodeURIComponent(step)}` : ""}`, json("POST"))).json(),
+  /** One of `step` where the simulated cell has some left. @param {string} id @param {string} [step] @param {string} [why] @returns {Promise<CaptureOut>} */
+  captureSimulated: async (id, step, why) => (await request(`${session(id)}/sources/simulated/capture?${query({ ...(step ? { step } : {}), ...(why ? { why } : {}) })}`, json("POST"))).json(),
 
   /** @param {string} id @param {string} text @param {string} [convention] the cell's where left out @returns {Promise<PoseLines>} */
   readPoseLines: async (id, text, convention) => (await request(`${session(id)}/pose-lines`, json("POST", { text, convention }))).json(),

@@ -59,10 +59,10 @@ export const live = {
   /** @param {string} id */
   stopTable: async (id) => void (await request(`${session(id)}/table-mover/stop`, json("POST"))),
 
-  /** Record every exposure and the robot's poses as one capture. @param {string} id @param {{ seconds: number, table_deg?: number }} body @returns {Promise<TakenShot>} */
+  /** Record every exposure and the robot's poses as one capture. @param {string} id @param {{ seconds: number, table_deg?: number, why?: string }} body @returns {Promise<TakenShot>} */
   sweep: async (id, body) => (await request(`${session(id)}/live/sweep`, json("POST", body))).json(),
 
-  /** Take a capture once all stand still. @param {string} id @param {{ table_deg?: number }} body @returns {Promise<TakenShot>} */
+  /** Take a capture once all stand still. @param {string} id @param {{ table_deg?: number, why?: string }} body @returns {Promise<TakenShot>} */
   capture: async (id, body) => (await request(`${session(id)}/live/capture`, json("POST", body))).json(),
 };
 
