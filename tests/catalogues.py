@@ -32,7 +32,12 @@ PAGE = ROOT / "web" / "texts"
 LOCALE = ROOT / "calib_core" / "findings" / "locale"
 DOCS = ROOT / "docs" / "findings"
 TRANSLATED = ("de", "zh")
-TEXTS = {"message": (0,), "Fault": (3, 4), "adding": (0,)}  # which arguments are texts; of errors the first three
+TEXTS = {
+    "message": (0,),
+    "Fault": (3, 4),
+    "adding": (0,),
+    "Match": (1,),
+}  # which arguments are texts; of errors the first three
 Text = tuple[str, str]  # the template, and its plural or nothing
 _ERRORS = {error.__name__ for error in _kinds_of(CalibrationError)}
 _LABELS = {"label", "limit_label", "title", "remark", "caption", "alt", "instruction", "why", "exit"}

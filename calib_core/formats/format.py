@@ -282,7 +282,7 @@ class Format:
 def by_ending(name: str, endings: Sequence[str], sure: float = 0.3) -> Match:
     """Return a match for a file's ending alone."""
     ending = ending_of(name)
-    return Match(sure, f"its name ends in {ending}") if ending in endings else NO_MATCH
+    return Match(sure, message("its name ends in {ending}", ending=ending)) if ending in endings else NO_MATCH
 
 
 def ending_of(name: str) -> str:

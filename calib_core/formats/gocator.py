@@ -60,7 +60,7 @@ def recognise(data: bytes, name: str) -> Match:
     bare = (line.strip().strip(b",;").strip() for line in head.split(b"\n"))
     begins = next((line for line in bare if line), b"").decode("latin-1")
     if begins in _SECTIONS and (begins != "Info" or b"CSV Version" in head):
-        return Match(0.95, f"begins with the section {begins}")
+        return Match(0.95, message("begins with the section {name}", name=begins))
     return NO_MATCH
 
 

@@ -24,7 +24,7 @@ def recognise(data: bytes, name: str) -> Match:
         return by_ending(name, FORMAT.endings)
     count = int.from_bytes(data[80:84], "little") if len(data) >= _HEADER else 0
     whole = count and len(data) == _HEADER + count * _RECORD.itemsize
-    return Match(0.8, f"has the size of {count} triangles") if whole else NO_MATCH
+    return Match(0.8, message("has the size of {count} triangles", count=count)) if whole else NO_MATCH
 
 
 def parse_stl(data: bytes, name: str) -> MeshData:

@@ -190,15 +190,16 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
     count = len(situation.taken)
     design = Design(situation.taken, situation.assumed)
     after_each = [float(worst_sigma_mm(design.workpiece(range(n + 1)))) for n in range(count)]
+    # The figure of a solve, or of one behind the guide, is the better one: what a capture gains is a share of it.
+    solved_mm = stated_mm if stated_mm is not None else promised_mm(situation)
+    scale = 1.0 if solved_mm is None or not count else solved_mm / (COVERAGE * after_each[-1])
     history = [
-        MeterPoint(capture=o.capture, uncertainty_mm=expanded(sigma))
+        MeterPoint(capture=o.capture, uncertainty_mm=expanded(scale * sigma))
         for o, sigma in zip(situation.taken, after_each, strict=True)
     ]
     covariance = design.tool(range(count))
     still_open = [str(d.description) for d in open_directions(covariance, _WEAK)]
-    now = stated_mm if stated_mm is not None else expanded(after_each[-1]) if count else None
-    if stated_mm is not None and history:
-        history[-1] = history[-1].model_copy(update={"uncertainty_mm": stated_mm})
+    now = stated_mm if stated_mm is not None else history[-1].uncertainty_mm if count else None
     meter = Meter(
         uncertainty_mm=now, wanted_mm=wanted_mm, stated=stated_mm is not None, history=history[-_HISTORY:]
     )
@@ -209,8 +210,6 @@ def advice_in(situation: Situation, wanted_mm: float | None, stated_mm: float | 
     chosen = next_pose(situation)
     if chosen is None:
         return Advice(meter, still_open, None, apart)
-    # A stated figure is the better one: what a capture gains is a share of it.
-    scale = 1.0 if stated_mm is None or not count else stated_mm / (COVERAGE * after_each[-1])
     update: dict[str, Any] = {"after_next_mm": expanded(chosen.after_mm * scale)}
     enough = False
     if wanted_mm is not None:
@@ -242,6 +241,12 @@ def _worth_from(arm: str, own_mm: float, tilt_deg: float) -> int | None:
     """Return from how many captures on an arm's errors are worth solving, None: more than are usual."""
     worth = arm_worth(ArmTable.model_validate_json(arm), own_mm, tilt_deg)
     return next((one.captures for one in worth if one.worth_it), None)
+
+
+def promised_mm(situation: Situation) -> float | None:
+    """Return the ± (k = 2) at the workpiece that a solve of the captures will state; None of too few."""
+    found = situation.workpiece
+    return None if found is None else COVERAGE * float(worst_sigma_mm(found))
 
 
 def expanded(sigma_mm: float) -> float | None:

@@ -41,6 +41,8 @@ class Situation:
         Captures that the others contradict.
     with_arm : Assumed or None
         The same with the arm's own errors among the unknowns, where these are to be solved.
+    workpiece : (3, 3) or None
+        The covariance at the workpiece, mm², that a solve of the captures will state, where they tell it by now.
     """
 
     taken: Observations
@@ -49,6 +51,7 @@ class Situation:
     agreed: bool = True
     apart: tuple[str, ...] = ()
     with_arm: Assumed | None = None
+    workpiece: FloatArray | None = None
 
     def proposed(self, count: int, seed: int = _SEED) -> Candidates:
         """Return poses that a capture could be taken from."""

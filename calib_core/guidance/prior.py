@@ -103,16 +103,18 @@ def known_of(
         seen = with_arm_moves(cell, with_joints(captures), seen)
     sigmas, taken = sigmas_of(cell, result), seen[-MOST_TAKEN:]
     apart: tuple[str, ...] = ()
+    workpiece = None
+    at_workpiece = _middle(sight, result) if point is None else np.array(point)
     if place.by_captures:
         tool, center = place.mount_from_laser, place.center_in_base_mm
-        quick = solved_quickly(taken, sphere, tool, center, _given(cell), sigmas)
-        sigmas, apart = quick.sigmas, quick.apart
+        quick = solved_quickly(taken, sphere, tool, center, _given(cell), sigmas, at_workpiece)
+        sigmas, apart, workpiece = quick.sigmas, quick.apart, quick.workpiece
     assumed = Assumed(
         sphere=sphere,
         mount_from_laser=place.mount_from_laser,
         center_in_base_mm=place.center_in_base_mm,
         sigmas=sigmas,
-        point_in_laser_mm=_middle(sight, result) if point is None else np.array(point),
+        point_in_laser_mm=at_workpiece,
         facing=sight.facing,
         tool_sigma_mm=place.tool_sigma_mm,
         tool_sigma_rad=place.tool_sigma_rad,
@@ -124,7 +126,7 @@ def known_of(
     with_arm = None if arm is None else replace(assumed, arm=arm, sigmas=own)
     agreeing = [one for one in taken if one.capture not in apart]
     agreed = place.by_captures and not apart
-    return Situation(agreeing, assumed, room, agreed=agreed, apart=apart, with_arm=with_arm)
+    return Situation(agreeing, assumed, room, agreed, apart, with_arm, workpiece)
 
 
 def _calibration_poses(session: Session) -> tuple[RigidTransform, ...]:

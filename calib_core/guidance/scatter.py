@@ -11,16 +11,18 @@ import numpy as np
 
 from calib_core.arms.alike import visits
 from calib_core.chain.arrays import chain_data
+from calib_core.chain.held import hold_files
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
 from calib_core.chain.observations import Observations, SphereSize
+from calib_core.chain.rejection import judge_from
 from calib_core.chain.scanner import COUNT, ScannerPriors
-from calib_core.chain.variance import GivenSigmas, fit_with_sigmas, mean_sigmas
+from calib_core.chain.variance import GivenSigmas, mean_sigmas
+from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.design import MOUNTED_MM, TURN_RAD
 
 _LEAST: Final = 5  # captures: three measured values of each, beside nine unknowns
 GROSS: Final = 6.0  # times the median of the misfits: what a solve will leave out
-_ROUNDS: Final = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +35,13 @@ class QuickSolve:
         The robot's scatter, averaged over what the captures leave open of it.
     apart : tuple of str
         Captures that the others contradict: a solve will leave them out.
+    workpiece : (3, 3) or None
+        The covariance of a point measured at the workpiece as a result will state it, mm²; None of too few.
     """
 
     sigmas: Sigmas
     apart: tuple[str, ...]
+    workpiece: FloatArray | None = None
 
 
 def solved_quickly(
@@ -46,8 +51,9 @@ def solved_quickly(
     center_in_base_mm: FloatArray,
     given: GivenSigmas,
     usual: Sigmas,
+    point_in_laser_mm: FloatArray,
 ) -> QuickSolve:
-    """Return how captures agree, by a fit of their arcs instead of their points.
+    """Return how captures agree, judged as a solve judges them, by their arcs instead of their points.
 
     Parameters
     ----------
@@ -60,19 +66,26 @@ def solved_quickly(
         What is told.
     usual : Sigmas
         What to believe while captures are too few to tell. Its table's angle is kept.
+    point_in_laser_mm : (3,)
+        Where the scanner sees the workpiece.
     """
     data = chain_data(seen, sphere, None, ScannerPriors())
     repeated = visits(data.rotations, data.translations)
     data = replace(data, tool_prior=_tool_prior(data, mount_from_laser), pose_scale=repeated)
     start = mount_from_laser.rotation, mount_from_laser.translation_mm, center_in_base_mm
-    off = _misfit(seen, ChainState.predicted(data, *start))
+    state = ChainState.predicted(data, *start)
+    off = _misfit(seen, state)
     agree = off <= GROSS * max(float(np.median(off)), usual.position_mm)
-    data = data.chosen(agree)
     apart = tuple(one.capture for one, fits in zip(seen, agree, strict=True) if not fits)
-    if data.count < _LEAST:
+    if agree.sum() < _LEAST:
         return QuickSolve(usual, apart)
-    found = fit_with_sigmas(data, ChainState.predicted(data, *start), given, rounds=_ROUNDS)
-    return QuickSolve(replace(mean_sigmas(data, found, given), axes=usual.axes), apart)
+    try:
+        judged = judge_from(seen, data, state, agree, given)
+    except CalibrationError:
+        return QuickSolve(usual, apart)
+    sigmas = replace(mean_sigmas(judged.data, judged.fit, given), axes=usual.axes)
+    workpiece = hold_files(judged, apply=True).at_workpiece(point_in_laser_mm, data.half_width_mm)
+    return QuickSolve(sigmas, apart, workpiece)
 
 
 def _tool_prior(data: ChainData, mount_from_laser: RigidTransform) -> ToolPrior:

@@ -1,10 +1,12 @@
 """A session folder made of files as they lie: each recognised, copied, and named for what it was taken for."""
 
+import hashlib
 import os
 import shutil
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -181,7 +183,26 @@ def _given(root: Path) -> list[GivenFile]:
         if len(given) > _MOST_FILES:
             to_do = "Name the session's folder."
             raise InputError("at most {most_files} files", "more", to_do, str(root), most_files=_MOST_FILES)
-    return given
+    return _with_digests(root, given)
+
+
+def _with_digests(root: Path, given: list[GivenFile]) -> list[GivenFile]:
+    """Return files with a hash of each of which only the beginning was read, where another begins alike."""
+    sizes = Counter((file.size, file.head) for file in given if not file.whole)
+    return [
+        replace(file, digest=_digest(root / file.name))
+        if not file.whole and sizes[file.size, file.head] > 1
+        else file
+        for file in given
+    ]
+
+
+def _digest(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").digest()
+    except OSError:
+        return b""
 
 
 def _limit(name: str, left: int) -> int:

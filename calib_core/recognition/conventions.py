@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.causes.likely import spreads_mm
 from calib_core.causes.readings import Reading
+from calib_core.messages import message
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.recognition.taken import PoseRow
 from calib_core.records import Cell
@@ -58,25 +59,33 @@ def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str
         The one that the user says.
     """
     if told is not None:
-        return Choice(told, True, "As told.", Reading.told(CONVENTIONS[told]))
+        return Choice(told, True, message("As told."), Reading.told(CONVENTIONS[told]))
     if not fitting:
         return None
     first = CONVENTIONS[fitting[0]]
     if len(fitting) == 1:
-        return Choice(first.name, True, "As the file says.", Reading.told(first))
+        return Choice(first.name, True, message("As the file says."), Reading.told(first))
     found = _spreads(rows, first.name, fitting)
-    likely = f"{', '.join(fitting[:-1])} or {fitting[-1]}"
+    likely = list(fitting)
     if not found:
-        return Choice(first.name, False, f"{likely}: too few poses to tell", Reading.told(first))
+        why = message("{likely:or}: too few poses to tell", likely=likely)
+        return Choice(first.name, False, why, Reading.told(first))
     (best, reading), *others = found
     name = _named(reading, fitting)
     if others and others[0][0] < _CLEARLY * best:
-        why = f"{likely}: the poses do not tell {name} from {_named(others[0][1], fitting)}"
+        rival = _named(others[0][1], fitting)
+        why = message(
+            "{likely:or}: the poses do not tell {name} from {rival}", likely=likely, name=name, rival=rival
+        )
         return Choice(name, False, why, reading)
-    instead = f", {others[0][0]:.0f} mm in the next best" if others else ""
-    return Choice(
-        name, True, f"Read so, all poses look at one place within {best:.0f} mm{instead}.", reading, True
-    )
+    why = message("Read so, all poses look at one place within {best_mm:.0f} mm.", best_mm=best)
+    if others:
+        why = message(
+            "Read so, all poses look at one place within {best_mm:.0f} mm, {rival_mm:.0f} mm in the next best.",
+            best_mm=best,
+            rival_mm=others[0][0],
+        )
+    return Choice(name, True, why, reading, True)
 
 
 def may_be_radians(rows: Sequence[PoseRow], choice: Choice) -> bool:

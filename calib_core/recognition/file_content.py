@@ -1,5 +1,6 @@
 """One file looked at by its content: points, poses, a controller's, a certificate, something else."""
 
+import math
 from typing import Any, cast
 
 from calib_core.disk import is_system_file
@@ -36,7 +37,7 @@ def look_at(file: GivenFile, unit: Unit | None = None) -> Look:
     """
     if file.refused:
         return nothing(file.refused)
-    if not file.data:
+    if not file.data.strip() and file.whole:
         return nothing("empty")
     if is_system_file(file.name):
         return nothing("system")
@@ -140,7 +141,8 @@ def _json(file: GivenFile, head: str) -> Look | None:
 
 
 def _with_poses(poses: PoseList, key: str = "", sphere_mm: float | None = None, keys: str = "") -> Look:
-    values: dict[str, str | float] = {"poses": len(poses.rows), "numbers": len(poses.rows[0].numbers)}
+    whole = sum(all(map(math.isfinite, row.numbers)) for row in poses.rows)
+    values: dict[str, str | float] = {"poses": whole, "numbers": len(poses.rows[0].numbers)}
     values |= {"key": key} if key else {}
     if len(poses.rows) == 1 and keys:  # one alone among settings: a result of theirs, unless a scan has its name
         values["keys"] = keys

@@ -33,11 +33,15 @@ class Row:
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of a text that are alike, the line of names above them, and how many lines were none of them."""
+    """The rows of a text that are alike, the line of names above them, and how many lines were none of them.
+
+    `uneven` are rows below the first that have fewer numbers or more: one of a list that was not filled in.
+    """
 
     rows: tuple[Row, ...]
     names: tuple[str, ...]
     others: int
+    uneven: tuple[Row, ...] = ()
 
     @property
     def width(self) -> int:
@@ -54,18 +58,24 @@ def rows_in(text: str) -> Rows:
         if not bare:
             continue
         row = None if len(bare) > _LONGEST_LINE else _row(line, bare)
-        if row is None:
+        if row is None or (not found and all(map(math.isnan, row.numbers))):
             others.append((line, bare))
-        elif not bare.startswith(_COMMENTS):
+        elif not _is_remark(bare):
             found.append(row)
     if not found:
         return _between_words([content for _, content in others])
     width = Counter(len(row.numbers) for row in found).most_common(1)[0][0]
     kept = tuple(row for row in found if len(row.numbers) == width)
+    uneven = tuple(row for row in found if len(row.numbers) != width and row.line > kept[0].line)
     above = [content for line, content in others if line < kept[0].line]
     names = _names(above[-1]) if above else ()
-    remarks = sum(content.startswith(_COMMENTS) for _, content in others)
-    return Rows(kept, names, len(others) - remarks - bool(names) + len(found) - len(kept))
+    remarks = sum(_is_remark(content) for _, content in others)
+    return Rows(kept, names, len(others) - remarks - bool(names) + len(found) - len(kept), uneven)
+
+
+def _is_remark(line: str) -> bool:
+    """Return whether a line is none of the table's; one that leaves its first field blank is."""
+    return line.startswith(_COMMENTS) and not (line[0] == ";" and line.count(";") >= _LEAST_NUMBERS - 1)
 
 
 def _between_words(lines: Sequence[str]) -> Rows:
@@ -104,7 +114,7 @@ def _row(line: int, text: str) -> Row | None:
     plain = text.translate(_BRACKETS).strip()
     fields = [field.strip() for field in style_of(plain).fields(plain)]
     if sum(map(_is_number, fields)) < 2 and not (
-        len(fields) > 1 and any(map(_is_number, fields)) and "" in fields
+        len(fields) > 1 and "" in fields and (any(map(_is_number, fields)) or fields.count("") >= _LEAST_NUMBERS)
     ):
         fields = [field for field in re.split(r"[\s,;]+", plain) if field]
     counter = _COUNTER.match(fields[0]) if fields else None

@@ -31,15 +31,35 @@ _COUNTS = {"nr", "no", "number", "index", "idx", "i", "n", "#"}
 
 def poses_in(found: Rows, file: str) -> PoseList | None:
     """Return the poses that rows hold, None where they hold none."""
-    rows = found.rows
-    if not rows or len(rows) > _MOST_POSES or found.others > max(3, len(rows)):
+    if not found.rows or len(found.rows) > _MOST_POSES or found.others > max(3, len(found.rows)):
         return None
+    found = _with_uneven(found)
+    rows = found.rows
     labels = rows[0].labels
     if labels and all(row.labels == labels for row in rows):
         return _named(found, labels, file)
     if (columns := _columns(found)) is not None:
         return _named(found, columns, file)
     return _bare(rows, file)
+
+
+def _with_uneven(found: Rows) -> Rows:
+    """Return rows among which those that are not whole keep their places: what is in order stays in order."""
+    if not found.uneven or len(found.uneven) > max(3, len(found.rows) // 4):
+        return found
+    first = found.rows[0]
+    blanks = (math.nan,) * found.width
+    whole = [
+        replace(row, numbers=(*row.numbers, *blanks)[: found.width], labels=first.labels, behind=())
+        for row in found.uneven
+        if len(row.numbers) < found.width
+    ]
+    return replace(found, rows=tuple(sorted((*found.rows, *whole), key=lambda row: row.line)))
+
+
+def _whole(values: np.ndarray) -> np.ndarray:
+    """Return the rows without a blank."""
+    return values[np.isfinite(values).all(axis=1)]
 
 
 def poses_of_numbers(rows: Sequence[Sequence[float]], names: Sequence[str], file: str) -> PoseList | None:
@@ -97,7 +117,8 @@ def _turned_somehow(found: Rows, plains: Sequence[str], file: str) -> PoseList |
     if not clear or len(found.rows) > _MOST_UNNAMED or any(_OF_CLOUD.match(plains[k]) for k in turns):
         return None
     places = [*map(plains.index, "xyz"), *turns]
-    conventions = _conventions(np.array([[row.numbers[p] for p in places] for row in found.rows]))
+    values = _whole(np.array([[row.numbers[p] for p in places] for row in found.rows]))
+    conventions = _conventions(values) if len(values) else ()
     if not conventions:
         return None
     rows = [PoseRow(tuple(row.numbers[p] for p in places), row.line, file=file) for row in found.rows]
@@ -119,12 +140,20 @@ def _beside(given: Sequence[Row], rows: list[PoseRow], plains: Sequence[str], us
             continue
         values = [row.numbers[place] for row in given]
         if name in _TIMES:
-            rows = [replace(row, time_s=v) for row, v in zip(rows, values, strict=True) if math.isfinite(v)]
+            rows = [replace(row, time_s=_known(v)) for row, v in zip(rows, values, strict=True)]
         elif name in _COUNTS or (name in _NAMES and all(v == int(v) for v in values if math.isfinite(v))):
-            rows = [replace(row, number=int(v)) for row, v in zip(rows, values, strict=True) if math.isfinite(v)]
+            rows = [replace(row, number=_whole_number(v)) for row, v in zip(rows, values, strict=True)]
         elif name in ("table", "table_deg", "turntable"):
-            rows = [replace(row, table_deg=v) for row, v in zip(rows, values, strict=True)]
+            rows = [replace(row, table_deg=_known(v), has_table=True) for row, v in zip(rows, values, strict=True)]
     return _with_words(given, rows)
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _whole_number(value: float) -> int | None:
+    return int(value) if math.isfinite(value) else None
 
 
 def joints_in(found: Rows, file: str) -> tuple[PoseRow, ...]:
@@ -155,14 +184,16 @@ def _bare(rows: Sequence[Row], file: str) -> PoseList | None:
     values = np.array([row.numbers for row in rows])
     while values.shape[1] > 4 and np.isnan(values[:, -1]).all():  # rows that end in a separator
         values = values[:, :-1]
-    if not np.isfinite(values).all() or not len(values):
+    whole = _whole(values)
+    if 4 * (len(values) - len(whole)) > len(values) or not len(whole):
         return None
     width = values.shape[1]
     if width == 4:
-        return _of_blocks(rows, values, file)
-    counted = width in (7, 8, 13, 17) and (counts_up(values[:, 0].tolist()) or rises(values[:, 0].tolist()))
+        return _of_blocks(rows, values, file) if len(whole) == len(values) else None
+    firsts = [first for first in values[:, 0].tolist() if math.isfinite(first)]
+    counted = width in (7, 8, 13, 17) and (counts_up(firsts) or rises(firsts))
     for skipped in (0, 1) if counted else (0,):
-        conventions = _conventions(values[:, skipped:])
+        conventions = _conventions(whole[:, skipped:])
         if not conventions:
             continue
         first = values[:, 0].tolist()
@@ -170,8 +201,8 @@ def _bare(rows: Sequence[Row], file: str) -> PoseList | None:
             PoseRow(
                 tuple(_as_matrix(values[k, skipped:].tolist())),
                 row.line,
-                number=int(first[k]) if skipped and counts_up(first) else None,
-                time_s=first[k] if skipped and not counts_up(first) else None,
+                number=_whole_number(first[k]) if skipped and counts_up(firsts) else None,
+                time_s=_known(first[k]) if skipped and not counts_up(firsts) else None,
                 file=file,
             )
             for k, row in enumerate(rows)

@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.errors import CalibrationError
 from calib_core.formats.format import Unit
 from calib_core.recognition.conventions import Choice, chosen_convention, may_be_radians
+from calib_core.recognition.copies import copied, with_copies, without_copies
 from calib_core.recognition.file_content import look_at
 from calib_core.recognition.joint_rows import with_joints
 from calib_core.recognition.pairing import By, natural, paired
@@ -127,6 +128,8 @@ def recognise(
     """
     looks = [_look(file, (told or {}).get(file.name), k, unit) for k, file in enumerate(files)]
     looks = with_joints(_with_controllers(_without_other_scanners(looks), arm), arm, convention)
+    copy_of = copied([look.file for look in looks])
+    looks = without_copies(looks, copy_of)
     order = sorted(
         (k for k, look in enumerate(looks) if look.taken_for in (*MEASUREMENTS, "centers")),
         key=lambda k: natural(looks[k].file.name),
@@ -140,9 +143,13 @@ def recognise(
     for group, poses in _by_folder(given, lists):
         found = paired([given[k].name for k in group], poses.rows)
         pairs |= {group[place]: len(rows) + row for place, row in found.row_of.items()}
-        by = by or found.by
+        by = by or (found.by if found.row_of else None)
         doubts += [found.doubt] if found.doubt else []
         rows += poses.rows
+    rows, pairs, not_whole = _whole(rows, pairs)
+    doubts += not_whole
+    looks, spare = with_copies(looks, copy_of, {measured[place][0] for place in pairs})
+    measured_of = {place: at for place, at in enumerate(measured) if at[0] not in spare}
     known = {name for poses in lists for name in poses.conventions}
     choice = chosen_convention(rows, lists[0].conventions if known else (), convention)
     if choice is not None:
@@ -152,9 +159,9 @@ def recognise(
     if sphere_mm is None and len(told_spheres) == 1:
         sphere_mm, sphere_from = next(iter(told_spheres.items()))
     used = set(pairs.values())
-    listed = [Pair(k, pairs.get(place), point) for place, (k, point) in enumerate(measured)]
+    listed = [Pair(k, pairs.get(place), point) for place, (k, point) in measured_of.items()]
     listed += [Pair(None, k) for k in range(len(rows)) if k not in used]
-    missing = _missing(looks, listed, choice, sphere_mm)
+    missing = [*_missing(looks, listed, choice, sphere_mm), *_open_angles(rows)]
     if any(poses.open_angles for poses in lists) and choice is not None and may_be_radians(rows, choice):
         (missing if convention is None else doubts).append(Reason("open-angles"))
     return Recognised(
@@ -249,16 +256,44 @@ def _pose_lists(
     if len(kept) > 1 and len({looks[k].file.folder for k in kept}) < len(kept):
         fitting = [k for k in kept if len(_list(looks[k]).rows) == len(measurements)] or kept
         if len(fitting) > 1:
-            names = " and ".join(looks[k].file.name for k in fitting[:3])
+            names = ", ".join(looks[k].file.name for k in fitting[:3])
             doubts.append(Reason("rival-lists", {"names": names}))
         best = fitting[0]
         for k in kept:
             if k != best:
                 values = {"poses": len(_list(looks[k]).rows), "measurements": len(measurements)}
-                reason = Reason("other-poses", {**values, "other": looks[best].file.name})
+                code = "rival-poses" if k in fitting else "other-poses"
+                reason = Reason(code, {**values, "other": looks[best].file.name})
                 looks[k] = replace(looks[k], reason=reason)
         lists = [_list(looks[best])]
     return looks, lists, doubts
+
+
+def _whole(
+    rows: Sequence[PoseRow], pairs: Mapping[int, int]
+) -> tuple[list[PoseRow], dict[int, int], list[Reason]]:
+    """Return poses without those of which a number lacks, whose they are, and a word about the rest."""
+    new = {k: place for place, k in enumerate(k for k, row in enumerate(rows) if np.isfinite(row.numbers).all())}
+    lines: dict[str, list[str]] = {}
+    for k, row in enumerate(rows):
+        if k not in new:
+            lines.setdefault(row.file, []).append(str(row.line))
+    not_whole = [Reason("rows-not-whole", {"name": name, "lines": _listed(some)}) for name, some in lines.items()]
+    return [rows[k] for k in new], {place: new[k] for place, k in pairs.items() if k in new}, not_whole
+
+
+def _open_angles(rows: Sequence[PoseRow]) -> list[Reason]:
+    """Return what is said of rows without a table's angle, of a list that has a column of them."""
+    lines: dict[str, list[str]] = {}
+    for row in rows:
+        if row.table_deg is None and row.has_table:
+            lines.setdefault(row.file, []).append(str(row.line))
+    return [Reason("missing-angles", {"name": name, "lines": _listed(some)}) for name, some in lines.items()]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return names as any language lists them, the first of many."""
+    return ", ".join([*names[:8], *(["…"] if len(names) > 8 else [])])
 
 
 def _list(look: Look) -> PoseList:
@@ -272,7 +307,7 @@ def _same(one: PoseList | None, other: PoseList) -> bool:
     if {len(row.numbers) for row in (*one.rows, *other.rows)} != {len(one.rows[0].numbers)}:
         return False
     a, b = (np.array([row.numbers for row in poses.rows]) for poses in (one, other))
-    return bool(np.abs(a - b).max() <= _SAME_MM)
+    return bool(np.allclose(a, b, rtol=0, atol=_SAME_MM, equal_nan=True))
 
 
 def _by_folder(files: Sequence[GivenFile], lists: Sequence[PoseList]) -> list[tuple[list[int], PoseList]]:
@@ -302,8 +337,7 @@ def _missing(
     if lacking and len(lacking) == len(posed):
         missing.append(Reason("missing-poses"))
     elif lacking:
-        listed = ", ".join(lacking[:8]) + (" and more" if len(lacking) > 8 else "")
-        missing.append(Reason("missing-poses-of", {"names": listed}))
+        missing.append(Reason("missing-poses-of", {"names": _listed(lacking)}))
     if choice is not None and not choice.sure and any(p.pose is not None for p in pairs):
         missing.append(Reason("missing-convention", {"choices": choice.why}))
     if sphere_mm is None and any(look.taken_for in ("profiles", "clouds") for look in looks):

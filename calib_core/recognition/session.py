@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from calib_core.messages import message, sentences, templates
+from calib_core.recognition.pairing import By
 from calib_core.recognition.recognised import Recognised
 from calib_core.recognition.taken import Look
 from calib_core.records import Session, parse_session
@@ -13,6 +15,14 @@ from calib_core.records import Session, parse_session
 _KINDS = {"profiles": "profile", "clouds": "cloud", "frames": "frame", "boards": "frame"}
 _LASER = re.compile(r"laser|stripe|line(?!ar)|plane", re.IGNORECASE)
 _NO_CONVENTION = "matrix"
+_PAIRED: Mapping[By, str] = templates(
+    {
+        "name": "Measurements and poses were paired by their names.",
+        "number": "Measurements and poses were paired by their numbers.",
+        "time": "Measurements and poses were paired by their times.",
+        "order": "Measurements and poses were paired by their order.",
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,8 @@ def session_of(found: Recognised, name: str, arm: str | None = None) -> MadeSess
             record |= {"pose": list(row.numbers), "source": f"{row.file}:{row.line}"}
             record |= {} if row.joints_deg is None else {"joints_deg": list(row.joints_deg)}
             record |= {} if row.time_s is None else {"device_time_s": row.time_s}
-            record |= {} if row.table_deg is None else {"step": "turntable", "table_deg": row.table_deg}
+            record |= {} if row.table_deg is None else {"table_deg": row.table_deg}
+            record |= {"step": "turntable"} if row.has_table else {}
         captures.append(record)
     cell: dict[str, Any] = {"pose_convention": found.choice.convention if found.choice else _NO_CONVENTION}
     if arm is not None:
@@ -73,13 +84,22 @@ def session_of(found: Recognised, name: str, arm: str | None = None) -> MadeSess
 def _notes(found: Recognised) -> list[str]:
     notes: list[str] = []
     if found.choice is not None and found.choice.sure and found.poses:
-        notes.append(f"The poses' convention is '{found.choice.convention}'. {found.choice.why}")
+        convention = message("The poses' convention is '{name}'.", name=found.choice.convention)
+        notes.append(sentences([convention, found.choice.why]))
     if found.by is not None:
-        notes.append(f"Measurements and poses were paired by {found.by}.")
+        notes.append(message(_PAIRED[found.by]))
     if any(pair.point is not None for pair in found.pairs):
-        notes.append("The laser tracker stands still, and the robot carries its target (`sphere-on-robot`).")
+        notes.append(
+            message("The laser tracker stands still, and the robot carries its target (`sphere-on-robot`).")
+        )
     if found.sphere_from:
-        notes.append(f"The sphere's diameter, {found.sphere_mm} mm, is from {found.sphere_from}.")
+        notes.append(
+            message(
+                "The sphere's diameter, {diameter_mm:g} mm, is from {name}.",
+                diameter_mm=found.sphere_mm,
+                name=found.sphere_from,
+            )
+        )
     return [*notes, *dict.fromkeys(note for look in found.looks for note in look.notes)]
 
 

@@ -4,6 +4,7 @@ import re
 
 from calib_core.errors import CalibrationError
 from calib_core.formats.opencv import point_nodes
+from calib_core.messages import message
 from calib_core.recognition.taken import GivenFile, Look, PoseList, PoseRow, Reason, nothing, preview_of
 from calib_core.robots.text import decoded
 
@@ -26,7 +27,7 @@ def look_at_storage(file: GivenFile, head: str) -> Look:
         return nothing("damaged", because=error.reason)
     if nodes:
         name, points = next(iter(nodes.items()))
-        how = f"{len(points)} points under {name}"
+        how = message("{count} points under {key}", count=len(points), key=name)
         kind = "profiles" if points.shape[1] == 2 else "clouds"
         return Look(kind, Reason("points", {"title": _TITLE, "how": how}), preview=preview_of(points))
     poses = _poses(file)

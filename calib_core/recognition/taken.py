@@ -72,10 +72,12 @@ _REASONS = templates(
         "joints-by-arm": "Joints of {poses}, which follow from them by the nominal lengths of {arm}.",
         "same-poses": "The same poses as in {other}.",
         "other-poses": "{poses} for {measurements} measurements, which {other} fits better.",
+        "rival-poses": "Other poses than in {other}, which is taken.",
+        "copy": "The same content as {other}: a copy.",
         "one-pose": "One pose, named after no measurement.",
         "settings": "Settings or results of another program ({keys}), neither profiles nor a list of poses.",
         "settings-sphere": "Settings or results of another program ({keys}); "
-        "they tell a sphere of {sphere_mm} mm.",
+        "they tell a sphere of {sphere_mm:g} mm.",
         "certificate": "A digital calibration certificate (DCC).",
         "session": "A session's own record.",
         "archive": "An archive of a session: open it instead of making a new session of it.",
@@ -88,6 +90,9 @@ _REASONS = templates(
         "missing-measurements": "No file holds profiles, clouds or frames.",
         "missing-poses": "No file holds where the robot stood: give its poses.",
         "missing-poses-of": "No pose for {names}.",
+        "missing-angles": "{name} leaves the table's angle open in line {lines}: write it there, or list captures "
+        "of the sphere that stands still in a file of their own.",
+        "rows-not-whole": "{name} has no whole pose in line {lines}.",
         "missing-convention": "The convention of the poses is not certain: {choices}.",
         "open-angles": "Nothing says whether the angles are degrees or radians: all lie within ± 3.2. Write their "
         "unit behind their names, as in A [deg] or A [rad].",
@@ -128,13 +133,15 @@ class Reason:
 class GivenFile:
     """A file that came: its name below the folder, its bytes, whole or their beginning, and its size.
 
-    `refused` is the code of a reason why it was not even read.
+    `refused` is the code of a reason why it was not even read, `digest` a hash of all of it where the bytes are
+    its beginning alone.
     """
 
     name: str
     data: bytes
     size: int | None = None
     refused: str = ""
+    digest: bytes = b""
 
     @property
     def head(self) -> bytes:
@@ -165,7 +172,10 @@ def stem_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class PoseRow:
-    """One pose as a file has it; `number` is what its first column counts, `time_s` when the robot was there."""
+    """One pose as a file has it; `number` is what its first column counts, `time_s` when the robot was there.
+
+    A number that is left blank is NaN.  `has_table` is whether its list has a column of a table's angles.
+    """
 
     numbers: tuple[float, ...]
     line: int
@@ -175,6 +185,7 @@ class PoseRow:
     file: str = ""
     joints_deg: tuple[float, ...] | None = None
     table_deg: float | None = None
+    has_table: bool = False
     doubt: str = ""
 
     def to_json(self) -> dict[str, Any]:

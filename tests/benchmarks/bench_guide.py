@@ -19,7 +19,8 @@ from calib_core.captures.measure import measure_capture
 from calib_core.errors import CalibrationError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray
-from calib_core.guidance.design import Design, worst_sigma_mm
+from calib_core.guidance.advice import advice_in
+from calib_core.guidance.design import worst_sigma_mm
 from calib_core.guidance.prior import situation_of
 from calib_core.records import Measured, Session, parse_session
 from calib_core.records.callbacks import ReadFile
@@ -116,8 +117,7 @@ def promises(session: Session, read: ReadFile) -> tuple[float | None, float | No
     for results in ({}, {"tcp": result.to_json()}):
         situation = situation_of(session, measured, results)
         silent = situation is None or (situation.apart and not results)
-        design = None if situation is None or silent else Design(situation.taken, situation.assumed)
-        said.append(None if design is None else uncertainty_mm(design.workpiece(range(len(design)))))
+        said.append(None if situation is None or silent else advice_in(situation, None).meter.uncertainty_mm)
     return said[0], said[1], result
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,18 @@ from calib_core.recognition.number_rows import rows_in
 from calib_core.recognition.pose_rows import poses_in
 from calib_core.robots import parse_pose
 from server.cli import main
-from tests.lying_folders import CONTENT, DIAMETER_MM, MATRICES, Files, as_yaml, folders, in_convention, lay, lines
+from tests.lying_folders import (
+    CONTENT,
+    DIAMETER_MM,
+    MATRICES,
+    SPHERE,
+    Files,
+    as_yaml,
+    folders,
+    in_convention,
+    lay,
+    lines,
+)
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "as-they-lie" / "sphere-80mm"
 
@@ -135,6 +147,70 @@ def test_small_clouds_are_no_poses_and_points_for_thousands_are_none() -> None:
     for line in ("2.111,044;101,7;-1.234.567,5", "2.111,044 101,7 -1.234.567,5"):
         assert rows_in(line).rows[0].numbers == (2111.044, 101.7, -1234567.5)
     assert rows_in("2.111,101.740,821.191").rows[0].numbers == (2.111, 101.74, 821.191)
+
+
+def _laid(folder: Path, rows: list[list[str]], head: str, more: Files | None = None) -> Path:
+    """Lay profiles, the sphere, and a list of KUKA's poses under a head, as a German Excel writes it."""
+    profiles: Files = {f"{name}.csv": data for name, data in zip(NAMES, CONTENT, strict=True)}
+    table = _csv(head, [[v.replace(".", ",") for v in row] for row in rows], ";")
+    return lay(folder, {**profiles, "Posen.csv": table.encode("cp1252"), "kugel.json": SPHERE, **(more or {})})
+
+
+def test_copies_are_listed_and_are_no_captures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses = [[name, *row] for name, row in zip(NAMES, _numbers("kuka"), strict=True)]
+    copy_of = {
+        "p3 - Kopie.csv": 2, "p4 (2).csv": 3, "p5 - Copy (2).csv": 4, "Kopie von p6.csv": 5, "alt/p7.csv": 6,
+        "zuletzt.csv": 1,
+    }  # fmt: skip
+    copies: Files = {name: CONTENT[k] for name, k in copy_of.items()}
+    folder = _laid(tmp_path / "in", poses, "Name;X;Y;Z;A;B;C", copies)
+    (folder / "Posen - Kopie.csv").write_bytes((folder / "Posen.csv").read_bytes())
+    assert main(["new", str(folder), "--out", str(tmp_path / "out"), "--json"]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert (made["captures"], made["missing"]) == (len(CONTENT), [])
+    assert sorted(f["name"] for f in made["files"]) == sorted(
+        path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()
+    )
+    told = {file["name"]: (file["taken_for"], file["why"]) for file in made["files"]}
+    for name, k in copy_of.items():
+        assert told[name] == ("nothing", f"The same content as p{k + 1}.csv: a copy.")
+    assert told["Posen - Kopie.csv"] == ("nothing", "The same content as Posen.csv: a copy.")
+    kept = new_session(folder, tmp_path / "told", told={"p3 - Kopie.csv": "profiles"})
+    assert kept.captures == len(CONTENT) + 1  # what somebody says is no copy is none
+
+
+def test_two_captures_of_one_content_that_have_their_own_poses_are_no_copies(tmp_path: Path) -> None:
+    poses = [[name, *row] for name, row in zip(NAMES, _numbers("kuka"), strict=True)]
+    folder = _laid(tmp_path / "in", poses, "Name;X;Y;Z;A;B;C", {"p2.csv": CONTENT[0]})
+    made = new_session(folder, tmp_path / "out")
+    assert made.captures == len(CONTENT)  # a scanner that stood still: the quality of captures says so
+
+
+def test_rows_that_are_not_whole_keep_their_place_and_are_named(tmp_path: Path) -> None:
+    rows = _numbers("kuka")
+    rows[4], rows[6] = ["", *rows[4][1:]], rows[6][:4]
+    made = new_session(_laid(tmp_path / "in", rows, "X;Y;Z;A;B;C"), tmp_path / "out")
+    assert "Posen.csv has no whole pose in line 6, 8." in made.notes
+    assert "No pose for p5.csv, p7.csv." in made.missing
+    assert [file["why"][:8] for file in made.files if file["name"] == "Posen.csv"] == ["12 poses"]
+    found = poses_of(made.folder)
+    assert sorted(found) == sorted(name for name in NAMES if name not in ("p5", "p7"))
+    for name, pose in found.items():
+        np.testing.assert_allclose(pose, MATRICES[NAMES.index(name)].matrix, atol=2e-3)
+
+
+def test_table_angles_left_blank_are_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [[*row, "" if k % 4 == 3 else str(10 * k)] for k, row in enumerate(_numbers("kuka"))]
+    folder = _laid(tmp_path / "in", rows, "X;Y;Z;A;B;C;table_deg")
+    made = new_session(folder, tmp_path / "out")
+    assert [lack[:58] for lack in made.missing] == ["Posen.csv leaves the table's angle open in line 5, 9, 13: "]
+    captures = cc.load(made.folder).captures
+    assert {c.step for c in captures} == {"turntable"}
+    assert [c.table_deg for c in captures[:5]] == [0.0, 10.0, 20.0, None, 40.0]
+    assert main(["new", str(folder), "--out", str(tmp_path / "de"), "--lang", "de"]) == 1
+    _, *files, last = capsys.readouterr().out.splitlines()
+    assert last.startswith("Posen.csv lässt den Winkel des Drehtischs in Zeile 5, 9, 13 offen: ")
+    assert not [line for line in files if re.search(r"\b(the|of|were|all|is|and|poses|as)\b", line)], files
 
 
 def test_what_is_missing_is_named_and_the_session_is_written_all_the_same(
