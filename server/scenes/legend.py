@@ -60,12 +60,14 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
         parts += _of_cloud(cloud, look)
     if _told_how_well(facts.uncertainty) and told("uncertainty"):
         how = "larger than drawn" if is_cut(facts) else f"×{magnified(facts)}"
-        parts.append(_key(UNCERTAIN, "●", message("uncertainty, k = 2, {how}", how=how)))
+        parts.append(_key(UNCERTAIN, "●", message("uncertainty, k\u00a0=\u00a02, {how}", how=how)))
     if facts.so_far is not None and told("so-far"):
         parts.append(_key(SPHERE, "●", message("scanner and sphere, as far as known")))
-        parts.append(_key(GHOST, "●", message("uncertainty by now, k = 2, at most 25 mm drawn")))
+        parts.append(_key(GHOST, "●", message("uncertainty by now, k\u00a0=\u00a02, at most 25 mm drawn")))
     if facts.table_so_far is not None and told("table-so-far"):
-        parts.append(_key(GHOST, "◍", message("axis by now, k = 2, ×{axis_times}", axis_times=AXIS_TIMES)))
+        parts.append(
+            _key(GHOST, "◍", message("axis by now, k\u00a0=\u00a02, ×{axis_times}", axis_times=AXIS_TIMES))
+        )
     if facts.field is not None and layers is not None and "field" in layers:
         low, high = facts.field.range_mm
         parts.append(f"<div>{_head(message('One scan over the table, k = 2'))}{_bar(VIRIDIS)}")
@@ -74,7 +76,7 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
     if facts.compared and layers is not None and "answers" in layers:
         parts += [_key(FIRST, "●", message("first answer")), _key(SECOND, "●", message("second answer"))]
         times = answers_magnified(facts)
-        parts.append(_line(message("Ellipsoids, k = 2, and the way between them ×{times}", times=times)))
+        parts.append(_line(message("Ellipsoids, k\u00a0=\u00a02, and the way between them ×{times}", times=times)))
     if look.alone:
         parts.append(_line(message("The cell as it stood at capture {capture}.", capture=look.picked or "")))
     return "".join(parts)
@@ -167,7 +169,8 @@ def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
     elif (look.cloud.colors != "by scan" and not merged.waiting) or not merged.names:
         low, high = height_range_mm(merged)
         parts.append(_bar(VIRIDIS))
-        parts.append(f'<div class="ticks"><span>z {low:.1f} mm</span><span>{high:.1f} mm in {frame}</span></div>')
+        top = message("{high_mm:.1f} mm in {frame}", high_mm=high, frame=frame)
+        parts.append(f'<div class="ticks"><span>z {low:.1f} mm</span><span>{top}</span></div>')
     else:
         parts += [
             _key(SCANS[number % len(SCANS)], "●", name) for number, name in enumerate(merged.names[: len(SCANS)])

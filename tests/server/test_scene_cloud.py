@@ -8,8 +8,10 @@ import pytest
 
 from calib_core.archive.stored_clouds import CLOUD_FILE, REFERENCE_FILE
 from calib_core.errors import InputError
+from calib_core.findings.catalogues import catalogue
 from calib_core.formats.ply import ply_pieces
 from calib_core.fusion.deviation import Deviations
+from calib_core.messages import made_lately
 from calib_core.stages.merge.record import MergeResult
 from server.scenes.cloud_layers import cloud_place, deviation_colors, height_range_mm
 from server.scenes.cloud_view import Against, CloudView, Section, section_of
@@ -89,7 +91,11 @@ def points_of(nodes: dict[str, Node]) -> np.ndarray:
 def test_the_stored_cloud_is_drawn_and_the_scans_where_their_colours_are_asked() -> None:
     facts = scene_facts(fused_scene())
     np.testing.assert_allclose(points_of(drawn(facts)), CLOUD, atol=1e-3)
-    assert "cleaned and merged" in legend_html(facts, look_at(facts))
+    legend = legend_html(facts, look_at(facts))
+    assert "cleaned and merged" in legend
+    top = legend.split("</span></div>")[0].rpartition(">")[2]  # of the heights
+    assert top.endswith(" mm in T")
+    assert catalogue("zh").say(made_lately(top) or top).startswith("T 中 ")
     by_scan = drawn(facts, CloudView("by scan"))
     assert len(points_of(by_scan)) == 1000  # two scans of 500 points
     assert "as they were measured" in legend_html(facts, look_at(facts, cloud=CloudView("by scan")))

@@ -90,6 +90,14 @@ _TOLD = """(theme) => !!window.scancellScene?.layers()
   && (!theme || document.documentElement.classList.contains("dark") === (theme === "dark"))"""
 
 
+_DRAWN = """(subject) => {
+  const { nodeRefFromName } = window.__viserMutable, names = Object.keys(window.__viserSceneTree.getState());
+  const of = (layer) => names.filter((name) => name.startsWith(`/${layer}/`));
+  return !!document.getElementById("scancell-legend").innerText.trim()
+    && subject.every((layer) => of(layer).length && of(layer).every((name) => nodeRefFromName[name]));
+}"""
+
+
 def scene_frame(page: Page, theme: str = "") -> Frame:
     """Return the scene's frame, in a theme, once it tells the story of the page's step."""
     for _ in range(600):
@@ -104,6 +112,8 @@ def scene_frame(page: Page, theme: str = "") -> Frame:
 def moment(page: Page, subject: list[str]) -> Moment:
     """Measure the scene as the page shows it now, once it has come to rest."""
     frame = scene_frame(page)
+    with suppress(Error):  # then the picture shows what is not drawn
+        frame.wait_for_function(_DRAWN, arg=subject, timeout=60_000)
     page.wait_for_timeout(1500)
     seen = frame.evaluate(_MEASURE, subject)
     problems = [f"labels on each other: {pair}" for pair in seen["overlaps"]]
