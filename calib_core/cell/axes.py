@@ -149,6 +149,11 @@ def axes_needed(cell: Cell) -> set[str]:
     return needed
 
 
+def moves_object(cell: Cell) -> bool:
+    """Return whether a cell names an axis that carries the object."""
+    return any(axis.carries == "object" for axis in cell.axes or ())
+
+
 def names_axes(cell: Cell) -> bool:
     """Return whether a cell names its axes, beside or in place of the one turntable."""
     return bool(cell.axes)

@@ -71,6 +71,17 @@ class ScannerPlaced(Record):
         return scanner_frame(self.model_dump(include={*SCANNER_FRAMES, "up_to_shift"}))
 
 
+def covariance_of_several(cell: Cell, result: Mapping[str, Any]) -> FloatArray | None:
+    """Return the scanner's covariance (6, 6) by a result of several scanners or still balls, or with the robot on
+    axes; None of others.
+    """
+    scanners = [frame for frame in result.get("frames") or () if frame["outof"] == "laser"]
+    still = [ball for ball in result.get("spheres") or () if ball["in"] == "base"]
+    on_axes = any(axis.carries == "robot" for axis in cell.axes or ())
+    rows = result.get("covariance") if len(scanners) > 1 or len(still) > 1 or on_axes else None
+    return None if rows is None else np.array(rows, dtype=float)[:6, :6]
+
+
 def placed_scanner(result: Mapping[str, Any]) -> RigidTransform | None:
     """Return the scanner's pose on what carries it, of a result as JSON data; None where it has none."""
     told = as_used(result)

@@ -51,6 +51,8 @@ class Assumed:
         nothing in what the captures determine, as it does not in a result.
     arm : ArmUnknowns or None
         An arm whose own errors are among the unknowns; the point at the workpiece is then as of a right one.
+    known : (6, 6) or None
+        The tool's covariance by a result whose captures are not among those that are planned with.
     """
 
     sphere: SphereSize
@@ -63,6 +65,7 @@ class Assumed:
     tool_sigma_mm: float = MOUNTED_MM
     tool_sigma_rad: float = TURN_RAD
     arm: ArmUnknowns | None = None
+    known: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +194,10 @@ class Design:
             shared += 0 if self.assumed.arm is None else len(self.assumed.arm.terms)
             state = replace(self._state(data), shared=np.zeros(shared))
             hessian = prior(data, state, shared)[2]
-        return with_tool(hessian)
+        found = with_tool(hessian)
+        if self.assumed.known is not None:
+            found[:6, :6] += np.linalg.inv(self.assumed.known)
+        return found
 
 
 def with_tool(hessian: FloatArray, turn_rad: float = TURN_RAD, shift_mm: float = MOUNTED_MM) -> FloatArray:

@@ -10,15 +10,16 @@ from calib_core.arms.alike import REACH_MM
 from calib_core.captures.arm_joints import with_arm_moves
 from calib_core.captures.content import sphere_of
 from calib_core.cell.carriers import ball_on_flange, tells_diameter
-from calib_core.cell.found import ON_FLANGE, known_scanner, placed_scanner, scanner_frame
+from calib_core.cell.found import ON_FLANGE, covariance_of_several, known_scanner, placed_scanner, scanner_frame
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
+from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.variance import GivenSigmas
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.guidance.arm_unknowns import arm_unknowns, with_joints
 from calib_core.guidance.candidates import Room
-from calib_core.guidance.design import SIGMAS, Assumed
+from calib_core.guidance.design import SIGMAS, Assumed, worst_sigma_mm
 from calib_core.guidance.field_of_view import Sight, sight_of
 from calib_core.guidance.planner import Situation
 from calib_core.guidance.scatter import GROSS, solved_quickly
@@ -95,6 +96,9 @@ def known_of(
     home = keep_off[0].rotation if keep_off else _home(cell, seen)
     if isinstance(place, Contradiction):
         return place
+    covariance = covariance_of_several(cell, result or {}) if step == "tcp" else None
+    if covariance is not None:
+        seen = []  # a plan knows one scanner, one ball and no rail: what several told stands in the result
     if place is None or home is None:
         return None
     point = cell.workpiece_in_laser_mm
@@ -105,7 +109,7 @@ def known_of(
     apart: tuple[str, ...] = ()
     workpiece = None
     at_workpiece = _middle(sight, result) if point is None else np.array(point)
-    if place.by_captures:
+    if place.by_captures and taken:
         tool, center = place.mount_from_laser, place.center_in_base_mm
         quick = solved_quickly(taken, sphere, tool, center, _given(cell), sigmas, at_workpiece)
         sigmas, apart, workpiece = quick.sigmas, quick.apart, quick.workpiece
@@ -116,8 +120,10 @@ def known_of(
         sigmas=sigmas,
         point_in_laser_mm=at_workpiece,
         facing=sight.facing,
-        tool_sigma_mm=place.tool_sigma_mm,
+        tool_sigma_mm=place.tool_sigma_mm if covariance is None else float(worst_sigma_mm(covariance[3:, 3:])),
         tool_sigma_rad=place.tool_sigma_rad,
+        known=covariance,
+        priors=ScannerPriors() if covariance is None else None,  # the result's covariance has them in it
     )
     room = Room(sight, cell.limits, home, keep_off)
     # Until poses are corrected, what was found of their scatter has the arm's errors in it.

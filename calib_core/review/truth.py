@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from calib_core.errors import InputError
 from calib_core.evidence.numbers import fixed, quantity
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
@@ -16,7 +17,12 @@ def off_the_truth(session: Session, result: Mapping[str, Any], truth: Mapping[st
 
 def truth_blocks(session: Session, result: Mapping[str, Any], truth: Mapping[str, Any]) -> list[AnyBlock]:
     """Return a result beside the truth as a table, none where it has no frames."""
-    frames = off_the_truth(session, result, truth)
+    try:
+        frames = off_the_truth(session, result, truth)
+    except InputError:
+        if result.get("verdict") != "fail":
+            raise
+        frames = []  # what explains nothing may have a covariance that is none
     if not frames:
         return []
     columns = [

@@ -2,9 +2,11 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from calib_core.graph.keys import Graph, stage_captures
+from calib_core.guidance.pose_list import planned_poses
 from calib_core.records import Guide, Measured, Session
 from calib_core.simulation import simulate
 from calib_core.stages.guide import guide
@@ -176,3 +178,49 @@ def test_the_plane_waits_for_the_camera_and_the_camera_for_the_stripes() -> None
     )
     done = again | {"laser-plane": result_of(all_there, "laser-plane")}
     assert guided(all_there, done).current.step == "tcp"
+
+
+def test_axes_that_a_cell_names_are_asked_for_by_their_readings() -> None:
+    cell = simulate("positioner", 4).session
+    seen = [guided(*after_tcp(cell, k)).current for k in (0, 4, 8)]
+    assert [(now.action, now.still_needed) for now in seen] == [("capture", 8), ("capture", 4), ("solve", 0)]
+    assert "one axis at a time" in seen[0].instruction
+    results = {stage: result_of(cell, stage) for stage in ("tcp", "turntable", "chain")}
+    assert guided(cell, results).current.step == "scan"  # "Give the table's angle" was all that was ever said
+    unread = [c.model_copy(update={"axes_deg": {"turn": 5.0}}) if c.id == "p20" else c for c in cell.captures]
+    now = guided(cell.model_copy(update={"captures": unread}), results).current
+    assert "reading of the axis 'tilt' of p20" in now.instruction
+
+
+def test_what_a_gantry_leaves_open_is_not_asked_for_beside_a_table() -> None:
+    cell = simulate("gantry-turntable", 4).session
+    opened = {"up_to_shift": {"covariance": []}, "undetermined": [{"description": "along x"}]}
+    tcp = {"tcp": result_of(cell, "tcp", **opened)}
+    assert guided(cell, tcp).current.stage == "turntable"
+    more = {stage: result_of(cell, stage, **opened) for stage in ("turntable", "chain")}
+    assert guided(cell, tcp | more).current.step == "scan"
+    alone = simulate("gantry", 4).session
+    assert "Still open" in guided(alone, {"tcp": result_of(alone, "tcp", **opened)}).current.instruction
+
+
+@pytest.mark.parametrize("name", ["two-scanners", "plate", "rail"])
+def test_a_set_of_poses_begins_with_what_several_scanners_or_balls_told(name: str) -> None:
+    simulated = simulate(name, 4)
+    session, truth = simulated.session, simulated.truth
+    measured = [
+        Measured(capture=c.id, kind=c.kind, verdict="pass", center_mm=[0.0, 190.0], radius_mm=17.0)
+        for c in session.captures
+    ]
+    balls = [{"name": one["name"], "in": "base"} for one in truth["spheres"]]
+    told = {
+        "tool0_from_laser": truth["tool0_from_laser"],
+        "sphere_center_in_base_mm": truth["spheres"][0]["center_mm"],
+        "frames": truth["frames"],
+        "spheres": balls,
+        "covariance": np.diag([1e-6] * 3 + [0.01] * 3).tolist(),
+    }
+    plan = planned_poses(session, measured, {"tcp": result_of(session, "tcp", **told)}, 4)
+    reached = [pose.uncertainty_mm or np.inf for pose in plan.poses]
+    assert reached == sorted(reached, reverse=True)
+    assert reached[0] < 0.5  # ± 9 mm, or not determined, were told beside a result of ± 0.2 mm
+    assert all(pose.approach_numbers for pose in plan.poses)

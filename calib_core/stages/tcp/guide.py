@@ -29,6 +29,7 @@ from calib_core.stages.tcp.motion import (
     next_turn,
     turn_between_deg,
 )
+from calib_core.stages.turntable.guide import wants_turntable
 
 _SHIFTS = {
     (False, False): message("Shift the scanner 30–80 mm in a new direction. Keep its orientation."),
@@ -71,9 +72,12 @@ def _guide(view: GuideView) -> GuideNow | None:
     usable = [pose for capture, pose in poses.items() if verdicts.get(capture) != "fail"]
     if not usable:
         return _first(session.cell)
+    fresh = None if result is None or result.get("stale") else result
+    if fresh and fresh.get("up_to_shift") and wants_turntable(session):
+        return None  # what the machine's motions leave open does not matter for a part on the table
     advice = tcp_advice(session, measured, view.results)
-    if result is not None and not result.get("stale"):
-        return _reviewed(session.cell, review(result), advice)
+    if fresh is not None:
+        return _reviewed(session.cell, review(fresh), advice)
     if advice is not None and (advice.contradicted or advice.apart):
         return _contradicted(advice)
     if advice is not None:

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 
 from calib_core.captures.content import pose_of
+from calib_core.cell.axes import moves_object, names_axes
 from calib_core.cell.carriers import stands_apart
+from calib_core.cell.consistency import without_readings
 from calib_core.cell.found import known_scanner
 from calib_core.errors import InputError
 from calib_core.findings import has_code
@@ -33,10 +35,10 @@ _EXIT = message(
 
 
 def wants_turntable(session: Session) -> bool:
-    """Whether the cell tells of a turntable, or captures of one are there already."""
+    """Whether the cell tells of a turntable or of axes like it, or captures of one are there already."""
     if session.cell.known.base_from_turntable is not None:
         return False
-    return "turntable" in session.cell.model_fields_set or bool(_captures(session))
+    return "turntable" in session.cell.model_fields_set or moves_object(session.cell) or bool(_captures(session))
 
 
 def guide(view: GuideView) -> GuideNow | None:
@@ -48,7 +50,7 @@ def guide(view: GuideView) -> GuideNow | None:
     fault = _fault(session, captures)
     if fault is not None:
         return _mend(*fault)
-    table, chain = data.get("turntable"), data.get("chain")
+    table, chain = _for_parts(data.get("turntable")), _for_parts(data.get("chain"))
     if chain is not None and not chain.get("stale"):
         return _reviewed(session.cell, _review(chain), table_advice(session, measured, data))
     if table is not None and not table.get("stale"):
@@ -60,6 +62,9 @@ def guide(view: GuideView) -> GuideNow | None:
         return _by_worth(session.cell, advice, again=table is not None)
     refused = {m.capture for m in measured if m.verdict == "fail"}
     angles = _angles_by_mount([c for c in captures if c.id not in refused])
+    if names_axes(session.cell):
+        count = min((len(taken) for taken in angles.values()), default=0)
+        return _next_readings(count) if count < WANTED_ANGLES else _solve_table(again=table is not None)
     if not angles:
         return _first()
     mount, taken = next(
@@ -71,6 +76,11 @@ def guide(view: GuideView) -> GuideNow | None:
     if len(angles) < WANTED_MOUNTS:
         return _next_height(mount, angles)
     return _solve_table(again=table is not None)
+
+
+def _for_parts(result: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    """Return a result without what it leaves open, where a part on the table does not feel it."""
+    return result and ({**result, "undetermined": []} if result.get("up_to_shift") else result)
 
 
 def _by_worth(cell: Cell, advice: TableAdvice, *, again: bool) -> GuideNow:
@@ -186,8 +196,12 @@ def _apart_deg(a: float, b: float) -> float:
 
 def _fault(session: Session, captures: Sequence[Capture]) -> tuple[str, str, str] | None:
     """Return what must be mended first: the capture, what is missing in it, and why."""
+    for capture, axis in without_readings(session.cell, captures):
+        why = message("The axis moves the sphere: without its reading the capture says nothing of where it stood.")
+        return capture.id, message("reading of the axis '{axis}'", axis=axis), why
+    turned = not names_axes(session.cell)
     for capture in captures:
-        if capture.table_deg is None and session.cell.turntable.angles != "unknown":
+        if turned and capture.table_deg is None and session.cell.turntable.angles != "unknown":
             why = (
                 "The sphere goes round with the table: without its angle the capture says nothing about the axis."
             )
@@ -219,6 +233,18 @@ def _mend(capture: str, missing: str, why: str) -> GuideNow:
         exit="Every turntable capture has its angle and its pose.",
         drawing="turntable-first",
         still_needed=1,
+    )
+
+
+def _next_readings(count: int) -> GuideNow:
+    return _now(
+        action="capture",
+        instruction="Move one axis at a time between captures of the sphere on it, then all together.",
+        why="Where the sphere is at different readings of an axis tells how the axis moves it.",
+        exit=message("{wanted_angles} captures of each sphere on an axis.", wanted_angles=WANTED_ANGLES),
+        drawing="turntable-turn",
+        progress=message("{count} of {wanted_angles} captures", count=count, wanted_angles=WANTED_ANGLES),
+        still_needed=WANTED_ANGLES - count,
     )
 
 
