@@ -31,7 +31,7 @@ _DECLARED: Final = b"BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n"
 _VERSIONS: Final = ("1.0", "0.97")
 _MAX_TAG_BYTES: Final = 64_000_000
 _EARLIEST: Final = (1980, 1, 1, 0, 0, 0)  # every entry's time, so that the same session gives the same bytes
-_COPY_AGAIN: Final = message("Copy the archive again from where it was made; it is not what was packed.")
+_COPY_AGAIN: Final = message("Copy the archive again from where it was made.")
 _DENSE: Final = frozenset(
     {".npy", ".ply", ".pcd", ".png", ".jpg", ".jpeg", ".tif", ".tiff"}
 )  # deflating gains little
@@ -283,7 +283,7 @@ def _manifest(files: ZipFiles, base: str, name: str) -> dict[str, str]:
         if len(digest) != 64 or not listed:
             raise InputError("lines of a SHA-256 and a name", ascii(line)[:80], _COPY_AGAIN, place)
         if listed in digests:
-            raise InputError("each file once", "{name} twice", _COPY_AGAIN, place, name=ascii(listed)[:80])
+            raise InputError("each file once", "'{name}' twice", _COPY_AGAIN, place, name=ascii(listed)[1:-1][:80])
         digests[listed] = digest.lower()
     return digests
 

@@ -54,7 +54,7 @@ def require_distinct_names(names: Iterable[str], where: str) -> None:
         other = files.get(folded(name))
         if other is not None:
             got = (
-                message("{name} twice", name=_shown(name))
+                message("'{name}' twice", name=_shown(name))
                 if other == name
                 else message("{other} and {name}", other=_shown(other), name=_shown(name))
             )

@@ -38,7 +38,8 @@ def arm_from_ur_calibration(data: bytes, name: str) -> ArmTable:
 
     if len(data) > _MOST_BYTES:
         to_do = "Give the file as its program wrote it."
-        raise TooLargeError("a calibration of at most 100 kB", "a larger one", to_do, name)
+        need = "a file of at most {limit_mb:g} MB"
+        raise TooLargeError(need, "a larger one", to_do, name, limit_mb=_MOST_BYTES / 1e6)
     try:
         read = yaml.safe_load(data)
         links = cast("dict[str, dict[str, Any]]", read["kinematics"])

@@ -66,9 +66,10 @@ def read_certificate(data: bytes, where: str = "certificate", *, of_sphere: bool
         If it is no whole XML, declares entities, is no DCC, or, `of_sphere`, has no diameter in a unit of length.
     """
     if len(data) > _LARGEST_BYTES:
-        need = "a certificate of at most 20 MB"
+        need = "a file of at most {limit_mb:g} MB"
         to_do = "Give the XML alone."
-        raise InputError(need, plural("{count} byte", "{count} bytes", by="count", count=len(data)), to_do, where)
+        got = plural("{count} byte", "{count} bytes", by="count", count=len(data))
+        raise InputError(need, got, to_do, where, limit_mb=_LARGEST_BYTES / 1e6)
     found = elements(data, where)
     if not found or found[0].name != "digitalCalibrationCertificate":
         got = f"<{found[0].name}>" if found else message("nothing")
@@ -196,7 +197,9 @@ def _sigma(inside: Sequence[Element], where: str) -> tuple[float | None, float |
     if expanded is not None and factor is not None:
         k = _number(factor, where)
         if k < 1:
-            raise InputError("a coverage factor of at least 1", f"{k:g}", "Look at it.", _at(factor, where))
+            raise InputError(
+                "a coverage factor of at least 1", f"{k:g}", "Look at the certificate.", _at(factor, where)
+            )
         return abs(_number(expanded, where)) / k, k
     return (None if standard is None else abs(_number(standard, where))), None
 
@@ -223,7 +226,9 @@ def _number(element: Element, where: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError("a number", repr(element.text.strip()[:40]), "Look at it.", _at(element, where))
+        raise InputError(
+            "a number", repr(element.text.strip()[:40]), "Look at the certificate.", _at(element, where)
+        )
     return value
 
 

@@ -158,7 +158,7 @@ class PlaneViews:
         size = frame.shape[1], frame.shape[0]
         if self._camera.image_size[0] and self._camera.image_size != size:
             raise InputError(
-                "frames of {width}×{height} pixels, as the camera was calibrated with",
+                "a frame of {width}×{height} pixels, as the camera was calibrated with",
                 "{width_other}×{height_other} pixels",
                 "Take all frames with one camera and one setting, or remove this capture.",
                 capture.id,

@@ -45,7 +45,7 @@ def applied(session: Session, changes: Changes) -> tuple[Session, Changes]:
     captures = {capture["id"]: capture for capture in record.get("captures", [])}
     missing = [name for name in changes.captures if name not in captures]
     if missing:
-        raise InputError("captures of this session", ", ".join(repr(name) for name in missing), _AGAIN, "captures")
+        raise InputError("a capture of the session", ", ".join(repr(name) for name in missing), _AGAIN, "captures")
     undo = Changes(
         cell=patch_back(record["cell"], changes.cell),
         captures={name: patch_back(captures[name], change) for name, change in changes.captures.items()},

@@ -63,5 +63,5 @@ def _only(files: Mapping[str, bytes], patched: Callable[[bytes], bytes]) -> tupl
         listed = ", ".join(list(done)[:5])
         raise InputError("one file that defines it", f"{len(done)}: {listed}", "Give the right one alone.", "into")
     got = "; ".join(reasons[:_MOST_REASONS]) or message("none of {count} files", count=len(files))
-    to_do = message("Choose a tool that the backup defines, or give the file that defines it.")
+    to_do = message("Give the file that defines it, or name another with --tool or --frame.")
     raise InputError("a file that defines the tool", got, to_do, "into")

@@ -40,7 +40,7 @@ def read(data: bytes, name: str, settings: E57Settings, kind: PointKind | None) 
         from pye57.exception import PyE57Exception
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[e57]'; or export the cloud as PLY.")
-        raise InputError("the extra 'e57', which reads E57", "none", to_do, name) from None
+        raise InputError("the extra '{extra}'", "none", to_do, name, extra="e57") from None
     with temporary_folder() as folder:  # libE57Format reads files alone
         path = folder / "scan.e57"
         path.write_bytes(data)
@@ -71,7 +71,7 @@ def scan_poses(data: bytes, name: str) -> list[list[float] | None]:
         import pye57
     except ModuleNotFoundError:
         to_do = message("Install it: pip install 'scancell[e57]'; or export the cloud as PLY.")
-        raise InputError("the extra 'e57', which reads E57", "none", to_do, name) from None
+        raise InputError("the extra '{extra}'", "none", to_do, name, extra="e57") from None
     found: list[list[float] | None] = []
     with temporary_folder() as folder:
         path = folder / "scan.e57"

@@ -64,7 +64,9 @@ def read(data: bytes, name: str, settings: KeyenceSettings, kind: PointKind | No
             if not settings.profile
             else message("profile {chosen} of {profiles}", chosen=chosen, profiles=profiles)
         )
-        raise InputError("one profile", got, "Give the setting profile, or export one alone.", name)
+        raise InputError(
+            "one profile", got, message("Give the setting {named}, or export one alone.", named="profile"), name
+        )
     require_kind("profile", kind, name, "x and z")
     points = values[:, [0, chosen]].copy()
     points[np.isin(points, _INVALID).any(axis=1)] = np.nan

@@ -70,7 +70,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
         if isinstance(error, KeyboardInterrupt | SystemExit):
             raise
         got = str(error)[:120] or type(error).__name__
-        raise InputError("a whole LAS or LAZ file", got, "Copy or export it again.", name) from None
+        raise InputError("a LAS or LAZ file", got, "Copy or export it again.", name) from None
     require_count(count, len(xyz), name)
     columns = [Column(axis, place, axis.upper(), None) for place, axis in enumerate("xyz")]
     read = points_of(xyz[:, :3].astype(np.float64), columns, kind, name, settings).with_intensity(xyz[:, 3])
@@ -128,16 +128,16 @@ def _require_plausible(data: bytes, name: str) -> bool:
     header_size, first_point, records = struct.unpack_from("<HII", data, 94)
     packed = bool(data[104] & 0xC0)
     if not _HEADER <= header_size <= first_point <= len(data):
-        need = "a whole LAS or LAZ file"
+        need = "a LAS or LAZ file"
         raise InputError(need, "points that begin at byte {first_point}", _TO_DO, name, first_point=first_point)
     if records * _RECORD_HEAD > first_point - header_size:
-        need = "a whole LAS or LAZ file"
+        need = "a LAS or LAZ file"
         raise InputError(need, "{records} records before the points", _TO_DO, name, records=records)
     if packed and first_point + 8 <= len(data):
         (table,) = struct.unpack_from("<q", data, first_point)
         table = struct.unpack_from("<q", data, len(data) - 8)[0] if table == -1 else table
         if not first_point <= table <= len(data) - 8:
-            raise InputError("a whole LAS or LAZ file", "no table of its pieces", _TO_DO, name)
+            raise InputError("a LAS or LAZ file", "no table of its pieces", _TO_DO, name)
         (pieces,) = struct.unpack_from("<I", data, table + 4)
         require_count(pieces, len(data), name)
         _require_item_sizes(data[header_size:first_point], struct.unpack_from("<H", data, 105)[0], name)
@@ -148,7 +148,7 @@ def _require_item_sizes(records: bytes, point_bytes: int, name: str) -> None:
     """Refuse a LAZ file whose packing describes points of another size than its header."""
     begin = records.find(_PACKING)
     if begin < 0:
-        raise InputError("a whole LAS or LAZ file", "no description of its packing", _TO_DO, name)
+        raise InputError("a LAS or LAZ file", "no description of its packing", _TO_DO, name)
     items = begin - 2 + _RECORD_HEAD + 32
     try:
         (count,) = struct.unpack_from("<H", records, items)

@@ -153,12 +153,12 @@ def require_file_size(size_bytes: int, where: str, limit_bytes: int = MAX_FILE_B
     """
     if size_bytes > limit_bytes:
         raise TooLargeError(
-            "a file of at most {limit_bytes:.0f} MB",
-            "{size_bytes:.0f} MB",
+            "a file of at most {limit_mb:g} MB",
+            "{size_mb:.0f} MB",
             "Give each capture its own file, without what is not needed.",
             where,
-            limit_bytes=limit_bytes / 1000000.0,
-            size_bytes=size_bytes / 1000000.0,
+            limit_mb=limit_bytes / 1e6,
+            size_mb=size_bytes / 1e6,
         )
 
 

@@ -27,14 +27,16 @@ def bag_messages(data: bytes, name: str, types: Collection[str]) -> Iterator[tup
     """
     if len(data) > _LARGEST_BYTES:
         to_do = message("Record the poses' topics alone: ros2 bag record /tf /tf_static.")
-        need = "a recording of at most 256 MB"
-        raise InputError(need, "{count:.0f} MB", to_do, name, count=len(data) / 1000000.0)
+        need = "a file of at most {limit_mb:g} MB"
+        raise InputError(
+            need, "{size_mb:.0f} MB", to_do, name, limit_mb=_LARGEST_BYTES / 1e6, size_mb=len(data) / 1e6
+        )
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError:
-        to_do = message("Install it: pip install 'scancell[ros]'.")
-        raise InputError("the library rosbags", "none", to_do, name) from None
+        to_do = message("Install it: pip install 'scancell[{extra}]'.", extra="ros")
+        raise InputError("the extra '{extra}'", "none", to_do, name, extra="ros") from None
     with temporary_folder() as folder:
         file = folder / ("bag.mcap" if data.startswith(MCAP) else "bag.db3")
         file.write_bytes(data)

@@ -36,7 +36,8 @@ def opened_files(files: Mapping[str, bytes], skipped: dict[str, str] | None = No
                 entries = [entry for entry in archive.infolist() if not entry.is_dir()]
                 if len(entries) > _MOST_FILES or sum(entry.file_size for entry in entries) > _MOST_BYTES:
                     to_do = message("Give the files with programs, tools and frames alone.")
-                    raise InputError("a backup of at most 20000 files and 256 MB", "a larger one", to_do, name)
+                    need = "at most {most_files} files and 256 MB"
+                    raise InputError(need, "more", to_do, name, most_files=_MOST_FILES)
                 for entry in entries:
                     try:
                         opened[entry.filename] = archive.read(entry)
@@ -65,7 +66,7 @@ def with_file_replaced(archive: bytes, name: str, content: bytes, where: str) ->
     with zipfile.ZipFile(io.BytesIO(archive)) as old, zipfile.ZipFile(target, "w") as new:
         if old.namelist().count(name) != 1:
             got = message("{name} files named {name_other}", name=old.namelist().count(name), name_other=name)
-            raise InputError("each file once in the zip", got, "Unpack it and give the folder.", where)
+            raise InputError("each file once", got, "Unpack it and give the folder.", where)
         new.comment = old.comment
         for entry in old.infolist():
             new.writestr(entry, content if entry.filename == name else old.read(entry), entry.compress_type)

@@ -151,7 +151,7 @@ class Graph:
         try:
             return self._digest(name)
         except KeyError:
-            raise InputError("the file {name}", "none", "Add it to the session.", name, name=name) from None
+            raise InputError("the file {name}", "none", "Add it.", name, name=name) from None
 
     def _inputs(self, stage: Stage) -> dict[str, Any]:
         """Return all that a stage reads, as JSON data."""

@@ -237,7 +237,9 @@ def _pose(cell: Cell, pose: Any, where: str) -> list[Any]:
     array = _array(pose)
     if array is not None and array.ndim == 1:
         if not np.isfinite(array).all():
-            raise InputError("finite numbers", f"{array.tolist()}", "Read this pose again.", where)
+            raise InputError(
+                "finite numbers", f"{array.tolist()}", "Read the pose from the controller again.", where
+            )
         return array.tolist()
     if isinstance(pose, list | tuple | np.ndarray):  # of a sweep: one a profile
         return [_pose(cell, each, where) for each in cast("Sequence[Any]", pose)]

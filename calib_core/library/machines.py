@@ -56,7 +56,8 @@ def files_of(path: Path) -> dict[str, bytes]:
             names = sorted(p for p in path.rglob("*") if p.is_file())
             if sum(p.stat().st_size for p in names) > _LARGEST_BYTES:
                 to_do = message("Give the files with programs, tools and frames alone.")
-                raise InputError("a backup of at most 256 MB", "a larger one", to_do, str(path))
+                need = "a file of at most {limit_mb:g} MB"
+                raise InputError(need, "a larger one", to_do, str(path), limit_mb=_LARGEST_BYTES / 1e6)
             return {p.relative_to(path).as_posix(): p.read_bytes() for p in names}
         return {path.name: path.read_bytes()}
     except OSError as error:

@@ -150,7 +150,7 @@ def solve_plane(
         If too few boards carry the stripe, or their lines do not fix a plane.
     """
     if len(views) < 2:
-        need = "at least two boards with the stripe on them, better five at different distances"
+        need = "the stripe on at least two boards, better five at different distances"
         to_do = "Capture the board with the stripe on it at other distances and tilts."
         raise MotionError(need, f"{len(views)}", to_do)
     others = () if camera_uncertainty is None else camera_uncertainty.boards or ()

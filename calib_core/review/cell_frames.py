@@ -321,7 +321,7 @@ def _determined(found: FoundTransform, results: Mapping[str, Mapping[str, Any]])
     if sum(_is_open(edge, results) for edge in found.through) == 1:
         raise ConflictError(
             "a transform that the motions determine",
-            "one that they leave open",
+            "one that the captures leave open",
             "Tilt the flange by 10 to 30° about two axes and capture again, or measure the position.",
         )
     return found

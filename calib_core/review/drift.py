@@ -149,7 +149,7 @@ def cell_drift(sessions: Sequence[SolvedSession]) -> CellDrift:
         _series("tool", "Scanner at the workpiece", "mm", [tool_point(s, a, point) for s, a in answers]),
         _series("tool-orientation", "Scanner's orientation", "deg", turns(answers)),
         _series("axis", "Turntable's axis", "mm", axes(tables, axis_point)),
-        _series("axis-direction", "Axis direction", "deg", axes(tables, axis_direction)),
+        _series("axis-direction", "Axis, direction", "deg", axes(tables, axis_direction)),
         _series("verification", "Tool's error when verified", "mm", [v for s in good if (v := verified(s))]),
         *(
             _series("arm-zero", message("Zero of joint {number}", number=number), "deg", zeros, charts.get(number))

@@ -125,7 +125,7 @@ def replay(
         If no result is stored.
     """
     if not results:
-        raise InputError("stored results to compare with", "none", "Solve the session, then pack it.", where)
+        raise InputError("stored results to compare with", "none", "Solve the session first.", where)
     read = plain(read)  # afresh: what was kept may be what was wrong
     stages = [_stage(session, read, stage, stored, progress, fresh) for stage, stored in results.items()]
     equal = all(stage.equal for stage in stages)

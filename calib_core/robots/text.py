@@ -46,8 +46,15 @@ def source_of(data: bytes, name: str) -> Source:
         If it is no text, or too large to be a controller's file.
     """
     if len(data) > _LARGEST_BYTES:
-        need = "a controller's file of at most 64 MB"
-        raise InputError(need, "{count:.0f} MB", "Give one file.", name, count=len(data) / 1000000.0)
+        need = "a file of at most {limit_mb:g} MB"
+        raise InputError(
+            need,
+            "{size_mb:.0f} MB",
+            "Give one file.",
+            name,
+            limit_mb=_LARGEST_BYTES / 1e6,
+            size_mb=len(data) / 1e6,
+        )
     text = decoded(data)
     if "\0" in text:
         to_do = message("Give the file as text, as the controller's backup or its editor writes it.")

@@ -41,9 +41,9 @@ def run(
     """
     if stage != "all":
         if stage not in STAGES.names():
-            need = "a stage among all, {stages}"
+            need = "a stage among {stage_names}"
             to_do = "Name one of these."
-            raise InputError(need, f"'{stage}'", to_do, "stage", stages=", ".join(s.name for s in stages()))
+            raise InputError(need, f"'{stage}'", to_do, "stage", stage_names=", ".join(s.name for s in stages()))
         return {stage: solve_stage(session, stage, read, progress, store)}
     results: dict[str, Result] = {}
     kept = Kept(results=results)

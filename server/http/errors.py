@@ -53,7 +53,7 @@ _TO_DO = templates(
         413: "Send less at once: thin the points, crop the frame, or split the capture.",
         500: "Check the server's log and report it.",
         503: "Try again in a moment.",
-        504: "Try again with less at once.",
+        504: "Send less at once.",
         507: "Free space on the server's disk, then send it again.",
     }
 )

@@ -32,7 +32,7 @@ def parse_json(text: str | bytes, where: str) -> Any:
     except InputError as error:
         raise error.at(where) from None
     except ValueError as error:  # includes UnicodeDecodeError and integers of thousands of digits
-        raise InputError("JSON (UTF-8)", "something else: {error}", "Correct it.", where, error=error) from None
+        raise InputError("JSON (UTF-8)", "something else ({error})", "Correct it.", where, error=error) from None
     require_plain(data, where)
     return data
 
@@ -51,7 +51,7 @@ def plain_json(data: Any) -> Any:
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    raise InputError("finite numbers", name, "Leave the field out where there is no value.")
+    raise InputError("finite numbers", name, "Leave it out.")
 
 
 class StrictRequest(Request):

@@ -42,5 +42,5 @@ def explained(error: BaseException) -> Data:
     return problem_of_status(
         500,
         message("an error of the program itself ({name}: {error})", name=type(error).__name__, error=error),
-        "Look into the server's log.",
+        "Check the server's log and report it.",
     )

@@ -85,6 +85,10 @@ def open_pool(settings: Settings, listen: Listen) -> Pool:
     try:
         from server.jobs.dask_pool import DaskPool
     except ModuleNotFoundError:
-        to_do = message("Install it: pip install 'scancell[dask]'; or leave SCANCELL_DASK out.")
-        raise InputError("the extra 'dask'", "none", to_do, "dask") from None
+        to_do = message(
+            "Install it: pip install 'scancell[{extra}]'; or leave {setting} out.",
+            extra="dask",
+            setting="SCANCELL_DASK",
+        )
+        raise InputError("the extra '{extra}'", "none", to_do, "dask", extra="dask") from None
     return DaskPool(settings, listen)

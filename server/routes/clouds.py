@@ -90,5 +90,5 @@ def _missing(stored: StoredSession, name: str) -> NotFoundError:
     there = ", ".join(PurePosixPath(known).name for known in sorted(stored.outputs))
     if there:
         return NotFoundError("a cloud among {there}", repr(name), "Name one of these.", "name", there=there)
-    to_do = message("POST …/sessions/{stored}/solve/merge makes them.", stored=stored.id)
+    to_do = message("POST …/sessions/{stored}/solve/merge makes it.", stored=stored.id)
     return NotFoundError("a merged cloud", "none", to_do, "name")

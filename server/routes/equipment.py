@@ -121,7 +121,8 @@ def set_certificate(
     """Keep the file of a piece's certificate; number, laboratory and date are taken from a digital one (DCC)."""
     content = file.file.read(_LARGEST_BYTES + 1)
     if len(content) > _LARGEST_BYTES:
-        raise TooLargeError("a certificate of at most 20 MB", "more", "Give the certificate alone.", "file")
+        need = "a file of at most {limit_mb:g} MB"
+        raise TooLargeError(need, "more", "Give the certificate alone.", "file", limit_mb=_LARGEST_BYTES / 1e6)
     name = (file.filename or "certificate").replace("\\", "/").rpartition("/")[2][:200]
     with store.write() as db:
         row = equipment_row(db, piece)

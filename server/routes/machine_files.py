@@ -18,7 +18,7 @@ def size_of(files: list[UploadFile]) -> int:
     """Return how many bytes files have; raises TooLargeError where they are too many."""
     size = sum(file.size or 0 for file in files)
     if size > _MOST_BYTES or len(files) > _MOST_FILES:
-        to_do = message("Send the files with programs, tools and frames alone.")
+        to_do = message("Give the files with programs, tools and frames alone.")
         need = "at most {most_files} files and 256 MB"
         raise TooLargeError(
             need, "{count}, {size} bytes", to_do, "files", most_files=_MOST_FILES, count=len(files), size=size

@@ -81,7 +81,7 @@ def create(body: SessionRequest, idempotency: IdempotencyDep, store: StoreDep) -
         device = simulated_session(body.simulated.scenario, body.simulated.seed).session
         record = {**device.to_json(), **record, "captures": []}
     elif record.get("captures"):
-        raise InputError("a session without captures", "some", "Post each capture by itself.", "captures")
+        raise InputError("a session without captures", "some", "Send each capture by itself.", "captures")
     require_known_fields(body, "request", STORE_FIELDS | {"captures"})
     parsed = parse_session({**record, "captures": []}, "request")
     require_rigid(parsed.cell)
@@ -136,7 +136,7 @@ def change(
     """
     changes = {n: v for n, v in body.model_dump(exclude_unset=True).items() if n not in STORE_FIELDS}
     if "captures" in changes:
-        raise InputError("changes of the session", "captures", "Patch each capture by itself.", "captures")
+        raise InputError("changes of the session", "captures", "Send each capture by itself.", "captures")
     answer, tag = corrected_session(store, measuring.measure, session_id, changes, if_match, identity.name)
     queue.wake()
     return JSONResponse(answer, headers={"ETag": tag})

@@ -155,7 +155,9 @@ def get_result(session_id: SessionId, stage: StageName, store: StoreDep) -> Resp
         read = _as_read(db, load_session(db, store.blobs, session_id))
     if stage not in read:
         to_do = "POST …/solve/{stage} first."
-        raise NotFoundError("a stage that was solved", "'{stage}', which was not", to_do, "stage", stage=stage)
+        raise NotFoundError(
+            "a stage that was solved", "'{stage}', which was not solved", to_do, "stage", stage=stage
+        )
     return JSONResponse(read[stage])
 
 

@@ -167,7 +167,7 @@ def _pose(text: str, note: str, session: Session) -> list[float]:
             if len(rows) == 1 and rows[0].problem
             else plural("{count} pose", "{count} poses", by="count", count=len(rows))
         )
-        raise InputError("one pose", got, "Write one pose in the cell's convention.", note)
+        raise InputError("a pose", got, "Write one pose in the cell's convention.", note)
     return list(rows[0].numbers)
 
 

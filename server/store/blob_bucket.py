@@ -203,8 +203,12 @@ def _client(endpoint: str | None, timeout_s: float, attempts: int) -> Any:
         import boto3
         from botocore.config import Config
     except ImportError:
-        to_do = message("Install it: pip install 'scancell[s3]'; or leave SCANCELL_BLOBS out.")
-        raise InputError("the extra 's3' for blobs in an S3 store", "none", to_do) from None
+        to_do = message(
+            "Install it: pip install 'scancell[{extra}]'; or leave {setting} out.",
+            extra="s3",
+            setting="SCANCELL_BLOBS",
+        )
+        raise InputError("the extra '{extra}'", "none", to_do, extra="s3") from None
     config = Config(
         connect_timeout=timeout_s,
         read_timeout=timeout_s,

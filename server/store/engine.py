@@ -71,8 +71,12 @@ def engine_of(url: str, read_only: bool = False, wait_s: float = 10.0) -> Engine
             connect_args=_TIMEOUTS,
         )
     except ModuleNotFoundError:
-        to_do = message("Install it: pip install 'scancell[postgres]'; or leave SCANCELL_DATABASE_URL out.")
-        raise InputError("the extra 'postgres'", "none", to_do, "database_url") from None
+        to_do = message(
+            "Install it: pip install 'scancell[{extra}]'; or leave {setting} out.",
+            extra="postgres",
+            setting="SCANCELL_DATABASE_URL",
+        )
+        raise InputError("the extra '{extra}'", "none", to_do, "database_url", extra="postgres") from None
 
 
 def _json_text(data: Any) -> str:

@@ -32,7 +32,7 @@ def upgrade(connection: Connection, revision: str = "heads") -> None:
         command.upgrade(config, revision)
     except CommandError as error:  # it does not know the revision that it finds
         to_do = message("Use the version that wrote it, or a later one.")
-        raise InputError("a store of this version or an earlier one", str(error), to_do, "store") from None
+        raise InputError("a database of this version or an earlier one", str(error), to_do, "store") from None
 
 
 def downgrade(connection: Connection, revision: str) -> None:

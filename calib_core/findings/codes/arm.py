@@ -78,7 +78,7 @@ ARM_LENGTHS = Code(
     "lengths too short by as much: the captures hardly tell which.",
     to_do="Check the arm's calibration, the scanner's own and the sphere's diameter.",
     meaning="Lengths of arm and scanner do not agree.",
-    decided="The factor between them differs from one beyond chance.",
+    decided="The factor differs from one beyond chance.",
     usual_causes="An arm that was never calibrated, a scanner's wrong scale.",
 )
 

@@ -137,5 +137,5 @@ LOST_RAYS = Code(
     to_do="Show the board there, too, when the camera is calibrated.",
     meaning="A camera's distortion is known only where the board was seen; beyond, its formula folds back.",
     decided="The pixel lies beyond the fold of the distortion that was found.",
-    usual_causes="Boards in the image's middle alone.",
+    usual_causes="Boards in the middle of the image alone.",
 )

@@ -149,7 +149,7 @@ CONVENTION_LIKELY = Code(
         "read as '{told}'.",
     },
     by="as_told",
-    to_do="Compare one with the pendant.",
+    to_do="Compare one pose with the pendant.",
     meaning="Captures of one sphere look at one place; another convention makes them do so far better.",
     decided="All conventions are tried.",
     usual_causes="A convention that was not told, or is that of another controller.",

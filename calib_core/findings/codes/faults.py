@@ -42,7 +42,7 @@ ANSWER_NOT_REPLAYED = Code(
     "answer-not-replayed",
     "error",
     text="The answer was imported, and not solved anew here.",
-    to_do="Wait for its replay, or solve the session.",
+    to_do="Wait for its replay, replay the session, or solve it again.",
     meaning="What another installation found is not known to follow from the captures.",
     decided="The result's provenance is `imported`.",
     usual_causes="An archive or folder that was imported a moment ago.",

@@ -25,7 +25,7 @@ TABLE_DIRECTION_OF_SCANS = Code(
     text="The scans fit together if the table turned the other way round: {pairs_after:d} pairs of surfaces lie "
     "together then, {pairs_before:d} do now.",
     to_do=_APPLY,
-    title="The table turned the other way round",
+    title="The table turns the other way round",
     meaning="The table's angles count in the other sense than the cell says.",
     decided="Every scan is turned by twice its angle; the pairs of surfaces that then lie together are counted.",
     usual_causes="`turntable.direction`, or the sign in which the table's controller counts.",

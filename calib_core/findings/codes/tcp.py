@@ -235,7 +235,7 @@ SCANNER_SCALE = Code(
     },
     by="handled",
     meaning="One of the scanner's two directions is stretched or squeezed.",
-    decided="The scale differs from one beyond chance.",
+    decided="The factor differs from one beyond chance.",
     usual_causes="A scanner whose own calibration is off, a sphere of another diameter.",
 )
 

@@ -106,7 +106,7 @@ MANY_CONTRADICT = Code(
     text="{rejected} of {count} captures contradict the others ({names}).",
     to_do="Check table angles, mountings and poses, then repeat these.",
     meaning="So many captures were rejected that it is not known which of them are right.",
-    decided="More than a third of the captures lie too far from where the others expect the sphere.",
+    decided="More than a third of the captures lie too far from where the others see the sphere.",
     usual_causes="Wrong table angles, a sphere that was mounted anew, poses that belong to other captures.",
     reason=_REASON,
     by="likely",
@@ -215,7 +215,7 @@ TABLE_SCATTER_BEYOND_TOLD = Code(
         "robot less exact than stated); the stated uncertainty holds it.",
     },
     by="handled",
-    meaning="The captures of the table disagree by more than the sigmas that were given allow.",
+    meaning="The captures disagree by more than the sigmas that were given allow.",
     decided="χ² of the captures is beyond what chance gives, or their scatter is 1.5 times what was told and what the arm "
     "explains.",
     usual_causes="A table that wobbles or has play, an arm that is less true than stated.",

@@ -100,7 +100,7 @@ def calibration_of(
         covariance[:6, 6:] = used["cross_covariance"]
         covariance[6:, :6] = np.transpose(used["cross_covariance"])
     placement = placement_of(cell, captures, [] if result is None else [result.model_dump(by_alias=True)])
-    assert placement is not None, "the caller has seen to it"
+    assert placement is not None  # the caller has seen to it
     told = [] if result is None else result.frames
     frames = {one.scanner: one.covariance for one in told if one.outof == "laser"}
     others = tuple(name for name in placement.mounts if placement.mounts[name] is not placement.first)

@@ -67,7 +67,7 @@ def guide(view: GuideView) -> GuideNow | None:
     turns = placement is not None and placement.base_from_turntable is not None
     if not groups:
         return _first(turns)
-    assert placement is not None, "the caller has seen to the tool"
+    assert placement is not None  # the caller has seen to it
     try:
         views = _views(session, groups, placement)
     except InputError as error:

@@ -26,7 +26,7 @@ from server.console.progress import progress_bar
 def export_cloud(options: argparse.Namespace) -> int:
     """Write the merged cloud, or its mesh in a format of meshes; merges first where none is fresh."""
     if options.out == STANDARD_OUTPUT and sys.stdout.isatty():
-        raise InputError("a file to write to", "the terminal", "Add --out FILE, or redirect the output.", "--out")
+        raise InputError("a file to write to", "a terminal", "Add --out FILE, or redirect the output.", "--out")
     name = CLOUD_FILE if options.format in cloud_formats() else MESH_FILE
     with opened(options.session) as folder, temporary_folder() as fresh:
         session, read = load_session(folder)
