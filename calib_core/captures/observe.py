@@ -21,6 +21,7 @@ from calib_core.records import Capture, Cell, Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.sphere.arc import ArcFit, fit_arc
 from calib_core.sphere.cloud import SphereFit, fit_sphere
+from calib_core.sphere.rim import without_rim
 
 CENTER_SIGMA_MM = 0.02
 """Taken for centres that a scanner reports without saying how exact they are."""
@@ -134,7 +135,7 @@ def see_sphere(session: Session, capture: Capture, read: ReadFile) -> Seen:
     sphere_of(cell, [capture])
     told = point_settings(session, capture, read)
     return seen_once(
-        Seen, capture.files, read, told, lambda: _look(cell, capture, points_of(session, capture, read))
+        Seen, capture.files, read, told, lambda: _look(session, capture, points_of(session, capture, read), read)
     )
 
 
@@ -150,10 +151,16 @@ def point_settings(session: Session, capture: Capture, read: ReadFile) -> list[o
     return told
 
 
-def _look(cell: Cell, capture: Capture, seen: SeenPoints) -> Seen:
+def _look(session: Session, capture: Capture, seen: SeenPoints, read: ReadFile) -> Seen:
+    cell = session.cell
     points, diameter_mm = seen.points, diameter_in_sight_mm(cell, capture)
     if capture.kind in ("profile", "frame"):
         arc = fit_arc(points, diameter_mm, scanner_told(cell, capture).z_axis)
+        if diameter_mm is not None and of_frames(capture):
+            from calib_core.captures.stripe_frames import calibration_of
+
+            eye_mm = calibration_of(session, read).camera_from_laser.inverse().translation_mm
+            arc = without_rim(points, arc, diameter_mm / 2, eye_mm)
         return Seen(points, arc.inliers, arc, seen.without_ray)
     sphere = fit_sphere(points, diameter_mm)
     return Seen(points, sphere.inliers, sphere)

@@ -14,7 +14,7 @@ class Recheck(Stage):
     """Whether a calibration still holds: some of its poses captured again, the sphere still in its place."""
 
     name, title, place = "recheck", "Recheck", 65
-    method_revision = 3  # a joint's zero that moved is named
+    method_revision = 4  # a sphere's rim in a camera's frame counts no more
     step = CaptureStep(
         "recheck",
         "Recheck",

@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 6  # a scale whose own ± holds one is not doubted
+    method_revision = 7  # a sphere's rim in a camera's frame counts no more
     step = CaptureStep(
         "turntable",
         "Turntable",
