@@ -29,6 +29,14 @@ _EXACT = 1e-6
 _ROUNDED = 2e-3  # a matrix printed with three decimals is still a rotation
 
 
+def finite_rows(points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """Return which of points (…, K) have K finite coordinates, (…); several times as fast as `all(axis=-1)`."""
+    known = np.isfinite(points[..., 0])
+    for column in range(1, points.shape[-1]):
+        known &= np.isfinite(points[..., column])
+    return known
+
+
 def skew(vectors: ArrayLike) -> FloatArray:
     """Return the matrices whose product with w is the cross product ``v × w``.
 

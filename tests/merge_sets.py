@@ -1,11 +1,15 @@
-"""Sets of scans of simulated parts, with errors as arms make them; nothing here is shared with the solvers."""
+"""Sets of scans of simulated parts, with errors as arms make them, which share nothing with the solvers."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from calib_core.fusion.clean_scan import CleanScan
+from calib_core.fusion.crew import MergeOptions, RegionGrids, by_region
+from calib_core.fusion.merge import VoxelCloud, joined_clouds
 from calib_core.fusion.scan import Scan
 from calib_core.simulation.part import PartMesh
 from calib_core.simulation.part_scan import PartScanner, PartScanOptions
@@ -105,6 +109,15 @@ def scan_set(
         actual.append(told @ error @ own)
         reported.append(told @ own)
     return ScanSet(part, scans, np.array(actual), np.array(reported))
+
+
+def fused(scans: Iterable[CleanScan], voxel_mm: float) -> VoxelCloud:
+    """The kept points of scans summed in voxels, as the merge does."""
+    options = MergeOptions(voxel_mm)
+    grids = RegionGrids(options, None)
+    for scan in scans:
+        grids.add(dict(enumerate(by_region(scan, options))), scan.name)
+    return joined_clouds([grids.cloud_of(*piece) for piece in grids.pieces()])
 
 
 def pcd(points: np.ndarray) -> bytes:

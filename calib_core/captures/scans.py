@@ -24,6 +24,7 @@ DEFAULT_SIGMA_MM = 0.02
 """Of a cloud without a grid, whose own noise is not estimated."""
 
 _SOME = 1000
+_LINES = 300  # of a grid, of which its noise is estimated
 
 
 @dataclass(frozen=True)
@@ -228,7 +229,7 @@ def _on_columns(profiles: Sequence[FloatArray]) -> list[FloatArray]:
 
 def _noise_mm(points: np.ndarray) -> float:
     """Return the noise of a grid's points from third differences along its rows, which a curve has none of."""
-    thirds = np.diff(points[..., 2].astype(float), 3, axis=1)
+    thirds = np.diff(points[:: 1 + len(points) // _LINES, :, 2].astype(float), 3, axis=1)
     known = thirds[np.isfinite(thirds)]
     if known.size < 10:
         return DEFAULT_SIGMA_MM

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, ConfigDict, Field
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.mesh import MeshData
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, finite_rows
 from calib_core.messages import message
 from calib_core.proof import Proof, is_experimental
 from calib_core.records.base import Finite, Record, mismatch
@@ -135,7 +135,7 @@ class Reading:
     @cached_property
     def known(self) -> NDArray[np.bool_]:
         """Which rows (N,) are points: all their coordinates came back."""
-        return np.asarray(np.isfinite(self.points).all(axis=1))
+        return finite_rows(self.points)
 
     @property
     def missing(self) -> int:

@@ -63,11 +63,6 @@ class CleanScan:
     reach_mm: float
     intensity: SingleArray | None = None
 
-    @property
-    def weights(self) -> SingleArray:
-        """1/σ² of each point, mm⁻²; 0 where it is not kept."""
-        return np.where(self.verdicts == KEPT, 1 / self.sigma_mm**2, np.float32(0)).astype(np.float32)
-
     def removed(self) -> dict[str, int]:
         """Return how many points were dropped, by reason; blanks do not count."""
         names = {"stray": STRAY, "mixed": MIXED, "grazing": GRAZING}

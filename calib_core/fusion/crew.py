@@ -151,19 +151,21 @@ def look_at(number: int, scan: Scan, task: ScanTask) -> tuple[ScanReport, list[R
 
 def by_region(clean: CleanScan, options: MergeOptions) -> list[RegionPoints]:
     """Return a scan's kept points by region."""
-    from calib_core.kernels.fusion import regions_of
+    from calib_core.kernels import fusion
 
-    kept = clean.verdicts == KEPT
-    points = np.ascontiguousarray(clean.points_in_turntable_mm[kept], dtype=np.float32)
-    numbers = regions_of(points, np.zeros(3), options.voxel_mm, REGIONS)
-    order = np.argsort(numbers, kind="stable")
-    ends = np.cumsum(np.bincount(numbers, minlength=REGIONS))[:-1]
-    normals = clean.normals[kept]
+    normals = clean.normals
     if options.intensity:
-        unknown = np.full(len(points), np.nan, np.float32)
-        normals = np.column_stack([normals, unknown if clean.intensity is None else clean.intensity[kept]])
-    columns = (points, clean.weights[kept], normals)
-    return [RegionPoints(*parts) for parts in zip(*(np.split(c[order], ends) for c in columns), strict=True)]
+        unknown = np.full(clean.verdicts.shape, np.nan, np.float32)
+        bright = unknown if clean.intensity is None else clean.intensity
+        normals = np.concatenate([normals, bright[..., None]], axis=2)
+    # Strided and read-only arrays would each have a kernel of their own compiled.
+    points, sigmas, normals = (
+        np.require(one, np.float32, ["C", "W"]).reshape(-1, *one.shape[2:])
+        for one in (clean.points_in_turntable_mm, clean.sigma_mm, normals)
+    )
+    kept = (clean.verdicts == KEPT).ravel()
+    *columns, bounds = fusion.by_region(points, sigmas, normals, kept, options.voxel_mm, REGIONS)
+    return [RegionPoints(*parts) for parts in zip(*(np.split(c, bounds[1:-1]) for c in columns), strict=True)]
 
 
 class Crew(ABC):

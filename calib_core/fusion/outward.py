@@ -30,6 +30,7 @@ _LEAST_SHARE = 0.005  # of all that were looked at
 _CLEAR = 0.8  # of those one before the other lie behind
 _STEEPEST = 5.0  # tangent of the incidence
 _SURE = 6.0  # standard deviations of the rays' spreading
+_MOST_LINES = 300
 _FEWEST_LINES, _FEWEST_IN_LINE = 8, 8
 _CLOSED = 0.2  # of its area, what is missing of a surface seen from all around
 _SOLID = 0.05  # of the volume of a ball with the same area
@@ -115,6 +116,7 @@ class Outward:
 def view_of(scan: Scan) -> View:
     """Return how a scan was taken."""
     points, sight = scan.points_in_laser_mm, scan.sight
+    points = points[tuple(slice(None, None, 1 + many // _MOST_LINES) for many in points.shape[:2])]
     depth = (scan.looks_along_z or 1) * points[..., 2].astype(float)
     low, mid, high = np.nanpercentile(depth, (5, 50, 95)).tolist()
     spreading, sigma = _spreading(points, depth) if scan.organised else (float("nan"), float("nan"))

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import InputError
-from calib_core.frames import FloatArray
+from calib_core.frames import FloatArray, finite_rows
 from calib_core.messages import message
 
 SingleArray = NDArray[np.float32]
 
 _ROW = 1024  # a cloud without a grid is worked on in rows of this length
+_LOOKED_AT = 300  # lines each way, of which the spacing is found
 _AROUND, _MIDDLE, _ASKED = 6, 20_000, 1000  # points around one, of those in the middle, of which so many are asked
 
 
@@ -70,7 +71,7 @@ class Scan:
         if not (np.isfinite(self.point_sigma_mm) and self.point_sigma_mm > 0):
             to_do = "State the scanner's noise in mm."
             raise InputError("a positive point_sigma_mm", f"{self.point_sigma_mm}", to_do, self.name)
-        if not np.isfinite(points).all(axis=2).any():
+        if not finite_rows(points).any():
             got = "{count} blanks: nothing came back to the scanner"
             to_do = "Take the scan again, or exclude it."
             raise InputError("a scan with points", got, to_do, self.name, count=points.shape[0] * points.shape[1])
@@ -80,16 +81,23 @@ class Scan:
         """How far its points lie apart: the farther one of rows and columns; 0 where too few are known to say."""
         points, poses = self.points_in_laser_mm, self.turntable_from_laser
         if self.organised:
-            there = np.einsum("pij,pcj->pci", poses[:, :3, :3], points) + poses[:, None, :3, 3]
-            steps = [np.linalg.norm(np.diff(there, axis=axis), axis=2) for axis in (0, 1)]
+            rows, columns = (slice(None, None, 1 + many // _LOOKED_AT) for many in points.shape[:2])
+            lines = (points[:, columns], poses), (points[rows], poses[rows] if len(poses) > 1 else poses)
+            steps = [
+                np.linalg.norm(np.diff(_in_turntable(*line), axis=axis), axis=2) for axis, line in enumerate(lines)
+            ]
             known = [one[np.isfinite(one)] for one in steps]
             return max((float(np.median(one)) for one in known if len(one)), default=0.0)
-        return _spacing_of_cloud(points[np.isfinite(points).all(axis=2)].astype(float))
+        return _spacing_of_cloud(points[finite_rows(points)].astype(float))
 
     @property
     def sight(self) -> FloatArray:
         """Unit direction of sight in T, (P, 3) or (1, 3): the z axis of L, until the scans say otherwise."""
         return (self.looks_along_z or 1) * self.turntable_from_laser[:, :3, 2]
+
+
+def _in_turntable(points: SingleArray, poses: FloatArray) -> FloatArray:
+    return np.einsum("pij,pcj->pci", poses[:, :3, :3], points) + poses[:, None, :3, 3]
 
 
 def _spacing_of_cloud(points_mm: FloatArray) -> float:

@@ -28,6 +28,8 @@ _OUTLYING = 4.0  # of its expected square
 _FEWEST_FOR_OUTLIERS = 5
 _BLOCK_PATCHES = 8.0
 _FAR = 4.0  # robust sigmas
+_MOST_PATCHES = 300_000  # of which they are found, by whole blocks, so that what neighbours share is seen
+_MIXED = np.array([73_856_093, 19_349_663, 83_492_791])
 _MOST_SCANS = 120  # of which the sigmas are found: the equations' cost grows with the third power
 
 
@@ -99,6 +101,9 @@ def _overlapping(seen: Patches) -> Patches | None:
     shared = np.repeat(np.diff(seen.bounds) > 1, np.diff(seen.bounds)) & (seen.scans < _MOST_SCANS)
     if not shared.any():
         return None
+    every = int(np.count_nonzero(shared)) // _MOST_PATCHES
+    if every > 1:
+        shared &= _blocks(seen.points_mm, seen.size_mm) % every == 0
     groups = np.repeat(np.arange(len(seen.bounds) - 1), np.diff(seen.bounds))[shared]
     bounds = np.concatenate([[0], np.flatnonzero(np.diff(groups)) + 1, [len(groups)]])
     few = Patches(
@@ -111,6 +116,11 @@ def _overlapping(seen: Patches) -> Patches | None:
         seen.size_mm,
     )
     return few if len(_pairs(few)[0]) >= 6 * len(few.names) else None
+
+
+def _blocks(points_mm: FloatArray, size_mm: float) -> NDArray[np.int64]:
+    """Return a number (N,) for the block of neighbouring patches that each lies in; far ones may share it."""
+    return np.abs(np.floor(points_mm / (_BLOCK_PATCHES * size_mm)).astype(np.int64) @ _MIXED)
 
 
 def _equations(seen: Patches, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -175,9 +185,11 @@ def _pairs(seen: Patches) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
     apart = (normal * (seen.points_mm[a] - seen.points_mm[b])).sum(axis=1)
     near = np.abs(apart) <= 0.5 * seen.size_mm
     a, b = a[near], b[near]
-    places = np.floor(seen.points_mm[a] / (_BLOCK_PATCHES * seen.size_mm))
     low, high = np.minimum(seen.scans[a], seen.scans[b]), np.maximum(seen.scans[a], seen.scans[b])
-    _, blocks = np.unique(np.column_stack([places, low, high]), axis=0, return_inverse=True)
+    pair = low * len(seen.names) + high
+    _, blocks = np.unique(
+        _blocks(seen.points_mm[a], seen.size_mm) * len(seen.names) ** 2 + pair, return_inverse=True
+    )
     sign = np.where(seen.scans[a] == low, 1.0, -1.0)
     stated = seen.variances_mm2[a] + seen.variances_mm2[b]
     return sign * apart[near], stated, blocks.ravel().astype(np.int64)

@@ -185,24 +185,60 @@ def add_points(
     return used, rows * columns, added, outside
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def regions_of(points: SingleArray, origin: FloatArray, size: float, regions: int) -> NDArray[np.uint8]:
-    """Return the number (N,) of the region that each point (N, 3) falls into; 0 beyond the grid.
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _region(x: float, y: float, z: float, size: float, regions: int) -> Any:
+    """Return the number of the region that a point falls into; 0 beyond the grid.
 
     The voxel is found as `add_points` finds it, so that each belongs to one region.
     """
-    numbers = np.zeros(points.shape[0], np.uint8)
-    for n in range(points.shape[0]):
-        x = (np.float64(points[n, 0]) - origin[0]) / size
-        y = (np.float64(points[n, 1]) - origin[1]) / size
-        z = (np.float64(points[n, 2]) - origin[2]) / size
-        if not ((abs(x) < HALF - 1) & (abs(y) < HALF - 1) & (abs(z) < HALF - 1)):
-            continue
-        i, j, k = np.int64(np.floor(x)) + HALF, np.int64(np.floor(y)) + HALF, np.int64(np.floor(z)) + HALF
-        i, j, k = i >> REGION_BITS, j >> REGION_BITS, k >> REGION_BITS
-        mixed = np.uint64((i << (2 * BITS)) | (j << BITS) | k) * _GOLDEN
-        numbers[n] = np.uint8((mixed >> np.uint64(40)) % np.uint64(regions))
-    return numbers
+    x, y, z = x / size, y / size, z / size
+    if not ((abs(x) < HALF - 1) & (abs(y) < HALF - 1) & (abs(z) < HALF - 1)):
+        return 0
+    i, j, k = np.int64(np.floor(x)) + HALF, np.int64(np.floor(y)) + HALF, np.int64(np.floor(z)) + HALF
+    i, j, k = i >> REGION_BITS, j >> REGION_BITS, k >> REGION_BITS
+    mixed = np.uint64((i << (2 * BITS)) | (j << BITS) | k) * _GOLDEN
+    return np.int64((mixed >> np.uint64(40)) % np.uint64(regions))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def by_region(
+    points: SingleArray,
+    sigmas: SingleArray,
+    normals: SingleArray,
+    kept: NDArray[np.bool_],
+    size: float,
+    regions: int,
+) -> tuple[SingleArray, SingleArray, SingleArray, KeyArray]:
+    """Return the points (N, 3) that are kept, their weights 1/σ² and normals, those of one region side by side.
+
+    In each they stand as they came; `bounds` (regions + 1,) is where each begins.  `points` are (P, 3), `sigmas`
+    (P,), `normals` (P, 3) or with intensities (P, 4), `kept` (P,).
+    """
+    count = points.shape[0]
+    numbers = np.empty(count, np.uint8)
+    bounds = np.zeros(regions + 1, np.int64)
+    for n in range(count):
+        if kept[n]:
+            x, y, z = np.float64(points[n, 0]), np.float64(points[n, 1]), np.float64(points[n, 2])
+            numbers[n] = _region(x, y, z, size, regions)
+            bounds[numbers[n] + 1] += 1
+    for region in range(regions):
+        bounds[region + 1] += bounds[region]
+    following, many = bounds[:-1].copy(), bounds[regions]
+    found = np.empty((many, 3), np.float32)
+    weights = np.empty(many, np.float32)
+    columns = normals.shape[1]
+    facing = np.empty((many, columns), np.float32)
+    for n in range(count):
+        if kept[n]:
+            place = following[numbers[n]]
+            following[numbers[n]] += 1
+            for c in range(3):
+                found[place, c] = points[n, c]
+            for c in range(columns):
+                facing[place, c] = normals[n, c]
+            weights[place] = np.float32(1) / (sigmas[n] * sigmas[n])
+    return found, weights, facing, bounds
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -6,7 +6,7 @@ import pytest
 from calib_core.errors import MeasurementError
 from calib_core.frames import RigidTransform
 from calib_core.fusion.clean import clean_scan
-from calib_core.fusion.clean_scan import GRAZING, KEPT, MIXED, STRAY, CleanOptions
+from calib_core.fusion.clean_scan import BLANK, GRAZING, KEPT, MIXED, STRAY, CleanOptions
 from calib_core.fusion.scan import Scan, as_rows
 
 SIGMA_MM = 0.02
@@ -108,14 +108,13 @@ def test_uncertainty_grows_with_the_angle_and_holds_the_scans_own_place():
     tilted = np.stack([X, Y, 300 + np.tan(np.deg2rad(60)) * X], -1)
     cleaned = clean_scan(scan(tilted, position_sigma_mm=0.03))
     assert cleaned.sigma_mm[30, 30] == pytest.approx(np.hypot(2 * SIGMA_MM, 0.03), rel=1e-3)
-    assert cleaned.weights[30, 30] == pytest.approx(1 / (4 * SIGMA_MM**2 + 0.03**2), rel=1e-3)
 
 
-def test_blanks_stay_blank_and_have_no_weight():
+def test_blanks_stay_blank():
     points, _ = surface(40)
     points[10:14, 5:30] = np.nan
     cleaned = clean_scan(scan(points))
-    assert (cleaned.weights[10:14, 5:30] == 0).all()
+    assert (cleaned.verdicts[10:14, 5:30] == BLANK).all()
     assert (cleaned.verdicts[20:] == KEPT).all()
 
 

@@ -15,6 +15,7 @@ from calib_core.fusion.mesh import Mesh, joined, poisson_mesh, sheet
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change, overlap, patches
 from calib_core.fusion.register import register
 from calib_core.sphere.cloud import fit_sphere
+from tests.merge_sets import fused
 
 sphere_scans = SimpleNamespace(**runpy.run_path(str(Path(__file__).with_name("sphere_scans.py"))))
 
@@ -59,10 +60,7 @@ def test_a_scan_out_of_its_place_stands_out():
 
 def test_merged_sphere_of_72_scans():
     scans, errors = sphere_scans.scanned(72, 0.5, 2, 0.3 * TCP, 0.3 * ROBOT)
-    grid = VoxelGrid(0.5, normals=True)
-    for scan in cleaned(scans):
-        grid.add(scan.points_in_turntable_mm, None, scan.weights, scan.normals)
-    fit = fit_sphere(grid.cloud().points_mm.astype(float))
+    fit = fit_sphere(fused(cleaned(scans), 0.5).points_mm.astype(float))
     assert abs(2 * fit.radius_mm - 2 * RADIUS) <= 0.02
     # Every scan's place is off by its own error and the shared one: what is left of them in the mean of all
     own = np.sqrt(np.mean(errors.own[:, 3:, 3:].diagonal(axis1=1, axis2=2))) / np.sqrt(72)
@@ -146,10 +144,7 @@ def test_a_grid_mesh_lies_on_the_sphere_and_faces_outward():
 
 def test_a_poisson_mesh_lies_on_the_sphere():
     scans, _ = sphere_scans.scanned(18, 0.7, 10, NONE, NONE)
-    grid = VoxelGrid(1.0, normals=True)
-    for scan in cleaned(scans):
-        grid.add(scan.points_in_turntable_mm, None, scan.weights, scan.normals)
-    mesh = poisson_mesh(grid.cloud(), 1.0)
+    mesh = poisson_mesh(fused(cleaned(scans), 1.0), 1.0)
     distance = np.linalg.norm(mesh.points_mm - CENTER, axis=1) - RADIUS
     assert np.sqrt(np.mean(distance**2)) < 0.05
     assert area_mm2(mesh) > 0.75 * 4 * np.pi * RADIUS**2

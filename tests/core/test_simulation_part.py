@@ -113,7 +113,8 @@ def test_the_merged_part_lies_on_the_truth(scans):
     for number, scan in enumerate(scans):
         points = scan.points_in_laser_mm.astype(np.float32)
         clean = clean_scan(Scan(f"v{number}", points, scan.turntable_from_laser, OPTIONS.point_sigma_mm))
-        grid.add(clean.points_in_turntable_mm, None, clean.weights, clean.normals)
+        weights = (clean.verdicts == KEPT) / clean.sigma_mm**2
+        grid.add(clean.points_in_turntable_mm, None, weights, clean.normals)
         there = np.isfinite(points[..., 2])
         off = there & (scan.strays | scan.mixed)
         off[there] &= distances(in_turntable(scan)[there]) > 0.5
