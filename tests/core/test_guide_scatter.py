@@ -50,9 +50,14 @@ def test_what_is_told_of_the_arm_stays() -> None:
     assert believed(*scattered(0, 0.5, Robot(position_sigma_mm=0.05))).position_mm == 0.05
 
 
-@pytest.mark.thorough
-def test_the_guide_promises_what_the_result_then_states() -> None:
-    assert all(0.85 < ratio < 1.2 for ratio in ratios("arms: joints 0.02°, links 0.1 mm", 0, (7, 14)))
+@pytest.mark.thorough(keep=1)
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [("arms: joints 0.1°, links 0.5 mm", 14), *[("arms: joints 0.02°, links 0.1 mm", count) for count in (7, 14)]],
+)
+def test_the_guide_promises_what_the_result_then_states(kind: str, count: int) -> None:
+    (ratio,) = ratios(kind, 0, (count,))
+    assert 0.85 < ratio < 1.2  # it was 0.39 for the first: by the likeliest scatter alone
 
 
 def test_few_captures_are_believed_of_an_ordinary_arm() -> None:
