@@ -50,6 +50,8 @@ class Code:
         The codes from which it only follows.
     explains_all : bool
         Whether all other errors and warnings only follow from it.
+    led_by : tuple of str
+        The codes of causes that stand before it although they are less severe: what happened, then what it did.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Code:
     fixed: bool = False
     behind: tuple[str, ...] = ()
     explains_all: bool = False
+    led_by: tuple[str, ...] = ()
 
     def __call__(
         self,

@@ -1,6 +1,6 @@
 """A judgement, made of findings once: verdict, warnings, notes, causes, and the captures' reasons."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, Final, TypeVar
 
 from calib_core.findings.bridge import complete, complete_measured
@@ -35,9 +35,14 @@ def has_code(result: Mapping[str, Any], *codes: Code) -> bool:
 def judgement(findings: Iterable[Finding], language: Catalogue = ENGLISH) -> dict[str, Any]:
     """Return the fields of a result that are made of its findings: errors first, then warnings, then notes.
 
-    Within a severity what has a remedy is a cause, and stands before what it may have brought about.
+    Within a severity what has a remedy is a cause, and stands before what it may have brought about; before an
+    error only where its code says so.
     """
-    found = sorted(_hidden(list(findings)), key=_rank)
+    hidden = _hidden(list(findings))
+    leading = {
+        name for one in hidden if one.behind is None and one.code in CODES for name in CODES[one.code].led_by
+    }
+    found = sorted(hidden, key=lambda one: _rank(one, leading))
     shown = [finding for finding in found if finding.behind is None]
     return {
         "findings": found,
@@ -48,8 +53,10 @@ def judgement(findings: Iterable[Finding], language: Catalogue = ENGLISH) -> dic
     }
 
 
-def _rank(finding: Finding) -> tuple[int, bool]:
-    return _ORDER.index(finding.severity), finding.remedy is None or finding.behind is not None
+def _rank(finding: Finding, leading: Container[str]) -> tuple[int, bool]:
+    is_cause = finding.remedy is not None and finding.behind is None
+    severity = "error" if is_cause and finding.code in leading else finding.severity
+    return _ORDER.index(severity), not is_cause
 
 
 def measured_judgement(findings: Iterable[Finding], language: Catalogue = ENGLISH) -> dict[str, Any]:

@@ -22,20 +22,21 @@ from calib_core.findings import (
 from calib_core.findings.catalogues import entries
 from calib_core.findings.code import places_of
 from calib_core.messages import ENGLISH, Message, Names, message, plural
-from calib_core.records import Result
+from calib_core.records import Result, RootCause
 from tests.catalogues import DOCS, LOCALE, TRANSLATED, catalogue_of, texts_by_area
 
 FAR = Code("far", "warning", text="{captures} lies {shift_mm:.1f} mm off.", to_do="Take it again.")
 OPEN = Code("open", "error", text="Nothing fixes it.", fixed=True)
 TOLD = Code("told", "note", text="It was told.")
 FOLLOWS = Code("follows", "warning", text="So this fits nothing.", behind=("open",))
+MANY = Code("many", "error", text="Many lie far off.", led_by=("far",))
 
 
 @pytest.fixture
 def known(monkeypatch: pytest.MonkeyPatch) -> None:
     from calib_core.findings import table
 
-    codes = {code.name: code for code in (FAR, OPEN, TOLD, FOLLOWS)}
+    codes = {code.name: code for code in (FAR, OPEN, TOLD, FOLLOWS, MANY)}
     monkeypatch.setattr(table, "_by_name", lambda: codes)
 
 
@@ -60,6 +61,16 @@ def test_a_result_is_made_of_its_findings_errors_first() -> None:
     assert result.warnings == ["Nothing fixes it.", "p1–p3 lies 1.2 mm off. Take it again."]
     assert result.notes == ["It was told."]
     assert [finding.behind for finding in result.findings if finding.code == "follows"] == ["open"]
+
+
+@pytest.mark.usefixtures("known")
+def test_what_happened_stands_before_the_error_that_it_brought_about() -> None:
+    remedy = RootCause(id="far-p1", kind="moved-sphere", title="It moved", captures=["p1"])
+    far = FAR(["p1"], shift_mm=1.0, remedy=remedy)
+    order = [[one.code for one in result_of(*some).findings] for some in ([MANY(), far], [OPEN(), far])]
+    assert order == [["far", "many"], ["open", "far"]]
+    assert [one.code for one in result_of(MANY(), FAR(["p1"], shift_mm=1.0)).findings] == ["many", "far"]
+    assert result_of(MANY(), far).verdict == "fail"
 
 
 @pytest.mark.usefixtures("known")

@@ -130,6 +130,7 @@ MANY_CONTRADICT = Code(
     },
     by="likely",
     behind=("poses-do-not-fit",),
+    led_by=("moved-sphere", "changed-tool", "swapped-poses", "shifted-poses"),
     fixed=True,
 )
 
