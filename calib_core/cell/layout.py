@@ -129,6 +129,11 @@ class Layout:
         """Return the places that an axis carries itself."""
         return [n for n, (carrier, _) in enumerate(self.places) if carrier == self.axes[which].name]
 
+    def stands_alone(self, which: int) -> bool:
+        """Return whether an axis stands on base and carries balls itself, and no other axis."""
+        own = self.axes[which]
+        return own.on == "base" and bool(self.on_axis(which)) and all(own.name != one.on for one in self.axes)
+
     def axis_and_places(self, which: int) -> np.ndarray:
         """Return the columns of an axis and of the places that it carries itself."""
         own = [np.arange(s.start, s.stop) for s in (self.axis(which), *map(self.place, self.on_axis(which)))]

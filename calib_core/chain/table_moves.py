@@ -43,69 +43,69 @@ _AT_BORDERS: Final = 0.7  # of that chance is for pushes between two mountings
 
 @dataclass(frozen=True)
 class TableMove:
-    """One move: what moved, between or before which captures of the table, how far, and how rare by chance.
+    """One move: what moved, which captures of the table are after it, how far, and how rare by chance.
 
     The chance is as a `Pattern`'s, with the sigmas as they were found.
     """
 
     kind: Moved
-    first: int
-    last: int
+    captures: tuple[int, ...]
     shift_mm: float
     chance: float
 
     def finding(self, names: Sequence[str]) -> Finding:
-        """Return what is noticed of it, of captures of the table by their names."""
-        own = list(names[self.first : self.last])
+        """Return what is noticed of it, of captures on all tables by their names."""
+        own = [names[k] for k in self.captures]
         return _CODES[self.kind](own, shift_mm=self.shift_mm, since=own[0], until=own[-1])
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
     kind: Moved
-    first: int
-    last: int
+    captures: np.ndarray
     rows: FloatArray
     rare: float
 
 
 def table_move_of(judged: Judged, count: int) -> TableMove | None:
-    """Return the likeliest move that chance does not explain, None where there is none.
+    """Return the likeliest move of a table that chance does not explain, None where there is none.
 
     Parameters
     ----------
     judged : Judged
-        Of captures of the table, with others before them or alone.
+        Of captures of tables, with others before them or alone.
     count : int
-        How many of the last captures are the table's, in the order in which they were taken.
+        How many of the last captures are the tables', in the order in which they were taken.
     """
-    walk = judged.data.walk
-    if walk.layout.axes[walk.layout.table].kind == "linear" or len(walk.layout.axes) > 1:
-        return None
-    scores = Scores.of(judged)
+    layout, before = judged.data.walk.layout, judged.data.count - count
+    tables = [a for a in layout.carrying if layout.axes[a].kind == "rotary" and layout.stands_alone(a)]
+    scores = Scores.of(judged) if tables else None
     found: list[tuple[float, TableMove]] = []
-    for trial in _trials(judged, count):
+    for trial in (trial for a in tables for trial in _trials(judged, a, before)):
+        assert scores is not None
         gain, size, _ = scores.gained(trial.rows, _FAR_MM)
         chance, shift_mm = scores.chance(gain, trial.rows.shape[2]), float(np.linalg.norm(size))
-        if chance < trial.rare and shift_mm > _LEAST_MM:
+        rare = trial.rare / len(tables)
+        if chance < rare and shift_mm > _LEAST_MM:
             by_sigmas = chance_of(gain / judged.excess, trial.rows.shape[2])
-            move = TableMove(trial.kind, trial.first, trial.last, shift_mm, by_sigmas)
-            found.append((chance / trial.rare, move))
+            move = TableMove(trial.kind, tuple((trial.captures - before).tolist()), shift_mm, by_sigmas)
+            found.append((chance / rare, move))
     return min(found, key=lambda one: one[0], default=(0.0, None))[1]
 
 
-def _trials(judged: Judged, count: int) -> Iterator[_Trial]:
-    """Yield every move that is tried, with its share of the chance of a false one."""
-    every, places = judged.data.count, judged.data.walk.place
-    before = every - count
-    number = np.arange(every) - before
-    heard = judged.used & (number >= 0)
-    runs = _runs(places[before:])
-    by_axis, by_ball = _by_table(judged), by_place(judged)
+def _trials(judged: Judged, table: int, before: int) -> Iterator[_Trial]:
+    """Yield every move of a table that is tried, with its share of the chance of a false one."""
+    places = judged.data.walk.place
+    own = np.flatnonzero(np.isin(places, judged.data.walk.layout.on_axis(table)))
+    own = own[own >= before]
+    count, number = len(own), np.full(judged.data.count, -1)
+    number[own] = np.arange(count)
+    heard = judged.used[own]
+    runs = _runs(places[own])
+    by_axis, by_ball = _by_table(judged, table), by_place(judged)
 
     def beside(first: int, start: int, end: int) -> bool:
-        sides = heard[before + start : before + first], heard[before + first : before + end]
-        return all(int(np.count_nonzero(side)) >= _LEAST_BESIDE for side in sides)
+        return all(int(np.count_nonzero(side)) >= _LEAST_BESIDE for side in (heard[start:first], heard[first:end]))
 
     borders = [start for start, _ in runs[1:] if beside(start, 0, count)]
     inside = [k for start, end in runs for k in range(start + 1, end) if beside(k, 0, count)]
@@ -113,20 +113,19 @@ def _trials(judged: Judged, count: int) -> Iterator[_Trial]:
         for k in some:
             rows = by_axis * (number >= k)[:, None, None]
             rows = rows[:, :, :2] if some is borders else rows
-            yield _Trial("table-pushed", k, count, rows, share * _RARE["table-pushed"] / len(some))
+            yield _Trial("table-pushed", own[k:], rows, share * _RARE["table-pushed"] / len(some))
     course = np.clip(number / max(count - 1, 1), 0.0, None)
     if beside(count // 2, 0, count):
-        yield _Trial("table-creeps", 0, count, by_axis * course[:, None, None], _RARE["table-creeps"])
+        yield _Trial("table-creeps", own, by_axis * course[:, None, None], _RARE["table-creeps"])
     reseated = [(k, end) for start, end in runs for k in range(start + 1, end) if beside(k, start, end)]
     for k, end in reseated:
         rows = by_ball * ((number >= k) & (number < end))[:, None, None]
-        yield _Trial("sphere-reseated", k, end, rows, _RARE["sphere-reseated"] / len(reseated))
+        yield _Trial("sphere-reseated", own[k:end], rows, _RARE["sphere-reseated"] / len(reseated))
     gives = [(start, end) for start, end in runs if beside((start + end) // 2, start, end)]
     for start, end in gives:
         weights = np.where((number >= start) & (number < end), (number - start) / max(end - 1 - start, 1), 0.0)
-        yield _Trial(
-            "clamp-gives", start, end, by_ball * weights[:, None, None], _RARE["clamp-gives"] / len(gives)
-        )
+        rows = by_ball * weights[:, None, None]
+        yield _Trial("clamp-gives", own[start:end], rows, _RARE["clamp-gives"] / len(gives))
 
 
 def _runs(places: np.ndarray) -> list[tuple[int, int]]:
@@ -135,9 +134,8 @@ def _runs(places: np.ndarray) -> list[tuple[int, int]]:
     return list(pairwise(starts))
 
 
-def _by_table(judged: Judged) -> FloatArray:
-    """Return how a shift of the table along its own axes moves each capture's expected sphere, (K, 3, 3)."""
-    at, walk = judged.fit.minimum.at, judged.data.walk
-    first = walk.layout.axis(walk.layout.table).start
+def _by_table(judged: Judged, table: int) -> FloatArray:
+    """Return how a shift of a table along its own axes moves each capture's expected sphere, (K, 3, 3)."""
+    at, first = judged.fit.minimum.at, judged.data.walk.layout.axis(table).start
     along = by_place(judged)[:, :, 2:]  # a rotary axis carries its spheres along itself as it stands
     return np.concatenate([at.jacobian[:, :, first + 2 : first + 4], along], axis=2)

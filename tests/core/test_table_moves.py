@@ -2,6 +2,7 @@
 
 import pytest
 
+from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
 from tests.trouble import all_table_troubles, troubled_table
 
@@ -15,3 +16,18 @@ def test_a_table_that_was_pushed_is_said(when: str) -> None:
     result = solve_stage(cell.session, "chain", cell.files.__getitem__)
     assert result.verdict == "warn"  # pushes passed up to 3.6 times off
     assert [f.code for f in result.findings if f.code in MOVES] == ["table-pushed"]
+
+
+@pytest.mark.thorough
+def test_of_two_tables_the_one_that_was_pushed_is_said() -> None:
+    simulated = simulate("two-tables", 1)
+    captures = list(simulated.session.captures)
+    since = [k for k, one in enumerate(captures) if one.mount == "two-high"]
+    for k in since:  # the sphere is 1 mm further along base's x than the table's readings say
+        x_mm, *rest = captures[k].pose or []
+        captures[k] = captures[k].model_copy(update={"pose": [x_mm + 1.0, *rest]})
+    session = simulated.session.model_copy(update={"captures": captures})
+    result = solve_stage(session, "turntable", simulated.files.__getitem__)
+    assert [(f.code, f.captures) for f in result.findings if f.code in MOVES] == [
+        ("table-pushed", [captures[k].id for k in since])
+    ]

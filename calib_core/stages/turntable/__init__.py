@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 7  # a sphere's rim in a camera's frame counts no more
+    method_revision = 8  # of several tables the one that moved is named
     step = CaptureStep(
         "turntable",
         "Turntable",
