@@ -14,7 +14,7 @@ from calib_core.findings import Code, Finding, about
 from calib_core.findings.codes import arm as arm_codes
 from calib_core.findings.codes import captures as codes
 from calib_core.frames import RigidTransform, vector_from_rotation
-from calib_core.messages import Message, Value, message
+from calib_core.messages import Value, message
 from calib_core.poses.identity import AGREE_DEG, AGREE_MM
 from calib_core.records import Capture, Cell
 
@@ -22,9 +22,8 @@ EXCLUDED = message("excluded by the user")
 """The reason of a capture that the user left out."""
 
 
-def not_a_frame(capture: Capture) -> Message:
-    """Return why a capture is of no use where frames are."""
-    return message("a capture of kind '{kind}', not a frame", kind=capture.kind)
+NOT_A_FRAME = message("it is no frame of the camera")
+"""The reason of a capture that is of no use where frames are; without places, since results keep it as text."""
 
 
 def unfit(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:

@@ -38,6 +38,21 @@ def test_each_text_is_used() -> None:
     assert [one for one in names if f'"{one}"' not in code and not any(one.startswith(by) for by in begun)] == []
 
 
+SAID = re.compile(
+    r"\b(warnings?|notes?|sentence|reason|to_do)\b[\w?.()\[\]]{0,20}\.(startsWith|endsWith|includes|indexOf|match|search)\("
+)
+
+
+def test_the_page_looks_into_no_sentence() -> None:
+    """It goes by codes and records; how a folder was taken is told by a code too, which `reason` holds there."""
+    files = [file for file in WEB.rglob("*.js") if not {"vendor", "texts"} & set(file.relative_to(WEB).parts)]
+    lines = {(file.name, line.strip()) for file in files for line in file.read_text(encoding="utf-8").splitlines()}
+    found = {name for name, line in lines if SAID.search(line) and "taken[index]?.reason" not in line}
+    assert found == set()
+    matched = 'if (reason.startsWith("a capture of kind ")) return', "measured.reason.includes(measured.to_do)"
+    assert all(SAID.search(line) for line in matched)
+
+
 @pytest.mark.parametrize("language", ["de", "zh"])
 def test_every_language_has_every_text_with_its_places(language: str) -> None:
     """As the catalogue is now: a text whose English has changed is to be translated anew."""

@@ -18,8 +18,8 @@ import { thumbnail } from "./thumbnail.js";
  * @property {(capture: CaptureOut, residual: Residual | undefined) => Node | string | null} cell
  */
 
-/** As the server begins its reasons; `tests/web/test_texts.py` holds both. */
-const OTHER_KIND = "a capture of kind ";
+/** The steps that need frames: what is none is not rejected there, but not needed. */
+const NEED_FRAMES = ["camera", "laser-plane"];
 
 /** @param {unknown} value */
 const number = (value) => (typeof value === "number" ? value : null);
@@ -84,9 +84,7 @@ export const status = (capture, residual) => mark(...statusOf(capture, residual)
 export function statusOf(capture, residual) {
   const { verdict } = capture.measured;
   if (capture.excluded) return ["skipped", t("captures.excluded")];
-  const reason = residual?.used === false ? residual.reason ?? "" : "";
-  // What a step does not need is not rejected: captures of another kind.
-  if (reason.startsWith(OTHER_KIND)) return ["skipped", t("status.not-needed")];
+  if (residual?.used === false && capture.kind !== "frame" && NEED_FRAMES.includes(capture.step)) return ["skipped", t("status.not-needed")];
   if (residual?.used === false) return verdict === "fail" ? ["fail", t("quality.fail")] : ["warn", t("captures.rejected")];
   if (residual) return ["pass", t("captures.used")];
   return [verdict, maybe(`quality.${verdict}`, verdict)];

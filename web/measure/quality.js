@@ -97,8 +97,7 @@ const preview = (words) => h("p", { class: "without small soft", hidden: words =
 /** @param {CaptureOut} capture */
 function reason({ measured }) {
   if (!measured.reason) return null;
-  // The reason ends with what to do already where it comes from an error; never say it twice.
-  const toDo = measured.to_do && !measured.reason.includes(measured.to_do) ? ` ${said(measured.to_do)}` : "";
+  const toDo = measured.to_do ? ` ${said(measured.to_do)}` : "";
   return told(measured.verdict, sentence(said(measured.reason)) + toDo);
 }
 

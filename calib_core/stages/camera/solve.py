@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib_core.captures.boards import board_in, board_of, frames_not_used, likeliest_failure, relative_pitch_sigma
-from calib_core.captures.contradictions import EXCLUDED, not_a_frame
+from calib_core.captures.contradictions import EXCLUDED, NOT_A_FRAME
 from calib_core.captures.plane_views import robot_pose
 from calib_core.captures.solved_optics import camera_segments, remembered
 from calib_core.cell.carriers import ball_on_flange
@@ -252,7 +252,7 @@ def _rows(
     rows: list[CameraResidual] = []
     for capture in given.captures:
         if capture.kind != "frame":
-            reason = str(not_a_frame(capture))
+            reason = str(NOT_A_FRAME)
         elif capture.excluded:
             reason = str(EXCLUDED)
         elif capture.id not in views:

@@ -4,7 +4,7 @@ import numpy as np
 
 from calib_core.captures.boards import board_in, board_of, frames_not_used, likeliest_failure
 from calib_core.captures.camera_source import camera_of
-from calib_core.captures.contradictions import EXCLUDED, not_a_frame
+from calib_core.captures.contradictions import EXCLUDED, NOT_A_FRAME
 from calib_core.captures.lost_rays import lost_rays
 from calib_core.captures.plane_views import PlaneViews
 from calib_core.captures.solved_optics import camera_segments, remembered
@@ -220,7 +220,7 @@ def _rows(given: StageInput, solution: PlaneSolution, reasons: dict[str, str]) -
             rows.append(_row(seen[capture.id], reason))
             continue
         if capture.kind != "frame":
-            reason = str(not_a_frame(capture))
+            reason = str(NOT_A_FRAME)
         elif capture.excluded:
             reason = str(EXCLUDED)
         rows.append(LaserPlaneResidual(capture=capture.id, used=False, reason=reason))
