@@ -14,7 +14,7 @@ from calib_core.chain.arrays import chain_data
 from calib_core.chain.held import hold_files
 from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
 from calib_core.chain.observations import Observations, SphereSize
-from calib_core.chain.rejection import judge_from
+from calib_core.chain.rejection import core_of, judge_from
 from calib_core.chain.scanner import COUNT, ScannerPriors
 from calib_core.chain.variance import GivenSigmas, mean_sigmas
 from calib_core.errors import CalibrationError
@@ -80,7 +80,8 @@ def solved_quickly(
     if agree.sum() < _LEAST:
         return QuickSolve(usual, apart)
     try:
-        judged = judge_from(seen, data, state, agree, given)
+        # Grown from as few as a solve grows from: its scatter may have another likeliest answer from all of them.
+        judged = judge_from(seen, data, state, agree & core_of(off), given)
     except CalibrationError:
         return QuickSolve(usual, apart)
     sigmas = replace(mean_sigmas(judged.data, judged.fit, given), axes=usual.axes)

@@ -42,22 +42,37 @@ def test_an_ordinary_arm_is_believed_as_one(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_an_arm_that_scatters_far_more_is_believed_to(seed: int) -> None:
-    # 14 captures leave some 30 degrees of freedom: the root of their χ² is within ± 40 % (3 sigmas).
-    assert 0.3 < believed(*scattered(seed, 0.5)).position_mm < 0.7
+    # 14 captures leave some 30 degrees of freedom: the root of their χ² is within ± 40 % (3 sigmas).  A flange
+    # shifted and one turned move the sphere alike: a solve of the second seed says that it is turned.
+    situation = situation_of(*scattered(seed, 0.5), {})
+    assert situation is not None
+    given = situation.assumed
+    away_mm = [np.linalg.norm(o.base_from_tool0.translation_mm - given.center_in_base_mm) for o in situation.taken]
+    turned_mm = given.sigmas.orientation_rad * float(np.mean(away_mm))
+    assert 0.3 < np.hypot(given.sigmas.position_mm, turned_mm) < 0.7
 
 
 def test_what_is_told_of_the_arm_stays() -> None:
     assert believed(*scattered(0, 0.5, Robot(position_sigma_mm=0.05))).position_mm == 0.05
 
 
-@pytest.mark.thorough(keep=1)
+@pytest.mark.thorough(keep=2)
 @pytest.mark.parametrize(
-    ("kind", "count"),
-    [("arms: joints 0.1°, links 0.5 mm", 14), *[("arms: joints 0.02°, links 0.1 mm", count) for count in (7, 14)]],
+    ("kind", "seed", "count"),
+    [
+        (
+            "arms: joints 0.1°, links 0.5 mm",
+            9,
+            14,
+        ),  # it was 0.32: the fit began with all captures
+        ("arms: joints 0.1°, links 0.5 mm", 0, 14),  # 0.39: by the likeliest scatter alone
+        ("arms: joints 0.02°, links 0.1 mm", 0, 7),
+        ("arms: joints 0.02°, links 0.1 mm", 0, 14),
+    ],
 )
-def test_the_guide_promises_what_the_result_then_states(kind: str, count: int) -> None:
-    (ratio,) = ratios(kind, 0, (count,))
-    assert 0.85 < ratio < 1.2  # it was 0.39 for the first: by the likeliest scatter alone
+def test_the_guide_promises_what_the_result_then_states(kind: str, seed: int, count: int) -> None:
+    (ratio,) = ratios(kind, seed, (count,))
+    assert 0.85 < ratio < 1.2
 
 
 def test_few_captures_are_believed_of_an_ordinary_arm() -> None:
