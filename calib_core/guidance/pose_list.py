@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib_core.cell.carriers import ball_on_flange
 from calib_core.errors import ConflictError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, RigidTransform
@@ -65,6 +66,9 @@ def planned_poses(
     if step == "turntable":
         return _for_table(session, measured, results, captures)
     situation = situation_of(session, measured, results, step)
+    if situation is None and ball_on_flange(session.cell):
+        to_do = message("Take the poses that the guide names, one after the other.")
+        raise ConflictError("a scanner on the flange, for a planned set", "one that stands still", to_do, "cell")
     if situation is None:
         raise _too_little(message("a tool and a sphere's place that are known about"), "cell.nominal")
     try:

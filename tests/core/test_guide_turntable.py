@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.errors import ConflictError
 from calib_core.graph.keys import Graph, stage_captures
 from calib_core.guidance.pose_list import planned_poses
 from calib_core.records import Guide, Measured, Session
@@ -224,3 +225,9 @@ def test_a_set_of_poses_begins_with_what_several_scanners_or_balls_told(name: st
     assert reached == sorted(reached, reverse=True)
     assert reached[0] < 0.5  # ± 9 mm, or not determined, were told beside a result of ± 0.2 mm
     assert all(pose.approach_numbers for pose in plan.poses)
+
+
+def test_a_set_of_poses_before_a_scanner_that_stands_still_is_refused_in_a_sentence() -> None:
+    session = simulate("fixed-scanner-turntable", 4).session
+    with pytest.raises(ConflictError, match=r"one that stands still\. Take the poses that the guide names"):
+        planned_poses(session, [], {}, 4)
