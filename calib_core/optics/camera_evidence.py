@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _ADVISED_VIEWS = 10
 _HARMLESS_EXTRAPOLATION = 3.0
+_GOOD_PX = 0.125  # a standard deviation of the projection that is good wherever in the image the work is
 _LARGE_RMS_PX, _FAIL_RMS_PX = 1.0, 3.0
 _UNSURE_FOCAL = 0.005
 _NOTABLE_BEND_GAIN = 0.15
@@ -159,17 +160,17 @@ def _of_views(solution: "CameraSolution") -> list[Finding]:
     if used < _ADVISED_VIEWS:
         found.append(codes.FEW_VIEWS(count=used))
     seen = solution.coverage
-    found.extend(coverage_findings(seen.covered, seen.extrapolation))
+    found.extend(coverage_findings(seen.covered, seen.extrapolation, float(seen.projection_sigma_px.max())))
     if seen.largest_tilt_rad < _ADVISED_TILT_RAD:
         found.append(codes.BOARDS_NOT_TILTED(tilt_deg=float(np.rad2deg(seen.largest_tilt_rad))))
     return found
 
 
-def coverage_findings(covered: float, extrapolation: float) -> list[Finding]:
+def coverage_findings(covered: float, extrapolation: float, largest_px: float) -> list[Finding]:
     """Return how an image that boards cover in part counts: as little as what was seen tells of the rest."""
     if covered >= ENOUGH_COVERED:
         return []
-    if extrapolation > _HARMLESS_EXTRAPOLATION:
+    if extrapolation > _HARMLESS_EXTRAPOLATION and not largest_px < _GOOD_PX:
         return [codes.IMAGE_NOT_COVERED(covered=covered)]
     return [codes.IMAGE_COVERED_IN_PART(covered=covered, ratio=extrapolation)]
 
