@@ -61,5 +61,14 @@ def _row(pose: FilePose) -> PoseRow:
     external = list((pose.external or {}).items())
     table_deg = next((value for axis, value in external if axis == "table"), None)
     return PoseRow(
-        pose.pose or (), pose.line, pose.name, None, pose.time_s, pose.file, pose.joints_deg, table_deg, pose.doubt
+        pose.pose or (),
+        pose.line,
+        pose.name,
+        None,
+        pose.time_s,
+        pose.file,
+        pose.joints_deg,
+        table_deg,
+        has_table=table_deg is not None,
+        doubt=pose.doubt,
     )
