@@ -43,7 +43,8 @@ def run(
         if stage not in STAGES.names():
             need = "a stage among {stage_names}"
             to_do = "Name one of these."
-            raise InputError(need, f"'{stage}'", to_do, "stage", stage_names=", ".join(s.name for s in stages()))
+            names = ", ".join(("all", *(one.name for one in stages())))
+            raise InputError(need, f"'{stage}'", to_do, "stage", stage_names=names)
         return {stage: solve_stage(session, stage, read, progress, store)}
     results: dict[str, Result] = {}
     kept = Kept(results=results)
