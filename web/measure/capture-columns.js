@@ -6,7 +6,8 @@ import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
 import { thumbnail } from "./thumbnail.js";
 
-/** @import {CaptureOut, Residual} from "../state/model.js" */
+/** @import {CaptureOut, Residual as Told} from "../state/model.js" */
+/** What a result says of a capture, and whether it is one of boards. @typedef {Told & { ofFrames?: boolean }} Residual */
 /** @typedef {(capture: CaptureOut, residual: Residual | undefined) => string | number | null} Value */
 /**
  * @typedef {object} Column
@@ -17,9 +18,6 @@ import { thumbnail } from "./thumbnail.js";
  * @property {Value} value what it is sorted and copied by
  * @property {(capture: CaptureOut, residual: Residual | undefined) => Node | string | null} cell
  */
-
-/** The steps that need frames: what is none is not rejected there, but not needed. */
-const NEED_FRAMES = ["camera", "laser-plane"];
 
 /** @param {unknown} value */
 const number = (value) => (typeof value === "number" ? value : null);
@@ -84,7 +82,8 @@ export const status = (capture, residual) => mark(...statusOf(capture, residual)
 export function statusOf(capture, residual) {
   const { verdict } = capture.measured;
   if (capture.excluded) return ["skipped", t("captures.excluded")];
-  if (residual?.used === false && capture.kind !== "frame" && NEED_FRAMES.includes(capture.step)) return ["skipped", t("status.not-needed")];
+  // What is no frame is not rejected where boards are seen, but not needed.
+  if (residual?.used === false && residual.ofFrames && capture.kind !== "frame") return ["skipped", t("status.not-needed")];
   if (residual?.used === false) return verdict === "fail" ? ["fail", t("quality.fail")] : ["warn", t("captures.rejected")];
   if (residual) return ["pass", t("captures.used")];
   return [verdict, maybe(`quality.${verdict}`, verdict)];

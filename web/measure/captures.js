@@ -252,7 +252,7 @@ const emptyRow = () => h("tr");
 export function residualsOf(state) {
   const own = state.resultOf(state.step);
   const results = [...Object.values(state.results), ...(own ? [own] : [])].filter(({ stale }) => !stale || "timeline" in state);
-  return new Map(results.flatMap(({ residuals = [] }) => /** @type {Residual[]} */ (residuals).map((row) => /** @type {const} */ ([row.capture, row]))));
+  return new Map(results.flatMap(({ stage, residuals = [] }) => /** @type {Residual[]} */ (residuals).map((row) => /** @type {const} */ ([row.capture, { ...row, ofFrames: state.showsBoard(stage ?? "") }]))));
 }
 
 /** @param {string | number | null} a @param {string | number | null} b */

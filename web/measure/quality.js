@@ -25,7 +25,7 @@ export class QualityElement extends StateElement {
     const capture = this.state.shown;
     this.hidden = capture === null;
     if (!capture) return;
-    const left = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : /** @type {Residual[]} */ (result.residuals))).find((row) => row.capture === capture.id && !row.used);
+    const left = Object.values(this.state.results).flatMap((result) => (result.stale ? [] : /** @type {Residual[]} */ (result.residuals).map((row) => ({ ...row, ofFrames: this.state.showsBoard(result.stage ?? "") })))).find((row) => row.capture === capture.id && !row.used);
     const other = this.state.captures.find((one) => one.id === this.#other && one !== capture) ?? null;
     putChildren(this, () => {
       if (other) void this.#compare(capture, other);
