@@ -9,6 +9,7 @@ import { maybe, said, t } from "../texts.js";
 import { did } from "../state/undo.js";
 import { nextStep } from "../state/next-step.js";
 import { StateElement } from "../components/base.js";
+import { decisionOf } from "./exclude.js";
 import { keep } from "./removed-captures.js";
 import { stepName } from "./rail.js";
 import { mendable, remedies } from "../result/remedy.js";
@@ -235,8 +236,8 @@ export class ActionsElement extends StateElement {
     this.update();
     await attempt(async () => {
       const { id } = this.state;
-      const { addedWithReason } = await import("./add-reason.js");
-      const capture = await addedWithReason(this.state, (why) => api.captureSimulated(id, this.#step, why));
+      const add = (/** @type {string} */ why) => api.captureSimulated(id, this.#step, why);
+      const capture = decisionOf(this.state) ? await (await import("./add-reason.js")).addedWithReason(this.state, add) : await add("");
       if (!capture) return;
       if (!this.state.captures.some((one) => one.id === capture.id)) this.#awaited = capture.id;
       this.state.hurry();
