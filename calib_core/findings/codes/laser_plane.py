@@ -51,7 +51,7 @@ LINES_TOO_CLOSE = Code(
 PLANE_NORMAL_WEAK = Code(
     "plane-normal-weak",
     "warning",
-    text="The plane's normal is known only to ±{normal_deg:.2g}° (k = 2).",
+    text="The plane's normal is known only to ±{normal_deg:.2f}° (k = 2).",
     to_do="Capture boards nearer and farther away.",
     meaning="The direction of the plane of light is uncertain: what is measured far from the boards is off.",
     decided="Its standard deviation is above 0.1°.",
@@ -82,7 +82,7 @@ PLANE_NOT_FINITE = Code(
 PLANE_NORMAL_OPEN = Code(
     "plane-normal-open",
     "error",
-    text="The plane's normal is known only to ±{normal_deg:.2g}° (k = 2).",
+    text="The plane's normal is known only to ±{normal_deg:.1f}° (k = 2).",
     to_do="Capture boards nearer and farther away.",
     meaning="The direction of the plane of light is as good as open.",
     decided="Its standard deviation is above 2°.",
