@@ -8,7 +8,7 @@ from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from sqlalchemy.exc import DBAPIError
 
@@ -19,7 +19,7 @@ from server.http.errors import problem_of_status, storage_problem
 from server.http.events import Hub, ended_job
 from server.jobs import worker
 from server.jobs.all_stages import AllStages
-from server.jobs.ends import MOST_ATTEMPTS, cluster_gone, explained, worker_ended
+from server.jobs.ends import cluster_gone, explained, worker_ended
 from server.jobs.pool import Pool
 from server.jobs.pools import ProcessPool, open_pool
 from server.jobs.waiting import WaitingJobs
@@ -44,6 +44,9 @@ from server.store.unavailable import OUTAGES
 from server.store.unreferenced import remove_unreferenced
 
 log = logging.getLogger("scancell")
+_MOST_TRIES: Final = 5
+_MOST_LOST: Final = 1
+"""How often a job begins anew whose worker on a cluster was killed: perhaps by what the job needs."""
 
 
 @dataclass
@@ -56,7 +59,7 @@ class _Running:
     session: Data
     results: Mapping[str, Data]
     place: worker.Place | None = None  # of its worker, once it has begun
-    ended_by_us: bool = False  # the store knows why already
+    ended_by_us: bool = False  # by force: the store knows why already
     timer: threading.Timer | None = field(default=None, repr=False)
     since_s: float = field(default_factory=time.monotonic)
 
@@ -124,7 +127,7 @@ class Jobs:
             if job.place is None:
                 self._submit_again(job_id)
             else:
-                self._wait_for(job_id, cluster_gone())
+                self._try_again(job_id, cluster_gone())
         threading.Thread(target=gone.close, daemon=True).start()  # it may wait for what does not answer
 
     def _fail(self, job_id: str, error: Data) -> None:
@@ -132,24 +135,18 @@ class Jobs:
             fail_job(db, job_id, error)
         self._waiting.forget(job_id)
 
-    def _wait(self, job_id: str, got: str, pause_s: float = 0.0) -> None:
+    def _wait(self, job_id: str, got: str) -> None:
         """Have a job wait for what is away, and say so where that can be stored."""
-        self._waiting.add(job_id, pause_s)
+        self._waiting.add(job_id)
         with suppress(*OUTAGES), self._store.write() as db:
             update_job(db, job_id, "queued", message("waits: {why}", why=got), 0.0)
 
-    def _wait_for(self, job_id: str, told: Data) -> None:
-        """Have a job begin anew once what is away is back: no fault of the job, however often it comes."""
-        is_late = self._waiting.waited_s(job_id) > self._settings.job_timeout_s
-        self._fail(job_id, told) if is_late else self._wait(job_id, told["got"])
-
-    def _try_again(self, job_id: str) -> None:
-        """Have a job begin anew whose worker was killed, or say that too many were."""
-        lost = self._waiting.lost(job_id)
-        if lost >= MOST_ATTEMPTS:
-            self._fail(job_id, worker_ended(lost))
+    def _try_again(self, job_id: str, error: Data) -> None:
+        """Have a job begin anew once what it needs is back; one that was tried too often says why it failed."""
+        if self._waiting.tries(job_id) > _MOST_TRIES:
+            self._fail(job_id, error)
         else:
-            self._wait(job_id, worker_ended(lost)["got"], 2.0 ** (lost - 1))
+            self._wait(job_id, error["got"])
 
     def _hand_on(self, job_id: str, waited_s: float) -> bool:
         """Return whether a job that waits need do so no longer: it was handed to workers, or has ended."""
@@ -274,8 +271,9 @@ class Jobs:
             running = self._running.get(job_id)
             if running is None:
                 return
-            running.ended_by_us, has_begun = True, running.place is not None
+            has_begun = running.place is not None
             if not running.future.cancel() or has_begun:  # an executor may call off what goes on all the same
+                running.ended_by_us = True
                 _kill(running)
 
     def _fail_unfinished(self, got: str) -> None:
@@ -308,8 +306,8 @@ class Jobs:
                 if again and running.timer is not None:
                     running.timer.cancel()
                 # A cluster gives a job to another worker when one is killed, until it has none left.
-                if again and (lost := self._waiting.lost(job_id)) >= MOST_ATTEMPTS:
-                    threading.Thread(target=self._lost, args=(job_id, lost), daemon=True).start()
+                if again and self._waiting.tries(job_id) > _MOST_LOST:
+                    threading.Thread(target=self._lost, args=(job_id,), daemon=True).start()
                     return
                 running.timer = threading.Timer(self._settings.job_timeout_s, self._time_out, [job_id])
                 running.timer.daemon = True
@@ -330,8 +328,8 @@ class Jobs:
         self._fail(job_id, error)
         self.end(job_id)
 
-    def _lost(self, job_id: str, times: int) -> None:
-        self._waiting.noting(partial(self._fail, job_id, worker_ended(times)))
+    def _lost(self, job_id: str) -> None:
+        self._waiting.noting(partial(self._fail, job_id, worker_ended()))
         self.end(job_id)
 
     def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
@@ -344,21 +342,21 @@ class Jobs:
         error = CancelledError() if future.cancelled() else future.exception()
         if error is None:
             self._waiting.noting(partial(self._keep, job_id, running, future.result()))
-        elif running.ended_by_us:
-            self._waiting.forget(job_id)
         else:
             self._waiting.noting(partial(self._failed, job_id, running.pool, error))
 
     def _failed(self, job_id: str, pool: Pool, error: BaseException) -> None:
         """Have a job begin anew that an outage has ended, or say why it failed; `cancel` has noted it before."""
         if isinstance(error, OUTAGES):
-            self._wait_for(job_id, storage_problem(error))
+            is_late = self._waiting.waited_s(job_id) > self._settings.job_timeout_s
+            told = storage_problem(error)  # no fault of the job, however often it comes
+            self._fail(job_id, told) if is_late else self._wait(job_id, told["got"])
         elif not (isinstance(error, CancelledError) or pool.is_broken_by(error)):
             self._fail(job_id, explained(error))
-        elif pool.takes_jobs():
-            self._try_again(job_id)
+        elif pool.is_elsewhere:
+            self._try_again(job_id, worker_ended() if pool.takes_jobs() else cluster_gone())
         else:
-            self._wait_for(job_id, cluster_gone())
+            self._fail(job_id, worker_ended())
 
     def _keep(self, job_id: str, running: _Running, solved: worker.Solved) -> None:
         """Store what a job found."""
@@ -384,7 +382,6 @@ class Jobs:
     def _submit_again(self, job_id: str, here: bool = False) -> None:
         with self._store.write() as db:
             if not update_job(db, job_id, "queued", "waiting for its turn again", 0.0):
-                self._waiting.forget(job_id)
                 return
         try:
             self._submit(job_id, here)
