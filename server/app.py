@@ -29,6 +29,7 @@ from server.http.head_requests import HeadRequests
 from server.http.language import AnswerLanguage
 from server.http.page_files import PageFiles
 from server.http.security_headers import SecurityHeaders
+from server.http.stopping import Stopping
 from server.http.timeouts import Timeouts
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
@@ -170,6 +171,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SecurityHeaders, settings=settings)
     app.add_middleware(AnswerLanguage)
     app.add_middleware(BodyDraining)
+    app.add_middleware(Stopping)
     app.add_middleware(Disconnects)
     app.add_middleware(AccessLog, metrics=app.state.metrics)
     return app

@@ -31,6 +31,7 @@ def signed_result(
     finding: Finding | None = None,
     moment: str | None = None,
     before: Sequence[Mapping[str, Any]] = (),
+    files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Return a result with the seal of this installation; as it is where there is no key to sign with.
 
@@ -48,12 +49,16 @@ def signed_result(
         When; left out, now.
     before : sequence of mapping, optional
         What a verification was preceded by: `decision` and `solved` of each.
+    files : mapping, optional
+        The SHA-256 of the session's files, where what it was solved from is kept beside it.
     """
     seal: dict[str, Any] = {"session": session_sha256(session), "provenance": provenance}
     if finding is not None:
         seal["finding"] = finding.to_json()
     if before:
         seal["before"] = [dict(one) for one in before]
+    if files is not None:
+        seal["files"] = digest_of(files)
     return sealed({**result, "provenance": provenance}, seal, moment)
 
 
@@ -92,6 +97,14 @@ def decisions_sealed(result: Mapping[str, Any]) -> list[dict[str, str]]:
         for one in known
         if isinstance(one, Mapping)
     ]
+
+
+def is_origin(solved_from: Mapping[str, Any], seal: Mapping[str, Any]) -> bool:
+    """Return whether a session and its `files` are what was signed with a result as what it was solved from."""
+    signed = seal.get("files")
+    return session_sha256(solved_from["session"]) == seal.get("session") and (
+        signed is None or digest_of(solved_from.get("files") or {}) == signed
+    )
 
 
 def with_provenance(result: Mapping[str, Any]) -> dict[str, Any]:

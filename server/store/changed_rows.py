@@ -5,10 +5,11 @@ from collections.abc import Iterator
 
 from sqlalchemy import Connection, func, select
 from sqlalchemy.orm import Session as Transaction
+from sqlalchemy.orm import undefer
 
 from server.settings import Settings
 from server.store.engine import engine_of
-from server.store.models import CaptureRow, EquipmentRow, LogRow, ReleaseRow, SessionRow
+from server.store.models import CaptureRow, EquipmentRow, LogRow, ReleaseRow, ResultRow, SessionRow
 from server.store.removed_rows import is_release_removed, removed_stages
 from server.store.row_seals import Signed
 from server.store.sessions import latest_results
@@ -33,7 +34,9 @@ def changed_rows(connection: Connection) -> Iterator[tuple[str, str, str]]:
             elif isinstance(row, LogRow):
                 yield f"the entry {row.number} of the signed log was changed", "", ""
         for session, stage in _removed(db):
-            yield f"its newest result of {stage} was taken out", session, ""
+            yield f"its newest result of {stage} was taken out, or changed", session, ""
+        for row in _of_other_origin(db):
+            yield f"what its result {row.number} of {row.stage} was solved from was changed", row.session_id, ""
         for row in _newest_releases(db):
             if is_release_removed(db, row):
                 yield (
@@ -69,9 +72,15 @@ def accept(settings: Settings) -> list[str]:
         for row in rows:
             if isinstance(row, EquipmentRow):
                 row.certificate_file = row.certificate_file  # and its hash with it
+            elif isinstance(row, SessionRow):
+                row.name = row.record.get("name", "")
             row.sign()
+        for row in list(_of_other_origin(db)):
+            row.solved_from = None  # nobody knows
         begin(db, "accepted")
         for session, stage in _removed(db):
+            for row in db.scalars(select(ResultRow).where(ResultRow.session_id == session)):
+                row.verdict = row.record["verdict"]
             there = latest_results(db, session).get(stage, {})
             note(db, "result", session, {"stage": stage, "solved": there.get("solved") or ""})
         for release in _newest_releases(db):
@@ -89,6 +98,11 @@ def accept(settings: Settings) -> list[str]:
 def _removed(db: Transaction) -> list[tuple[str, str]]:
     sessions = db.scalars(select(SessionRow.id).order_by(SessionRow.id)).all()
     return [(session, stage) for session in sessions for stage in sorted(removed_stages(db, session))]
+
+
+def _of_other_origin(db: Transaction) -> Iterator[ResultRow]:
+    results = select(ResultRow).options(undefer(ResultRow.solved_from)).execution_options(yield_per=10)
+    yield from (row for row in db.scalars(results) if row.has_other_origin)
 
 
 def _newest_releases(db: Transaction) -> list[ReleaseRow]:

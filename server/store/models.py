@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, LargeBinary, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
 
-from calib_core.archive.seals import IMPORTED, SOLVED, seal_state, session_sha256, with_provenance
+from calib_core.archive.seals import IMPORTED, SOLVED, is_origin, seal_state, with_provenance
 from calib_core.errors import NotFoundError
 from server.store.row_seals import Signed
 
@@ -61,6 +61,11 @@ class SessionRow(Signed, Base):
     def _fold(self, _: str, name: str) -> str:
         self.name_folded = folded(name)
         return name
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is as it was written here, under the name that stands in its record."""
+        return super().holds and self.name == self.record.get("name", "")
 
     @property
     def cell_id(self) -> str:
@@ -139,18 +144,19 @@ class ResultRow(Base):
 
     def proved(self) -> Data:
         """Return the record with the provenance that its seal proves."""
-        return {**with_provenance(self.record), **({"provenance": IMPORTED} if self._other_origin else {})}
+        return {**with_provenance(self.record), **({"provenance": IMPORTED} if self.has_other_origin else {})}
 
     def origin(self) -> Data | None:
         """Return what it was solved from; None where that is not known, or not what was signed with it."""
-        return None if self._other_origin else self.solved_from
+        return None if self.has_other_origin else self.solved_from
 
     @property
-    def _other_origin(self) -> bool:
+    def has_other_origin(self) -> bool:
+        """Whether what it says that it was solved from is not what was signed with it."""
         seal = self.record.get("seal") or {}
         if seal.get("provenance") != SOLVED or "solved_from" not in self.__dict__ or self.solved_from is None:
             return False  # or nobody asked for it: the latest are held against the captures themselves
-        return session_sha256(self.solved_from["session"]) != seal.get("session")
+        return not is_origin(self.solved_from, seal)
 
     __table_args__ = (Index("results_by_stage", "session_id", "stage", "number"),)
 

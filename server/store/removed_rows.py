@@ -1,9 +1,9 @@
-"""Results and releases of which the signed log knows and the tables do not: somebody took them out."""
+"""What the signed log knows of results and releases and the tables do not: somebody took it out, or moved it."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session as Transaction
 
 from server.store.models import Data, ReleaseRow, ResultRow, SessionRow
@@ -17,17 +17,24 @@ def logged(stage: str, record: Mapping[str, Any]) -> Data:
 
 
 def removed_stages(db: Transaction, session_id: str) -> frozenset[str]:
-    """Return the stages whose newest result was taken out, and nobody accepted that."""
+    """Return the stages whose newest result is not what was stored last, and nobody accepted that.
+
+    It was taken out, an older one was put before it, or its verdict was changed beside the signed record.
+    """
     newest_of = {one["stage"]: one["solved"] for one in _logged(db, session_id)}
-    there = _there(db, session_id, newest_of)
-    return frozenset(stage for stage, solved in newest_of.items() if solved and (stage, solved) not in there)
+    solved, verdict = (ResultRow.record[name].as_string() for name in ("solved", "verdict"))
+    last = select(func.max(ResultRow.number)).where(ResultRow.session_id == session_id).group_by(ResultRow.stage)
+    query = select(ResultRow.stage, solved, ResultRow.verdict == verdict).where(ResultRow.number.in_(last))
+    there = {stage: when for stage, when, is_its_verdict in db.execute(query) if is_its_verdict}
+    return frozenset(stage for stage, when in newest_of.items() if when and there.get(stage) != when)
 
 
 def removed_decisions(db: Transaction, session_id: str) -> list[Data]:
     """Return the verifications that decided and were taken out: `decision` and `solved` of each."""
     decided = [one for one in _logged(db, session_id) if one["stage"] == "verify" and "decision" in one]
-    there = _there(db, session_id, ["verify"]) if decided else set()
-    return [one for one in decided if ("verify", one["solved"]) not in there]
+    of_verify = (ResultRow.session_id == session_id, ResultRow.stage == "verify")
+    there = set(db.scalars(select(ResultRow.record["solved"].as_string()).where(*of_verify))) if decided else set()
+    return [one for one in decided if one["solved"] not in there]
 
 
 def is_release_removed(db: Transaction, row: ReleaseRow) -> bool:
@@ -41,9 +48,3 @@ def is_release_removed(db: Transaction, row: ReleaseRow) -> bool:
 
 def _logged(db: Transaction, session_id: str) -> list[Data]:
     return [row.told for row in entries(db, "result", session_id) if row.holds and "solved" in row.told]
-
-
-def _there(db: Transaction, session_id: str, stages: Iterable[str]) -> set[tuple[str, str]]:
-    solved = ResultRow.record["solved"].as_string()
-    query = select(ResultRow.stage, solved).where(ResultRow.session_id == session_id)
-    return {(stage, when) for stage, when in db.execute(query.where(ResultRow.stage.in_(list(stages))))}

@@ -36,12 +36,13 @@ def session_answer(db: Transaction, stored: StoredSession) -> Answer:
     answer = answer_of(stored.session, stored.results, stale)
     row = _newest(db, stored.id, answer.stage)[0]
     session = stored.session
-    if answer.stale and row.solved_from is not None:
-        then = parse_session(row.solved_from["session"], stored.id)
+    if answer.stale and (origin := row.origin()) is not None:
+        then = parse_session(origin["session"], stored.id)
         session = session.model_copy(update={"cell": then.cell, "captures": then.captures})
+    is_other = answer.stale and row.has_other_origin
     answer = answer_of(session, stored.results, stale, row.record.get("solved") or row.created)
     before = decisions_before(db, stored)
-    return replace(answer, decided_before=before, altered=_is_altered(db, stored.id))
+    return replace(answer, decided_before=before, altered=is_other or _is_altered(db, stored.id))
 
 
 def _newest(db: Transaction, session_id: str, stage: str, most: int | None = 1) -> list[ResultRow]:

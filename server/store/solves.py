@@ -119,6 +119,7 @@ def add_result(
         {**record, "solved": record.get("solved") or now()},
         solved_from["session"],
         before=_decisions(db, job.session_id) if job.stage == "verify" else (),
+        files=solved_from["files"],
     )
     return store_result(db, locked_session(db, job.session_id), job.stage, record, solved_from, outputs)
 

@@ -140,6 +140,36 @@ def test_a_server_told_to_stop_finishes_what_it_has_begun(tmp_path: Path) -> Non
     assert not [line for line in lines if line["level"] == "error"], said
 
 
+def test_an_upload_that_a_stop_cannot_wait_for_is_refused_as_what_may_come_again(tmp_path: Path) -> None:
+    process, address = serve(tmp_path / "data", SCANCELL_SHUTDOWN_GRACE_S="0")
+    try:
+        with httpx.Client(base_url=f"{address}/api/v1", timeout=30, trust_env=False) as client:
+            session = make_session(client)
+        host, port = address.removeprefix("http://").split(":")
+        with socket.create_connection((host, int(port)), timeout=300) as connection:
+            head = (
+                f"POST /api/v1/sessions/{session}/captures HTTP/1.1\r\nHost: {host}:{port}\r\n"
+                "Content-Type: multipart/form-data; boundary=b\r\nContent-Length: 99999999\r\n"
+                "Accept-Language: de\r\n\r\n--b\r\n"
+            )
+            connection.sendall(head.encode())
+            time.sleep(0.5)  # it waits for the rest
+            process.send_signal(signal.SIGTERM)
+            answer = b""
+            while piece := connection.recv(65536):
+                answer += piece
+        assert process.wait(timeout=300) == 0
+    finally:
+        process.kill()
+        _, said = process.communicate()
+    assert answer.startswith(b"HTTP/1.1 503"), answer
+    head, _, body = answer.partition(b"\r\n\r\n")
+    assert b"retry-after: " in head.lower()
+    assert json.loads(body)["type"] == "urn:scancell:problem:unavailable"
+    assert "angehalten" in json.loads(body)["detail"]
+    assert "Traceback" not in said
+
+
 @pytest.mark.thorough
 @pytest.mark.skipif(os.name == "nt", reason="a terminal's Ctrl-C is another thing there")
 @pytest.mark.parametrize("after_s", [0.0, 0.4, 1.0, 2.0])
