@@ -1,6 +1,7 @@
 """How a job ends that has not ended well: problem details."""
 
 import logging
+from typing import Final
 
 from calib_core.errors import CalibrationError
 from calib_core.messages import message, with_parts
@@ -9,6 +10,8 @@ from server.http.program_files import RESTART, UPDATED, is_updated
 from server.store.models import Data
 
 log = logging.getLogger("scancell")
+MOST_ATTEMPTS: Final = 6
+"""How often a job begins whose workers are killed, perhaps by what the job needs; each pause is longer."""
 
 
 def cluster_gone() -> Data:
@@ -18,10 +21,15 @@ def cluster_gone() -> Data:
     )
 
 
-def worker_ended() -> Data:
-    """Return that the worker was killed, perhaps for what the job needs."""
-    got = "the worker process ended unexpectedly (it was killed, or memory ran out)"
-    return problem_of_status(503, got, "Run it again.")
+def worker_ended(attempt: int) -> Data:
+    """Return that a job's worker was killed, perhaps for what the job needs."""
+    got = message(
+        "the worker process ended unexpectedly (it was killed, or memory ran out), attempt {attempt} of {most}",
+        attempt=attempt,
+        most=MOST_ATTEMPTS,
+    )
+    to_do = message("Give the workers more memory, or the job less data; then run it again.")
+    return problem_of_status(503, got, to_do)
 
 
 def explained(error: BaseException) -> Data:

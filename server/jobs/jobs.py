@@ -3,12 +3,11 @@
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Final
+from typing import Any
 
 from sqlalchemy.exc import DBAPIError
 
@@ -19,9 +18,10 @@ from server.http.errors import problem_of_status, storage_problem
 from server.http.events import Hub, ended_job
 from server.jobs import worker
 from server.jobs.all_stages import AllStages
-from server.jobs.ends import cluster_gone, explained, worker_ended
+from server.jobs.ends import MOST_ATTEMPTS, cluster_gone, explained, worker_ended
 from server.jobs.pool import Pool
 from server.jobs.pools import ProcessPool, open_pool
+from server.jobs.running import Running, apart
 from server.jobs.waiting import WaitingJobs
 from server.settings import Settings
 from server.store.calibrations import measure_frames_anew
@@ -44,24 +44,6 @@ from server.store.unavailable import OUTAGES
 from server.store.unreferenced import remove_unreferenced
 
 log = logging.getLogger("scancell")
-_MOST_TRIES: Final = 5
-_MOST_LOST: Final = 1
-"""How often a job begins anew whose worker on a cluster was killed: perhaps by what the job needs."""
-
-
-@dataclass
-class _Running:
-    """A job that is with the executor."""
-
-    pool: Pool
-    future: Future[worker.Solved]
-    solved_from: Data | None  # what a result is stored with; a replay leaves none
-    session: Data
-    results: Mapping[str, Data]
-    place: worker.Place | None = None  # of its worker, once it has begun
-    ended_by_us: bool = False  # by force: the store knows why already
-    timer: threading.Timer | None = field(default=None, repr=False)
-    since_s: float = field(default_factory=time.monotonic)
 
 
 class Jobs:
@@ -71,7 +53,7 @@ class Jobs:
         self._settings = settings
         self._store, self._hub = store, hub
         self._captures_wait = captures_wait
-        self._running: dict[str, _Running] = {}
+        self._running: dict[str, Running] = {}
         self._lock = threading.RLock()
         self._ready: Future[bool] | None = None
         self._pool: Pool | None = None
@@ -125,28 +107,34 @@ class Jobs:
             if job.timer is not None:
                 job.timer.cancel()
             if job.place is None:
-                self._submit_again(job_id)
+                self._waiting.noting(partial(self._submit_again, job_id))
             else:
-                self._try_again(job_id, cluster_gone())
-        threading.Thread(target=gone.close, daemon=True).start()  # it may wait for what does not answer
+                self._waiting.noting(partial(self._wait_for, job_id, cluster_gone()))
+        apart(gone.close)  # it may wait for what does not answer
 
     def _fail(self, job_id: str, error: Data) -> None:
         with self._store.write() as db:
             fail_job(db, job_id, error)
         self._waiting.forget(job_id)
 
-    def _wait(self, job_id: str, got: str) -> None:
+    def _wait(self, job_id: str, got: str, pause_s: float = 0.0) -> None:
         """Have a job wait for what is away, and say so where that can be stored."""
-        self._waiting.add(job_id)
+        self._waiting.add(job_id, pause_s)
         with suppress(*OUTAGES), self._store.write() as db:
             update_job(db, job_id, "queued", message("waits: {why}", why=got), 0.0)
 
-    def _try_again(self, job_id: str, error: Data) -> None:
-        """Have a job begin anew once what it needs is back; one that was tried too often says why it failed."""
-        if self._waiting.tries(job_id) > _MOST_TRIES:
-            self._fail(job_id, error)
+    def _wait_for(self, job_id: str, told: Data) -> None:
+        """Have a job begin anew once what is away is back: no fault of the job, however often it comes."""
+        is_late = self._waiting.waited_s(job_id) > self._settings.job_timeout_s
+        self._fail(job_id, told) if is_late else self._wait(job_id, told["got"])
+
+    def _try_again(self, job_id: str) -> None:
+        """Have a job begin anew whose worker was killed, or say that too many were."""
+        lost = self._waiting.lost(job_id)
+        if lost >= MOST_ATTEMPTS:
+            self._fail(job_id, worker_ended(lost))
         else:
-            self._wait(job_id, error["got"])
+            self._wait(job_id, worker_ended(lost)["got"], 2.0 ** (lost - 1))
 
     def _hand_on(self, job_id: str, waited_s: float) -> bool:
         """Return whether a job that waits need do so no longer: it was handed to workers, or has ended."""
@@ -182,7 +170,7 @@ class Jobs:
                 del self._running[job_id]
         for job_id, job in late.items():
             job.future.cancel()
-            self._submit_again(job_id, here=True)
+            self._waiting.noting(partial(self._submit_again, job_id, here=True))
 
     def stop(self) -> None:
         """End everything at once; unfinished jobs say so."""
@@ -191,7 +179,7 @@ class Jobs:
             pools, self._pool, self._here = (self._pool, self._here), None, None
             running, self._running = self._running, {}
         for job in running.values():
-            _kill(job)
+            job.kill()
         for pool in pools:
             if pool is not None:
                 pool.close()
@@ -230,11 +218,12 @@ class Jobs:
             pool = self._pool_here() if here else self._pool
             future = pool.submit(work) if takes else None
             if future is not None:
-                self._running[job_id] = _Running(pool, future, solved_from, session, stored.results)
+                self._running[job_id] = Running(pool, future, solved_from, session, stored.results)
         if future is None:
             self._wait(job_id, cluster_gone()["got"])
         else:
-            future.add_done_callback(lambda done: self._ended(job_id, done))
+            # A cluster's client tells it in the very thread that would have to answer what is asked then.
+            future.add_done_callback(lambda done: apart(partial(self._ended, job_id, done)))
 
     def submit_measuring(self, work: Callable[[], str]) -> "Future[str] | None":
         """Have a capture measured on the cluster; None where there is none that takes work."""
@@ -271,10 +260,9 @@ class Jobs:
             running = self._running.get(job_id)
             if running is None:
                 return
-            has_begun = running.place is not None
+            running.ended_by_us, has_begun = True, running.place is not None
             if not running.future.cancel() or has_begun:  # an executor may call off what goes on all the same
-                running.ended_by_us = True
-                _kill(running)
+                running.kill()
 
     def _fail_unfinished(self, got: str) -> None:
         error = problem_of_status(503, got, "Run it again.")
@@ -302,18 +290,21 @@ class Jobs:
                     return
                 again, running.place = running.place is not None, value
                 if running.ended_by_us:
-                    _kill(running)
+                    running.kill()
                 if again and running.timer is not None:
                     running.timer.cancel()
                 # A cluster gives a job to another worker when one is killed, until it has none left.
-                if again and self._waiting.tries(job_id) > _MOST_LOST:
-                    threading.Thread(target=self._lost, args=(job_id,), daemon=True).start()
+                if again and (lost := self._waiting.lost(job_id)) >= MOST_ATTEMPTS:
+                    apart(partial(self._lost, job_id, lost))
                     return
                 running.timer = threading.Timer(self._settings.job_timeout_s, self._time_out, [job_id])
                 running.timer.daemon = True
                 running.timer.start()
             fraction, text = 0.0, "started"
         else:
+            running = self._running.get(job_id)
+            if running is None or running.place is None:  # it waits to begin anew: said of what was before
+                return
             fraction, text = value
         with self._store.write() as db:
             update_job(db, job_id, "running", text, min(max(fraction, 0.0), 1.0))
@@ -328,37 +319,47 @@ class Jobs:
         self._fail(job_id, error)
         self.end(job_id)
 
-    def _lost(self, job_id: str) -> None:
-        self._waiting.noting(partial(self._fail, job_id, worker_ended()))
+    def _lost(self, job_id: str, times: int) -> None:
+        self._waiting.noting(partial(self._fail, job_id, worker_ended(times)))
         self.end(job_id)
 
     def _ended(self, job_id: str, future: Future[worker.Solved]) -> None:
         with self._lock:
-            running = self._running.pop(job_id, None)
-            if running is None:  # the server stops
+            running = self._running.get(job_id)
+            if running is None or running.future is not future:  # the server stops, or it began anew
                 return
+            del self._running[job_id]
             if running.timer is not None:
                 running.timer.cancel()
         error = CancelledError() if future.cancelled() else future.exception()
         if error is None:
-            self._waiting.noting(partial(self._keep, job_id, running, future.result()))
+            self._waiting.noting(partial(self._told, job_id, lambda: self._keep(job_id, running, future.result())))
+        elif running.ended_by_us:
+            self._waiting.forget(job_id)
         else:
-            self._waiting.noting(partial(self._failed, job_id, running.pool, error))
+            self._waiting.noting(partial(self._told, job_id, lambda: self._failed(job_id, running.pool, error)))
+
+    def _told(self, job_id: str, tell: Callable[[], None]) -> None:
+        """Store how a job ended; where that meets an error of the program, the job says so and has ended, too."""
+        try:
+            tell()
+        except OUTAGES:
+            raise
+        except Exception as error:
+            self._fail(job_id, explained(error))
 
     def _failed(self, job_id: str, pool: Pool, error: BaseException) -> None:
         """Have a job begin anew that an outage has ended, or say why it failed; `cancel` has noted it before."""
         if isinstance(error, OUTAGES):
-            is_late = self._waiting.waited_s(job_id) > self._settings.job_timeout_s
-            told = storage_problem(error)  # no fault of the job, however often it comes
-            self._fail(job_id, told) if is_late else self._wait(job_id, told["got"])
+            self._wait_for(job_id, storage_problem(error))
         elif not (isinstance(error, CancelledError) or pool.is_broken_by(error)):
             self._fail(job_id, explained(error))
-        elif pool.is_elsewhere:
-            self._try_again(job_id, worker_ended() if pool.takes_jobs() else cluster_gone())
+        elif pool.takes_jobs():
+            self._try_again(job_id)
         else:
-            self._fail(job_id, worker_ended())
+            self._wait_for(job_id, cluster_gone())
 
-    def _keep(self, job_id: str, running: _Running, solved: worker.Solved) -> None:
+    def _keep(self, job_id: str, running: Running, solved: worker.Solved) -> None:
         """Store what a job found."""
         with self._store.write() as db:
             if running.solved_from is None:
@@ -382,14 +383,9 @@ class Jobs:
     def _submit_again(self, job_id: str, here: bool = False) -> None:
         with self._store.write() as db:
             if not update_job(db, job_id, "queued", "waiting for its turn again", 0.0):
+                self._waiting.forget(job_id)
                 return
         try:
             self._submit(job_id, here)
         except NotFoundError:
             log.info("job %s went with its session", job_id)
-
-
-def _kill(running: _Running) -> None:
-    """End the worker that a job runs in."""
-    if running.place is not None and (running.future.cancelled() or not running.future.done()):
-        running.pool.end_worker(running.place)

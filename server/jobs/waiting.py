@@ -29,7 +29,8 @@ class WaitingJobs:
         self._hand_on, self._look_after = hand_on, look_after
         self._since_s: dict[str, float] = {}
         self._first_s: dict[str, float] = {}
-        self._tries: dict[str, int] = {}
+        self._not_before_s: dict[str, float] = {}
+        self._lost: dict[str, int] = {}
         self._lock = threading.Lock()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._work, name="waiting jobs", daemon=True)
@@ -42,9 +43,10 @@ class WaitingJobs:
         """Forget what waits."""
         self._stopping.set()
 
-    def add(self, job_id: str) -> None:
-        """Have a job wait, from now on unless it did before."""
+    def add(self, job_id: str, pause_s: float = 0.0) -> None:
+        """Have a job wait, from now on unless it did before; it is not handed on before a pause is over."""
         with self._lock:
+            self._not_before_s[job_id] = time.monotonic() + pause_s
             self._since_s.setdefault(job_id, time.monotonic())
             self._first_s.setdefault(job_id, time.monotonic())
 
@@ -53,16 +55,16 @@ class WaitingJobs:
         now_s = time.monotonic()
         return now_s - self._first_s.get(job_id, now_s)
 
-    def tries(self, job_id: str) -> int:
-        """Count that a job begins anew, and return how often it has."""
+    def lost(self, job_id: str) -> int:
+        """Count that a job's worker was killed, and return how often one was."""
         with self._lock:
-            self._tries[job_id] = self._tries.get(job_id, 0) + 1
-            return self._tries[job_id]
+            self._lost[job_id] = self._lost.get(job_id, 0) + 1
+            return self._lost[job_id]
 
     def forget(self, job_id: str) -> None:
         """Forget a job that has ended."""
         with self._lock:
-            for told in (self._since_s, self._first_s, self._tries):
+            for told in (self._since_s, self._first_s, self._not_before_s, self._lost):
                 told.pop(job_id, None)
 
     def through_outages(self, act: Callable[[], T]) -> T:
@@ -99,6 +101,8 @@ class WaitingJobs:
 
     def _look_at(self, job_id: str) -> None:
         with self._lock:
+            if time.monotonic() < self._not_before_s.get(job_id, 0.0):
+                return
             since_s = self._since_s.pop(job_id, None)
         if since_s is None:  # it was cancelled, and has ended
             return

@@ -8,9 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 
+import server.jobs.ends
+import server.jobs.jobs
 import server.jobs.worker
 from calib_core.errors import InputError
 from server.jobs.measuring_processes import Measuring
@@ -21,14 +22,14 @@ from tests.server.live_server import make_session, simulated_session, wait_for
 from tests.server.slow_work import slow_solve
 from tests.server.test_batches import one, send, wait_until_measured
 from tests.server.test_captures import arc_csv
-from tests.server.test_jobs import wait_until_it_runs
+from tests.server.test_jobs import until_elsewhere, wait_until_it_runs
 from tests.vase import vase_session
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of the cluster's own parts, when it ends
 
 
 @pytest.fixture(scope="module")
-def cluster() -> Iterator[str]:
+def local() -> Iterator[Any]:
     import dask.config  # a second, for these tests alone
     from distributed import LocalCluster
 
@@ -42,7 +43,12 @@ def cluster() -> Iterator[str]:
         host="127.0.0.1",
         protocol="tcp://",
     ) as local:
-        yield local.scheduler_address
+        yield local
+
+
+@pytest.fixture(scope="module")
+def cluster(local: Any) -> str:
+    return local.scheduler_address
 
 
 @pytest.mark.thorough
@@ -105,10 +111,12 @@ def test_a_merge_goes_over_the_workers_and_is_the_same_byte_for_byte(
 
 
 @pytest.mark.thorough
-def test_jobs_on_the_cluster_are_cancelled_and_begin_anew_once_when_their_worker_is_killed(
+def test_jobs_on_the_cluster_are_cancelled_and_begin_anew_when_their_worker_is_killed(
     start: Callable[..., Any], cluster: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solve = server.jobs.worker.solve
+    for module in (server.jobs.jobs, server.jobs.ends):
+        monkeypatch.setattr(module, "MOST_ATTEMPTS", 2)
     monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
     with start(dask=cluster) as client:
         session = make_session(client)
@@ -124,7 +132,7 @@ def test_jobs_on_the_cluster_are_cancelled_and_begin_anew_once_when_their_worker
         assert job["status"] == "failed"
         assert "ended unexpectedly" in job["error"]["detail"]
         assert job["error"]["status"] == 503
-        assert job["error"]["to_do"] == "Run it again."
+        assert "attempt 2 of 2" in job["error"]["detail"]
         assert client.get(f"/jobs/{first}").json()["status"] == "cancelled"
 
         monkeypatch.setattr(server.jobs.worker, "solve", solve)
@@ -141,13 +149,21 @@ def test_jobs_on_the_cluster_are_cancelled_and_begin_anew_once_when_their_worker
         assert (stopped["status"], stopped["error"]["to_do"]) == ("failed", "Run it again.")
 
 
-def until_elsewhere(client: httpx.Client, job: str, before: int) -> int:
-    """Wait until a job runs in another process than before, and return that."""
-    end_s = time.monotonic() + 300
-    while (place := wait_until_it_runs(client, job)) == before:
-        assert time.monotonic() < end_s
-        time.sleep(0.1)
-    return place
+@pytest.mark.thorough(keep=1)
+def test_a_job_that_the_cluster_itself_gives_up_is_done_all_the_same(
+    start: Callable[..., Any], local: Any, cluster: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cluster's client says so in its own thread, which cannot wait for an answer of the cluster."""
+    solve = server.jobs.worker.solve
+    monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
+    monkeypatch.setattr(local.scheduler, "allowed_failures", 0)
+    with start(dask=cluster) as client:
+        job = client.post(f"/sessions/{simulated_session(client, captures=14)}/solve/tcp").json()["id"]
+        killed = wait_until_it_runs(client, job)
+        monkeypatch.setattr(server.jobs.worker, "solve", solve)
+        os.kill(killed, signal.SIGKILL)
+        ended = wait_for(client, job)
+        assert ended["status"] == "done", ended
 
 
 def assert_gone(process: int) -> None:

@@ -13,6 +13,8 @@ from typing import Any
 import httpx
 import pytest
 
+import server.jobs.ends
+import server.jobs.jobs
 import server.jobs.worker
 from server.jobs.pools import ProcessPool
 from server.jobs.processes import ProcessEndedError
@@ -119,17 +121,52 @@ def test_jobs_are_cancelled_while_they_run_and_while_they_wait(start: Callable[.
 
 
 @pytest.mark.usefixtures("slow")
-def test_a_killed_worker_is_named_and_the_next_job_runs(start: Callable[..., Any]) -> None:
+def test_a_job_whose_worker_is_killed_begins_anew_and_after_too_many_says_so(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (server.jobs.jobs, server.jobs.ends):
+        monkeypatch.setattr(module, "MOST_ATTEMPTS", 3)
     with start() as client:
         session = make_session(client)
         killed, waiting = (client.post(f"/sessions/{session}/solve/tcp").json()["id"] for _ in range(2))
-        os.kill(wait_until_it_runs(client, killed), signal.SIGKILL)
+        first = wait_until_it_runs(client, killed)
+        os.kill(first, signal.SIGKILL)
+        assert wait_until_it_runs(client, waiting) != first  # it does not wait meanwhile
+        client.post(f"/jobs/{waiting}/cancel")
+        second = wait_until_it_runs(client, killed)
+        assert second != first
+        begun_s = time.monotonic()
+        os.kill(second, signal.SIGKILL)
+        os.kill(until_elsewhere(client, killed, second), signal.SIGKILL)
+        assert time.monotonic() - begun_s >= 2.0  # each pause is longer
         job = wait_for(client, killed)
         assert job["status"] == "failed"
         assert "ended unexpectedly" in job["error"]["detail"]
+        assert "attempt 3 of 3" in job["error"]["detail"]
         assert job["error"]["status"] == 503
-        assert job["error"]["to_do"] == "Run it again."
-        wait_until_it_runs(client, waiting)
+        assert "more memory" in job["error"]["to_do"]
+
+
+def test_a_job_whose_worker_was_killed_is_done_by_itself(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = server.jobs.worker.solve
+    monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
+    with start() as client:
+        job = client.post(f"/sessions/{simulated_session(client, captures=14)}/solve/tcp").json()["id"]
+        worker = wait_until_it_runs(client, job)
+        monkeypatch.setattr(server.jobs.worker, "solve", solve)
+        os.kill(worker, signal.SIGKILL)
+        assert wait_for(client, job)["status"] == "done"
+
+
+def until_elsewhere(client: httpx.Client, job: str, before: int) -> int:
+    """Wait until a job runs in another process than before, and return that."""
+    end_s = time.monotonic() + 300
+    while (place := wait_until_it_runs(client, job)) == before:
+        assert time.monotonic() < end_s
+        time.sleep(0.1)
+    return place
 
 
 @pytest.mark.thorough

@@ -16,6 +16,8 @@ import httpx
 import pytest
 from playwright.sync_api import FilePayload, Route, expect
 
+import server.jobs.ends
+import server.jobs.jobs
 import server.jobs.worker
 from server.settings import Settings
 from tests.server.access import bearer, guarded, site_of
@@ -23,7 +25,7 @@ from tests.server.live_server import make_session, serving, simulated_session, w
 from tests.server.slow_work import faulty_solve, slow_solve
 from tests.server.test_faults import server as server_process
 from tests.server.test_faults import small_disk  # noqa: F401 (a fixture)
-from tests.server.test_jobs import wait_until_it_runs
+from tests.server.test_jobs import until_elsewhere, wait_until_it_runs
 from tests.web.broken_line import broken_line
 from tests.web.browsing import SharedProfile, Watch
 from tests.web.problems import Visitor, provokes, require_said, visiting
@@ -423,7 +425,10 @@ def test_a_solve_meets_an_error_of_the_program(
 def test_the_worker_of_a_solve_is_killed(
     profile: SharedProfile, start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """It begins anew; whose worker is killed each time ends, and says so."""
     monkeypatch.setattr(server.jobs.worker, "solve", slow_solve)
+    for module in (server.jobs.jobs, server.jobs.ends):
+        monkeypatch.setattr(module, "MOST_ATTEMPTS", 2)
     with start() as client:
         session = simulated_session(client, captures=6)
         with visiting(profile, client, f"/sessions/{session}") as visitor:
@@ -431,7 +436,9 @@ def test_the_worker_of_a_solve_is_killed(
             with visitor.page.expect_response(lambda answer: answer.url.endswith("/solve/tcp")) as asked:
                 visitor.page.keyboard.press("s")
             job = asked.value.json()["id"]
-            os.kill(wait_until_it_runs(client, job), signal.SIGKILL)
+            first = wait_until_it_runs(client, job)
+            os.kill(first, signal.SIGKILL)
+            os.kill(until_elsewhere(client, job, first), signal.SIGKILL)
             error = wait_for(client, job)["error"]
             assert error["type"].endswith(":http-503")
             require_said(error, visitor.toast)
