@@ -83,6 +83,12 @@ def straightened(
     return seen, bent, judged, replace(found, chance=chance)
 
 
+def by_all(judged: Judged, bend: Bend | None) -> Bend | None:
+    """Return a bend that some of the captures show, None where chance explains what all of them show of it."""
+    here = _bend_at(judged, 0.0) if bend is not None and not bend.solved else None
+    return None if here is not None and here.chance >= RARE else bend
+
+
 def doubted(judged: Judged, bend: Bend | None) -> Judged:
     """Return captures judged, less sure by what is unknown of a bend that was found of them or of others."""
     here = bend and _bend_at(judged, bend.size_mm if bend.solved else 0.0)

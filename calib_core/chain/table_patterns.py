@@ -15,7 +15,7 @@ from calib_core.findings import Finding
 from calib_core.findings.codes.turntable import AXIS_WOBBLES, ENCODER_ECCENTRIC
 
 _FAR_RAD = 5e-3
-_RARE = 0.003  # of three patterns: one sound table in a hundred is doubted
+_RARE = 0.0005  # of three patterns: one sound table in 700 is doubted
 _LEAST_LEAN_RAD = 2e-4
 _LEAST_ECCENTRIC_RAD = np.deg2rad(0.02)
 _LEAST_SPARE = 6  # captures beyond the unknowns that a pattern brings
@@ -83,6 +83,7 @@ def _patterns(judged: Judged, table: int) -> list[Pattern]:
         gain, size, _ = scores.gained(rows, _FAR_RAD)
         # The amplitude of a wave of two components (leans across, cos and sin), at its largest.
         largest = float(np.linalg.svd(size.reshape(2, -1), compute_uv=False)[0])
-        chance = float(chdtrc(width, gain / judged.excess))
+        # By the sigmas as they were found and by what is left of the misfit: either may flatter so few captures.
+        chance = max(float(chdtrc(width, gain / judged.excess)), scores.chance(gain, width))
         found.append(Pattern(kind, times, largest, chance, walk.layout.named(table)))
     return found

@@ -15,7 +15,7 @@ from calib_core.chain.answer import answer_of
 from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arm_open import settled, with_open_arm
 from calib_core.chain.arrays import chain_data, layout_of, visits_of
-from calib_core.chain.bend import doubted, unbent
+from calib_core.chain.bend import by_all, doubted, unbent
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
@@ -145,6 +145,7 @@ def solve_chain(
     spheres, (judged, encoders), image, point_sigma = _judge(
         tcp_observations, table_observations, sphere, tcp, turntable, options, late
     )
+    tcp = replace(tcp, bend=by_all(judged, tcp.bend))
     judged = doubted(judged, tcp.bend)
 
     tell(0.8, "Comparing with the stages' own answers")

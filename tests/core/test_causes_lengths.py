@@ -1,5 +1,7 @@
 """Root causes: lengths, the sphere's diameter and the table's angles told wrongly are named, and Apply repairs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from wrong_lengths import ANGLES, scaled_files, told_angles
@@ -16,6 +18,8 @@ from calib_core.frames import RigidTransform
 from calib_core.records import RootCause, Session
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.stages.pipeline import run
+from calib_core.stages.turntable.verdict import angles_that_do_not_fit
+from tests.every_code.turntable import whole
 
 
 @pytest.fixture(scope="module")
@@ -124,3 +128,13 @@ def test_the_chain_does_not_bend_tool_and_poses_until_angles_in_gon_fit() -> Non
     found = run(session, table.files.__getitem__, "chain")["chain"]
     assert found.verdict == "fail"
     assert {"table-angles-do-not-fit", "table-angles"} <= {finding.code for finding in found.findings}
+
+
+def test_angles_that_others_beat_by_a_million_do_not_fit_on_a_small_circle() -> None:
+    """1.5 mm off a circle of 15 mm: no fixed length tells a wrong unit from a table that is worn."""
+    table = whole()[0].turntable
+    off = table.residuals.expected_in_base + np.array([1.5, 0.0, 0.0])
+    small = replace(table, residuals=replace(table.residuals, centers_in_base=off))
+    assert angles_that_do_not_fit(small) == []
+    assert angles_that_do_not_fit(small, otherwise_mm=1.2) == []
+    assert [one.code for one in angles_that_do_not_fit(small, otherwise_mm=0.1)] == ["table-angles-do-not-fit"]

@@ -135,8 +135,8 @@ ANGLES_DO_NOT_FIT = Code(
     by="of",
     to_do="Check the angles, their unit, and that every capture has its own.",
     meaning="No axis brings the captures to a circle.",
-    decided="The used captures lie more than 5 mm off their circles (RMS); in the whole chain also by the still sphere's "
-    "tool alone, unless three of its sigmas explain it.",
+    decided="The used captures lie more than 5 mm off their circles (RMS), or angles read otherwise are a million times "
+    "likelier; in the whole chain also by the still sphere's tool alone, unless three of its sigmas explain it.",
     usual_causes="Angles in another unit, angles of other captures.",
     fixed=True,
 )
@@ -163,7 +163,7 @@ REMOUNTED = Code(
     usual_causes="A sphere that was mounted anew, without a new name.",
 )
 
-_MOVED_BY_CHANCE = "It makes all captures likelier by a factor that chance gives in about one of 300 tables that stand still, over all moves that are tried."
+_MOVED_BY_CHANCE = "It makes all captures likelier by a factor that chance gives in about one of 800 tables that stand still, over all moves that are tried."
 
 TABLE_PUSHED = Code(
     "table-pushed",
@@ -279,7 +279,7 @@ AXIS_WOBBLES = Code(
     to_do="Check the bearing, or capture at more angles.",
     by="times",
     meaning="The axis leans with the table's angle, in a pattern that a bearing makes.",
-    decided="The pattern makes all captures likelier by a factor that chance gives in fewer than 3 of 1,000 tables, and leans "
+    decided="The pattern makes all captures likelier by a factor that chance gives in fewer than 1 of 2,000 tables, and leans "
     "at least 0.2 mrad.",
     usual_causes="A worn bearing, a table that is not fixed firmly.",
 )
@@ -296,7 +296,7 @@ ENCODER_ECCENTRIC = Code(
     by="of",
     to_do="Check the encoder's mounting and the bearing.",
     meaning="The angle errs with itself, once a turn.",
-    decided="The pattern makes all captures likelier by a factor that chance gives in fewer than 3 of 1,000 tables, and is at "
+    decided="The pattern makes all captures likelier by a factor that chance gives in fewer than 1 of 2,000 tables, and is at "
     "least 0.02°.",
     usual_causes="An encoder that is mounted off its centre.",
 )

@@ -106,7 +106,7 @@ def _left_to_chain(table: SolvedTable) -> list[Finding]:
 def findings_of_table(given: StageInput, table: SolvedTable, sphere: SphereSize) -> list[Finding]:
     """Return what is noticed of a table, with what would explain doubts about its angles."""
     from calib_core.causes.table import table_causes
-    from calib_core.stages.turntable.verdict import table_findings
+    from calib_core.stages.turntable.verdict import angles_that_do_not_fit, table_findings
 
     alone = own_base(given.session.cell, given.session.captures) is not None
     known_in = "scanner" if alone else "base"
@@ -121,7 +121,10 @@ def findings_of_table(given: StageInput, table: SolvedTable, sphere: SphereSize)
     captures = [capture for capture in given.captures if capture.step == "turntable"]
     state = table.solution.state
     mounts = {name: state.mount(n) for n, (name, _) in enumerate(state.walk.layout.mounts)}
-    return [*table_causes(captures, table.observations, sphere, mounts), *found]
+    causes = table_causes(captures, table.observations, sphere, mounts)
+    if causes and not any(finding.code == codes.ANGLES_DO_NOT_FIT.name for finding in found):
+        found = [*angles_that_do_not_fit(table.solution, otherwise_mm=causes[0].values["after_mm"]), *found]
+    return [*causes, *found]
 
 
 def tcp_of(given: StageInput) -> SolvedTcp | None:

@@ -27,6 +27,7 @@ _MOST_REJECTED = 1 / 3
 _ONE_HEIGHT_MM = 20.0
 _LARGE_ANGLE_RAD = np.deg2rad(0.05)
 _HOPELESS_MM = 5.0
+_MUCH_LIKELIER = float(np.log(1e6))
 
 
 def table_findings(
@@ -127,10 +128,17 @@ def _failures(table: TurntableSolution, observations: TableObservations) -> list
     return [*found, *angles_that_do_not_fit(table)]
 
 
-def angles_that_do_not_fit(table: TurntableSolution, tool_sigma_mm: float = 0.0) -> list[Finding]:
-    """Return the finding where spheres lie farther off their circles than a tool within three sigmas explains."""
+def angles_that_do_not_fit(
+    table: TurntableSolution, tool_sigma_mm: float = 0.0, otherwise_mm: float | None = None
+) -> list[Finding]:
+    """Return the finding where spheres lie farther off their circles than a tool within three sigmas explains.
+
+    Or, on a circle however small, where angles read otherwise, which leave them `otherwise_mm` off (RMS), are a
+    million times likelier: a normal density's two numbers across each circle.
+    """
     scatter = float(np.sqrt(np.mean(table.residuals.distance_mm[table.used] ** 2)))
-    if scatter <= max(_HOPELESS_MM, 3 * tool_sigma_mm):
+    log_odds = 0.0 if otherwise_mm is None else 2 * table.used.sum() * float(np.log(scatter / otherwise_mm))
+    if scatter <= max(_HOPELESS_MM, 3 * tool_sigma_mm) and log_odds <= _MUCH_LIKELIER:
         return []
     axis = _worst_axis(table)
     return [codes.ANGLES_DO_NOT_FIT(scatter_mm=scatter, of="several" if axis else "one", axis=axis)]
