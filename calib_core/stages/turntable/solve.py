@@ -21,7 +21,7 @@ from calib_core.cell.found import known_scanner, no_scanner, own_base
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.without_turns import open_shifts
 from calib_core.errors import InputError, MotionError
-from calib_core.findings import Finding, judged, sentence_of, verdict_of
+from calib_core.findings import Finding, causes_of, judged, sentence_of, verdict_of
 from calib_core.findings.codes import turntable as codes
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import SolvedTable, SolvedTcp, StageInput
@@ -123,7 +123,8 @@ def findings_of_table(given: StageInput, table: SolvedTable, sphere: SphereSize)
     mounts = {name: state.mount(n) for n, (name, _) in enumerate(state.walk.layout.mounts)}
     causes = table_causes(captures, table.observations, sphere, mounts)
     if causes and not any(finding.code == codes.ANGLES_DO_NOT_FIT.name for finding in found):
-        found = [*angles_that_do_not_fit(table.solution, otherwise_mm=causes[0].values["after_mm"]), *found]
+        (otherwise,) = causes_of(causes)[0].evidence
+        found = [*angles_that_do_not_fit(table.solution, otherwise_mm=otherwise.after), *found]
     return [*causes, *found]
 
 
