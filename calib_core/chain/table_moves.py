@@ -33,12 +33,11 @@ _LEAST_MM: Final = 0.05
 _LEAST_BESIDE: Final = 2  # captures on either side of a change: one alone is told by rejection
 _RARE: Final[dict[Moved, float]] = {
     "table-pushed": 0.0003,
-    "table-creeps": 0.0005,
-    "sphere-reseated": 0.0002,
-    "clamp-gives": 0.0002,
+    "table-creeps": 0.001,
+    "sphere-reseated": 0.0005,
+    "clamp-gives": 0.0005,
 }
-"""How often a table that stands still may be taken to have moved so, over all places of a change: twice as often
-by both stages together."""
+"""How often a table that stands still may be taken to have moved so, over all places of a change."""
 _AT_BORDERS: Final = 0.7  # of that chance is for pushes between two mountings
 
 

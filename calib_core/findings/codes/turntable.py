@@ -163,7 +163,7 @@ REMOUNTED = Code(
     usual_causes="A sphere that was mounted anew, without a new name.",
 )
 
-_MOVED_BY_CHANCE = "It makes all captures likelier by a factor that chance gives in about one of 800 tables that stand still, over all moves that are tried."
+_MOVED_BY_CHANCE = "It makes all captures likelier by a factor that chance gives in about one of 400 tables that stand still, over all moves that are tried."
 
 TABLE_PUSHED = Code(
     "table-pushed",
