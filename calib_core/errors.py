@@ -4,9 +4,12 @@ The command line prints it, REST sends it as problem details and the page shows 
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from calib_core.messages import ENGLISH, Catalogue, Message, Value, filled, message, sentences
+
+if TYPE_CHECKING:
+    from calib_core.records.findings import Finding
 
 
 class CalibrationError(Exception):
@@ -27,10 +30,16 @@ class CalibrationError(Exception):
         The file, capture or field that is at fault.
     **values
         What fills the places.
+
+    Attributes
+    ----------
+    findings : sequence of Finding
+        What is at fault, as far as it was found out: the likeliest first.
     """
 
     code = "calibration"
     status = 422
+    findings: "Sequence[Finding]" = ()
 
     def __init__(self, need: str, got: str, to_do: str, where: str = "", **values: Value) -> None:
         self.need, self.got, self.to_do = (filled(text, values) for text in (need, got, to_do))
@@ -59,12 +68,23 @@ class CalibrationError(Exception):
         """What is amiss, as a sentence: all of it but where, and what to do."""
         return message("Need {need}, got {got}.", need=self.need, got=self.got)
 
-    def at(self, where: str) -> "CalibrationError":
+    def at(self, where: str) -> Self:
         """Return the same error, told to be at `where` (kept if a finer place is known already)."""
         place = f"{where}: {self.where}" if self.where else where
         if self.where == where or self.where.startswith(f"{where}: "):
             place = self.where
-        return type(self)(self.need, self.got, self.to_do, place)
+        return self._with(where=place)
+
+    def explained_by(self, findings: "Sequence[Finding]") -> Self:
+        """Return the same error with what is at fault."""
+        found = self._with()
+        found.findings = findings
+        return found
+
+    def _with(self, *, got: str = "", to_do: str = "", where: str = "") -> Self:
+        found = type(self)(self.need, got or self.got, to_do or self.to_do, where or self.where)
+        found.findings = self.findings
+        return found
 
     def with_failures(self, failed: Mapping[str, "CalibrationError"]) -> Self:
         """Return the same error with what was got of captures that failed, by their names."""
@@ -73,18 +93,15 @@ class CalibrationError(Exception):
         names = "; ".join(f"{{name{k}}}: {{why{k}}}" for k in range(len(failed)))
         values = {f"name{k}": name for k, name in enumerate(failed)}
         values |= {f"why{k}": why.got for k, why in enumerate(failed.values())}
-        return type(self)(
-            self.need, Message(f"{{got}} ({names})", {"got": self.got, **values}), self.to_do, self.where
-        )
+        return self._with(got=Message(f"{{got}} ({names})", {"got": self.got, **values}))
 
     def after(self, first: Sequence[str]) -> Self:
         """Return the same error with sentences before those on what to do: what was left out, and why."""
-        return type(self)(self.need, self.got, sentences((*first, self.to_do)), self.where) if first else self
+        return self._with(to_do=sentences((*first, self.to_do))) if first else self
 
-    def adding(self, sentence: str) -> "CalibrationError":
+    def adding(self, sentence: str) -> Self:
         """Return the same error with a sentence more on what to do."""
-        to_do = sentences((self.to_do, sentence))
-        return type(self)(self.need, self.got, to_do, self.where)
+        return self._with(to_do=sentences((self.to_do, sentence)))
 
 
 class InputError(CalibrationError):

@@ -15,7 +15,7 @@ from calib_core.cell.found import known_scanner
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.start import centers_of, find_start
 from calib_core.errors import CalibrationError, InputError, MeasurementError
-from calib_core.findings import causes_of
+from calib_core.findings import Finding, causes_of, has
 from calib_core.findings.codes import causes as codes
 from calib_core.frames import RigidTransform
 from calib_core.messages import message
@@ -50,9 +50,9 @@ def session_causes(
     for result in fresh.values():
         found += [RootCause.model_validate(cause) for cause in result.get("causes") or []]
     if not found and "tcp" not in fresh:
-        found = unsolved_causes(session, read)
+        found = causes_of(unsolved_findings(session, read))
     if not found and "turntable" not in fresh:
-        found = unsolved_table_causes(session, read)
+        found = causes_of(unsolved_table_findings(session, read))
     whole: list[RootCause] = []
     for cause in found:
         if any(cause.id == other.id for other in whole):
@@ -65,7 +65,16 @@ def session_causes(
     return whole
 
 
-def unsolved_causes(session: Session, read: ReadFile) -> list[RootCause]:
+def explained(error: CalibrationError, session: Session, read: ReadFile) -> CalibrationError:
+    """Return why a session cannot be solved, with what is found to be at fault."""
+    try:
+        found = unsolved_findings(session, read) or unsolved_table_findings(session, read)
+    except (CalibrationError, ValueError):  # what cannot be solved may not be explained either
+        return error
+    return error.explained_by(found) if found else error
+
+
+def unsolved_findings(session: Session, read: ReadFile) -> list[Finding]:
     """Return why the tcp captures cannot be solved: poses not to be read, files in another unit, the diameter."""
     captures = [c for c in session.captures if c.step == "tcp" and not c.excluded]
     if not captures:
@@ -74,20 +83,20 @@ def unsolved_causes(session: Session, read: ReadFile) -> list[RootCause]:
     observations, failed = _observed(neutral, captures, read)
     if len(failed) > len(observations):
         found = _file_causes(neutral, captures, read)
-        if any(cause.kind == "point-unit" for cause in found):
+        if has(found, codes.POINT_UNIT):
             return found
-        return _scale_causes(session, captures, read) or found
+        return _wrong_lengths(session, captures, read) or found
     try:
         base_from_tool0_by_capture(session.cell, captures)
     except CalibrationError:
         if any(capture.kind == "sweep" for capture in captures):
             return []
         sphere = sphere_of(session.cell, captures)
-        return causes_of(pose_causes(session.cell, session.captures, observations, sphere))
+        return pose_causes(session.cell, session.captures, observations, sphere)
     return []
 
 
-def unsolved_table_causes(session: Session, read: ReadFile) -> list[RootCause]:
+def unsolved_table_findings(session: Session, read: ReadFile) -> list[Finding]:
     """Return why the captures of the sphere on the table cannot be solved: their angles."""
     captures = [c for c in session.captures if c.step == "turntable" and not c.excluded]
     if session.cell.turntable.angles == "unknown" or any(c.table_deg is None for c in captures):
@@ -107,7 +116,7 @@ def unsolved_table_causes(session: Session, read: ReadFile) -> list[RootCause]:
         TableObservation(o, float(np.deg2rad(by_id[o.capture].table_deg or 0.0)), by_id[o.capture].mount or "")
         for o in turned
     ]
-    return causes_of(table_causes(session.captures, observations, sphere, tool))
+    return table_causes(session.captures, observations, sphere, tool)
 
 
 def _tool(session: Session, read: ReadFile, sphere: SphereSize) -> RigidTransform | None:
@@ -122,12 +131,12 @@ def _tool(session: Session, read: ReadFile, sphere: SphereSize) -> RigidTransfor
     return RigidTransform.of(start.rotation, start.translation, "tool0", "laser")
 
 
-def _scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile) -> list[RootCause]:
+def _wrong_lengths(session: Session, captures: Sequence[Capture], read: ReadFile) -> list[Finding]:
     """Return wrong lengths of files that cannot be solved, by the poses as they are; none without these."""
     from calib_core.causes.scales import scale_causes
 
     try:
-        return causes_of(scale_causes(session, captures, read, sphere_of(session.cell, captures)))
+        return scale_causes(session, captures, read, sphere_of(session.cell, captures))
     except InputError:
         return []
 
@@ -155,14 +164,15 @@ def _observed(
     return found, failed
 
 
-def _file_causes(session: Session, captures: Sequence[Capture], read: ReadFile) -> list[RootCause]:
+def _file_causes(session: Session, captures: Sequence[Capture], read: ReadFile) -> list[Finding]:
     """Return the unit of the files or the diameter of the sphere by which most captures show it."""
     asked = captures[:: max(1, len(captures) // _ASKED)]
     before = len(_observed(session, asked, read)[0])
-    found: list[tuple[int, bool, RootCause]] = []
-    for cause in (*_units(session, captures), *_diameters(session)):
-        assert cause.changes is not None
-        trial, _ = applied(session, cause.changes)
+    found: list[tuple[int, bool, Finding]] = []
+    for one in (*_units(session, captures), *_diameters(session)):
+        assert one.remedy is not None
+        assert one.remedy.changes is not None
+        trial, _ = applied(session, one.remedy.changes)
         seen = len(_observed(trial, asked, read)[0])
         if seen >= _ENOUGH * len(asked) and seen > before:
             evidence = BeforeAfter(
@@ -170,11 +180,12 @@ def _file_causes(session: Session, captures: Sequence[Capture], read: ReadFile) 
                 before=float(before),
                 after=float(seen),
             )
-            found.append((seen, _is_usual(trial), cause.model_copy(update={"evidence": [evidence]})))
+            remedy = one.remedy.model_copy(update={"evidence": [evidence]})
+            found.append((seen, _is_usual(trial), one.model_copy(update={"remedy": remedy})))
     # A diameter a thousand times smaller shows the sphere as well as points a thousand times larger do.
     if any(usual for _, usual, _ in found):
         found = [one for one in found if one[1]]
-    return [cause for _, _, cause in sorted(found, key=lambda one: -one[0])]
+    return [finding for _, _, finding in sorted(found, key=lambda one: -one[0])]
 
 
 def _is_usual(session: Session) -> bool:
@@ -183,7 +194,7 @@ def _is_usual(session: Session) -> bool:
     return told is None or _USUAL_DIAMETERS_MM[0] <= told <= _USUAL_DIAMETERS_MM[1]
 
 
-def _units(session: Session, captures: Sequence[Capture]) -> Iterator[RootCause]:
+def _units(session: Session, captures: Sequence[Capture]) -> Iterator[Finding]:
     for unit in _UNITS:
         patch = {"format_settings": {"unit": unit}}
         files = [c for c in session.captures if c.kind in ("profile", "cloud")]
@@ -194,10 +205,10 @@ def _units(session: Session, captures: Sequence[Capture]) -> Iterator[RootCause]
             kind="point-unit",
             changes=Changes(captures={capture.id: patch for capture in files}),
         )
-        yield from causes_of([codes.POINT_UNIT(remedy=remedy, unit=unit)])
+        yield codes.POINT_UNIT(remedy=remedy, unit=unit)
 
 
-def _diameters(session: Session) -> Iterator[RootCause]:
+def _diameters(session: Session) -> Iterator[Finding]:
     own = [*diameters_by_name(session.cell).values()]
     told = own[0] if own else session.cell.sphere_diameter_mm
     if told is None:
@@ -209,5 +220,4 @@ def _diameters(session: Session) -> Iterator[RootCause]:
             kind="sphere-diameter",
             changes=Changes(cell=with_diameter(session.cell, told, diameter)),
         )
-        found = codes.SPHERE_DIAMETER_WRONG(remedy=remedy, compared=why, diameter_mm=diameter, told_mm=told)
-        yield from causes_of([found])
+        yield codes.SPHERE_DIAMETER_WRONG(remedy=remedy, compared=why, diameter_mm=diameter, told_mm=told)

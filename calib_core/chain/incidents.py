@@ -32,6 +32,10 @@ _LEAST_SHIFT_MM = 0.4
 _LEAST_TURN_RAD = np.deg2rad(0.05)
 _SWAP_CLOSER = 25.0  # in squared standard deviations
 _MOST_SWAPS = 8
+_AGREE = 0.3  # of the distance of captures that all lie off alike
+_SAME_TOOL = 0.15  # of that distance, what another tool leaves
+_FITS_BETTER = 3.0  # by how much more another place leaves
+_LEAST_LEFT = 0.02  # of the misfit: what a linear step says of less is rounding
 
 
 @dataclass(frozen=True)
@@ -66,9 +70,8 @@ def named_causes(
     if swapped:
         return swapped
     rejected = np.flatnonzero(~judged.used)
-    moved = _moved_at_an_end(observations, rejected, offset_in_base_mm)
-    if moved:
-        return [moved]
+    if at_end := _changed_at_an_end(observations, judged, rejected, offset_in_base_mm):
+        return [at_end]
     change = _change(observations, judged)
     if change and any(given):
         # Told sigmas that are too small make chance look like a change: it must stand when they are estimated too.
@@ -79,23 +82,45 @@ def named_causes(
     return [change] if change else []
 
 
-def _moved_at_an_end(
-    observations: Observations, rejected: np.ndarray, offset_in_base_mm: FloatArray
+def _changed_at_an_end(
+    observations: Observations, judged: Judged, rejected: np.ndarray, offset_in_base_mm: FloatArray
 ) -> Happened | None:
-    """Return the moved sphere where the rejected captures are the last or first ones and agree on a new place."""
-    if len(rejected) < _LEAST_AFTER or np.any(np.diff(rejected) != 1):
+    """Return what changed where the rejected captures are the last or first and agree on a place or a tool."""
+    names = [o.capture for o in observations]
+    at_end = len(rejected) > 0 and rejected[-1] == len(names) - 1
+    if len(rejected) < _LEAST_AFTER or np.any(np.diff(rejected) != 1) or not (at_end or rejected[0] == 0):
         return None
+    since = int(rejected[0]) if at_end else int(rejected[-1]) + 1
     offsets = offset_in_base_mm[rejected]
     mean = offsets.mean(axis=0)
     distance = float(np.linalg.norm(mean))
-    if distance == 0 or np.linalg.norm(offsets - mean, axis=1).max() > 0.3 * distance:
+    tool = _tool_of(observations, judged, rejected, offsets)
+    if tool is not None:
+        return _changed(names, since, tool)
+    if distance == 0 or np.linalg.norm(offsets - mean, axis=1).max() > _AGREE * distance:
         return None
-    names = [o.capture for o in observations]
-    if rejected[-1] == len(names) - 1:
-        return _moved(names, int(rejected[0]), distance, "before", names[rejected[0]])
-    if rejected[0] == 0:
-        return _moved(names, int(rejected[-1]) + 1, distance, "after", names[rejected[-1]])
-    return None
+    when, capture = ("before", names[since]) if at_end else ("after", names[since - 1])
+    return _moved(names, since, distance, when, capture)
+
+
+def _tool_of(
+    observations: Observations, judged: Judged, some: np.ndarray, offsets: FloatArray
+) -> FloatArray | None:
+    """Return how the scanner sits otherwise in captures (6), where that explains far better than another place."""
+    freedom = offsets.size - np.array([3, 6])
+    if freedom[1] <= 0:
+        return None
+    turned = np.array([observations[k].base_from_tool0.rotation for k in some]) @ judged.fit.state.tool_rotation
+    off = np.einsum("kji,kj->ki", turned, offsets).ravel()
+    left: list[float] = []
+    step = np.zeros(6)
+    for rows in (by_place(judged), by_mount(judged)):
+        matrix = rows[some].reshape(len(off), -1)
+        step = np.linalg.lstsq(matrix, off, rcond=None)[0]
+        left.append(float(np.linalg.norm(off - matrix @ step)))
+    by_place_mm, by_tool_mm = np.array(left) / np.sqrt(freedom)
+    known = by_tool_mm < _SAME_TOOL * np.linalg.norm(off) / np.sqrt(len(off))
+    return step if known and _FITS_BETTER * by_tool_mm < by_place_mm else None
 
 
 def _moved(names: Sequence[str], since: int, distance_mm: float, when: str, capture: str) -> Happened:
@@ -103,9 +128,17 @@ def _moved(names: Sequence[str], since: int, distance_mm: float, when: str, capt
     return Happened(codes.MOVED_SPHERE, tuple(names[since:]), values)
 
 
+def _changed(names: Sequence[str], since: int, step: FloatArray) -> Happened:
+    turn_deg, shift_mm = float(np.rad2deg(np.linalg.norm(step[:3]))), float(np.linalg.norm(step[3:]))
+    values: dict[str, Any] = {"since": names[since], "shift_mm": shift_mm, "turn_deg": turn_deg}
+    return Happened(codes.CHANGED_TOOL, tuple(names[since:]), values)
+
+
 def _change(observations: Observations, judged: Judged) -> Happened | None:
     """Return the likeliest change of sphere or tool within the session, where one is clear and large."""
     gains, sizes = change_scores(judged)
+    misfit = _misfit(judged)
+    freedom = 3 * int(judged.used.sum()) - judged.data.free_unknowns
     names = [o.capture for o in observations]
     best: tuple[float, Happened] | None = None
     for kind, unknowns in (("moved-sphere", 3), ("changed-tool", 6)):
@@ -116,23 +149,34 @@ def _change(observations: Observations, judged: Judged) -> Happened | None:
         shift_mm, turn_rad = float(np.linalg.norm(size[-3:])), float(np.linalg.norm(size[:-3]))
         if gain[k] < limit or (shift_mm < _LEAST_SHIFT_MM and turn_rad < _LEAST_TURN_RAD):
             continue
-        if best is not None and gain[k] < best[0] + _BY_CHANCE:
+        told = float(gain[k])
+        if None in judged.given[:2]:  # the change made the estimated sigmas large: without it they are small
+            left = max(misfit - float(gains[kind][k]), _LEAST_LEFT * misfit)
+            told = freedom * float(np.log(misfit / left)) - unknowns
+        if best is not None and told < best[0] + _BY_CHANCE:
             continue
-        if kind == "moved-sphere":
-            cause = _moved(names, k, shift_mm, "before", names[k])
-        else:
-            turn_deg = float(np.rad2deg(turn_rad))
-            values: dict[str, Any] = {"since": names[k], "shift_mm": shift_mm, "turn_deg": turn_deg}
-            cause = Happened(codes.CHANGED_TOOL, tuple(names[k:]), values)
-        best = float(gain[k]), cause
+        moved = kind == "moved-sphere"
+        best = told, _moved(names, k, shift_mm, "before", names[k]) if moved else _changed(names, k, size)
     return best[1] if best else None
+
+
+def _misfit(judged: Judged) -> float:
+    """Return the captures' squared distances from the sphere, in standard deviations, together."""
+    reduced, rest = _left(judged.fit.minimum.at)
+    informations = reduced[:, :3, :3]
+    return float(np.einsum("ki,kij,kj->", rest, np.linalg.pinv(informations), rest))
+
+
+def _left(at: ChainLinearisation) -> tuple[FloatArray, FloatArray]:
+    """Return what each capture knows of its centre and the nuisances, and the slope (K, 3) by its centre."""
+    reduced, rest = without_pose_errors(at.information, at.vector, at.gain, at.share)
+    return reduced, (rest - np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset))[:, :3]
 
 
 def change_scores(judged: Judged) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Return, for each kind and for a change before each capture, twice the log-likelihood gained and its size."""
     at = judged.fit.minimum.at
-    reduced, rest = without_pose_errors(at.information, at.vector, at.gain, at.share)
-    rest = rest - np.einsum("kij,kj->ki", reduced[:, :, :3], at.offset)
+    reduced, rest = _left(at)
     covariance = covariance_of(at.hessian)
     gains: dict[str, FloatArray] = {}
     sizes: dict[str, FloatArray] = {}
@@ -140,7 +184,7 @@ def change_scores(judged: Judged) -> tuple[dict[str, FloatArray], dict[str, Floa
     for kind, own in (("moved-sphere", by_place(judged)), ("changed-tool", by_mount(judged))):
         width = own.shape[2]
         turned = np.swapaxes(own, 1, 2)
-        scores = np.einsum("kpi,ki->kp", turned, rest[:, :3])
+        scores = np.einsum("kpi,ki->kp", turned, rest)
         squares = turned @ reduced[:, :3, :3] @ own
         crosses = turned @ _by_all(reduced, at)
         # Sums over the captures from each one on.

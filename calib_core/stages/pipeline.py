@@ -112,6 +112,10 @@ def solve_stage(
         entry = STAGES.get(stage, "stage")
         result = entry.solve(given).model_copy(update={"method_revision": entry.method_revision})
         result = result.model_copy(update={"frames": found_frames(entry, result)})
+    except (InputError, MeasurementError) as error:
+        from calib_core.causes.session import explained
+
+        raise explained(error, session, read) from None
     except LinAlgError:
         to_do = message(
             "Correct sigmas that are far too large or too small; `scancell check` names doubtful captures."

@@ -68,7 +68,7 @@ def _run(options: argparse.Namespace) -> int:
             try:
                 results = run(session, read, options.stage, progress, store)
             except CalibrationError as error:
-                raise _with_cause(error, session, read) from None
+                raise _with_remedy(error) from None
         truth = truth_of(folder)
     said = spoken(options)
     read_results = {name: result_as_read(result, said, session.cell.findings) for name, result in results.items()}
@@ -144,22 +144,15 @@ def _causes(options: argparse.Namespace, folder: Path, session: "Session", read:
     return session_causes(session, read, {stage: result_data(result) for stage, result in results.items()})
 
 
-def _with_cause(error: "CalibrationError", session: "Session", read: "ReadFile") -> "CalibrationError":
-    """Return why a session cannot be solved at all, with the likeliest cause where one is found."""
-    from calib_core.causes.session import unsolved_causes, unsolved_table_causes
-    from calib_core.errors import CalibrationError
+def _with_remedy(error: "CalibrationError") -> "CalibrationError":
+    """Return why a session cannot be solved at all, with how the likeliest cause is mended where one is found."""
+    from calib_core.findings import causes_of
 
-    try:
-        found = unsolved_causes(session, read) or unsolved_table_causes(session, read)
-    except (CalibrationError, ValueError):  # what cannot be solved may not be explained either
-        return error
-    return (
-        error.adding(
-            message("{sentence} Do so by --apply {found}.", sentence=found[0].sentence, found=found[0].id)
+    for cause in causes_of(error.findings)[:1]:
+        return error.adding(
+            message("{sentence} Do so by --apply {found}.", sentence=cause.sentence, found=cause.id)
         )
-        if found
-        else error
-    )
+    return error
 
 
 def _truth_text(

@@ -111,6 +111,7 @@ def problem(error: CalibrationError) -> dict[str, Any]:
         "got": error.got,
         "to_do": error.to_do,
         "where": error.where,
+        **({"findings": [one.to_json() for one in error.findings]} if error.findings else {}),
     }
 
 

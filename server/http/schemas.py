@@ -176,7 +176,7 @@ class PoseLines(BaseModel):
 
 
 class Problem(BaseModel):
-    """Problem details (RFC 9457): what was needed, what was there, what to do."""
+    """Problem details (RFC 9457): what was needed and there, what to do; `findings` where causes are known."""
 
     type: str
     title: str
@@ -186,6 +186,7 @@ class Problem(BaseModel):
     got: str
     to_do: str
     where: str
+    findings: list[Finding] = []
 
 
 class BatchItem(BaseModel):

@@ -13,13 +13,12 @@ from calib_core.captures.observe import observe_capture
 from calib_core.causes.mirror import mirror_causes
 from calib_core.causes.poses import pose_causes
 from calib_core.causes.scales import scale_causes
-from calib_core.causes.session import unsolved_causes
+from calib_core.causes.session import unsolved_findings
 from calib_core.causes.table import direction_findings, table_causes
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
 from calib_core.chain.start import centers_of, find_start
 from calib_core.chain.table_frame import TableFrame
 from calib_core.findings import Finding
-from calib_core.findings.codes.causes import POINT_UNIT
 from calib_core.frames import RigidTransform
 from calib_core.records import Session
 from tests.every_code.made import CELL, TABLE, Case, made, session_of, tool_of
@@ -113,11 +112,7 @@ def direction(told: int) -> Case:
 
 def in_unit(scenario: str) -> Case:
     """Return the causes of a session whose files are in a unit, unsolved."""
-    return lambda: [
-        POINT_UNIT(remedy=cause, unit="m")
-        for cause in unsolved_causes(made(scenario, 3).session, made(scenario, 3).files.__getitem__)
-        if cause.kind == "point-unit"
-    ]
+    return lambda: unsolved_findings(made(scenario, 3).session, made(scenario, 3).files.__getitem__)
 
 
 CASES: dict[str, tuple[Case, Case]] = {

@@ -114,7 +114,8 @@ class Troubled:
     second scanner.
 
     `laser_from_files` (4, 4) is the frame in which the files count; `sphere_in_base_mm` (3,) is the sphere;
-    `too_long` is the share by which the arm tells its lengths too long.
+    `too_long` is the share by which the arm tells its lengths too long; `mounting` says how the scanner sits
+    otherwise in a capture (4, 4).
     """
 
     session: Session
@@ -126,6 +127,7 @@ class Troubled:
     sphere_in_base_mm: FloatArray
     too_long: float = 0.0
     other: FloatArray | None = None
+    mounting: Callable[[int], FloatArray] = lambda k: np.eye(4)
 
 
 TOLD: dict[str, Any] = {
@@ -162,9 +164,8 @@ def troubled(trouble: Trouble, seed: int, told: bool = False, scanners: Scanners
     session = Session.model_validate({"name": trouble.name, "cell": cell, "captures": captures})
     other = mounts[1] if scanners == "two" else None
     first = told_from_base @ mounts[0] if scanners == "fixed" else mounts[0]
-    return Troubled(
-        session, files, first, seen, seen_by(plan), plan.laser_from_files, sphere, plan.too_long, other
-    )
+    told = plan.too_long, other, plan.mounting
+    return Troubled(session, files, first, seen, seen_by(plan), plan.laser_from_files, sphere, *told)
 
 
 def cell_record(plan: Plan) -> dict[str, Any]:

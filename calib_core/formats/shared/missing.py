@@ -55,7 +55,7 @@ def _blank(points: FloatArray, hit: NDArray[np.bool_], value: str, notes: list[s
 
 def _written_ends(column: FloatArray) -> list[float]:
     """Return the outermost values that scanners write for nothing, where they lie apart from the rest."""
-    ends = float(np.fmin.reduce(column)), float(np.fmax.reduce(column))
+    ends = (float(np.fmin.reduce(column)), float(np.fmax.reduce(column))) if len(column) else ()
     if not any(_is_written(abs(end)) for end in ends):
         return []
     rest = column[np.isfinite(column)]

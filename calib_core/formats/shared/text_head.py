@@ -70,14 +70,14 @@ def _row_at(line: str) -> tuple[int, Style] | None:
 
 
 def _any_row(lines: list[str]) -> Head | None:
-    """Return the first line with a number, where none is a row of them alone (an error names it), or of blanks."""
+    """Return the first line with a number, where none is a row of them alone (an error names it), or no numbers."""
     for index, line in enumerate(lines):
         style = style_of(line)
         fields = style.fields(line)
         if not is_comment(line) and any(NUMBER.match(f) or f.strip().lower() in NAN_WORDS for f in fields):
             return Head(index, len(fields), style)
         rows = [row for row in lines[index + 1 :] if row.strip()]
-        blank = rows and all(_is_blank_row(row, len(fields), style) for row in rows)
+        blank = all(_is_blank_row(row, len(fields), style) for row in rows)
         if blank and {"x", "z"}.issubset(axis_of(f)[0] for f in fields):  # nothing came back to the scanner
             return Head(index + 1, len(fields), style)
     return None

@@ -90,7 +90,7 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     if head.style.comma:
         _require_one_decimal_mark(body, where, first_line + head.start)
     before = head.start + first_line - 1
-    blocks: list[FloatArray] = []
+    blocks: list[FloatArray] = [np.empty((0, head.width))]  # a header alone: nothing came back
     for block in _blocks(body):
         rows = block.removesuffix("\n").split("\n")
         blocks.append(_parse_lines(rows, head, before, where, example))
@@ -99,9 +99,6 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     if len(header.names) == head.width - 1:
         _require_empty_end(values, where, first_line + head.start)
         header = replace(header, names=(*header.names, ""))
-    if not len(values):
-        to_do = "Copy or export it again."
-        raise InputError("lines of numbers ({example})", "no line with a number", to_do, where, example=example)
     return TextTable(values, header.names, header.units, header.preamble, first_line + head.start)
 
 
