@@ -70,7 +70,7 @@ def _row_at(line: str) -> tuple[int, Style] | None:
 
 
 def _any_row(lines: list[str]) -> Head | None:
-    """Return the first line with a number, where none is a row of them alone (an error names it), or no numbers."""
+    """Return the first line with a number, where none is a row of them alone (an error names it), or none."""
     for index, line in enumerate(lines):
         style = style_of(line)
         fields = style.fields(line)

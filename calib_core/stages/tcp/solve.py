@@ -17,7 +17,7 @@ from calib_core.cell.axes import axis_that_moved, foot_moved, moved_axes, readin
 from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.errors import MeasurementError, MotionError
-from calib_core.findings import Finding, reasons_of, sentence_of, verdict_of
+from calib_core.findings import Finding, has, reasons_of, sentence_of, verdict_of
 from calib_core.findings.codes import spheres
 from calib_core.findings.codes import tcp as codes
 from calib_core.findings.codes.captures import CAPTURE_DUPLICATE
@@ -64,7 +64,7 @@ def solve(given: StageInput) -> TcpResult:
     found = _findings(given, solved)
     if verdict_of(found) == "fail":
         found += _doubts_of_pitch(given)
-    if not any(one.remedy for one in found) and any(one.code == codes.POSES_DO_NOT_FIT.name for one in found):
+    if not any(one.remedy for one in found) and has(found, codes.POSES_DO_NOT_FIT):
         _require_still(given)
     result = tcp_result(solved.solution, SOFTWARE, given.inputs_sha256, found)
     result = result.model_copy(update={"spheres": spheres_found(given.session.cell, solved.solution)})
@@ -88,7 +88,8 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     found += arm_findings(given.session.cell, solved.solution.arm, [] if of_flange else fit)
     # Other readings of poses are tried for a sphere that stands still alone.
     stands = solved.solution.joint.ball_stands_still
-    causes = _causes_of_poses(given, solved) if stands and _is_doubtful(found, solved) else []
+    nothing_fits = has(found, codes.POSES_DO_NOT_FIT)
+    causes = _causes_of_poses(given, solved, nothing_fits) if stands and _is_doubtful(found, solved) else []
     about_causes = {name for cause in causes for name in cause.captures}
     told = [one for one in found if not (one.remedy is not None and about_causes & set(one.captures))]
     return [*of_flange, *causes, *told, *solved.unused, *solved.noticed]
@@ -99,7 +100,7 @@ def of_several_balls(given: StageInput, solved: SolvedTcp, found: list[Finding])
     from calib_core.stages.tcp.balls import findings_of_balls
 
     told = _balls_not_told_apart(given.session.cell, solved.observations)
-    if told < 2 or all(one.code != codes.POSES_DO_NOT_FIT.name for one in found):
+    if told < 2 or not has(found, codes.POSES_DO_NOT_FIT):
         return found + findings_of_balls(given.session.cell, solved.solution.held)
     others = [one for one in found if one.code != codes.POSES_DO_NOT_FIT.name]
     return [spheres.BALLS_NOT_TOLD_APART(count=told), *others]
@@ -112,13 +113,16 @@ def _balls_not_told_apart(cell: Cell, observations: Observations) -> int:
     return max((len(told_balls(cell, carrier)) for carrier in carriers), default=0)
 
 
-def _causes_of_poses(given: StageInput, solved: SolvedTcp) -> list[Finding]:
-    """Return what would make doubtful captures fit: another reading of the poses, or other lengths."""
+def _causes_of_poses(given: StageInput, solved: SolvedTcp, nothing_fits: bool) -> list[Finding]:
+    """Return what would make doubtful captures fit: another reading of the poses, or other lengths.
+
+    Where nothing fits, what seems to have happened to a few is no reason not to look for what is wrong in all.
+    """
     from calib_core.causes.poses import pose_causes
 
     given.progress(0.97, "Trying other readings of the poses")
     found = pose_causes(given.session.cell, given.captures, solved.observations, solved.sphere)
-    if not found and not solved.solution.causes:
+    if not found and (nothing_fits or not solved.solution.causes):
         from calib_core.causes.mirror import mirror_causes
         from calib_core.causes.scales import scale_causes
 
