@@ -4,12 +4,9 @@ The command line prints it, REST sends it as problem details and the page shows 
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Self
+from typing import Any, Self
 
 from calib_core.messages import ENGLISH, Catalogue, Message, Value, filled, message, sentences
-
-if TYPE_CHECKING:
-    from calib_core.records.findings import Finding
 
 
 class CalibrationError(Exception):
@@ -33,13 +30,13 @@ class CalibrationError(Exception):
 
     Attributes
     ----------
-    findings : sequence of Finding
+    findings : sequence of calib_core.records.Finding
         What is at fault, as far as it was found out: the likeliest first.
     """
 
     code = "calibration"
     status = 422
-    findings: "Sequence[Finding]" = ()
+    findings: Sequence[Any] = ()  # records stand above
 
     def __init__(self, need: str, got: str, to_do: str, where: str = "", **values: Value) -> None:
         self.need, self.got, self.to_do = (filled(text, values) for text in (need, got, to_do))
@@ -75,7 +72,7 @@ class CalibrationError(Exception):
             place = self.where
         return self._with(where=place)
 
-    def explained_by(self, findings: "Sequence[Finding]") -> Self:
+    def explained_by(self, findings: Sequence[Any]) -> Self:
         """Return the same error with what is at fault."""
         found = self._with()
         found.findings = findings
