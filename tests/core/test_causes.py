@@ -17,7 +17,7 @@ from calib_core.causes.apply import applied, cause_named, changes_for, merge_pat
 from calib_core.causes.incidents import incident_finding
 from calib_core.causes.poses import pose_causes
 from calib_core.causes.session import session_causes
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MeasurementError
 from calib_core.findings import causes_of
 from calib_core.frames import RigidTransform
 from calib_core.records import RootCause, Session
@@ -25,6 +25,7 @@ from calib_core.robots import to_pose
 from calib_core.simulation import SimulatedSession, simulate
 from calib_core.stages.pipeline import run
 from server.cli import main
+from server.http.errors import problem
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +152,14 @@ def test_files_in_metres_and_a_radius_for_the_diameter_are_named_where_nothing_c
         assert causes[0].changes is not None
         assert causes[0].changes.cell == {"sphere_diameter_mm": 40.0}
         assert not any(cause.kind == "point-unit" for cause in causes)
+
+
+def test_a_refusal_says_as_a_finding_what_is_at_fault() -> None:
+    metres = simulate("tcp-metres", 3)
+    with pytest.raises(MeasurementError) as refused:
+        run(metres.session, metres.files.__getitem__, "tcp")
+    first = problem(refused.value.at("cell 4"))["findings"][0]
+    assert (first["code"], first["severity"], first["remedy"]["id"]) == ("point-unit", "error", "point-unit-m")
 
 
 def test_a_cause_is_named_by_its_id_kind_or_place(cell: Measured) -> None:

@@ -116,7 +116,10 @@ def in_unit(scenario: str) -> Case:
 
 
 CASES: dict[str, tuple[Case, Case]] = {
-    "moved-sphere": (tool_of("sphere: moved by 5 mm for good"), tool_of("arms: clean")),
+    "moved-sphere": (
+        tool_of("sphere: moved by 5 mm for good"),
+        tool_of("books: tool changed midway by 2 mm, 1°"),
+    ),
     "changed-tool": (
         tool_of("books: tool changed midway by 0.2°", 2),
         tool_of("sphere: moved by 0.5 mm for good"),
