@@ -31,6 +31,7 @@ _AS_CLOSE = 6.0  # times as far apart as the first ball's arcs may be those of a
 _TURNED = 0.9998  # the cosine of a degree: what is always beside a ball stands still, too, until the flange turns
 _MOST_BALLS = 8
 _CLEARLY = 13.8  # of squared deviations: a thousand times less likely
+_CONTRADICTS = 20.0  # of squared deviations a distance: one that is told wrongly by 0.2 mm has 35 and more
 _NO_MORE = 0.8  # of the arcs: where one ball has so many, the others are stray
 
 
@@ -243,7 +244,7 @@ def by_distances(
 ) -> list[list[str]]:
     """Return the namings of balls that fit told distances: several only where all mean the same measurements.
 
-    None fits, or some that differ fit as well: an empty list.
+    None fits within what places and distances err, or some that differ fit as well: an empty list.
 
     Parameters
     ----------
@@ -263,9 +264,28 @@ def by_distances(
     if not found or found[0][1] > _TOGETHER_MM:
         return []
     likeliest, *_, same = found[0]
+    if likeliest > _CONTRADICTS * len(same):
+        return []
     limit = likeliest + _CLEARLY * max(1.0, likeliest / len(same))  # where all fit badly, less is told by it
     fit = [one for one in found if one[0] < limit]
     return [given for *_, given, _ in fit] if all(one[-1] == same for one in fit) else []
+
+
+def wrong_distance(
+    centers: FloatArray, covariance: FloatArray, names: Sequence[str], distances: Sequence[KnownDistance]
+) -> tuple[KnownDistance, float] | None:
+    """Return the one distance that contradicts all others, and what it is by what was found; None where not one.
+
+    Parameters as of `by_distances`.
+    """
+    found: list[tuple[KnownDistance, float]] = []
+    for known in distances:
+        others = [other for other in distances if other is not known]
+        named = by_distances(centers, covariance, names, others)
+        if len(named) == 1 and {known.one, known.other} <= {*named[0]}:
+            one, other = (centers[named[0].index(name)] for name in (known.one, known.other))
+            found.append((known, float(np.linalg.norm(one - other))))
+    return found[0] if len(found) == 1 else None
 
 
 def _off_told(

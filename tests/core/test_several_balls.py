@@ -11,7 +11,7 @@ from bench_trouble import outcome
 
 import calib_core as cc
 from calib_core.cell.layout import KnownDistance
-from calib_core.chain.balls import by_distances
+from calib_core.chain.balls import by_distances, wrong_distance
 from calib_core.library.opened import in_memory
 from calib_core.records.results import FoundFrame, ScannerFound
 from calib_core.simulation.topology import BallOptions
@@ -90,6 +90,34 @@ def test_distances_that_differ_by_more_than_what_was_found_errs_name_the_balls()
     scale = np.outer(row.ravel(), row.ravel()) * 0.005**2  # all may be longer by as much
     assert by_distances(row, sure + scale, names, told) == [names]
     assert by_distances(row, 40 * sure + scale, names, told) == []
+
+
+def test_the_distance_that_contradicts_the_others_is_named() -> None:
+    row, names = np.array([[0.0, 0, 0], [60.0, 0, 0], [118.0, 0, 0]]), ["a", "b", "c"]
+    sure = 0.02**2 * np.eye(9) + np.outer(row.ravel(), row.ravel()) * 0.005**2
+    told = [KnownDistance(*pair, mm, 0.01) for pair, mm in (("ab", 61.0), ("bc", 58.0), ("ac", 118.0))]
+    assert by_distances(row, sure, names, told) == []
+    assert wrong_distance(row, sure, names, told) == (told[0], 60.0)
+    assert wrong_distance(row, sure, names, told[:2]) is None  # either of the two
+
+
+@pytest.mark.thorough
+def test_a_distance_told_a_millimetre_wrong_is_named_first_and_left_out() -> None:
+    simulated, truth = cc.simulate("plate-distances", 2)
+    record = simulated.record
+    one, *others = record.cell.sphere_distances or []
+    told = [one.model_copy(update={"mm": one.mm + 1.0}), *others]
+    record = record.model_copy(update={"cell": record.cell.model_copy(update={"sphere_distances": told})})
+    result = in_memory(record, {name: simulated.read(name) for c in record.captures for name in c.files}).run()[
+        "tcp"
+    ]
+    first = result.findings[0]
+    assert (first.code, first.severity) == ("sphere-distances-not-used", "warning")
+    assert [first.values["first"], first.values["second"]] == [*one.between]
+    assert abs(float(first.values["found_mm"]) - one.mm) < 0.3  # its scanner's scale is 0.3 % off
+    assert result.verdict == "warn"
+    assert all(row.used for row in result.residuals)
+    assert all(squared < CHI2[6] for _, squared, _, _ in distances(result, truth))
 
 
 @pytest.mark.thorough(keep=1)

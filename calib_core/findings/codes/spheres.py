@@ -46,10 +46,17 @@ MORE_THAN_TOLD = Code(
 DISTANCES_NOT_USED = Code(
     "sphere-distances-not-used",
     "warning",
-    text="The told distances of spheres are not used: they fit the places that were found in no way, or in several.",
+    text={
+        "all": "The told distances of spheres are not used: they fit the places that were found in no way, or in "
+        "several.",
+        "one": "The told distances of spheres are not used: '{first}' and '{second}' are {found_mm:.2f} mm apart, and "
+        "{told_mm:g} mm are told, which the others contradict.",
+    },
+    by="contradicted",
     to_do="Check the distances (centre to centre) and between which spheres each is.",
     meaning="Distances name the spheres and find a scanner's scale. Without them the answer rests on motions alone.",
-    decided="No naming has all distances within 4 mm, or two that differ are equally good within 1 mm.",
+    decided="No naming has all distances within 4 mm and within 4.5 standard deviations of what was found, or two "
+    "that differ are equally good.",
     usual_causes="A distance between surfaces or of another pair, in inches; a plate whose distances are nearly alike.",
 )
 

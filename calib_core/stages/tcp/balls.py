@@ -11,8 +11,9 @@ from calib_core.captures.content import names_by_size
 from calib_core.captures.more_arcs import further_arcs
 from calib_core.cell.axes import moved_axes
 from calib_core.cell.carriers import ball_name, rides_on_axis, told_balls, told_distances
+from calib_core.cell.layout import KnownDistance
 from calib_core.chain.arrays import layout_of
-from calib_core.chain.balls import by_distances, labelled
+from calib_core.chain.balls import by_distances, labelled, wrong_distance
 from calib_core.chain.foot_of_balls import linear_feet
 from calib_core.chain.foot_start import foot_axes, on_foot
 from calib_core.chain.held import Held
@@ -207,9 +208,18 @@ def findings_of_balls(cell: Cell, held: Held) -> list[Finding]:
         if many > 1 and any({d.one, d.other} <= {*told} for d in told_distances(cell)):
             there = placed(held.state, held.covariance, some)
             ways = len(by_distances(*there, told, told_distances(cell)))
-            found += [codes.DISTANCES_NOT_USED()] if ways == 0 else []
+            found += [_not_used(wrong_distance(*there, told, told_distances(cell)))] if ways == 0 else []
             found += [codes.NAMED_EITHER_WAY(count=ways)] if ways > 1 else []
     return found
+
+
+def _not_used(wrong: tuple[KnownDistance, float] | None) -> Finding:
+    if wrong is None:
+        return codes.DISTANCES_NOT_USED(contradicted="all")
+    known, found_mm = wrong
+    return codes.DISTANCES_NOT_USED(
+        contradicted="one", first=known.one, second=known.other, found_mm=found_mm, told_mm=known.mm
+    )
 
 
 def spheres_found(cell: Cell, solution: TcpSolution) -> list[FoundSphere]:

@@ -101,7 +101,7 @@ def of_several_balls(given: StageInput, solved: SolvedTcp, found: list[Finding])
 
     told = _balls_not_told_apart(given.session.cell, solved.observations)
     if told < 2 or not has(found, codes.POSES_DO_NOT_FIT):
-        return found + findings_of_balls(given.session.cell, solved.solution.held)
+        return [*findings_of_balls(given.session.cell, solved.solution.held), *found]
     others = [one for one in found if one.code != codes.POSES_DO_NOT_FIT.name]
     return [spheres.BALLS_NOT_TOLD_APART(count=told), *others]
 
