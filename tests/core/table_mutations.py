@@ -175,6 +175,8 @@ def verdict_of(chance: random.Random) -> tuple[str, str]:
         if what == "none":
             return "wrong", f"refused though whole: {error}\n{story}"
         return "refused", f"{error}\n{story}"
+    if reading.doubts and said is not None and len(reading.points) == len(said):
+        return "refused", f"asked: {reading.doubts}\n{story}"
     if said is None:
         return "wrong", f"read though damaged: {reading.sentence()}\n{story}"
     points, expected = reading.points[reading.known], said[np.isfinite(said).all(axis=1)]

@@ -41,6 +41,15 @@ def test_an_index_is_told_and_columns_that_are_told_are_not_doubted() -> None:
     np.testing.assert_allclose(told.points, PROFILE, atol=1e-4)
 
 
+def test_a_column_between_x_and_z_that_stands_is_asked_about_unless_it_is_zero() -> None:
+    """A file of z, brightness and x has it there too: its numbers were taken in their order, without a word."""
+    stands = np.full(len(PROFILE), 120.0)
+    for columns in ([PROFILE[:, 0], stands, PROFILE[:, 1]], [PROFILE[:, 1], stands, PROFILE[:, 0]]):
+        assert "3 columns have no names" in read_file(rows(columns, ",").encode(), "p.csv", "profile").doubts[0]
+    in_plane = [PROFILE[:, 0], np.zeros(len(PROFILE)), PROFILE[:, 1]]
+    assert read_file(rows(in_plane, ",").encode(), "p.csv", "profile").doubts == ()
+
+
 def test_a_cloud_in_degrees_is_refused() -> None:
     with pytest.raises(InputError, match="in degrees"):
         read_file(las(CLOUD, [(34735, geo_keys({1024: 2}))]), "a.las", "cloud")

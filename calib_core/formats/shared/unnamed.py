@@ -60,7 +60,11 @@ def by_place(
     width = values.shape[1]
     kind = kind or ("profile" if width == 2 else plain or "cloud")
     if kind == "profile" and width == 3 and _stands(values[:, 1]) and not _stands(values[:, 2]):
-        return Unnamed(_columns("xyz", 0))
+        in_plane = (
+            np.nanmax(np.abs(values[:, 1])) == 0
+        )  # any other number may be a brightness, and x and z its neighbors
+        columns = _columns("xyz", 0)
+        return Unnamed(columns, doubts=() if in_plane else (_taken(width, [columns[0], columns[2]]),))
     axes = "xz" if kind == "profile" else "xyz"
     counts = width > 1 and _counts_up(values[:, 0])
     is_index = counts and width > len(axes) and not _is_whole(values[:, len(axes)])
@@ -75,15 +79,17 @@ def by_place(
     elif counts:
         doubts.append(message("Column 1 counts up by one and may be an index; it was taken for x."))
     if left.shape[1] and not _says_no_place(left, taken):
-        doubts.append(
-            message(
-                "{width} columns have no names; taken are {taken}. If others are meant, name them by the setting "
-                "'columns'.",
-                width=width,
-                taken=[message("{axis} = {name}", axis=one.axis, name=one.name) for one in columns],
-            )
-        )
+        doubts.append(_taken(width, columns))
     return Unnamed(columns, tuple(notes), tuple(doubts))
+
+
+def _taken(width: int, columns: list[Column]) -> str:
+    return message(
+        "{width} columns have no names; taken are {taken}. If others are meant, name them by the setting "
+        "'columns'.",
+        width=width,
+        taken=[message("{axis} = {name}", axis=one.axis, name=one.name) for one in columns],
+    )
 
 
 def _columns(axes: str, first: int) -> list[Column]:
