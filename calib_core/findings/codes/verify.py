@@ -151,7 +151,7 @@ JOINT_MOVED = Code(
     to_do="Have the robot's zeros checked, then calibrate again.",
     meaning="Arm and joints are known, and one joint's zero makes the captures of the verification 50 times likelier than "
     "any other joint, a scanner that moved, or the whole arm.",
-    decided="A limit is not held, or the captures scatter beyond chance; with this zero what is left is chance.",
+    decided="What this zero leaves of the captures' scatter is chance.",
     usual_causes="A collision, a joint that lost its zero or was mastered anew.",
 )
 

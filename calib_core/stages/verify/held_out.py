@@ -1,7 +1,7 @@
 """Held-out captures of a still sphere, seen with a tool that they did not help to find."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,6 +40,8 @@ class HeldOut:
         The tool that the captures ask for.
     sides_open : bool
         Whether other sides of the plane of light are nearly as likely and ask for another tool.
+    spread : (3K, 3K)
+        The covariance of all figures together; of several spheres the first one's.
     """
 
     center_mm: FloatArray
@@ -53,6 +55,7 @@ class HeldOut:
     degrees_of_freedom: int
     asked: "Asked"
     sides_open: bool = False
+    spread: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def scatter_rms_mm(self) -> float:
@@ -100,6 +103,7 @@ def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> Held
         degrees_of_freedom=3 * len(seen) - 3,
         asked=asked_by(observations, sphere.radius_mm, chosen.mount_from_laser, center_as_asked, tool),
         sides_open=chosen.open,
+        spread=joint.covariance,
     )
 
 
@@ -124,6 +128,7 @@ def together(parts: Sequence[HeldOut]) -> HeldOut:
         degrees_of_freedom=sum(part.degrees_of_freedom for part in parts),
         asked=parts[0].asked,
         sides_open=any(part.sides_open for part in parts),
+        spread=parts[0].spread,
     )
 
 
@@ -232,7 +237,7 @@ class _Seen:
     """One capture: what it measured (3,), and how that depends on the sphere's centre, the tool and the pose."""
 
     def __init__(self, observation: SphereObservation, sphere: SphereSize, tool: Tool, side: int = 0) -> None:
-        self._observation, self._sphere, self._tool, self._side = observation, sphere, tool, side
+        self.observation, self._sphere, self._tool, self._side = observation, sphere, tool, side
         self._ball_from_laser = observation.ball_from_scanner @ tool.mount_from_laser
         self._laser_from_ball = self._ball_from_laser.inverse()
         center = observation.center_in_laser_mm
@@ -243,13 +248,13 @@ class _Seen:
     def residual(self, center: FloatArray) -> FloatArray:
         """Return measured minus predicted."""
         center = self._laser_from_ball.apply(center)
-        if self._observation.circle_radius_mm is None:
+        if self.observation.circle_radius_mm is None:
             return self.measured - center
         return self.measured - np.array([center[0], center[2], self._circle_radius_mm(center)])
 
     def slope(self, center: FloatArray) -> FloatArray:
         """Return how the prediction follows the sphere's centre in L (3, 3)."""
-        if self._observation.circle_radius_mm is None:
+        if self.observation.circle_radius_mm is None:
             return np.eye(3)
         center = self._laser_from_ball.apply(center)
         slope = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
@@ -267,11 +272,11 @@ class _Seen:
 
     def pose_covariance(self, center: FloatArray) -> FloatArray:
         """Return the covariance (3, 3) of the centre in L by the errors of the robot's pose and of the axes."""
-        over, base_from_tool0 = self._observation.carriers.over_robot, self._observation.base_from_tool0
+        over, base_from_tool0 = self.observation.carriers.over_robot, self.observation.base_from_tool0
         if over == 0:
             return np.zeros((3, 3))
         by_axes = np.zeros((3, 0))
-        if (moves := self._tool.axis_moves.get(self._observation.capture)) is not None:
+        if (moves := self._tool.axis_moves.get(self.observation.capture)) is not None:
             in_base = center if over > 0 else base_from_tool0.apply(center)
             seen = self._laser_from_ball if over > 0 else self._tool.mount_from_laser.inverse()
             by_axes = seen.rotation @ (moves[3:] - skew(in_base) @ moves[:3])
@@ -305,14 +310,14 @@ class _Seen:
 
     def surface_rms_mm(self, center: FloatArray) -> float:
         """Return the root mean square distance of the points to the sphere; NaN without points."""
-        points = self._observation.points_in_laser_mm
+        points = self.observation.points_in_laser_mm
         if not len(points):
             return float("nan")
         off = points - self._laser_from_ball.apply(center)
         return float(np.sqrt(np.mean((np.linalg.norm(off, axis=1) - self._sphere.radius_mm) ** 2)))
 
     def _in_carrier(self, side: int) -> FloatArray:
-        return self._ball_from_laser.apply(self._observation.sphere_center_in_laser_mm(self._sphere, side))
+        return self._ball_from_laser.apply(self.observation.sphere_center_in_laser_mm(self._sphere, side))
 
     def _circle_radius_mm(self, center: FloatArray) -> float:
         least = 0.05 * self._sphere.radius_mm  # beyond the sphere's edge there is no circle; near it no slope
@@ -323,14 +328,18 @@ class _Joint:
     """All captures together, linearised at one centre of the sphere."""
 
     def __init__(self, seen: Sequence[_Seen], center: FloatArray, tool: Tool) -> None:
-        self._seen, self._center, self._tool = seen, center, tool
+        self._seen, self._center = seen, center
         self.residuals = np.concatenate([one.residual(center) for one in seen])
         self._slope = block_diagonal(one.slope(center) for one in seen)
         self._by_tool = np.concatenate([one.moved_by_tool(center) for one in seen])
         self._by_ball = np.concatenate([one.moved_by_ball() for one in seen])
-        moves = self._slope @ self._by_tool
         own = block_diagonal(one.covariance(center) for one in seen)
-        self.covariance: FloatArray = own + moves @ tool.covariance @ moves.T
+        self._together = self._by_tool @ tool.covariance @ self._by_tool.T
+        if tool.arm is not None:
+            places = np.array([one.center_in_laser_mm(center) for one in seen])
+            several = [one.observation for one in seen]
+            self._together += tool.arm.covariance(several, tool.mount_from_laser, places, self._by_tool)
+        self.covariance: FloatArray = own + self._slope @ self._together @ self._slope.T
         design = self._slope @ self._by_ball
         self._weighted = np.linalg.solve(self.covariance, design)
         self.covariance_of_center = np.asarray(np.linalg.inv(design.T @ self._weighted), dtype=np.float64)
@@ -345,7 +354,7 @@ class _Joint:
         """Return how far each capture's own centre is expected from the common one (K,), root mean square."""
         into_carrier = block_diagonal(one.moved_by_ball().T for one in self._seen)
         own = block_diagonal(one.center_covariance(self._center) for one in self._seen)
-        spread = into_carrier @ (own + self._by_tool @ self._tool.covariance @ self._by_tool.T) @ into_carrier.T
+        spread = into_carrier @ (own + self._together) @ into_carrier.T
         # The common centre follows the captures' own ones by these weights (3, 3K).
         follow = self.covariance_of_center @ self._weighted.T @ self._slope @ into_carrier.T
         apart = np.eye(len(spread)) - np.tile(follow, (len(self._seen), 1))

@@ -14,7 +14,7 @@ from calib_core.frames import FloatArray, skew
 from calib_core.records import Cell
 from calib_core.records.findings import Finding
 from calib_core.records.results import ArmModelFound
-from calib_core.stages.verify.held_out import HeldOut, block_diagonal, linearised
+from calib_core.stages.verify.held_out import HeldOut, linearised
 from calib_core.stages.verify.tool import Tool
 
 _EXPLAINED = 0.01
@@ -118,15 +118,18 @@ def joint_findings(
     """
     if arm is None or arm.told is None or (arm.worth_it and not arm.applied):
         return []
-    off, covariances, by_center, by_tool, _ = linearised(seen, sphere.radius_mm, found.center_mm, tool)
+    off, _, by_center, by_tool, _ = linearised(seen, sphere.radius_mm, found.center_mm, tool)
     terms = [term.name for term in terms_of(cell)]
     each = by_errors_of_arm(seen, found.center_mm, by_center, {place: place for place in range(len(terms))})
     if not each or terms != arm.told.names:
         return []
     of_arm = np.hstack([each[place] for place in range(len(terms))]) * arm.told.believed
     of_tool = by_tool.reshape(off.size, -1)
-    known = np.linalg.inv(np.array(arm.told.information) + np.eye(len(terms)))
-    covariance = block_diagonal(covariances) + of_tool @ tool.covariance @ of_tool.T + of_arm @ known @ of_arm.T
+    covariance = found.spread
+    if not arm.applied:  # else it is in the spread
+        covariance = (
+            covariance + of_arm @ np.linalg.inv(np.array(arm.told.information) + np.eye(len(terms))) @ of_arm.T
+        )
     others = [of_tool * [*[TURNED_RAD] * 3, *[SHIFTED_MM] * 3], of_arm]
     zeros = {joint: each[place] for joint, place in places_of_zeros(terms).items()}
     bump = bumped(zeros, others, off.ravel(), covariance, by_center.reshape(off.size, -1))

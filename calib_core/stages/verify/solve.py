@@ -136,7 +136,7 @@ def solve(given: StageInput) -> VerifyResult:
         *unchecked,
     ]
     scattered = scatter_findings(found, knows_uncertainty, decision) if found is not None else []
-    findings += [*scattered, *(moved if scattered or decision in ("fail", "conditional-fail") else [])]
+    findings += [*scattered, *moved]
     surfaces = np.empty(0) if found is None else found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
     return VerifyResult(
         method="centre of a still sphere over held-out captures, by their and the answer's covariance",

@@ -11,6 +11,7 @@ from calib_core.chain.bend import in_one_plane
 from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.record import ToolResult
+from calib_core.stages.verify.arm_scatter import ArmScatter
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,8 @@ class Tool:
         Of several scanners, the pose of each on what carries it by its name, and its covariance.
     sheet_per_mm : float
         How far the light lies off its plane along y, over the square of x.
+    arm : ArmScatter or None
+        What the arm's errors put into captures together.
     """
 
     mount_from_laser: RigidTransform
@@ -42,6 +45,7 @@ class Tool:
         default_factory=dict[str, tuple[RigidTransform, FloatArray]]
     )
     sheet_per_mm: float = 0.0
+    arm: ArmScatter | None = None
 
     @classmethod
     def of(cls, answer: ToolResult) -> "Tool":
@@ -54,6 +58,7 @@ class Tool:
             parts.orientation_sigma_rad,
             others=mounts_of(answer.frames),
             sheet_per_mm=sheet_per_mm_of(used),
+            arm=ArmScatter.of(answer),
         )
 
     def straightened(
@@ -69,5 +74,7 @@ class Tool:
 
     def of_scanner(self, name: str) -> "Tool":
         """Return the same for another scanner's own mount; the first one's where that is not known."""
-        mount, covariance = self.others.get(name, (self.mount_from_laser, self.covariance))
-        return replace(self, mount_from_laser=mount, covariance=covariance)
+        if name not in self.others:
+            return self
+        mount, covariance = self.others[name]
+        return replace(self, mount_from_laser=mount, covariance=covariance, arm=self.arm and self.arm.of_other())
