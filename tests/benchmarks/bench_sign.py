@@ -64,14 +64,14 @@ def wrong_poses(off: Sequence[float], count: int, right: int) -> list[Row]:
             way = rng.normal(size=3)
             observations[wrong] = moved(observations[wrong], off_mm * way / np.linalg.norm(way))
             now = held_out(observations, SPHERE, tool).asked
-            named += observations[wrong].capture in disagreeing(observations, SPHERE.radius_mm, now, tool)
+            named += observations[wrong].capture in disagreeing(observations, SPHERE.radius_mm, now)
         share = named / count
         what = f"{count} verifications, one pose of {_CAPTURES} wrong by {off_mm:g} mm: named"
         rows.append(Row(what, f"≥ {target:.0%}", f"{share:.0%}", share >= target))
     falsely = 0
     for seed in range(right):
         observations, tool, asked = verification(5000 + seed, 0.3)
-        falsely += bool(disagreeing(observations, SPHERE.radius_mm, asked, tool))
+        falsely += bool(disagreeing(observations, SPHERE.radius_mm, asked))
     share = falsely / right
     what = f"{right} right ones, the tool off by 0.3 mm: a capture named"
     return [*rows, Row(what, "≤ 0.5 %", f"{share:.2%}", share <= 0.005)]

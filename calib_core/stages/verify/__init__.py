@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 7  # errors that an arm's poses share are in the scatter that is expected
+    method_revision = 8  # a robot of which nothing is told scatters as its captures do
     step = CaptureStep(
         "verify",
         "Verification",

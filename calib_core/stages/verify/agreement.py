@@ -7,14 +7,13 @@ import numpy as np
 from calib_core.chain.observations import Observations
 from calib_core.estimation import chance_of, f_chance_of
 from calib_core.stages.verify.held_out import Asked, asked_by
-from calib_core.stages.verify.tool import Tool
 
 _FALSE_ALARM: Final = 0.004  # of a verification whose captures are right
 _LEAST: Final = 6  # fewer do not tell which of them is wrong
 _MOST_SHARE: Final = 0.25  # of the captures may be named; beyond that nobody knows who is right
 
 
-def disagreeing(observations: Observations, radius_mm: float, asked: Asked, tool: Tool) -> dict[str, float]:
+def disagreeing(observations: Observations, radius_mm: float, asked: Asked) -> dict[str, float]:
     """Return the captures that the others contradict, the worst first, each with its distance in sigmas.
 
     Parameters
@@ -23,8 +22,6 @@ def disagreeing(observations: Observations, radius_mm: float, asked: Asked, tool
     radius_mm : float
     asked : Asked
         The tool that they ask for: that the one that is verified is off makes nobody disagree.
-    tool : Tool
-        That is verified.
 
     Notes
     -----
@@ -41,7 +38,7 @@ def disagreeing(observations: Observations, radius_mm: float, asked: Asked, tool
         name, distance = worst
         found[name] = distance
         rest = [o for o in rest if o.capture != name]
-        asked = asked_by(rest, radius_mm, asked.mount_from_laser, asked.center_mm, tool)
+        asked = asked_by(rest, radius_mm, asked.mount_from_laser, asked.center_mm, asked.given)
     return found
 
 

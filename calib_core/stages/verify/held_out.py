@@ -13,6 +13,9 @@ from calib_core.stages.verify.tool import Tool
 
 _STEPS = 20
 _CONVERGED_MM = 1e-6
+_BELIEVED_MM, _RAD_PER_MM = 0.1, 1.5e-3  # of a robot of which nothing is told
+_SCATTER_ROUNDS = 4
+_MEDIAN_CHI2_3 = 2.366
 _PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
 
 
@@ -101,7 +104,7 @@ def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> Held
         surface_rms_mm=np.array([one.surface_rms_mm(center) for one in seen]),
         chi_squared=float(joint.residuals @ np.linalg.solve(joint.covariance, joint.residuals)),
         degrees_of_freedom=3 * len(seen) - 3,
-        asked=asked_by(observations, sphere.radius_mm, chosen.mount_from_laser, center_as_asked, tool),
+        asked=asked_with_scatter(observations, sphere.radius_mm, chosen.mount_from_laser, center_as_asked, tool),
         sides_open=chosen.open,
         spread=joint.covariance,
     )
@@ -170,6 +173,8 @@ class Asked:
     covariance : (9, 9)
     points : (K, 3)
         The sphere's centre in L.
+    given : Tool
+        That is verified, with the robot's scatter as it counts here.
     """
 
     mount_from_laser: RigidTransform
@@ -179,11 +184,17 @@ class Asked:
     design: FloatArray
     covariance: FloatArray
     points: FloatArray
+    given: Tool
+
+    @property
+    def squares(self) -> FloatArray:
+        """Each capture's squared length (K,) of what is left, in standard deviations."""
+        return np.einsum("ki,kij,kj->k", self.residuals, self.weights, self.residuals)
 
     @property
     def squared(self) -> float:
         """The squared length of what is left, in standard deviations."""
-        return float(np.einsum("ki,kij,kj->", self.residuals, self.weights, self.residuals))
+        return float(self.squares.sum())
 
     def surface_rms_mm(self, observations: Observations, radius_mm: float) -> FloatArray:
         """Return how far each capture's points (K,) lie off the ball that all ask for; NaN without points."""
@@ -220,7 +231,7 @@ def asked_by(
         turned = np.swapaxes(design, 1, 2) @ weights
         covariance = covariance_of((turned @ design).sum(axis=0) + believed)
         deviation = np.concatenate([np.zeros(3), tool.mount_from_laser.difference(trial)])
-        here = Asked(trial, place, residuals, weights, design, covariance, points)
+        here = Asked(trial, place, residuals, weights, design, covariance, points, tool)
         cost = here.squared + float(deviation @ believed @ deviation)
         if found is not None and cost > best + 1e-9:
             step = step / 2
@@ -231,6 +242,27 @@ def asked_by(
             break
     assert found is not None
     return found
+
+
+def asked_with_scatter(
+    observations: Observations, radius_mm: float, start: RigidTransform, center_mm: FloatArray, tool: Tool
+) -> Asked:
+    """Return the same; a robot of which nothing is told scatters as half of the captures do about that tool.
+
+    Weighed by the profiles' own noise alone, along x ten times as heavily as across, the errors of right poses
+    contradict each other.
+    """
+    if tool.position_sigma_mm or tool.orientation_sigma_rad:
+        return asked_by(observations, radius_mm, start, center_mm, tool)
+    sigma_mm, usual = _BELIEVED_MM, _MEDIAN_CHI2_3 * max(1 - 3 / len(observations), 0.25)
+    asked = None
+    for _ in range(_SCATTER_ROUNDS):
+        scattering = replace(tool, position_sigma_mm=sigma_mm, orientation_sigma_rad=_RAD_PER_MM * sigma_mm)
+        asked = asked_by(observations, radius_mm, start, center_mm, scattering)
+        start, center_mm = asked.mount_from_laser, asked.center_mm
+        sigma_mm *= max(float(np.sqrt(np.median(asked.squares) / usual)), 0.1)
+    assert asked is not None
+    return asked
 
 
 class _Seen:

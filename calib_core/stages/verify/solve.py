@@ -124,7 +124,7 @@ def solve(given: StageInput) -> VerifyResult:
             *_spacing(given, spheres, sphere, own),
             *checks,
         ]
-        findings += [*doubtful, *_disagreeing(first, size, own, found)]
+        findings += [*doubtful, *_disagreeing(first, size, found)]
         moved = joint_findings(given.session.cell, arm, first, size, own, parts[0])
     unchecked = unchecked_limits(limits, checks, flat)
     decision = overall(checks, len(unchecked))
@@ -196,9 +196,9 @@ def _without(observed: Observed, same: Sequence[Finding]) -> Observed:
     return replace(observed, observations=kept, unused=[*observed.unused, *same])
 
 
-def _disagreeing(observations: Observations, sphere: SphereSize, tool: Tool, found: HeldOut) -> list[Finding]:
+def _disagreeing(observations: Observations, sphere: SphereSize, found: HeldOut) -> list[Finding]:
     """Return which captures the others contradict."""
-    named = disagreeing(observations, sphere.radius_mm, found.asked, tool)
+    named = disagreeing(observations, sphere.radius_mm, found.asked)
     each = {name: {"sigmas": round(sigmas, 1)} for name, sigmas in named.items()}
     return [codes.CAPTURES_DISAGREE(list(named), each=each)] if named else []
 
