@@ -88,6 +88,8 @@ let isPressed = false;
 /** @typedef {readonly Child[] | (() => readonly Child[])} Children those of a function are made as they are drawn */
 /** What is to be drawn once it is let go, and where. @type {Map<Element, Children>} */
 const waiting = new Map();
+/** What waits to draw in another way. @type {(() => void)[]} */
+const released = [];
 let timer = 0;
 
 /** @param {number} [after_ms] */
@@ -96,6 +98,7 @@ function letGo(after_ms = 0) {
   timer = window.setTimeout(() => {
     isPressed = false;
     for (const [parent, children] of [...waiting]) putChildren(parent, children);
+    for (const go of released.splice(0)) go();
   }, after_ms);
 }
 for (const kind of ["pointerdown", "keydown"]) {
@@ -106,6 +109,15 @@ for (const kind of ["pointerdown", "keydown"]) {
 }
 for (const kind of ["pointerup", "pointercancel", "keyup", "change"]) window.addEventListener(kind, () => letGo(), true);
 window.addEventListener("click", () => (isPressed = false), true); // it has come: what it draws itself is drawn at once
+
+/** Done once nothing is being pressed, or after some time: what comes many times a second must not look lost. @param {number} longest_ms @returns {Promise<void>} */
+export function whenLetGo(longest_ms) {
+  if (!isPressed) return Promise.resolve();
+  return new Promise((go) => {
+    released.push(go);
+    window.setTimeout(go, longest_ms);
+  });
+}
 
 /** By what somebody knows a control again that was drawn anew. @param {HTMLElement | SVGElement} one */
 function known(one) {

@@ -24,6 +24,19 @@ pytestmark = pytest.mark.browser
 SEED = 3
 REFUSED = "status of 4(09|22).*/live/(sweep|clock-offset)"
 """A sweep on a busy machine, on which poses come late: it is recorded again."""
+DRAWN_UNDER_A_PRESS = """async (panel) => {
+  const drawn = [], rest = (ms) => new Promise((go) => setTimeout(go, ms));
+  const options = { childList: true, characterData: true, subtree: true };
+  new MutationObserver(() => drawn.push(performance.now())).observe(panel.querySelector(".live-rate"), options);
+  window.dispatchEvent(new PointerEvent("pointerdown"));
+  const from = performance.now();
+  await rest(300);
+  const to = Math.min(performance.now(), from + 390);
+  window.dispatchEvent(new PointerEvent("pointerup"));
+  while (!drawn.some((at) => at >= to)) await rest(50);
+  return drawn.filter((at) => at < to).length;
+}"""
+"""Previews drawn while a button is held down: a first one would move it away below the pointer."""
 
 
 @pytest.fixture
@@ -214,6 +227,8 @@ def test_the_table_is_armed_turned_and_disarmed_in_the_page(
     open_panel(page)
     table = page.locator("sc-live-table")
     expect(table).to_contain_text("turned by hand")
+    expect(page.locator(".live-rate")).to_contain_text("ms")
+    assert page.locator("sc-live-panel").evaluate(DRAWN_UNDER_A_PRESS) == 0
     table.get_by_role("button", name="Arm the table").click()
     expect(table).to_contain_text("no emergency stop")
     given = {"low-deg": -5, "high-deg": 355, "host": "127.0.0.1", "port": cell.modbus.port if cell.modbus else 0}

@@ -7,7 +7,7 @@ import { zoneBar } from "../measure/profile-plot.js";
 import { stepName } from "../measure/rail.js";
 import { addedWithReason } from "../measure/add-reason.js";
 import { attempt } from "../components/toasts.js";
-import { field, h, make, style } from "../dom.js";
+import { field, h, make, style, whenLetGo } from "../dom.js";
 import { fixed, integer, small, typedNumber } from "../format.js";
 import { said, t } from "../texts.js";
 
@@ -21,6 +21,7 @@ const { drawPreview } = await import("./view.js");
 
 const RATE_OVER_MS = 1000;
 const LOOK_MS = 250;
+const LONGEST_PRESS_MS = 400;
 /** @type {Preview} */
 const NOTHING = { version: 0, step: "", devices: [], automatic: false, waits_for: "", is_taken: false, robot: null, table_deg: null, exposure: null, clocks: null, last: null, image: false };
 style("live");
@@ -147,7 +148,8 @@ class LivePanelElement extends StateElement {
   }
 
   /** @param {Preview} preview @param {ImageBitmap | null} image */
-  #show(preview, image) {
+  async #show(preview, image) {
+    await whenLetGo(LONGEST_PRESS_MS); // a first picture moves what stands below it, and a press there would be lost
     this.#last = preview;
     this.#lastMs = performance.now();
     this.#age();

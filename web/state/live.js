@@ -69,7 +69,7 @@ export const live = {
 /**
  * Show previews until the returned function is called; the next one is asked for after `draw` is done.
  * @param {string} id
- * @param {(preview: Preview, image: ImageBitmap | null) => void} draw
+ * @param {(preview: Preview, image: ImageBitmap | null) => Promise<void>} draw
  * @returns {() => void} stop
  */
 export function followPreviews(id, draw) {
@@ -85,8 +85,8 @@ export function followPreviews(id, draw) {
     /** @type {Preview | null} */
     let waiting = null;
     const next = () => { if (one.readyState === WebSocket.OPEN) one.send("next"); };
-    const show = (/** @type {Preview} */ preview, /** @type {ImageBitmap | null} */ image) => {
-      draw(preview, image);
+    const show = async (/** @type {Preview} */ preview, /** @type {ImageBitmap | null} */ image) => {
+      await draw(preview, image);
       image?.close();
       const restMs = LEAST_MS - (performance.now() - drawnMs);
       timer = window.setTimeout(next, Math.max(0, restMs));
@@ -97,13 +97,13 @@ export function followPreviews(id, draw) {
       if (typeof data === "string") {
         const preview = /** @type {Preview} */ (JSON.parse(data));
         if (preview.image) waiting = preview;
-        else show(preview, null);
+        else await show(preview, null);
         return;
       }
       const preview = waiting;
       waiting = null;
       const image = await createImageBitmap(data).catch(() => null);
-      if (preview) show(preview, image);
+      if (preview) await show(preview, image);
     };
     one.onclose = () => {
       if (socket !== one) return;
