@@ -15,6 +15,7 @@ from calib_core.exports.workpiece import at_workpiece
 from calib_core.findings import findings_as_read, judgement
 from calib_core.findings.codes.circumstances import CERTIFICATE_OVERDUE
 from calib_core.findings.codes.faults import FAULT_CODES
+from calib_core.findings.codes.provenance import SEAL_BROKEN
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.graph.keys import Graph
 from calib_core.poses.conventions import CONVENTIONS
@@ -144,7 +145,8 @@ def answer_as_read(
     if language == "en" and not severities:
         return answer
     found = findings_as_read(answer.findings, language, severities)
-    beside = {code.name for code in FAULT_CODES.values()} | {CERTIFICATE_OVERDUE.name}  # not the result's own
+    others = (*FAULT_CODES.values(), CERTIFICATE_OVERDUE, SEAL_BROKEN)  # not the result's own
+    beside = {code.name for code in others}
     told = judgement(finding for finding in found if finding.code not in beside)
     made = {"findings": found, "verdict": told["verdict"], "warnings": told["warnings"]}
     return answer.model_copy(update=made)

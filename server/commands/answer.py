@@ -49,6 +49,7 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
     """Return the answer as its result reads: verdict, uncertainty (k = 2), the frames for the controller."""
     from calib_core.evidence.numbers import plus_minus
     from calib_core.evidence.text import result_text
+    from calib_core.findings.judgement import judgement
     from calib_core.findings.telling import block_in
     from calib_core.frames import Frame, RigidTransform
     from calib_core.graph.registry import STAGES
@@ -91,7 +92,8 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
             covariance = found.covariance if believed else None
             blocks.append(frame_block(answer.pose_convention, frame, covariance, title=title))
     title = said.say(STAGES.get(answer.stage, "stage").title)
-    return result_text(title, answer.to_json(), [block_in(block, said) for block in blocks], said)
+    told = {**answer.to_json(), "warnings": judgement(answer.findings, said)["warnings"]}  # its faults, too
+    return result_text(title, told, [block_in(block, said) for block in blocks], said)
 
 
 COMMAND = Command(

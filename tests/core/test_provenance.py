@@ -95,6 +95,12 @@ def test_replayed_folders_that_were_edited_are_refused(solved_folder, signed, tm
         assert "differs" in json.loads(capsys.readouterr().out)["faults"]
         assert main(["export", str(folder), "--format", "json", "--allow", "fail,differs"]) == 0
         assert "differs" in capsys.readouterr().out
+    file.write_bytes(to_json_bytes(edited))
+    assert main(["answer", str(folder), "--lang", "de"]) == 1
+    told = " ".join(capsys.readouterr().out.split())
+    assert "neu berechnet ergibt es hier andere Zahlen" in told
+    assert "ist nicht das, was signiert wurde" in told
+    assert "Gescheitert" not in told  # nor in English: the verdict is the result's own
 
 
 def test_an_unsigned_result_of_another_processor_is_no_forgery(solved_folder, signed):
