@@ -108,6 +108,15 @@ def markers_of(board: Board) -> tuple[float, Any]:
         need = "marker_mm and dictionary of a ChArUco board"
         to_do = "Add both to cell.board, as printed on the board (dictionary: for example DICT_5X5_100)."
         raise InputError(need, "a board without them", to_do, "cell.board")
+    if board.marker_mm >= board.pitch_mm:
+        raise InputError(
+            "markers that are smaller than their squares of {pitch_mm:g} mm",
+            "markers of {marker_mm:g} mm",
+            "Measure both on the board and correct marker_mm or pitch_mm in cell.board.",
+            "cell.board",
+            pitch_mm=board.pitch_mm,
+            marker_mm=board.marker_mm,
+        )
     return board.marker_mm, _dictionary_named(board.dictionary)
 
 

@@ -57,19 +57,20 @@ def seen_circles(grey: NDArray[np.uint8]) -> CircleGrid | None:
 
 
 def _round_outlines(grey: NDArray[np.uint8]) -> FloatArray:
-    """Return the middles (N, 2), px, of what has a round outline, dark or bright: at once, unlike `_spots`."""
+    """Return middles and widths (N, 3), px, of round outlines, dark or bright: at once, unlike `_spots`."""
     import cv2
 
     dark, bright = grey_levels(grey, [1, 99])
     ground = cv2.blur(grey, (max(grey.shape) // _GROUNDS | 1,) * 2)
     darker = (ground.astype(np.int16) - grey > _DARKER * (bright - dark)).astype(np.uint8)
-    middles: list[FloatArray] = []
+    found: list[FloatArray] = []
     for outline in cv2.findContours(darker, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[0]:
         if len(outline) < _SHORTEST_PX:
             continue
-        if 4 * np.pi * cv2.contourArea(outline) > _ROUND * cv2.arcLength(outline, True) ** 2:
-            middles.append(outline[:, 0].mean(axis=0))
-    return np.array(middles, dtype=float).reshape(-1, 2)
+        area = cv2.contourArea(outline)
+        if 4 * np.pi * area > _ROUND * cv2.arcLength(outline, True) ** 2:
+            found.append(np.append(outline[:, 0].mean(axis=0), np.sqrt(area)))
+    return np.array(found, dtype=float).reshape(-1, 3)
 
 
 def _refuse_other_grid(grid: CircleGrid, grey: NDArray[np.uint8], board: Board) -> None:
@@ -133,9 +134,9 @@ def _seen_centers(centroids: FloatArray, areas_px: FloatArray, places_mm: FloatA
 
 
 def _spots(grey: NDArray[np.uint8]) -> FloatArray:
-    """Return the middles (N, 2) of dark spots, px."""
+    """Return middles and widths (N, 3) of dark spots, px."""
     found = _spot_detector(grey).detect(grey)
-    return np.array([spot.pt for spot in found], dtype=float).reshape(-1, 2)
+    return np.array([(*spot.pt, spot.size) for spot in found], dtype=float).reshape(-1, 3)
 
 
 def _spot_detector(grey: NDArray[np.uint8]):

@@ -147,12 +147,15 @@ def _folds_inside(camera: CameraModel) -> bool:
     return any(bool(np.isnan(camera.undistort(corners, depth)).any()) for depth in depths)
 
 
-def camera_findings(solution: "CameraSolution") -> list[Finding]:
-    """Return what makes a solution doubtful, and how its model was chosen."""
-    return [*_of_views(solution), *_of_lens(solution), *_of_model(solution)]
+def camera_findings(solution: "CameraSolution", plane_follows: bool = False) -> list[Finding]:
+    """Return what makes a solution doubtful, and how its model was chosen.
+
+    Where a plane of light follows, that tells which part of the image is used, and warns of what no board covers.
+    """
+    return [*_of_views(solution, plane_follows), *_of_lens(solution), *_of_model(solution)]
 
 
-def _of_views(solution: "CameraSolution") -> list[Finding]:
+def _of_views(solution: "CameraSolution", plane_follows: bool) -> list[Finding]:
     found: list[Finding] = []
     used = sum(pose is not None for pose in solution.camera_from_board)
     if not solution.converged:
@@ -160,7 +163,9 @@ def _of_views(solution: "CameraSolution") -> list[Finding]:
     if used < _ADVISED_VIEWS:
         found.append(codes.FEW_VIEWS(count=used))
     seen = solution.coverage
-    found.extend(coverage_findings(seen.covered, seen.extrapolation, float(seen.projection_sigma_px.max())))
+    tells_later = plane_follows and np.isfinite(seen.extrapolation)
+    largest_px = 0.0 if tells_later else float(seen.projection_sigma_px.max())
+    found.extend(coverage_findings(seen.covered, seen.extrapolation, largest_px))
     if seen.largest_tilt_rad < _ADVISED_TILT_RAD:
         found.append(codes.BOARDS_NOT_TILTED(tilt_deg=float(np.rad2deg(seen.largest_tilt_rad))))
     return found

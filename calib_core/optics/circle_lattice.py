@@ -14,6 +14,7 @@ from calib_core.records import Board
 
 _FEWEST = 12
 _NEAR = 0.3  # of a step: how far from where a neighbour is expected it may be
+_WIDTHS = 1.8  # of neighbours: letters and dots beside a board are no circles of it
 _ASIDE = 0.6  # sine of the angle between a grid's two directions, at least
 _SEEDS = 3
 _LEAST_ROW = 0.6  # of a row's circles: fewer on the grid's border are dirt
@@ -86,12 +87,13 @@ class CircleGrid:
         return found
 
 
-def circle_grid(points: FloatArray) -> CircleGrid | None:
-    """Return the grid that circles at points (N, 2), px, form; None where they form none, or one with gaps."""
+def circle_grid(circles: FloatArray) -> CircleGrid | None:
+    """Return the grid of circles (N, 3), place and width, px; None where they form none, or one with gaps."""
+    points = circles[:, :2]
     if len(points) < _FEWEST:
         return None
     near = np.argsort(np.linalg.norm(points - np.median(points, axis=0), axis=1))[:_SEEDS]
-    followed = max((_followed(points, int(seed)) for seed in near), key=len)
+    followed = max((_followed(points, circles[:, 2], int(seed)) for seed in near), key=len)
     if len(followed) < _FEWEST:
         return None
     at, places = points[list(followed)], np.array(list(followed.values()))
@@ -107,8 +109,8 @@ def circle_grid(points: FloatArray) -> CircleGrid | None:
     return CircleGrid(is_asymmetric, grid, _outer(at, places - places.min(axis=0)))
 
 
-def _followed(points: FloatArray, seed: int) -> dict[int, tuple[int, int]]:
-    """Return the points that follow each other from a first one on, by how many steps along each direction."""
+def _followed(points: FloatArray, widths: FloatArray, seed: int) -> dict[int, tuple[int, int]]:
+    """Return the circles that follow each other from a first one on, by how many steps along each direction."""
     from scipy.spatial import KDTree
 
     tree = KDTree(points)
@@ -129,6 +131,8 @@ def _followed(points: FloatArray, seed: int) -> dict[int, tuple[int, int]]:
             distance, other = tree.query(points[here] + step)
             place = (places[here][0] + sign * (axis == 0), places[here][1] + sign * (axis == 1))
             if distance > _NEAR * np.linalg.norm(step) or int(other) in places or place in taken:
+                continue
+            if not 1 / _WIDTHS < widths[other] / widths[here] < _WIDTHS:
                 continue
             taken.add(place)
             places[int(other)] = place

@@ -8,6 +8,8 @@ import numpy as np
 from calib_core.frames import FloatArray
 from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_layout import Layout, camera_of
+from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.coverage_cells import image_coverage
 from calib_core.optics.projection_map import as_map, nodes, turns_of
 
 if TYPE_CHECKING:
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 _RADIAL = (4, 5, 8)  # k1, k2 and k3 in the vector of shared parameters
 _USUAL = (1.0, 3.0, 5.0)  # lenses have k2 and k3 of so many times k1² and k1³
 _LEAST = 0.02  # of k1: a lens that seems to have none
+_FINE = 8  # places between corners of cells
 _STEP = 0.01  # of a standard deviation
 
 
@@ -50,7 +53,7 @@ def projection_sigmas(fit: "Fit", layout: Layout, image_size: tuple[int, int], s
     slopes = np.stack(
         [(projected(i, s) - projected(i, -s)) / (2 * s) for i, s in zip(lens, steps, strict=True)], axis=-1
     )
-    fitted = np.repeat(_touching(seen)[has_ray], 2)
+    fitted = np.repeat(touching(seen)[has_ray], 2)
     terms = len(lens)
     slopes, turns = slopes.reshape(-1, terms), turns_of(camera, points).reshape(-1, 3)
     slopes = slopes - turns @ np.linalg.lstsq(turns[fitted], slopes[fitted], rcond=None)[0]
@@ -64,7 +67,22 @@ def extrapolation(sigmas_px: FloatArray) -> float:
     return ratio if np.isfinite(ratio) else np.inf
 
 
-def _touching(seen: np.ndarray) -> np.ndarray:
+def sigmas_in_light(
+    camera: CameraModel, sigmas_px: FloatArray, light: tuple[FloatArray, float], depth_mm: tuple[float, float]
+) -> FloatArray:
+    """Return the projection's uncertainty (N,) px where a plane of light is seen, nearest to farthest.
+
+    The plane's points x, normal · x = distance, are seen in a band of the image: what of (7, 9) px borders on it.
+    """
+    pixels, (normal, distance_mm) = nodes(camera.image_size, _FINE), light
+    rays = np.column_stack([camera.undistort(pixels, float(np.mean(depth_mm))), np.ones(len(pixels))])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depths = distance_mm / (rays @ normal)
+    band = image_coverage(pixels[(depths > depth_mm[0]) & (depths < depth_mm[1])], camera.image_size) > 0
+    return sigmas_px.ravel()[touching(band)]
+
+
+def touching(seen: np.ndarray) -> np.ndarray:
     """Return which corners of cells touch a seen cell, (63,)."""
     wide = np.pad(seen, 1)
     return np.ravel(wide[1:, 1:] | wide[:-1, 1:] | wide[1:, :-1] | wide[:-1, :-1])

@@ -10,9 +10,11 @@ _SMALL_TURN_RAD = 1e-5
 _MOST_STEPS = 10
 
 
-def nodes(image_size: tuple[int, int]) -> FloatArray:
-    """Return the corners of the image's cells, its border with them, (63, 2) px."""
-    axes = [np.linspace(-0.5, length - 0.5, count + 1) for length, count in zip(image_size, CELLS, strict=True)]
+def nodes(image_size: tuple[int, int], fine: int = 1) -> FloatArray:
+    """Return the corners of the image's cells, its border with them, (63, 2) px; of `fine` parts of each."""
+    axes = [
+        np.linspace(-0.5, length - 0.5, fine * count + 1) for length, count in zip(image_size, CELLS, strict=True)
+    ]
     return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
 
 

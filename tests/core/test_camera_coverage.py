@@ -15,9 +15,10 @@ from calib_core.findings import Finding
 from calib_core.frames import FloatArray
 from calib_core.optics.board import BoardView
 from calib_core.optics.camera import calibrate_camera
-from calib_core.optics.camera_evidence import camera_findings
+from calib_core.optics.camera_evidence import camera_findings, coverage_findings
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_solution import CameraSolution
+from calib_core.optics.extrapolation import extrapolation, sigmas_in_light
 from calib_core.optics.projection_map import projection_difference
 from calib_core.records import Capture, Session
 from calib_core.records.camera_result import CameraResidual, CameraResult
@@ -62,6 +63,23 @@ def test_boards_in_the_corners_tell_the_whole_image_and_those_in_the_middle_do_n
     # Lenses of two terms, as the middle asks for, state an even ±, and are 20 px off in the corners.
     (warned,) = findings(MIDDLE, seed)
     assert (warned.code, warned.severity) == ("image-not-covered", "warning")
+
+
+@pytest.mark.parametrize(("aside", "warned"), [(0.0, []), (-0.4, ["image-not-covered"])])
+def test_of_an_image_covered_in_part_what_the_plane_of_light_is_seen_in_counts(
+    aside: float, warned: list[str]
+) -> None:
+    """Boards stand along the image's upright middle line; a plane is seen there, another near the left edge."""
+    solved = calibrated([(0.5, 0.2), (0.5, 0.5), (0.5, 0.8)], 1)
+    alone, followed = (
+        [one.code for one in camera_findings(solved, plane_follows) if one.code.startswith("image-")]
+        for plane_follows in (False, True)
+    )
+    assert (alone, followed) == (["image-not-covered"], ["image-covered-in-part"])
+    light = np.array([np.cos(0.5), 0.0, np.sin(0.5)]), 350 * float(np.sin(0.5) + aside * np.cos(0.5))
+    used_px = sigmas_in_light(LENS, solved.coverage.projection_sigma_px, light, (300.0, 400.0))
+    found = coverage_findings(0.25, extrapolation(used_px), float(used_px.max()))
+    assert [one.code for one in found if one.severity == "warning"] == warned
 
 
 @pytest.mark.thorough

@@ -107,18 +107,20 @@ IMAGE_NOT_COVERED = Code(
     to_do="Show the board in the corners too.",
     meaning="Where no board was seen the distortion is a guess.",
     decided="Of 8 × 6 cells of the image fewer than 60 % hold a corner, and the projection's uncertainty somewhere is above "
-    "0.25 px and 3 times its median, terms of the lens that are left at zero taken as uncertain.",
+    "0.25 px and 3 times its median, terms of the lens that are left at zero taken as uncertain. With a plane of light only "
+    "where it is seen counts, at the distances of the boards.",
     usual_causes="Boards in the middle of the image alone.",
 )
 
 IMAGE_COVERED_IN_PART = Code(
     "image-covered-in-part",
     "note",
-    text="The boards cover {covered:.0%} of the image; they determine the rest too: the projection's uncertainty is nowhere "
-    "more than {ratio:.1f} times its median.",
-    meaning="Boards were not seen everywhere, but where they were they fix the distortion of the whole image.",
+    text="The boards cover {covered:.0%} of the image; the projection's uncertainty is nowhere more than {ratio:.1f} times "
+    "its median.",
+    meaning="Boards were not seen everywhere, but where they were they fix the distortion of what is used.",
     decided="Of 8 × 6 cells of the image fewer than 60 % hold a corner, and the projection's uncertainty is nowhere above "
-    "0.25 px or 3 times its median, terms of the lens that are left at zero taken as uncertain.",
+    "0.25 px or 3 times its median, terms of the lens that are left at zero taken as uncertain; or a plane of light "
+    "follows, whose result tells of the part that is used.",
     usual_causes="Few boards, spread over the image.",
 )
 

@@ -19,7 +19,7 @@ class Camera(Stage):
     """The camera, from frames of the calibration board."""
 
     name, title, place = "camera", "Camera", 10
-    method_revision = 8  # an image covered in part is a note where the projection is known to 0.25 px
+    method_revision = 9  # of an image covered in part, the plane of light tells what counts
     any_arrangement = True
     step = CaptureStep(
         "camera",

@@ -148,7 +148,7 @@ def _result(
     board = board_of(given.session.cell)
     unused = views_not_used(solution, views, failed, len(given.captures))
     found = [
-        *camera_findings(solution),
+        *camera_findings(solution, _plane_follows(given)),
         *by_robot_findings(solution.robot, board),
         *unverifiable(board, views, solution.robot),
         *unused,
@@ -191,6 +191,12 @@ def _result(
         by_robot=None if solution.robot is None else _by_robot(camera, solution.robot),
         residuals=_rows(given, solution, views, reasons_of(unused)),
     )
+
+
+def _plane_follows(given: "StageInput") -> bool:
+    """Whether a plane of light is solved with the camera: it tells which part of the image is used."""
+    in_use = (one for one in given.captures if not one.excluded)
+    return given.session.cell.known.laser_plane is None and any(one.step == "laser-plane" for one in in_use)
 
 
 def _by_robot(camera: CameraModel, told: RobotLengths) -> CameraByRobot:

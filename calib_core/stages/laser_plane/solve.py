@@ -18,7 +18,9 @@ from calib_core.graph.stage_input import StageInput
 from calib_core.messages import Value, message
 from calib_core.optics.adjust import BoardShape
 from calib_core.optics.board_bend import bend_of
+from calib_core.optics.camera_evidence import coverage_findings
 from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.extrapolation import extrapolation, sigmas_in_light
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
     camera_from_laser_of,
@@ -134,6 +136,7 @@ def _result(
     unused = lines_not_used(solution, failed, len(given.captures))
     found = [*noticed(solution, sigma_deg), *bent, *lost_rays(sum(view.without_ray for view in solution.views))]
     found += [solution.camera_held] if solution.camera_held else []
+    found += [] if camera is None else not_covered(camera, solution)
     return LaserPlaneResult(
         method="robust plane through the stripe's points on the boards, then plane and board poses together",
         software=SOFTWARE,
@@ -184,6 +187,18 @@ def noticed(solution: PlaneSolution, normal_sigma_deg: float) -> list[Finding]:
     if rejected > len(left_out) / 2:
         found.append(codes.MOST_LINES_OFF(rejected=rejected, count=len(left_out)))
     return found
+
+
+def not_covered(camera: CameraResult, solution: PlaneSolution) -> list[Finding]:
+    """Return whether the lens is a guess where the plane is seen, at the distances of the boards."""
+    seen = camera.coverage
+    sigmas_px = np.array(seen.projection_sigma_px, dtype=float)
+    light, depth_mm = (solution.normal, solution.distance_mm), (seen.near_mm, seen.far_mm)
+    used_px = sigmas_in_light(solution.camera, sigmas_px, light, depth_mm)
+    if not len(used_px):
+        return []
+    found = coverage_findings(seen.covered, extrapolation(used_px), float(used_px.max()))
+    return [one for one in found if one.severity == "warning"]
 
 
 def lines_not_used(solution: PlaneSolution, failed: dict[str, MeasurementError], count: int) -> list[Finding]:
