@@ -3,7 +3,7 @@
 The command line prints it, REST sends it as problem details and the page shows it, all from the same fields.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Self
 
 from calib_core.messages import ENGLISH, Catalogue, Message, Value, filled, message, sentences
@@ -42,6 +42,12 @@ class CalibrationError(Exception):
         self.need, self.got, self.to_do = (filled(text, values) for text in (need, got, to_do))
         self.where = where
         super().__init__(self.need, self.got, self.to_do, where)
+
+    @classmethod
+    def unknown(cls, name: str, known: Iterable[str], where: str, to_do: str = "") -> Self:
+        """Return that a name is none of those that are known, at the field or argument that has it."""
+        need = message("one of {names}", names=", ".join(known))
+        return cls(need, f"'{name[:80]}'", to_do or message("Name one of these."), where)
 
     def __str__(self) -> str:
         return self.said()

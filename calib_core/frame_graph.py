@@ -137,7 +137,7 @@ def _known_frame(name: str) -> Frame:
     for frame in FRAMES:
         if frame == name:
             return frame
-    raise InputError("a frame among {frames}", repr(name)[:80], "Name one of these.", frames=", ".join(FRAMES))
+    raise InputError.unknown(name, FRAMES, "frame")
 
 
 def _to_do(edge: FrameEdge) -> str:

@@ -152,8 +152,7 @@ class RigidTransform:
         _require_rigid(matrix, _EXACT)
         for frame in (self.into, self.outof):
             if frame not in FRAMES:
-                to_do = "Name one of these."
-                raise InputError("a frame among {frames}", repr(frame), to_do, frames=", ".join(FRAMES))
+                raise InputError.unknown(frame, FRAMES, "frame")
         matrix.flags.writeable = False
         object.__setattr__(self, "matrix", matrix)
 

@@ -36,10 +36,8 @@ def to_present_format(record: Mapping[str, Any], where: str) -> Data:
             break
         present = step(present)
     if present["format"] != FORMAT:
-        known = ", ".join([*_STEPS, FORMAT])
         to_do = message("Use a version of scancell that knows it, or correct the field.")
-        need = "a format among {known}"
-        raise InputError(need, repr(present["format"])[:80], to_do, f"{where}: format", known=known)
+        raise InputError.unknown(str(present["format"]), [*_STEPS, FORMAT], f"{where}: format", to_do)
     return present
 
 

@@ -96,8 +96,7 @@ def requested(name: str, wanted: str | None) -> tuple[str, str]:
     wanted = (wanted or ending).lower()
     known = media_types()
     if wanted not in known:
-        to_do = "Name one of these."
-        raise NotFoundError("a format among {known}", repr(wanted[:40]), to_do, "format", known=", ".join(known))
+        raise NotFoundError.unknown(wanted, known, "format")
     return f"{CLOUD_FOLDER}/{stem}.ply", wanted
 
 

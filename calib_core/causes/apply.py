@@ -106,7 +106,6 @@ def cause_named(causes: Sequence[RootCause], name: str) -> RootCause:
     if not found and name.isascii() and name.isdigit() and 1 <= int(name) <= len(causes):
         found = [causes[int(name) - 1]]
     if not found:
-        listed = ", ".join(f"'{cause.id}'" for cause in causes) or "none was found in this session"
-        to_do = "Solve the session to see them."
-        raise InputError("a root cause among {listed}", repr(name)[:80], to_do, "cause", listed=listed)
+        to_do = message("Solve the session to see them.")
+        raise InputError.unknown(name, [cause.id for cause in causes] or [message("none")], "cause", to_do)
     return found[0]

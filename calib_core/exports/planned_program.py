@@ -47,9 +47,7 @@ def planned_program(session: Session, plan: PoseList, brand: str) -> PlannedProg
     """
     entry = next((e for e in all_exports() if isinstance(e, MoveExport) and e.brand == brand), None)
     if entry is None:
-        need = "a brand among {program_brands}"
-        to_do = "Name one of these."
-        raise InputError(need, f"'{brand}'", to_do, "brand", program_brands=", ".join(program_brands()))
+        raise InputError.unknown(brand, program_brands(), "brand")
     approaches = [pose.approach_numbers for pose in plan.poses]
     stops: list[Stop] = []
     for number, (pose, approach) in enumerate(zip(plan.poses, approaches, strict=True), start=1):

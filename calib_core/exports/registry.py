@@ -27,7 +27,5 @@ def export_named(name: str, others: tuple[str, ...] = ()) -> Export:
     """
     found = next((export for export in all_exports() if export.name == name), None)
     if found is None:
-        names = ", ".join([*(export.name for export in all_exports()), *others])
-        to_do = "Name one of these."
-        raise InputError("an export format among {names}", f"'{name}'", to_do, "format", names=names)
+        raise InputError.unknown(name, [*(export.name for export in all_exports()), *others], "format")
     return found

@@ -11,7 +11,7 @@ from importlib.resources import files
 from typing import Any, Final
 
 from calib_core.errors import InputError
-from calib_core.messages import ENGLISH, Catalogue, message
+from calib_core.messages import ENGLISH, Catalogue
 
 _JOINS: Final = {
     "de": (" und ", " oder ", ", ", "{} und {} weitere", " "),
@@ -26,8 +26,7 @@ def catalogue(language: str) -> Catalogue:
     if language == "en":
         return ENGLISH
     if language not in LANGUAGES:
-        to_do = message("Name one of these.")
-        raise InputError(message("a language among {names}", names=", ".join(LANGUAGES)), f"'{language}'", to_do)
+        raise InputError.unknown(language, LANGUAGES, "language")
     texts: dict[str, list[str]] = {}
     rule = "0"
     for content in _contents(language):

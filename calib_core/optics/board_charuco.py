@@ -128,8 +128,7 @@ def _dictionary_named(name: str):
     code = getattr(cv2.aruco, full, None)
     if code is None:
         known = sorted(n for n in dir(cv2.aruco) if n.startswith("DICT_"))
-        need = "a marker dictionary among {known}"
-        raise InputError(need, repr(name), "Name the one printed.", "cell.board", known=", ".join(known))
+        raise InputError.unknown(name, known, "cell.board.dictionary")
     return cv2.aruco.getPredefinedDictionary(code)
 
 

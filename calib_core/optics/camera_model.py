@@ -100,9 +100,8 @@ class CameraModel:
         """
         unknown = sorted(set(distortion) - set(COEFFICIENTS))
         if unknown:
-            need = "distortion coefficients among {coefficients}"
-            to_do = "Use OpenCV's names; the tilts are tauX and tauY in rad."
-            raise InputError(need, ", ".join(unknown), to_do, coefficients=", ".join(COEFFICIENTS))
+            to_do = message("Use OpenCV's names; the tilts are tauX and tauY in rad.")
+            raise InputError.unknown(", ".join(unknown), COEFFICIENTS, "distortion", to_do)
         d = np.array([float(distortion.get(name, 0.0)) for name in COEFFICIENTS])
         return cls(np.asarray(camera_matrix, dtype=float), d, _simplest_model(d), image_size)
 

@@ -155,13 +155,9 @@ def _require_image(image: ImageArray, where: str) -> None:
 
 
 def _words(image: ImageArray) -> str:
-    color = "colour" if image.ndim == 3 else "grey"
+    height, width = image.shape[:2]
     return message(
-        "{width}×{height} pixels, {color}, {itemsize} bit",
-        width=image.shape[1],
-        height=image.shape[0],
-        color=color,
-        itemsize=8 * image.dtype.itemsize,
+        "{width}×{height} pixels of {itemsize} bit", width=width, height=height, itemsize=8 * image.dtype.itemsize
     )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 from calib_core.errors import InputError
+from calib_core.messages import message
 
 _UNITS = ("mm", "m")
 _LONGEST = 1000
@@ -44,8 +45,7 @@ class Told:
         names = [field.name for field in fields(cls)]
         for name, word in words.items():
             if name not in names:
-                to_do = "Say it as NAME=VALUE."
-                raise InputError("one of {names}", f"'{name}'", to_do, "told", names=", ".join(names))
+                raise InputError.unknown(name, names, "told", message("Say it as NAME=VALUE."))
             if len(word) > _LONGEST:
                 need = "at most {longest} characters"
                 raise InputError(need, f"{len(word)}", "Shorten it.", f"told: {name}", longest=_LONGEST)

@@ -67,7 +67,7 @@ def require_scenario(scenario: str) -> None:
     """Raise InputError, which names all of them, if no scenario has this name."""
     names = [name for scenarios in _ALL for name in scenarios]
     if scenario not in names:
-        raise InputError("a scenario among {names}", repr(scenario), "Name one of these.", names=", ".join(names))
+        raise InputError.unknown(scenario, names, "scenario")
 
 
 def simulate_tcp(seed: int, options: TcpScenario, name: str = "tcp") -> SimulatedSession:

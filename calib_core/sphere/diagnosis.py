@@ -84,9 +84,14 @@ def radius_mismatch(radius_mm: float, diameter_mm: float, shape: str) -> Measure
             "The sphere measured is larger than stated.",
             diameter_mm=2 * diameter_mm,
         )
-    larger = "larger" if radius_mm > stated_mm else "smaller"
-    to_do = "The sphere measured is {larger} than stated: correct the diameter, or keep other round things away."
-    return MeasurementError(need, got, to_do, larger=larger)
+    to_do = message(
+        "The sphere measured is larger than stated: correct the diameter, or keep other round things away."
+    )
+    if radius_mm < stated_mm:
+        to_do = message(
+            "The sphere measured is smaller than stated: correct the diameter, or keep other round things away."
+        )
+    return MeasurementError(need, got, to_do)
 
 
 def _explains(radius_mm: float, stated_mm: float, shape: str) -> bool:

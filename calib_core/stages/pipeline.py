@@ -41,10 +41,7 @@ def run(
     """
     if stage != "all":
         if stage not in STAGES.names():
-            need = "a stage among {stage_names}"
-            to_do = "Name one of these."
-            names = ", ".join(("all", *(one.name for one in stages())))
-            raise InputError(need, f"'{stage}'", to_do, "stage", stage_names=names)
+            raise InputError.unknown(stage, ("all", *(one.name for one in stages())), "stage")
         return {stage: solve_stage(session, stage, read, progress, store)}
     results: dict[str, Result] = {}
     kept = Kept(results=results)

@@ -90,8 +90,7 @@ class Logins:
             need = message("a name of 1 to {longest_name} printable characters", longest_name=_LONGEST_NAME)
             raise InputError(need, repr(name)[:80], "Say who or what the token is for.", "name")
         if role not in ROLES:
-            to_do = "Name one of these."
-            raise InputError("a role among {roles}", f"'{role[:60]}'", to_do, "role", roles=", ".join(ROLES))
+            raise InputError.unknown(role, ROLES, "role")
         token_id, token = new_token()
         return token_data(add_token(db, token_id, self._digest(token), name, role, lifetime)), token
 

@@ -27,8 +27,7 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError("the benchmarks", "none", "Run this command in a checkout of the project.", str(_FOLDER))
     for name in options.names:
         if name not in known:
-            to_do = "Name one of these."
-            raise InputError("a benchmark among {known}", f"'{name}'", to_do, "bench", known=", ".join(known))
+            raise InputError.unknown(name, known, "bench")
     table: dict[str, list[dict[str, Any]]] = {}
     for name in options.names or known:
         if not options.json:

@@ -57,9 +57,7 @@ def _run(options: argparse.Namespace) -> int:
         shown = [c for c in session.captures if not c.excluded and c.kind != "frame"]
         measured = [measure_capture(session, capture, read) for capture in shown]
     if options.step not in planned_steps():
-        need = "a step among {planned_steps}"
-        to_do = "Name one of these."
-        raise InputError(need, f"'{options.step}'", to_do, "--step", planned_steps=", ".join(planned_steps()))
+        raise InputError.unknown(options.step, planned_steps(), "--step")
     if options.count is None:
         now = guide(session, measured, results, stale).current
         print_result(options, _text(now), now.to_json())

@@ -142,18 +142,17 @@ def storage_problem(error: BaseException) -> dict[str, Any]:
     if isinstance(error, UnavailableError):
         return unavailable(error.got, error.to_do)
     said = " ".join(str(error.orig if isinstance(error, DBAPIError) else error).split())
-    untouched = "then send the request again; what was stored before is untouched."
     if "full" in said or (isinstance(error, OSError) and error.errno == ENOSPC):
         return problem_of_status(
             507,
             "the disk with the data folder is full",
-            message("Free space there, {untouched}", untouched=untouched),
+            message("Free space there, then send the request again; what was stored before is untouched."),
         )
     if "locked" in said:
-        to_do = message("End that program, or wait until it is done, {untouched}", untouched=untouched)
+        to_do = message("End that program, or wait until it is done, then send the request again.")
         return unavailable(message("another program holds the database ({said})", said=said), to_do)
     to_do = message(
-        "Check the folder, its disk and its rights, or the database's server, {untouched}", untouched=untouched
+        "Check the folder, its disk and its rights, or the database's server, then send the request again."
     )
     if isinstance(error, OSError):
         return unavailable(message("the data folder cannot be used ({said})", said=said), to_do)

@@ -230,7 +230,7 @@ class LiveCell:
         )
         if len(kept) < 2:
             to_do = message("Set the devices' clocks to within a second.")
-            raise MeasurementError("exposures within the robot's track", "none ({clocks})", to_do, clocks=clocks)
+            raise MeasurementError("exposures within the robot's track", "none", to_do)
         found = clock_offset(times, positions, [moments[k] for k in kept], [arcs[k] for k in kept])
         self.clocks.take(found, (seen[-1][1], by_device))
         return found, clocks

@@ -120,9 +120,7 @@ class LiveCells:
         """
         source = SOURCES.get(source_name, "source")
         if source.connect is None:
-            live = ", ".join(other.name for other in SOURCES if other.connect)
-            to_do = "Name one of these."
-            raise InputError("a live source among {live}", f"'{source_name}'", to_do, "source", live=live)
+            raise InputError.unknown(source_name, (one.name for one in SOURCES if one.connect), "source")
         with self._lock:
             with self._store.write() as db:
                 session = locked_session(db, session_id)

@@ -87,8 +87,7 @@ def get_cloud(
 
 
 def _missing(stored: StoredSession, name: str) -> NotFoundError:
-    there = ", ".join(PurePosixPath(known).name for known in sorted(stored.outputs))
-    if there:
-        return NotFoundError("a cloud among {there}", repr(name), "Name one of these.", "name", there=there)
+    if stored.outputs:
+        return NotFoundError.unknown(name, (PurePosixPath(one).name for one in sorted(stored.outputs)), "name")
     to_do = message("POST …/sessions/{stored}/solve/merge makes it.", stored=stored.id)
     return NotFoundError("a merged cloud", "none", to_do, "name")

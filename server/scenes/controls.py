@@ -111,8 +111,7 @@ def controls(session: SessionId, scenes: Scenes) -> SceneControls:
 def show_layer(session: SessionId, body: LayerChange, scenes: Scenes) -> None:
     """Show or hide a layer for everybody who looks at this scene."""
     if body.name not in LAYERS:
-        to_do = "Name one of these."
-        raise InputError("a layer among {layers}", repr(body.name), to_do, "name", layers=", ".join(LAYERS))
+        raise InputError.unknown(body.name, LAYERS, "name")
     _live(scenes, session).show_layer(body.name, body.shown)
 
 
@@ -163,8 +162,7 @@ async def viewer_socket(websocket: WebSocket, session: str, viewer: str, scenes:
 def take_view(session: SessionId, viewer: Viewer, body: ViewChange, scenes: Scenes) -> None:
     """Move the camera of one viewer to a view; nobody else's."""
     if body.view not in VIEWS:
-        to_do = "Name one of these."
-        raise InputError("a view among {views}", repr(body.view), to_do, "view", views=", ".join(VIEWS))
+        raise InputError.unknown(body.view, VIEWS, "view")
     try:
         _live(scenes, session).move(viewer, body.view)
     except NotFoundError:

@@ -111,10 +111,10 @@ def _from_sphere(points_mm: NDArray[np.floating], diameter_mm: float | None) -> 
         values = np.linalg.norm(points.astype(float) - center, axis=1) - radius_mm
         return np.where(np.abs(values) <= farthest, values, np.nan)
 
-    how = "best fit" if diameter_mm is None else "known"
-    return _of(
-        found, message("the sphere, diameter {radius_mm:.3f} mm ({how})", radius_mm=2 * radius_mm, how=how), of
-    )
+    said = message("the sphere, diameter {diameter_mm:.3f} mm as known", diameter_mm=2 * radius_mm)
+    if diameter_mm is None:
+        said = message("the sphere, diameter {diameter_mm:.3f} mm by best fit", diameter_mm=2 * radius_mm)
+    return _of(found, said, of)
 
 
 def _of(found: Deviations, words: str, of: Callable[[NDArray[np.floating]], FloatArray]) -> CloudDeviation:

@@ -59,8 +59,10 @@ def legend_html(facts: SceneFacts, look: Look, layers: Collection[str] | None = 
     if (cloud := shown_cloud(facts, look)) is not None and told("scans"):
         parts += _of_cloud(cloud, look)
     if _told_how_well(facts.uncertainty) and told("uncertainty"):
-        how = "larger than drawn" if is_cut(facts) else f"×{magnified(facts)}"
-        parts.append(_key(UNCERTAIN, "●", message("uncertainty, k\u00a0=\u00a02, {how}", how=how)))
+        said = message("uncertainty, k\u00a0=\u00a02, ×{times}", times=magnified(facts))
+        if is_cut(facts):
+            said = message("uncertainty, k\u00a0=\u00a02, larger than drawn")
+        parts.append(_key(UNCERTAIN, "●", said))
     if facts.so_far is not None and told("so-far"):
         parts.append(_key(SPHERE, "●", message("scanner and sphere, as far as known")))
         parts.append(_key(GHOST, "●", message("uncertainty by now, k\u00a0=\u00a02, at most 25 mm drawn")))
@@ -233,14 +235,14 @@ def _bands(deviation: CloudDeviation, tolerance_mm: float) -> list[str]:
 
 
 def _cut_words(section: Section, frame: str) -> str:
-    side = "beyond" if section.keep == "below" else "before"
-    return message(
-        "Cut at {axis} = {at_mm} mm in {frame}; what lies {side} is hidden.",
-        axis=section.axis if section.normal is None else "n",
-        at_mm=number_text(section.at_mm, 1),
-        frame=frame,
-        side=side,
-    )
+    at = {
+        "axis": section.axis if section.normal is None else "n",
+        "at_mm": number_text(section.at_mm, 1),
+        "frame": frame,
+    }
+    if section.keep == "below":
+        return message("Cut at {axis} = {at_mm} mm in {frame}; what lies beyond is hidden.", **at)
+    return message("Cut at {axis} = {at_mm} mm in {frame}; what lies before is hidden.", **at)
 
 
 def rejected_html(facts: SceneFacts) -> str:

@@ -11,6 +11,7 @@ from calib_core.archive.folder import HISTORY_FILE, parse_json, to_json_bytes
 from calib_core.archive.stored_results import require_result
 from calib_core.errors import InputError
 from calib_core.formats.points import require_file_size
+from calib_core.messages import message
 from calib_core.records import Record, input_error, parse_session
 from calib_core.records.plain_json import require_plain
 from calib_core.steps import stage_names
@@ -84,9 +85,7 @@ def read_history(bag: Bag) -> ArchivedHistory:
     for number, result in enumerate(history.results):
         place = f"{where}: results[{number}]"
         if result.stage not in stage_names():
-            need = "a stage among {stage_names}"
-            to_do = "Pack the session again."
-            raise InputError(need, repr(result.stage[:60]), to_do, place, stage_names=", ".join(stage_names()))
+            raise InputError.unknown(result.stage, stage_names(), place, message("Pack the session again."))
         if result.record is not None:
             require_result(result.stage, result.record, place)
         if result.solved_from is not None:

@@ -93,8 +93,7 @@ def acknowledge(db: Transaction, cell: str, fault: str, who: str, why: str) -> D
         If the cell does not have it.
     """
     if fault not in ACKNOWLEDGED:
-        to_do = "Name one of these."
-        raise InputError("one of {names}", f"'{fault[:40]}'", to_do, "fault", names=", ".join(ACKNOWLEDGED))
+        raise InputError.unknown(fault, ACKNOWLEDGED, "fault")
     cell_history(db, cell)
     found = open_steps(db, cell) if fault == "drift" else _changes(db, cell) - _changes_acknowledged(db, cell)
     if not found:

@@ -259,7 +259,7 @@ def test_a_known_tool_is_not_solved(folder, capsys):
 
 
 def test_unknown_stage(folder, capsys):
-    refused(folder, capsys, "a stage among all, camera, laser-plane, tcp", "'tpc'", arguments=("--stage", "tpc"))
+    refused(folder, capsys, "stage: need one of all, camera, laser-plane", "'tpc'", arguments=("--stage", "tpc"))
 
 
 def test_a_stage_without_captures_says_what_to_capture(folder, capsys):

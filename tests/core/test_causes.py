@@ -166,7 +166,7 @@ def test_a_cause_is_named_by_its_id_kind_or_place(cell: Measured) -> None:
     causes = causes_found(cell, reordered(cell.session, swapped(14, np.random.default_rng(5))))
     for name in (causes[0].id, "swapped-poses", "1"):
         assert cause_named(causes, name) is causes[0]
-    with pytest.raises(InputError, match="a root cause among 'swapped-poses-"):
+    with pytest.raises(InputError, match="cause: need one of swapped-poses-"):
         cause_named(causes, "7")
 
 

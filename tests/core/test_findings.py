@@ -111,11 +111,11 @@ def test_a_message_is_its_english_text_and_can_be_said_in_other_languages() -> N
 
 @pytest.mark.usefixtures("known")
 def test_values_that_are_messages_and_values_by_capture_are_said_in_each_language() -> None:
-    why = message("a language among {names}", names="x")
+    why = message("one of {names}", names="x")
     code = Code("why", "warning", text="Not used: {why}.", reason="{why}, {off_mm:.1f} mm")
     found = code(["p1", "p2"], why=why, each={"p1": {"off_mm": 1.0}, "p2": {"off_mm": 2.0}})
     stored = Finding.model_validate(found.to_json())
-    assert stored.text == "Not used: a language among x."
+    assert stored.text == "Not used: one of x."
     from calib_core.findings import table
 
     table._by_name()["why"] = code

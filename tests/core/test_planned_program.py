@@ -69,5 +69,5 @@ def test_refused_where_nobody_should_move_by_it(planned: tuple[Session, PoseList
     unsure = [pose.model_copy(update={"approach_numbers": None}) for pose in plan.poses]
     with pytest.raises(ConflictError, match="10 mm"):
         planned_program(session, plan.model_copy(update={"poses": unsure}), "kuka")
-    with pytest.raises(InputError, match="brand among"):
+    with pytest.raises(InputError, match="brand: need one of"):
         planned_program(session, plan, "acme")

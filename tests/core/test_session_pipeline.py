@@ -197,7 +197,7 @@ def test_export_refuses_a_stored_result_that_is_not_current(folder, result, tmp_
     assert main(["export", str(copy), "--format", "json", "--allow", "stale"]) == 0
     assert json.loads(capsys.readouterr().out)
     assert main(["export", str(copy), "--format", "robodk"]) == 2
-    assert "an export format among " in capsys.readouterr().err
+    assert "format: need one of " in capsys.readouterr().err
 
 
 def test_all_stages_solve_nothing_twice_and_answer_as_each_alone(monkeypatch):

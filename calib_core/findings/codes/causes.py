@@ -9,7 +9,7 @@ MOVED_SPHERE = Code(
         "before": "The sphere seems to have moved by {shift_mm:.2f} mm before {capture}.",
         "after": "The sphere seems to have moved by {shift_mm:.2f} mm after {capture}.",
     },
-    to_do="Fix it firmly and repeat the captures before or after that.",
+    to_do="Fix the sphere firmly and repeat the captures before or after that.",
     by="when",
     title="The sphere moved before {since}",
     meaning="From one capture on, the sphere stands elsewhere. Both parts fit well by themselves.",
@@ -22,7 +22,7 @@ CHANGED_TOOL = Code(
     "changed-tool",
     "warning",
     text="The scanner seems to sit otherwise on the flange from {since} on (by {shift_mm:.2f} mm and {turn_deg:.2f}°).",
-    to_do="Fix it firmly and repeat the captures before or after that.",
+    to_do="Fix the scanner firmly and repeat the captures before or after that.",
     title="The scanner moved on the flange before {since}",
     meaning="From one capture on, the scanner sits elsewhere on the flange.",
     decided="A tool of its own for the captures from there on makes all of them likelier by a factor that chance does "
@@ -135,7 +135,7 @@ SPHERE_DIAMETER_WRONG = Code(
         "inches": "The sphere shows in the captures if it is {diameter_mm:g} mm wide; told was {told_mm:g}: that is in "
         "inches.",
     },
-    to_do="Measure it.",
+    to_do="Measure the diameter.",
     by="compared",
     title="Sphere's diameter is about {diameter_mm:g} mm",
     explains_all=True,

@@ -47,7 +47,7 @@ def _blank(points: FloatArray, hit: NDArray[np.bool_], value: str, notes: list[s
     count = int(hit.sum())
     if count:
         points[hit] = np.nan
-        rows = "1 row" if count == 1 else plural("{count} row", "{count} rows", by="count", count=count)
+        rows = plural("{count} row", "{count} rows", by="count", count=count)
         notes.append(
             message("{rows} with {value} taken as missing: nothing came back there.", rows=rows, value=value)
         )

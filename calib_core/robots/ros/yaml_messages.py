@@ -89,8 +89,10 @@ def _documents(source: Source, found: Found) -> Iterator[_Node]:
                 got = "{word} in line {number}"
                 to_do = "Save them again."
                 raise InputError("messages as YAML", got, to_do, source.name, word=problem, number=line) from None
-            cut = " Is the file cut?" if place == len(whole) - 1 else ""
-            found.skip(line, message("a message that is no YAML: {problem}.{cut}", problem=problem, cut=cut))
+            said = message("a message that is no YAML: {problem}", problem=problem)
+            if place == len(whole) - 1:
+                said = message("a message that is no YAML, perhaps as the file is cut: {problem}", problem=problem)
+            found.skip(line, said)
 
 
 def _node(node: object, at: int, walk: _Walk, depth: int) -> _Node:

@@ -27,6 +27,22 @@ _SIDES: Final = templates({
 _PLACES = (
     "upper left", "top", "upper right", "left", "middle", "right", "lower left", "bottom", "lower right",
 )  # fmt: skip
+_LOOSE_BOARD = templates(
+    (
+        "Take the board and its stripe again, with the board near the scanner.",
+        "Take the board and its stripe again, with the board far from the scanner.",
+        "Take the board and its stripe again, with the board tilted to the left.",
+        "Take the board and its stripe again, with the board tilted to the right.",
+    )
+)
+_FIXED_BOARD = templates(
+    (
+        "Move the robot so that the fixed board is near the scanner, and take it with the stripe on it.",
+        "Move the robot so that the fixed board is far from the scanner, and take it with the stripe on it.",
+        "Move the robot so that the fixed board is seen tilted to the left, and take it with the stripe on it.",
+        "Move the robot so that the fixed board is seen tilted to the right, and take it with the stripe on it.",
+    )
+)
 
 
 def guide(view: GuideView) -> GuideNow | None:
@@ -99,13 +115,8 @@ def _stripes_are_under_way(view: GuideView) -> bool:
 
 def _stripe_words(board: Board, stripes: int) -> tuple[str, str]:
     """Return what to do for the first board with the stripe, and for the next one."""
-    place = ("near the scanner", "far from it", "tilted to the left", "tilted to the right")[stripes % 4]
     first = "Lay the stripe on the board; take the lit board and the stripe without moving it."
-    if not board.fixed:
-        return first, message("Take the board and its stripe again, with the board {place}.", place=place)
-    return first, message(
-        "Move the robot so that the fixed board is {place}, and take it with the stripe on it.", place=place
-    )
+    return first, (_FIXED_BOARD if board.fixed else _LOOSE_BOARD)[stripes % 4]
 
 
 def next_view(views: Sequence[Measured]) -> str | None:

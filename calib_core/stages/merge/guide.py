@@ -126,9 +126,10 @@ def _around(views: _Views, *, again: bool) -> GuideNow:
         )
     if np.ptp(views.height_deg) < _HEIGHTS_DEG:
         middle = float(np.median(views.height_deg))
-        where = "from steeper above" if middle < 50 else "from lower down"
         return _capture(
-            message("Scan the object again {place}, at four angles of the table.", place=where),
+            message("Scan the object again from steeper above, at four angles of the table.")
+            if middle < 50
+            else message("Scan the object again from lower down, at four angles of the table."),
             message(
                 "All scans look from about {middle:.0f}° above the table: what they see edge-on is missing.",
                 middle=middle,

@@ -33,7 +33,7 @@ from calib_core.fusion.scatter import Scatter
 from calib_core.fusion.solve import Looked, MergeSolution, solve_merge
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
-from calib_core.messages import message
+from calib_core.messages import message, templates
 from calib_core.records import Finding
 from calib_core.stages.merge.calibration import (
     CALIBRATION_SHARE,
@@ -51,6 +51,13 @@ from calib_core.stages.merge.trials import PATCH_SPACINGS
 _USUAL_VOXEL_MM, _COARSE = 0.5, 2.0
 _LOOKED_AT = 3  # scans of which the spacing is asked: one of them may be in metres, or hardly see the part
 _IN_METRES = 0.02  # of the widest spacing
+
+_METHODS = templates({
+    "plain": "chain, cleaning on the scan's grid, voxel means weighted by 1/σ²",
+    "registered": "chain, cleaning on the scan's grid, voxel means weighted by 1/σ², point-to-plane registration",
+    "moved": "chain, cleaning on the scan's grid, voxel means weighted by 1/σ², "
+    "tool and table moved by the scans' overlap",
+})  # fmt: skip
 
 
 def solve(given: StageInput) -> MergeResult:
@@ -244,9 +251,7 @@ def _result(
     ]
     registered, table = solution.registration, calibration.placement.base_from_turntable
     return MergeResult(
-        method="chain, cleaning on the scan's grid, voxel means weighted by 1/σ²"
-        + (", point-to-plane registration" if registered else "")
-        + (", tool and table moved by the scans' overlap" if solution.self_calibration and not registered else ""),
+        method=_METHODS["registered" if registered else "moved" if solution.self_calibration else "plain"],
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         **judgement(findings),

@@ -121,8 +121,11 @@ def scanner_table(result: TcpResult | ChainResult) -> list[AnyBlock]:
         factor = 100.0 if unit == "%" else 1.0
         rows.append(Row(cells=[label, quantity(factor * value, unit, factor * sigma)]))
     columns = [Column(label="Error", align="left"), Column(label="Found")]
-    done = "taken out of the points" if found.applied else "in the uncertainty, not taken out of the points"
-    caption = message("Each with its prior; errors of scale, shear and bow are {done}.", done=done)
+    caption = message(
+        "Each with its prior; errors of scale, shear and bow are in the uncertainty, not taken out of the points."
+    )
+    if found.applied:
+        caption = message("Each with its prior; errors of scale, shear and bow are taken out of the points.")
     return [
         Table(id="scanner", title="Sphere and scanner", detail=True, caption=caption, columns=columns, rows=rows)
     ]

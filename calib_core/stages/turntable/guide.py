@@ -134,13 +134,17 @@ def _turn_to(table_deg: float) -> str:
 def _to_do(shot: TableShot) -> str:
     if shot.higher_mm is None:
         return _turn_to(shot.table_deg)
-    way = "higher" if shot.higher_mm > 0 else "lower"
+    by = {"higher_mm": abs(shot.higher_mm), "angle": f"{shot.table_deg:.0f}°"}
+    if shot.higher_mm > 0:
+        return message(
+            "Fix the sphere about {higher_mm:.0f} mm higher, name that mount, turn the table to about {angle} and "
+            "capture it.",
+            **by,
+        )
     return message(
-        "Fix the sphere about {higher_mm:.0f} mm {way}, name that mount, turn the table to about {angle} "
-        "and capture it.",
-        higher_mm=abs(shot.higher_mm),
-        way=way,
-        angle=f"{shot.table_deg:.0f}°",
+        "Fix the sphere about {higher_mm:.0f} mm lower, name that mount, turn the table to about {angle} and "
+        "capture it.",
+        **by,
     )
 
 
@@ -326,11 +330,12 @@ def _solve_table(*, again: bool) -> GuideNow:
 
 
 def _solve_chain(*, again: bool) -> GuideNow:
-    start = "Solve the whole chain again" if again else "Solve the whole chain"
     return _now(
         stage="chain",
         action="solve",
-        instruction=message("{start}: tool and table from all captures together.", start=start),
+        instruction=message("Solve the whole chain again: tool and table from all captures together.")
+        if again
+        else message("Solve the whole chain: tool and table from all captures together."),
         why="The table's captures tell about the tool too: together both answers become better.",
         exit="Its answers agree with those of the steps within their uncertainties.",
         drawing="chain-solve",

@@ -32,8 +32,7 @@ def schema_text(name: str) -> str:
 
         return models_source()
     if name not in _RECORDS:
-        to_do = "Name one of these."
-        raise InputError("a record among {schemas}", repr(name), to_do, "schema", schemas=", ".join(SCHEMAS))
+        raise InputError.unknown(name, SCHEMAS, "schema")
     record, title = _RECORDS[name]
     schema: dict[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     schema |= record.model_json_schema() | {"title": title}
