@@ -106,12 +106,10 @@ class FrameGraph:
         missing = [edge for edge, _ in way if edge.transform is None]
         if missing:
             raise ConflictError(
-                "{into}_from_{outof}",
+                f"{into}_from_{outof}",
                 "{missing}, which is {state}",
                 _to_do(missing[0]),
                 missing[0].source,
-                into=into,
-                outof=outof,
                 missing=missing[0].name,
                 state=missing[0].state,
             )

@@ -210,12 +210,11 @@ class RigidTransform:
         if self.outof != other.into:
             raise InputError(
                 "frames that meet: {into}_from_{outof} @ {outof}_from_…",
-                "{other_into}_from_{other_outof} on the right",
+                "{name} on the right",
                 "Invert one of the two or change their order.",
                 into=self.into,
                 outof=self.outof,
-                other_into=other.into,
-                other_outof=other.outof,
+                name=other.name,
             )
         product = self.matrix @ other.matrix
         # Products of thousands of transforms drift off the rotations; one projection costs little.
@@ -246,17 +245,19 @@ class RigidTransform:
         matrix[:3, 3] = self.translation_mm + x[3:]
         return RigidTransform(matrix, self.into, self.outof)
 
+    @property
+    def name(self) -> str:
+        """Its name, into_from_outof."""
+        return f"{self.into}_from_{self.outof}"
+
     def difference(self, other: "RigidTransform") -> FloatArray:
         """Return the 6-vector `xi` with ``other = self.perturbed(xi)``, rad and mm."""
         if (self.into, self.outof) != (other.into, other.outof):
             raise InputError(
-                "two transforms {into}_from_{outof}",
-                "{other_into}_from_{other_outof}",
+                "two transforms {name}",
+                other.name,
                 "Compare transforms between the same frames.",
-                into=self.into,
-                outof=self.outof,
-                other_into=other.into,
-                other_outof=other.outof,
+                name=self.name,
             )
         rotation = vector_from_rotation(self.rotation.T @ other.rotation)
         return np.concatenate([rotation, other.translation_mm - self.translation_mm])
