@@ -190,8 +190,18 @@ def provenance(answer: Answer) -> list[str]:
         f"scancell: {what}, of session {name}",
         f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date[:10] or 'at an unknown date'}",
         f"standard uncertainty {position:.4f} mm, {rotation:.5f} deg (worst axis)",
+        *_whose_poses(answer),
         f"inputs sha256 {answer.inputs_sha256[:16]}",
     ]
+
+
+def _whose_poses(answer: Answer) -> list[str]:
+    """Return with which poses the answer is to be used, where those that the arm's errors correct are others."""
+    model = answer.results.get(answer.stage, {}).get("arm_model") or {}
+    if model.get("applied"):
+        return ["for poses corrected by the arm's errors, not for the controller's own"]
+    asked = answer.session.cell.robot.errors == "apply" and model.get("worth_it")
+    return ["for the controller's own poses, not for those corrected by the arm's errors"] if asked else []
 
 
 _REMARK = 30

@@ -131,13 +131,18 @@ WRONG = {
     "offset": "joint 2 counted from -90°",
     "coupling": "joint 3 moving along with joint 2",
     "radians": "joints that are radians",
+    "table": "do not give their poses",
 }
-"""Joints as they are told wrongly, and what is to be named."""
+"""Joints, or the arm, as they are told wrongly, and what is to be named."""
 
 
 def with_wrong_joints(session: Session, name: str) -> Session:
     """Return a session whose joints are told wrongly."""
     record = session.model_dump(exclude_none=True, by_alias=True)
+    if name == "table":
+        own = record["cell"]["robot"]["arm"]["joints"]
+        record["cell"]["robot"]["arm"]["joints"] = _another(own)
+        return Session.model_validate(record)
     for capture in record["captures"]:
         joints = np.array(capture["joints_deg"])
         found = joints.copy()
@@ -156,12 +161,21 @@ def with_wrong_joints(session: Session, name: str) -> Session:
     return Session.model_validate(record)
 
 
+def _another(own: list[dict[str, float]]) -> list[dict[str, float]]:
+    """Return the table of the arm of another class that follows one's own."""
+    kinds = list(ARM_KINDS.values())
+    place = next(n for n, kind in enumerate(kinds) if kind.rows[1][0] == own[1]["a_mm"])
+    rows = kinds[(place + 1) % len(kinds)].rows
+    return [dict(zip(("a_mm", "alpha_deg", "d_mm", "theta_deg"), row, strict=True)) for row in rows]
+
+
 def _named(kind: str, seed: int) -> list[bool]:
     """Return of each way in which joints are told wrongly whether it is named, and nothing applied."""
     cell, named = simulate_arm(kind, seed, 15, errors="apply", held=0), list[bool]()
     for name, said in WRONG.items():
         result = solved(with_wrong_joints(cell.session, name))
-        told = [one.text for one in result.findings if one.code == "joints-read-otherwise"]
+        codes = "joints-read-otherwise", "joints-contradict-poses"
+        told = [one.text for one in result.findings if one.code in codes]
         named.append(result.arm_model is None and len(told) == 1 and said in told[0])
     return named
 
@@ -175,7 +189,9 @@ def of_wrong_joints(each: int) -> Row:
         for told in kept(f"arm wrong {kind} {seed}", lambda k=kind, n=seed: _named(k, 5000 + n))
     ]
     share = float(np.mean(named))
-    what = f"wrong joints (order, sign, 90°, coupling, radians), {len(named)}: named, nothing applied"
+    what = (
+        f"wrong joints (order, sign, 90°, coupling, radians, another arm's), {len(named)}: named, nothing applied"
+    )
     return Row(what, "≥ 98 %", f"{sum(named)} of {len(named)}", share >= 0.98)
 
 

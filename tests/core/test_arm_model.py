@@ -167,6 +167,12 @@ def test_exports_give_the_answer_for_the_controllers_poses() -> None:
     assert np.allclose(exported(), covered.base_from_laser or [])
     assert np.allclose(exported(poses="corrected"), applied.base_from_laser or [])
 
+    def written(result: TcpResult, poses: str = "controller") -> str:
+        return export(cell.session, {"tcp": result}, "kuka", settings={"poses": poses})[0].decode()
+
+    assert "for the controller's own poses, not for those corrected" in written(applied)
+    assert "for poses corrected by the arm's errors, not for" in written(applied, "corrected")
+
 
 def test_joints_follow_from_a_pose_in_the_configuration_of_others() -> None:
     arm, joints = NAMED_ARMS["ur10e"], [20.0, -80.0, 95.0, -110.0, -85.0, 30.0]
@@ -182,6 +188,7 @@ def test_wrong_joints_are_named_and_nothing_is_applied(name: str) -> None:
     assert result.arm_model is None
     (finding,) = [one for one in result.findings if one.code == "joints-read-otherwise"]
     assert bench_arm.WRONG[name] in finding.text
+    assert ("the arm irb120 would" in finding.text) == (name == "table")
 
 
 def test_joints_of_another_arm_are_named() -> None:
