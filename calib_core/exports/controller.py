@@ -22,7 +22,8 @@ def for_poses(answer: Answer, poses: str) -> Answer:
     model = answer.results.get(answer.stage, {}).get("arm_model")
     if poses == "corrected" or not model or not model.get("applied"):
         return answer
-    found = {**answer.results[answer.stage], "arm_model": {**model, "applied": False}}
+    found = dict(answer.results[answer.stage])
+    found["arm_model"] = {**model, "applied": False}
     found["frames"] = [f for f in found.get("frames") or () if f["outof"] not in ("laser", "turntable")]
     for frame in model.get("controller") or ():
         into, outof, covariance = frame["into"], frame["outof"], np.array(frame["covariance"], dtype=float)
