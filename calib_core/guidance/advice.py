@@ -45,8 +45,8 @@ _OF_MEASURED = (
     "extent_deg", "on_sphere",
 )  # fmt: skip
 _OF_RESULT = (
-    "stage", *SCANNER_FRAMES, "sphere_center_in_base_mm", "variance_components", "workpiece", "stale",
-    "angle_sigma_deg", "verdict", "undetermined", "arm_model",
+    "stage", *SCANNER_FRAMES, "sphere_center_in_base_mm", "sphere_center_in_tool0_mm", "variance_components",
+    "workpiece", "stale", "angle_sigma_deg", "verdict", "undetermined", "arm_model",
 )  # fmt: skip
 
 

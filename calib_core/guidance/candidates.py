@@ -1,5 +1,6 @@
 """Poses that a capture could be taken from: the sphere in the field, the scanner leaning within its limits."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,8 @@ class Room:
     sight : Sight
     limits : Limits
     home : (3, 3)
-        base_from_tool0's rotation from which tilts and turns are counted.
+        The rotation, from what carries the scanner into what carries the sphere, from which tilts and turns are
+        counted.
     keep_off : tuple of RigidTransform
         Poses that others must differ from: those of the calibration, where it is verified.
     """
@@ -37,6 +39,24 @@ class Room:
     limits: Limits
     home: FloatArray
     keep_off: tuple[RigidTransform, ...] = ()
+
+    def between(self, base_from_tool0: RigidTransform) -> RigidTransform:
+        """Return the transform from what carries the scanner into what carries the sphere, at a pose."""
+        return self.sight.carriers.ball_from_scanner(base_from_tool0)
+
+    def pose_of(self, rotation: FloatArray, translation_mm: FloatArray) -> RigidTransform:
+        """Return base_from_tool0 by the transform between what carries the scanner and what the sphere."""
+        if self.sight.carriers.scanner_moves:
+            return RigidTransform.of(rotation, translation_mm, "base", "tool0")
+        return RigidTransform.of(rotation, translation_mm, "tool0", "base").inverse()
+
+    def ends(
+        self, pose: RigidTransform, mount_from_laser: RigidTransform, center_mm: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return where what the flange carries is in base at a pose, (3,), and what stands still before it."""
+        if self.sight.carriers.scanner_moves:
+            return pose.apply(mount_from_laser.translation_mm), center_mm
+        return pose.apply(center_mm), mount_from_laser.translation_mm
 
     @property
     def tilt_rad(self) -> float:
@@ -49,7 +69,7 @@ class Room:
         return float(np.deg2rad(self.limits.turn_deg or TURN_DEG))
 
     def leans_enough(self, rotation: FloatArray, tool_rotation: FloatArray) -> bool:
-        """Return whether an orientation of the flange (3, 3) is within the scanner's lean and turn."""
+        """Return whether a rotation as that of `home`, (3, 3), is within the scanner's lean and turn."""
         lean = (self.home @ tool_rotation).T @ rotation @ tool_rotation
         tilt = float(np.arccos(np.clip(lean[2, 2], -1.0, 1.0)))
         turn = float(np.arctan2(lean[1, 0] - lean[0, 1], lean[0, 0] + lean[1, 1]))
@@ -91,7 +111,7 @@ class Candidates:
 def candidates(
     room: Room,
     mount_from_laser: RigidTransform,
-    center_in_base_mm: FloatArray,
+    center_mm: FloatArray,
     radius_mm: float,
     count: int,
     rng: np.random.Generator,
@@ -99,7 +119,8 @@ def candidates(
 ) -> Candidates:
     """Return up to `count` poses that see the sphere well and keep within the limits.
 
-    A share `at_edge` of them has each of its numbers at one of its ends; 0 spreads all evenly.
+    `center_mm` is the sphere's in what carries it. A share `at_edge` of them has each of its numbers at one of its
+    ends; 0 spreads all evenly.
     """
     found: list[RigidTransform] = []
     seen: list[FloatArray] = []
@@ -110,11 +131,11 @@ def candidates(
         places, leans = places[good], leans[good]
         rotations = room.home @ mount_from_laser.rotation @ leans @ mount_from_laser.rotation.T
         arms = mount_from_laser.apply(places) if len(places) else places
-        translations = center_in_base_mm - np.einsum("kij,kj->ki", rotations, arms)
-        free = _free(room, rotations, translations, mount_from_laser, center_in_base_mm, radius_mm)
-        for rotation, translation, place in zip(rotations[free], translations[free], places[free], strict=True):
-            found.append(RigidTransform.of(rotation, translation, "base", "tool0"))
-            seen.append(place)
+        translations = center_mm - np.einsum("kij,kj->ki", rotations, arms)
+        poses = [room.pose_of(*each) for each in zip(rotations, translations, strict=True)]
+        for k in np.flatnonzero(_free(room, poses, mount_from_laser, center_mm, radius_mm)):
+            found.append(poses[k])
+            seen.append(places[k])
         if len(found) >= count:
             break
     return Candidates(tuple(found[:count]), np.array(seen[:count]).reshape(-1, 3))
@@ -124,15 +145,14 @@ def allowed(
     room: Room,
     pose: RigidTransform,
     mount_from_laser: RigidTransform,
-    center_in_base_mm: FloatArray,
+    center_mm: FloatArray,
     radius_mm: float,
 ) -> bool:
     """Return whether a pose sees the sphere well and keeps within the limits, its orientation apart."""
-    seen = (pose @ mount_from_laser).inverse().apply(center_in_base_mm)
+    seen = (room.between(pose) @ mount_from_laser).inverse().apply(center_mm)
     if not room.sight.sees(seen[None], radius_mm)[0]:
         return False
-    here = pose.rotation[None], pose.translation_mm[None]
-    return bool(_free(room, *here, mount_from_laser, center_in_base_mm, radius_mm)[0])
+    return bool(_free(room, [pose], mount_from_laser, center_mm, radius_mm)[0])
 
 
 def _places(sight: Sight, radius_mm: float, count: int, rng: np.random.Generator, at_edge: float) -> FloatArray:
@@ -171,18 +191,22 @@ def _spread(count: int, size: int, rng: np.random.Generator, at_edge: float) -> 
 
 def _free(
     room: Room,
-    rotations: FloatArray,
-    translations: FloatArray,
+    poses: Sequence[RigidTransform],
     mount_from_laser: RigidTransform,
-    center_in_base_mm: FloatArray,
+    center_mm: FloatArray,
     radius_mm: float,
 ) -> np.ndarray:
-    """Return which poses keep the reach, stay off the boxes and off the sphere, (N,) bool."""
-    free = np.ones(len(translations), dtype=bool)
+    """Return which poses keep the reach, stay off the boxes and off what stands before the flange, (N,) bool."""
+    free = np.ones(len(poses), dtype=bool)
+    if not len(poses):
+        return free
+    rotations = np.array([pose.rotation for pose in poses])
+    translations = np.array([pose.translation_mm for pose in poses])
     if room.limits.reach is not None:
         free &= _inside(translations, room.limits.reach, 0.0)
-    scanner = np.einsum("kij,j->ki", rotations, mount_from_laser.translation_mm) + translations
-    apart = np.linalg.norm(scanner - center_in_base_mm, axis=1)
+    ends = np.array([room.ends(pose, mount_from_laser, center_mm) for pose in poses])
+    carried, still = ends[:, 0], ends[:, 1]
+    apart = np.linalg.norm(carried - still, axis=1)
     free &= apart - radius_mm >= room.clearance_mm
     for other in room.keep_off:
         turned = np.einsum("kij,ij->k", rotations, other.rotation)  # 1 + 2 cos of the angle between them
@@ -190,10 +214,10 @@ def _free(
         free &= ~(near & (turned > 1 + 2 * np.cos(np.deg2rad(AWAY_DEG))))
     if not room.limits.no_go:
         return free
-    toward = (center_in_base_mm - scanner) / np.maximum(apart, 1e-9)[:, None]
-    outside = scanner - toward * _APPROACH_MM
-    ends = scanner + toward * (apart - radius_mm - room.clearance_mm)[:, None]
-    for start, end in ((translations, scanner), (scanner, ends), (scanner, outside)):
+    toward = (still - carried) / np.maximum(apart, 1e-9)[:, None]
+    outside = carried - toward * _APPROACH_MM
+    before = carried + toward * (apart - radius_mm - room.clearance_mm)[:, None]
+    for start, end in ((translations, carried), (carried, before), (carried, outside)):
         way = start[:, None] + _ALONG * (end - start)[:, None]
         for box in room.limits.no_go:
             free &= ~_inside(way, box, room.clearance_mm).any(axis=1)

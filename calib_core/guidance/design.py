@@ -38,7 +38,7 @@ class Assumed:
     sphere : SphereSize
     mount_from_laser : RigidTransform
     center_in_base_mm : (3,)
-        Of the still sphere.
+        Of the sphere; in tool0 where the flange carries it.
     sigmas : Sigmas
     point_in_laser_mm : (3,)
         Where the scanner sees the workpiece.
@@ -136,10 +136,11 @@ class Design:
         data = self._taken(others)
         here = self._state(data)
         chosen = sorted(chosen)
-        poses = self._data.rotations[chosen], self._data.translations[chosen]
+        rotations, translations = self._data.walk.poses
+        poses = rotations[chosen], translations[chosen]
         sigmas = self.assumed.sigmas
-        _, factor = alike_factors(poses, (data.rotations, data.translations), sigmas.reach)
-        middle = (poses[1] if len(chosen) else data.translations).mean(axis=0)
+        _, factor = alike_factors(poses, data.walk.poses, sigmas.reach)
+        middle = (poses[1] if len(chosen) else data.walk.translations).mean(axis=0)
         noise = NoiseShapes.at(data, here.centers_in_laser, here, None, middle).noise(sigmas, factor)
         here = replace(here, shared=np.zeros(noise.shared.shape[2]))
         at = linearise(data, here, noise.spread, noise.precision, noise.shared)

@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.chain.observations import SphereObservation
+from calib_core.cell.carriers import ball_on_flange
+from calib_core.cell.walk import Carriers
+from calib_core.chain.observations import SCANNER_ON_FLANGE, SphereObservation
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Capture, Cell, Measured
 
@@ -39,6 +41,8 @@ class Sight:
         How many points say as much as one that errs by itself.
     arc_rad : float
         Up to which angle from its nearest point the sphere returns light.
+    carriers : Carriers
+        What carries scanner and sphere.
     """
 
     kind: str = "profile"
@@ -51,6 +55,7 @@ class Sight:
     point_sigma_mm: float = _POINT_SIGMA_MM
     points_per_independent: float = 1.0
     arc_rad: float = _ARC_RAD
+    carriers: Carriers = SCANNER_ON_FLANGE
 
     @property
     def middle_mm(self) -> FloatArray:
@@ -92,6 +97,11 @@ class Sight:
         self, name: str, base_from_tool0: RigidTransform, center: FloatArray, radius_mm: float
     ) -> SphereObservation:
         """Return what a capture will show, without noise, of a sphere at a place of L (3,)."""
+        return replace(self._seen(name, base_from_tool0, center, radius_mm), carriers=self.carriers)
+
+    def _seen(
+        self, name: str, base_from_tool0: RigidTransform, center: FloatArray, radius_mm: float
+    ) -> SphereObservation:
         if self.kind == "center":
             own = self.point_sigma_mm**2 * np.eye(3)
             none = np.empty((0, 3))
@@ -133,7 +143,8 @@ def sight_of(cell: Cell, captures: Sequence[Capture] = (), measured: Sequence[Me
     kinds = [c.kind for c in captures if c.kind in ("profile", "cloud", "center")]
     kind = kinds[0] if kinds else scanner.kind if scanner.kind in ("cloud", "center") else "profile"
     seen = [m for m in measured if m.center_mm is not None and m.verdict != "fail"]
-    sight = replace(Sight(), kind=kind)
+    carriers = Carriers("base", "tool0") if ball_on_flange(cell) else SCANNER_ON_FLANGE
+    sight = replace(Sight(), kind=kind, carriers=carriers)
     depths = np.array([(m.center_mm or [0.0])[-1] for m in seen])
     facing = -1 if len(depths) and np.median(depths) < 0 else 1
     if scanner.z_axis is not None and not len(depths):

@@ -73,8 +73,8 @@ def known_so_far(session: Session, measured: Sequence[Measured], results: Result
 @lru_cache(maxsize=64)
 def _so_far(told: str) -> KnownSoFar | None:
     situation = situation_of(*inputs_read(told))
-    if situation is None or not situation.taken:
-        return None
+    if situation is None or not situation.taken or not situation.room.sight.carriers.scanner_moves:
+        return None  # what is drawn of it stands in base
     assumed = situation.assumed
     design = Design(situation.taken, assumed)
     covariance = design.covariance(range(len(design)))

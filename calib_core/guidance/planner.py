@@ -188,7 +188,7 @@ def _refined(situation: Situation, best: NextPose, beside: Candidates | None, st
 def _timid(situation: Situation) -> Candidates:
     """Return poses that turn the flange little about the sphere: it stays in view by a tool hardly known."""
     given, room = situation.assumed, situation.room
-    last = situation.taken[-1].base_from_tool0
+    last = situation.taken[-1].ball_from_scanner
     poses: list[RigidTransform] = []
     places: list[FloatArray] = []
     for side in (1.0, -1.0):
@@ -198,7 +198,7 @@ def _timid(situation: Situation) -> Candidates:
                 turn = given.mount_from_laser.rotation @ rotation_from_vector(axis * angle)
                 rotation = last.rotation @ turn @ given.mount_from_laser.rotation.T
                 origin = given.center_in_base_mm - rotation @ given.mount_from_laser.apply(place)
-                pose = RigidTransform.of(rotation, origin, "base", "tool0")
+                pose = room.pose_of(rotation, origin)
                 if allowed(room, pose, given.mount_from_laser, given.center_in_base_mm, given.sphere.radius_mm):
                     poses.append(pose)
                     places.append(place)
@@ -211,17 +211,16 @@ def _near(situation: Situation, best: NextPose, step: float) -> Candidates:
     given, room = situation.assumed, situation.room
     steps = rng.standard_normal((_NEAR, 6)) * np.array([_NEAR_RAD] * 3 + [_NEAR_MM] * 3) * step
     poses = [best.base_from_tool0]
+    here = room.between(best.base_from_tool0)
     for change in steps:
-        turned = best.base_from_tool0.perturbed([*change[:3], 0.0, 0.0, 0.0])
+        turned = here.perturbed([*change[:3], 0.0, 0.0, 0.0])
         # Turned about the sphere, then shifted: the sphere stays in view.
         seen = given.mount_from_laser.apply(best.center_in_laser_mm + change[3:])
-        pose = RigidTransform.of(
-            turned.rotation, given.center_in_base_mm - turned.rotation @ seen, "base", "tool0"
-        )
+        pose = room.pose_of(turned.rotation, given.center_in_base_mm - turned.rotation @ seen)
         known = given.mount_from_laser, given.center_in_base_mm, given.sphere.radius_mm
-        if room.leans_enough(pose.rotation, given.mount_from_laser.rotation) and allowed(room, pose, *known):
+        if room.leans_enough(turned.rotation, given.mount_from_laser.rotation) and allowed(room, pose, *known):
             poses.append(pose)
-    seen = [(p @ given.mount_from_laser).inverse().apply(given.center_in_base_mm) for p in poses]
+    seen = [(room.between(p) @ given.mount_from_laser).inverse().apply(given.center_in_base_mm) for p in poses]
     return situation.reached(Candidates(tuple(poses), np.array(seen).reshape(-1, 3)))
 
 

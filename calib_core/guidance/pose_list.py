@@ -67,8 +67,10 @@ def planned_poses(
         return _for_table(session, measured, results, captures)
     situation = situation_of(session, measured, results, step)
     if situation is None and ball_on_flange(session.cell):
-        to_do = message("Take the poses that the guide names, one after the other.")
-        raise ConflictError("a scanner on the flange, for a planned set", "one that stands still", to_do, "cell")
+        to_do = message("Take the captures that the guide asks for.")
+        raise ConflictError(
+            "the scanner's place and the ball's, known about", "too few captures", to_do, "captures"
+        )
     if situation is None:
         raise _too_little(message("a tool and a sphere's place that are known about"), "cell.nominal")
     try:
@@ -110,7 +112,7 @@ def _for_table(session: Session, measured: Sequence[Measured], results: ResultsD
 
 def _too_little(need: str, where: str) -> ConflictError:
     to_do = message("Take the captures that the guide asks for, or give `{place}` from a drawing.", place=where)
-    return ConflictError(need, "neither captures nor `{place}`", to_do, where, place=where)
+    return ConflictError(need, "too few captures, and no `{place}`", to_do, where, place=where)
 
 
 def _too_few(captures: int, got: str) -> ConflictError:
@@ -162,8 +164,8 @@ def _tool_known(situation: Situation) -> bool:
 
 
 def _approach(situation: Situation, pose: RigidTransform, center_in_base_mm: FloatArray) -> RigidTransform:
-    """Return the pose drawn back along the line from the sphere to the scanner."""
-    scanner = pose.apply(situation.assumed.mount_from_laser.translation_mm)
-    away = scanner - center_in_base_mm
+    """Return the pose drawn back along the line between sphere and scanner."""
+    carried, still = situation.room.ends(pose, situation.assumed.mount_from_laser, center_in_base_mm)
+    away = carried - still
     away = away / float(np.linalg.norm(away)) * APPROACH_MM
     return RigidTransform.of(pose.rotation, pose.translation_mm + away, "base", "tool0")

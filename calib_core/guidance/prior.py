@@ -9,8 +9,15 @@ import numpy as np
 from calib_core.arms.alike import REACH_MM
 from calib_core.captures.arm_joints import with_arm_moves
 from calib_core.captures.content import sphere_of
-from calib_core.cell.carriers import ball_on_flange, tells_diameter
-from calib_core.cell.found import ON_FLANGE, covariance_of_several, known_scanner, placed_scanner, scanner_frame
+from calib_core.cell.carriers import ball_on_flange, scanner_names, tells_diameter
+from calib_core.cell.found import (
+    SCANNER_FRAMES,
+    carriers_found,
+    covariance_of_several,
+    known_scanner,
+    placed_scanner,
+    scanner_frame,
+)
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
@@ -77,7 +84,7 @@ def known_of(
         Whose captures are planned. Others than "tcp" are taken away from those of the calibration.
     """
     cell = session.cell
-    if not tells_diameter(cell) or ball_on_flange(cell):
+    if not tells_diameter(cell) or (ball_on_flange(cell) and len(scanner_names(cell)) > 1):
         return None
     captures = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
     kept = {m.capture: m for m in measured if m.verdict != "fail"}
@@ -93,7 +100,7 @@ def known_of(
     else:
         keep_off = _calibration_poses(session)
         place = _to_verify(cell, seen, sphere, result)
-    home = keep_off[0].rotation if keep_off else _home(cell, seen)
+    home = sight.carriers.ball_from_scanner(keep_off[0]).rotation if keep_off else _home(cell, seen, sight)
     if isinstance(place, Contradiction):
         return place
     covariance = covariance_of_several(cell, result or {}) if step == "tcp" else None
@@ -102,7 +109,7 @@ def known_of(
     if place is None or home is None:
         return None
     point = cell.workpiece_in_laser_mm
-    arm = arm_unknowns(cell, captures, result) if step == "tcp" else None
+    arm = arm_unknowns(cell, captures, result) if step == "tcp" and not ball_on_flange(cell) else None
     if arm is not None:
         seen = with_arm_moves(cell, with_joints(captures), seen)
     sigmas, taken = sigmas_of(cell, result), seen[-MOST_TAKEN:]
@@ -157,10 +164,13 @@ def _to_verify(
     if seen:
         one = seen[-1]
         place = one.sphere_center_in_laser_mm(sphere, one.side or 1)
-        return _Place(tool, (one.base_from_tool0 @ tool).apply(place), 1.0, 0.005)
-    if result is None:
-        return None
-    return _Place(tool, np.array(result["sphere_center_in_base_mm"], dtype=float), 1.0, 0.005)
+        return _Place(tool, (one.ball_from_scanner @ tool).apply(place), 1.0, 0.005)
+    return None if result is None else _Place(tool, _center(result), 1.0, 0.005)
+
+
+def _center(result: Mapping[str, Any]) -> FloatArray:
+    """Return where a result has the sphere, (3,), in what carries it."""
+    return np.array(result[f"sphere_center_in_{carriers_found(result).ball}_mm"], dtype=float)
 
 
 def sigmas_of(cell: Cell, result: Mapping[str, Any] | None = None) -> Sigmas:
@@ -196,7 +206,8 @@ def _solved(results: ResultsData) -> Mapping[str, Any] | None:
         result = results.get(stage)
         if not result or (result.get("verdict") == "fail" and not result.get("undetermined")):
             continue  # an answer that does not explain its captures tells no pose
-        if result.get(ON_FLANGE) and result.get("sphere_center_in_base_mm"):
+        placed = any(result.get(name) is not None for name in SCANNER_FRAMES)
+        if placed and result.get(f"sphere_center_in_{carriers_found(result).ball}_mm"):
             return result
     return None
 
@@ -247,22 +258,23 @@ def observations_of(
     return found
 
 
-def _home(cell: Cell, seen: Observations) -> FloatArray | None:
+def _home(cell: Cell, seen: Observations, sight: Sight) -> FloatArray | None:
     if seen:
-        return seen[0].base_from_tool0.rotation
+        return seen[0].ball_from_scanner.rotation
     nominal = cell.nominal
     if nominal is None or nominal.base_from_tool0 is None:
         return None
-    return RigidTransform.from_rounded(nominal.base_from_tool0, "base", "tool0").rotation
+    pose = RigidTransform.from_rounded(nominal.base_from_tool0, "base", "tool0")
+    return sight.carriers.ball_from_scanner(pose).rotation
 
 
 def _place(
     cell: Cell, seen: Observations, sphere: SphereSize, result: Mapping[str, Any] | None
 ) -> _Place | Contradiction | None:
     if result is not None:
-        return _Place(
-            scanner_frame(result), np.array(result["sphere_center_in_base_mm"], dtype=float), by_captures=True
-        )
+        return _Place(scanner_frame(result), _center(result), by_captures=True)
+    if ball_on_flange(cell):
+        return _searched(seen, sphere)  # shifts and drawings tell of a scanner that sits near the flange
     return _searched(seen, sphere) or _by_shifts(seen, sphere) or _by_drawing(cell, seen)
 
 
@@ -284,7 +296,7 @@ def _searched(seen: Observations, sphere: SphereSize) -> _Place | Contradiction 
     agree = start.misfit_mm <= GROSS * max(start.scatter_mm, SIGMAS.position_mm)
     if not agree.all() and _turned(rotations[agree]) < _LEAST_AGREEING:
         return None  # some tool fits so few whatever they are: which of them are wrong is not known yet
-    tool = RigidTransform.of(start.rotation, start.translation, "tool0", "laser")
+    tool = RigidTransform.of(start.rotation, start.translation, seen[0].carriers.scanner, "laser")
     return _Place(tool, start.center, by_captures=True)
 
 

@@ -90,7 +90,7 @@ class TableAdvice:
 def table_situation(session: Session, measured: Sequence[Measured], results: ResultsData) -> TableSituation | None:
     """Return what is known of tool and table; None where too little is for a capture to be chosen."""
     still = situation_of(session, measured, results)
-    if still is None:
+    if still is None or not still.room.sight.carriers.scanner_moves:
         return None
     cell = session.cell
     captures = [

@@ -7,6 +7,7 @@ import pytest
 
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.observe import observe_capture
+from calib_core.cell.walk import Carriers
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.chain.tcp import TcpOptions, solve_tcp
@@ -16,8 +17,10 @@ from calib_core.guidance.candidates import Room, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, next_pose, planned_set
+from calib_core.guidance.pose_list import planned_poses
 from calib_core.records.planning import Box, Limits
 from calib_core.simulation import simulate
+from calib_core.stages.pipeline import solve_stage
 
 RADIUS_MM = 20.0
 SIGHT = Sight(
@@ -27,14 +30,18 @@ TOOL = RigidTransform.of([0.3, 0.1, -1.5], [35.0, -120.0, 140.0], "tool0", "lase
 CENTER = np.array([900.0, 150.0, 420.0])
 SIGMAS = Sigmas(0.05, 2e-4, (1e-4,), 0.02, 5e-5, 1.0)
 HOME = rotation_from_vector(np.array([np.pi, 0.0, 0.0]))
+STANDS = RigidTransform.of([0.3, 0.1, -1.5], [900.0, 150.0, 700.0], "base", "laser")
+CARRIED = np.array([25.0, -40.0, 110.0])
+STANDS_HOME = rotation_from_vector(np.array([0.2, -2.9, 0.1]))
 
 
-def situation(limits: Limits | None = None) -> Situation:
-    point = SIGHT.middle_mm
-    assumed = Assumed(
-        SphereSize(2 * RADIUS_MM), TOOL, CENTER, SIGMAS, point, tool_sigma_mm=10.0, tool_sigma_rad=0.05
-    )
-    return Situation([], assumed, Room(SIGHT, limits or Limits(), HOME))
+def situation(limits: Limits | None = None, stands: bool = False) -> Situation:
+    """What is known before any capture, of a scanner on the flange, or of one that stands before a ball on it."""
+    point, carriers = SIGHT.middle_mm, Carriers("base", "tool0") if stands else SIGHT.carriers
+    known = {"tool_sigma_mm": 10.0, "tool_sigma_rad": 0.05}
+    tool, center, home = (STANDS, CARRIED, STANDS_HOME) if stands else (TOOL, CENTER, HOME)
+    assumed = Assumed(SphereSize(2 * RADIUS_MM), tool, center, SIGMAS, point, **known)
+    return Situation([], assumed, Room(replace(SIGHT, carriers=carriers), limits or Limits(), home))
 
 
 def followed(start: Situation, count: int, until: int = 12) -> Situation:
@@ -71,8 +78,9 @@ def test_what_is_predicted_for_poses_is_what_the_solve_states_of_them(seed: int)
     assert at_part == pytest.approx(1.0, abs=0.1)
 
 
-def test_one_more_capture_gains_what_the_whole_set_then_has() -> None:
-    start = situation()
+@pytest.mark.parametrize("stands", [False, True])
+def test_one_more_capture_gains_what_the_whole_set_then_has(stands: bool) -> None:
+    start = situation(stands=stands)
     poses = start.proposed(40)
     design = Design(start.seen_from(poses), start.assumed)
     first, others = [0, 3, 5, 9, 12, 17], [20, 21, 30]
@@ -81,6 +89,24 @@ def test_one_more_capture_gains_what_the_whole_set_then_has() -> None:
         alone = design.workpiece([*first, other])
         # The drift of the sphere and the arm's middle are those of the whole set: a little differs.
         assert worst_sigma_mm(added[k]) == pytest.approx(float(worst_sigma_mm(alone)), rel=0.05)
+
+
+def test_poses_before_a_scanner_that_stands_still_bring_the_ball_into_its_light() -> None:
+    simulated = simulate("fixed-scanner", 4)
+    session, truth = simulated.session, simulated.truth
+    read = simulated.files.__getitem__
+    measured = [measure_capture(session, capture, read) for capture in session.captures]
+    for taken, results in ((6, {}), (14, {"tcp": solve_stage(session, "tcp", read).to_json()})):
+        so_far = session.model_copy(update={"captures": session.captures[:taken]})
+        plan = planned_poses(so_far, measured[:taken], results, 4)
+        stands = RigidTransform.from_rounded(truth["base_from_laser"], "base", "laser")
+        for pose in plan.poses:
+            flange = RigidTransform.from_rounded(pose.base_from_tool0, "base", "tool0")
+            seen = stands.inverse().apply(flange.apply(truth["sphere_center_in_tool0_mm"]))
+            assert abs(seen[1]) < 0.95 * RADIUS_MM
+            assert 60 < abs(seen[2]) < 400
+        reached = [pose.uncertainty_mm or np.inf for pose in plan.poses]
+        assert reached == sorted(reached, reverse=True)
 
 
 @pytest.mark.thorough

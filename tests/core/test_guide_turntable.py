@@ -227,7 +227,7 @@ def test_a_set_of_poses_begins_with_what_several_scanners_or_balls_told(name: st
     assert all(pose.approach_numbers for pose in plan.poses)
 
 
-def test_a_set_of_poses_before_a_scanner_that_stands_still_is_refused_in_a_sentence() -> None:
+def test_a_set_of_poses_before_anything_is_known_of_a_scanner_that_stands_still_is_refused_in_a_sentence() -> None:
     session = simulate("fixed-scanner-turntable", 4).session
-    with pytest.raises(ConflictError, match=r"one that stands still\. Take the poses that the guide names"):
+    with pytest.raises(ConflictError, match="the scanner's place and the ball's, known about, got too few"):
         planned_poses(session, [], {}, 4)
