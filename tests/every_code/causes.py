@@ -124,8 +124,8 @@ CASES: dict[str, tuple[Case, Case]] = {
         tool_of("books: tool changed midway by 0.2°", 2),
         tool_of("sphere: moved by 0.5 mm for good"),
     ),
-    "swapped-poses": (tool_of("books: two poses swapped"), tool_of("arms: clean")),
-    "shifted-poses": (tool_of("books: poses shifted by one"), tool_of("arms: clean")),
+    "swapped-poses": (tool_of("books: two poses swapped"), tool_of("books: a pose is another capture's")),
+    "shifted-poses": (tool_of("books: poses shifted by one"), tool_of("books: two poses swapped")),
     "pose-list-order": (in_order(lambda count: list(range(count))[::-1]), in_order(two_swapped)),
     "pose-reading": (
         poses(lambda session: rewritten(session, "fanuc", writer("kuka", 1.0, False))),
