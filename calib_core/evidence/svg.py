@@ -14,6 +14,8 @@ _MOST_LABELS: Final = 40
 _MOST_TICKS: Final = 6
 _MARGIN: Final = 0.06
 _LETTER: Final = 7
+_LARGEST_CELL, _ROOM_FOR_A_NUMBER = 46.0, 36.0
+_DARK_SHADE: Final = 0.65  # of a cell: its number is drawn bright
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,8 @@ def _y_scale(plot: Plot) -> _Scale:
 
 
 def _height(plot: Plot) -> int:
+    if plot.shape == "grid":
+        return round(len(plot.series) * _cell_side(plot) + 2 * _TOP)
     return _TALL if plot.shape == "section" else _HEIGHT
 
 
@@ -238,17 +242,27 @@ _MARKS: Final[tuple[Callable[[float, float, str], str], ...]] = (_circle, _squar
 
 
 def _grid(plot: Plot) -> Iterator[str]:
-    """Give the cells of a grid, each shaded by its value."""
-    rows = len(plot.series)
-    columns = max(len(series.y) for series in plot.series)
-    most = max((v for series in plot.series for v in series.y if v is not None), default=0.0) or 1.0
-    width, height = (_WIDTH - 2 * _RIGHT) / columns, (_HEIGHT - 2 * _TOP) / rows
+    """Give the cells of a grid, each shaded by its value, which stands in it where there is room."""
+    side, known = _cell_side(plot), [v for series in plot.series for v in series.y if v is not None]
+    most = max(known, default=0.0) or 1.0
+    whole = all(value == int(value) for value in known)
+    decimals = 0 if whole else min(max(1 - math.floor(math.log10(abs(most))), 0), 3)
     for row, series in enumerate(plot.series):
         for column, value in enumerate(series.y):
             shade = 0.0 if not value or value < 0 else 0.15 + 0.85 * math.sqrt(value / most)
-            place = f'x="{_RIGHT + column * width:.1f}" y="{_TOP + row * height:.1f}"'
-            size = f'width="{width - 1:.1f}" height="{height - 1:.1f}"'
+            left, top = _RIGHT + column * side, _TOP + row * side
+            place = f'x="{left:.1f}" y="{top:.1f}"'
+            size = f'width="{side - 1:.1f}" height="{side - 1:.1f}"'
             title = with_unit(number_text(value, 3 if most < 100 and value != int(value or 0) else 0), plot.y.unit)
             css = "mark s0" if shade else "empty"
             opacity = f' fill-opacity="{shade:.2f}"' if shade else ""
             yield f'<rect class="{css}" {place} {size}{opacity}><title>{escape(title)}</title></rect>'
+            if value is not None and side >= _ROOM_FOR_A_NUMBER:
+                ink = f' style="fill: var(--{"paper" if shade > _DARK_SHADE else "ink"})"'
+                at = f'x="{left + side / 2:.1f}" y="{top + side / 2 + 4:.1f}" text-anchor="middle"'
+                yield f"<text {at}{ink}>{escape(number_text(value, decimals))}</text>"
+
+
+def _cell_side(plot: Plot) -> float:
+    """Return the side of a grid's cells: square ones, as those of an image are nearly."""
+    return min(_LARGEST_CELL, (_WIDTH - 2 * _RIGHT) / max(len(series.y) for series in plot.series))

@@ -1,7 +1,8 @@
 """Cameras from boards that are bent, printed wide, or right: what is found, what is named, and whether ± hold.
 
-The corners come of a forward model of this file's own. Beside OpenCV's calibration and, where Debian's
-`python3-mrcal` is installed, mrcal's: by the error at corners of views that none of them was given.
+The corners come of a forward model of this file's own, or of the real sets beside the project. Beside OpenCV's
+calibration and, where Debian's `python3-mrcal` is installed, mrcal's: by the error at corners of views that none
+of them was given.
 """
 
 import json
@@ -9,18 +10,23 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
 from harness import Row, all_kept
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib_core.captures.boards import board_in, board_of
+from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
-from calib_core.optics.board import BoardView
+from calib_core.optics.board import BoardView, points_in_board_mm
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_evidence import camera_findings
 from calib_core.optics.camera_solution import CameraSolution
 from calib_core.optics.projection_map import nodes
+from calib_core.records import parse_session
 
 SIZE = (1280, 1024)
 COLUMNS, ROWS, PITCH_MM = 9, 7, 15.0
@@ -28,6 +34,8 @@ NOISE_PX = 0.08
 FLAT = np.array([[x * PITCH_MM, y * PITCH_MM, 0.0] for y in range(ROWS) for x in range(COLUMNS)])
 MIDDLE_MM = FLAT.mean(axis=0)
 PEER = "/usr/bin/python3"
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
+REAL = ("camera-chessboard", "laser-plane-arm-640", "hand-eye-circles-10x10")
 Project = Callable[[FloatArray], FloatArray]
 """Gives the pixels (N, 2) of points before a camera (N, 3)."""
 
@@ -52,19 +60,40 @@ class Lens:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A camera and the corners of its views."""
+class Grid:
+    """A board: how many points along its columns and rows, and where they stand (N, 3), mm."""
 
-    lens: Lens
-    pixels: list[FloatArray]
+    shape: tuple[int, int]
+    pitch_mm: float
+    points_mm: FloatArray
+
+
+OURS = Grid((ROWS, COLUMNS), PITCH_MM, FLAT)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A board's points as views show them, each with its places on the board."""
+
+    views: list[BoardView]
+    grid: Grid = OURS
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the image."""
+        return self.views[0].image_size
 
     def solved(self, bent: bool | None = None) -> CameraSolution:
         """Return what scancell makes of it."""
-        views = [BoardView(one, FLAT, np.arange(len(FLAT)), SIZE, corner_sigma_px=NOISE_PX) for one in self.pixels]
-        return calibrate_camera(views, SIZE, CameraOptions(refine_board=bent))
+        return calibrate_camera(self.views, self.size, CameraOptions(refine_board=bent))
 
 
-def drawn(seed: int, views: int, bend_mm: float = 0.0, wide: float = 1.0, turns: int = 0) -> Seen:
+def view_of(pixels: FloatArray) -> BoardView:
+    """Return a view of the whole board of this file."""
+    return BoardView(pixels, FLAT, np.arange(len(FLAT)), SIZE, corner_sigma_px=NOISE_PX)
+
+
+def drawn(seed: int, views: int, bend_mm: float = 0.0, wide: float = 1.0, turns: int = 0) -> tuple[Lens, Seen]:
     """Return a camera and its views of a board that is bent like a bow, or printed too wide along its rows.
 
     The bow lies anywhere, or with `turns` along the rows or the columns, as all that is compared can say.
@@ -81,23 +110,28 @@ def drawn(seed: int, views: int, bend_mm: float = 0.0, wide: float = 1.0, turns:
     along = rng.integers(turns) * np.pi / turns if turns else rng.uniform(0, np.pi)
     bow = board[:, 0] * np.cos(along) + board[:, 1] * np.sin(along)
     board[:, 2] = bend_mm * (1 - (bow / np.abs(bow).max()) ** 2)
-    pixels: list[FloatArray] = []
-    while len(pixels) < views:
+    found: list[BoardView] = []
+    while len(found) < views:
         distance = focal * rng.uniform(0.12, 0.22) * PITCH_MM * COLUMNS / 150
         tilt = rng.uniform(-0.7, 0.7, 2)
         turn = Rotation.from_euler("xyz", [*tilt, rng.uniform(-np.pi, np.pi)]).as_matrix()
         place = np.array([*(rng.uniform(-0.3, 0.3, 2) * SIZE / np.array(lens.focal_px)), 1.0]) * distance
         seen = lens.seen(board @ turn.T + place)
         if ((seen > 5) & (seen < np.array(SIZE) - 6)).all():
-            pixels.append(seen + rng.normal(0, NOISE_PX, seen.shape))
-    return Seen(lens, pixels)
+            found.append(view_of(seen + rng.normal(0, NOISE_PX, seen.shape)))
+    return lens, Seen(found)
 
 
 def run(full: bool) -> Iterator[Row]:
     """Return the rows of this benchmark; `full` takes the cameras of the figures, otherwise a tenth of them."""
     yield from _boards_that_are_wrong(20 if full else 2)
     yield from _right_ones(200 if full else 20)
-    yield from _beside_peers(20 if full else 2)
+    for bend_mm in (0.0, 0.5):
+        yield from _beside_peers(
+            f"board bent by {bend_mm} mm", partial(_simulated, bend_mm=bend_mm), 20 if full else 2
+        )
+    for name in REAL if DATA.is_dir() else ():
+        yield from _beside_peers(name, partial(_real, name), 20 if full else 2)
 
 
 def _boards_that_are_wrong(count: int) -> Iterator[Row]:
@@ -118,11 +152,11 @@ def _boards_that_are_wrong(count: int) -> Iterator[Row]:
 
 def _focal_off(seed: int, views: int, bend_mm: float = 0.0, wide: float = 1.0) -> tuple[float, list[str]]:
     """Return how far the focal lengths are off, in stated standard deviations, and which codes are told."""
-    cell = drawn(seed, views, bend_mm, wide)
+    lens, cell = drawn(seed, views, bend_mm, wide)
     solution = cell.solved()
     found = [solution.camera.camera_matrix[k, k] for k in range(2)]
     sigmas = np.sqrt(np.diag(solution.covariance))[:2]
-    off = float(np.max(np.abs(np.array(found) - cell.lens.focal_px) / sigmas))
+    off = float(np.max(np.abs(np.array(found) - lens.focal_px) / sigmas))
     return off, [one.code for one in camera_findings(solution)]
 
 
@@ -140,9 +174,9 @@ def _right_ones(count: int) -> Iterator[Row]:
 
 def _right(seed: int) -> tuple[float, float, list[str]]:
     """Return the mean square of the projection's error over the image and of what is stated, and the codes."""
-    cell = drawn(1000 + seed, 5 + seed % 16)
+    lens, cell = drawn(1000 + seed, 5 + seed % 16)
     solution = cell.solved()
-    found, stated = _projection_off(solution, cell.lens), np.array(solution.coverage.projection_sigma_px).ravel()
+    found, stated = _projection_off(solution, lens), np.array(solution.coverage.projection_sigma_px).ravel()
     known = np.isfinite(stated) & np.isfinite(found)
     codes = [one.code for one in camera_findings(solution)]
     return float(np.mean(found[known] ** 2)), float(np.mean(stated[known] ** 2)), codes
@@ -171,29 +205,63 @@ def _turned_onto(project: Project, rays: FloatArray, pixels: FloatArray) -> Floa
     return np.linalg.norm(off(turn), axis=1)
 
 
-def _beside_peers(splits: int) -> Iterator[Row]:
-    """Compare the error at the corners of one half of 24 views by the other half's camera, and the halves."""
-    for bend_mm in (0.0, 0.5):
-        ends = all_kept({f"cameras-halves-{bend_mm}-{s}": partial(_halves, s, bend_mm) for s in range(splits)})
-        for place, (what, most) in enumerate((("held-out error", 1.01), ("difference of the halves", 1.05))):
-            means = {name: float(np.mean([one[name][place] for one in ends])) for name in ends[0]}
-            ratio = means["ours"] / min(mean for name, mean in means.items() if name != "ours")
-            beside = ", ".join(f"{name} {mean:.4f}" for name, mean in means.items())
-            told = f"{splits} splits, board bent by {bend_mm} mm: {what} / the better peer's"
-            yield Row(told, f"≤ {most}", f"{ratio:.3f} ({beside} px)", ratio <= most)
+Halves = tuple[Seen, Seen]
 
 
-def _halves(seed: int, bend_mm: float) -> dict[str, tuple[float, float]]:
+def _simulated(seed: int, bend_mm: float) -> Halves:
+    """Return the halves of 24 views of a bent board."""
+    views = drawn(5000 + seed, 24, bend_mm, turns=2)[1].views
+    return Seen(views[:12]), Seen(views[12:])
+
+
+def _real(name: str, seed: int) -> Halves:
+    """Return random halves of a real set's boards."""
+    whole = _detected(name)
+    order = np.random.default_rng(seed).permutation(len(whole.views))
+    half = len(order) // 2
+    return (
+        Seen([whole.views[k] for k in order[:half]], whole.grid),
+        Seen([whole.views[k] for k in order[half:]], whole.grid),
+    )
+
+
+@cache
+def _detected(name: str) -> Seen:
+    """Return the boards that a real set's frames show."""
+    folder = DATA / name
+    session = parse_session(json.loads((folder / "session.json").read_text(encoding="utf-8")))
+    board, found = board_of(session.cell), list[BoardView]()
+    for capture in session.captures:
+        try:
+            found.append(board_in(capture, board, lambda file: (folder / file).read_bytes()))
+        except MeasurementError:
+            continue
+    grid = Grid((board.rows, board.columns), board.pitch_mm, points_in_board_mm(board))
+    return Seen([one for one in found if one.is_numbered], grid)
+
+
+def _beside_peers(what: str, halves: Callable[[int], Halves], splits: int) -> Iterator[Row]:
+    """Compare the error at the corners of one half of the views by the other half's camera, and the halves."""
+    ends = all_kept({f"cameras-halves-{what}-{s}": partial(_compared, halves, s) for s in range(splits)})
+    for place, (told, most) in enumerate((("held-out error", 1.01), ("difference of the halves", 1.05))):
+        means = {name: float(np.mean([one[name][place] for one in ends])) for name in ends[0]}
+        ratio = means["ours"] / min(mean for name, mean in means.items() if name != "ours")
+        beside = ", ".join(f"{name} {mean:.4f}" for name, mean in means.items())
+        row = f"{splits} splits, {what}: {told} / the better peer's"
+        yield Row(row, f"≤ {most}", f"{ratio:.3f} ({beside} px)", ratio <= most)
+
+
+def _compared(drawn_halves: Callable[[int], Halves], seed: int) -> dict[str, tuple[float, float]]:
     """Return each one's held-out error and how far the projections of both halves lie apart, RMS px."""
-    cell = drawn(5000 + seed, 24, bend_mm, turns=2)
-    halves = [Seen(cell.lens, cell.pixels[:12]), Seen(cell.lens, cell.pixels[12:])]
+    halves = drawn_halves(seed)
     known = [_by_all(half) for half in halves]
-    pixels = nodes(SIZE)
-    rays = np.column_stack([(pixels - cell.lens.centre_px) / cell.lens.focal_px, np.ones(len(pixels))])
+    pixels = nodes(halves[0].size)
+    lens = _by_opencv(halves[0])[0]
+    rays = np.column_stack([(pixels - lens.centre_px) / lens.focal_px, np.ones(len(pixels))])
     found: dict[str, tuple[float, float]] = {}
     for name, (project, board) in known[0].items():
         other, other_board = known[1][name]
-        errors = [_misfit(project, board, halves[1].pixels), _misfit(other, other_board, halves[0].pixels)]
+        errors = [_misfit(project, board, halves[1], lens), _misfit(other, other_board, halves[0], lens)]
         apart = _turned_onto(project, rays, other(rays))
         found[name] = (float(np.mean(errors)), float(np.sqrt(np.mean(apart**2))))
     return found
@@ -201,13 +269,14 @@ def _halves(seed: int, bend_mm: float) -> dict[str, tuple[float, float]]:
 
 def _by_all(given: Seen) -> dict[str, tuple[Project, FloatArray]]:
     """Return each one's camera and board."""
-    solution, board = given.solved(), FLAT.copy()
+    flat = given.grid.points_mm
+    solution, board = given.solved(), flat.copy()
     if solution.board_shape is not None:
-        board[:, 2] = solution.board_shape.heights_mm(FLAT)
+        board[:, 2] = solution.board_shape.heights_mm(flat)
     start, poses = _by_opencv(given)
     found: dict[str, tuple[Project, FloatArray]] = {
         "ours": (solution.camera.project, board),
-        "OpenCV": (start.seen, FLAT),
+        "OpenCV": (start.seen, flat),
     }
     if shutil.which(PEER) and subprocess.run([PEER, "-c", "import mrcal"], capture_output=True).returncode == 0:
         lens, bent = _by_mrcal(given, start, poses)
@@ -215,32 +284,37 @@ def _by_all(given: Seen) -> dict[str, tuple[Project, FloatArray]]:
     return found
 
 
-def _misfit(project: Project, board: FloatArray, views: list[FloatArray]) -> float:
+def _misfit(project: Project, board: FloatArray, given: Seen, lens: Lens) -> float:
     """Return how far corners lie from where a camera has them, the best place of each board given, RMS px."""
-    return float(np.sqrt(np.mean([np.mean(_placed(project, board, seen) ** 2) for seen in views])))
+    squares = [np.sum(_placed(project, board[view.ids], view, lens) ** 2) for view in given.views]
+    return float(np.sqrt(np.sum(squares) / sum(2 * len(view.ids) for view in given.views)))
 
 
-def _placed(project: Project, board: FloatArray, seen: FloatArray) -> FloatArray:
+def _placed(project: Project, board: FloatArray, view: BoardView, lens: Lens) -> FloatArray:
     import cv2
     from scipy.optimize import least_squares
 
-    matrix = np.array([[1900.0, 0, SIZE[0] / 2], [0, 1900.0, SIZE[1] / 2], [0, 0, 1]])
-    _, turn, shift = cv2.solvePnP(FLAT, seen, matrix, np.zeros(5))
+    _, turn, shift = cv2.solvePnP(view.points_in_board_mm, view.points_px, _matrix(lens), np.array(lens.bends))
 
     def off(pose: FloatArray) -> FloatArray:
         there = board @ Rotation.from_rotvec(pose[:3]).as_matrix().T + pose[3:]
-        return (project(there) - seen).ravel()
+        return (project(there) - view.points_px).ravel()
 
     scale = np.array([1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.3])
     return least_squares(off, np.concatenate([turn, shift]).ravel(), x_scale=scale).fun
 
 
+def _matrix(lens: Lens) -> NDArray[np.float64]:
+    (fx, fy), (cx, cy) = lens.focal_px, lens.centre_px
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+
 def _by_opencv(given: Seen) -> tuple[Lens, FloatArray]:
     import cv2
 
-    boards = [FLAT.astype(np.float32)] * len(given.pixels)
-    pixels = [one.astype(np.float32)[:, None] for one in given.pixels]
-    _, matrix, bends, turns, shifts = cv2.calibrateCamera(boards, pixels, SIZE, np.eye(3), np.zeros(5))
+    boards = [view.points_in_board_mm.astype(np.float32) for view in given.views]
+    pixels = [view.points_px.astype(np.float32)[:, None] for view in given.views]
+    _, matrix, bends, turns, shifts = cv2.calibrateCamera(boards, pixels, given.size, np.eye(3), np.zeros(5))
     poses = np.array([np.concatenate([turn, shift]).ravel() for turn, shift in zip(turns, shifts, strict=True)])
     return _lens(np.concatenate([matrix[[0, 1, 0, 1], [0, 1, 2, 2]], bends.ravel()])), poses
 
@@ -259,8 +333,7 @@ seen = np.array(told["pixels"])
 count = len(seen)
 intrinsics, poses = np.array([told["lens"]]), np.array(told["poses"])
 poses[:, 3:] /= 1000
-observed = np.concatenate([seen.reshape(count, told["rows"], told["columns"], 2),
-                           np.ones((count, told["rows"], told["columns"], 1))], axis=-1)
+observed = seen.reshape(count, told["rows"], told["columns"], 3)
 places = np.array([[k, 0, -1] for k in range(count)], dtype=np.int32)
 bent = np.zeros(2)
 mrcal.optimize(intrinsics, np.zeros((0, 6)), poses, None, observed, places, None, None,
@@ -274,17 +347,21 @@ print(json.dumps([intrinsics[0].tolist(), bent.tolist()]))
 
 def _by_mrcal(given: Seen, start: Lens, poses: FloatArray) -> tuple[Lens, FloatArray]:
     """Return mrcal's camera and bent board: of the same model, from OpenCV's answer, the board's bend solved."""
+    (rows, columns), flat = given.grid.shape, given.grid.points_mm
+    observed = np.full((len(given.views), len(flat), 3), -1.0)  # without a weight: not seen
+    for whole, view in zip(observed, given.views, strict=True):
+        whole[view.ids] = np.column_stack([view.points_px, np.ones(len(view.ids))])
     told = {
-        "pixels": [one.tolist() for one in given.pixels],
+        "pixels": observed.tolist(),
         "lens": [*start.focal_px, *start.centre_px, *start.bends],
         "poses": poses.tolist(),
-        "rows": ROWS, "columns": COLUMNS, "size": SIZE, "pitch_mm": PITCH_MM,
+        "rows": rows, "columns": columns, "size": given.size, "pitch_mm": given.grid.pitch_mm,
     }  # fmt: skip
     ended = subprocess.run(
         [PEER, "-c", _MRCAL], input=json.dumps(told), capture_output=True, text=True, check=True
     )
     values, bent = json.loads(ended.stdout.splitlines()[-1])
-    board = FLAT.copy()
-    across, down = ((FLAT[:, k] / MIDDLE_MM[k] - 1) for k in range(2))
+    board, middle = flat.copy(), flat.mean(axis=0)
+    across, down = ((flat[:, k] / middle[k] - 1) for k in range(2))
     board[:, 2] = 1000 * (bent[0] * (1 - across**2) + bent[1] * (1 - down**2))
     return _lens(np.array(values)), board

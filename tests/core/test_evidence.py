@@ -308,6 +308,15 @@ def test_a_section_is_drawn_to_one_scale():
     assert float(dots[1:].split()[0]) == pytest.approx(places[0][0] + 20 * per_mm, abs=0.2)
 
 
+def test_a_map_over_the_image_has_square_cells_with_their_numbers_and_none_where_nothing_is_known() -> None:
+    axis = Axis(label="Distance", unit="px")
+    rows = [Series(y=[0.07, 0.0512, None]), Series(y=[0.01, 0.0, 0.02])]
+    drawn = plot_svg(Plot(title="Map", shape="grid", caption="", x=axis, y=axis, series=rows))
+    assert re.findall(r">([^<>]+)</text>", drawn) == ["0.070", "0.051", "0.010", "0.000", "0.020"]
+    sides = set(re.findall(r'<rect [^>]*width="([\d.]+)" height="([\d.]+)"', drawn))
+    assert [width == height for width, height in sides] == [True]
+
+
 @pytest.mark.parametrize("values", [[0.0], [1e-12, 2e-12], [-5.0, 3.0], [1e9, 1e9], [4.0, 4.0, 4.0]])
 @pytest.mark.parametrize("shape", ["captures", "line", "xy", "histogram", "grid"])
 def test_a_plot_of_any_numbers_is_drawn_within_its_frame(values, shape):

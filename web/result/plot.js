@@ -373,8 +373,8 @@ function grid({ series, caption }) {
   const most = Math.max(1e-12, ...series.flatMap(({ y }) => y.map((value) => Math.abs(value ?? 0))));
   const columns = Math.max(1, ...series.map(({ y }) => y.length));
   const cells = series.flatMap(({ y }, row) => y.map((value, column) =>
-    s("rect", { class: value ? "cell" : "cell empty", x: column, y: row, width: 1, height: 1, "fill-opacity": value ? (0.15 + 0.85 * Math.sqrt(Math.abs(value) / most)).toFixed(2) : 1 }, s("title", {}, significant(value ?? 0, 3)))));
-  const rows = series.map(({ y }) => y.map((value) => significant(value ?? 0, 2)).join(" ")).join("; ");
+    s("rect", { class: value ? "cell" : "cell empty", x: column, y: row, width: 1, height: 1, "fill-opacity": value ? (0.15 + 0.85 * Math.sqrt(Math.abs(value) / most)).toFixed(2) : 1 }, s("title", {}, value === null ? "–" : significant(value, 3)))));
+  const rows = series.map(({ y }) => y.map((value) => (value === null ? "–" : significant(value, 2))).join(" ")).join("; ");
   return s("svg", { class: "plot plot-grid", viewBox: `0 0 ${columns} ${series.length}`, role: "img", "aria-label": `${said(caption)} ${rows}` }, ...cells);
 }
 
