@@ -36,6 +36,10 @@ def brought(seeds: range) -> list[Row]:
         rows.append(Row(f"{what}: cells with a wrong side", "0", str(sides), sides == 0))
         most = 0.01 * len(ends) if decision == "fail" else 0
         rows.append(Row(f"{what}: {wrong}", "≤ 1 %" if decision == "fail" else "0", str(said), said <= most))
+        named = sum(any(one.code == "verify-captures-disagree" for one in result.findings) for result, _ in ends)
+        rows.append(
+            Row(f"{what}: right captures said to disagree", "≤ 1 %", str(named), named <= 0.01 * len(ends))
+        )
     return rows
 
 
