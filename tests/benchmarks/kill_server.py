@@ -1,5 +1,6 @@
 """The real command as a process that can be killed, and data folders of an older form for it to migrate."""
 
+import json
 import os
 import signal
 import subprocess
@@ -136,6 +137,7 @@ def _insert(connection: Any, table: str, rows: list[dict[str, Any]]) -> None:
 
 def _session_row(number: int) -> dict[str, Any]:
     moment = f"2025-01-{number % 28 + 1:02d}T00:00:{number % 60:02d}.000Z"
+    record = {"format": "scancell-session/1", "name": f"Zelle {number}", "cell": {"pose_convention": "ur"}}
     return {
         "id": f"{number:016x}",
         "name": f"Zelle {number}",
@@ -144,7 +146,7 @@ def _session_row(number: int) -> dict[str, Any]:
         "revision": 2,
         "last_event": 0,
         "last_position": 1,
-        "record": '{"format": "scancell-session/1", "name": "Zelle", "cell": {"pose_convention": "ur"}}',
+        "record": json.dumps(record),
     }
 
 
