@@ -85,7 +85,9 @@ def read_history(bag: Bag) -> ArchivedHistory:
     for number, result in enumerate(history.results):
         place = f"{where}: results[{number}]"
         if result.stage not in stage_names():
-            raise InputError.unknown(result.stage, stage_names(), place, message("Pack the session again."))
+            raise InputError.unknown(
+                result.stage, stage_names(), f"{place}.stage", message("Pack the session again.")
+            )
         if result.record is not None:
             require_result(result.stage, result.record, place)
         if result.solved_from is not None:

@@ -60,7 +60,7 @@ def test_what_is_no_live_source_or_has_wrong_settings_is_refused(client: httpx.C
     session = make_session(client)
     put = lambda name, **body: client.put(f"/sessions/{session}/devices/{name}", json=body)  # noqa: E731
     assert_problem(put("a", source="nothing"), 422, "pose-lines")
-    assert_problem(put("a", source="simulated"), 422, "live source")
+    assert_problem(put("a", source="simulated"), 422, "pose-lines", "got 'simulated'")
     assert_problem(put("a", source="pose-lines", settings={"host": "h", "port": 70000}), 422, "65535")
     assert_problem(put("a", source="pose-lines", settings={"host": "h", "port": 7, "axe": 1}), 422)
     assert_problem(put("a b", source="pose-lines", settings={}), 422)

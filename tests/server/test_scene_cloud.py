@@ -251,7 +251,7 @@ def test_deviations_from_the_sphere_leave_the_rest_grey() -> None:
 
     view = CloudView("by deviation", against=Against("sphere", 2 * RADIUS_MM))
     legend = live_colors(fused_scene(), view, plate_grey)
-    assert "the sphere, diameter 24.000 mm (known)" in legend
+    assert "the sphere, diameter 24.000 mm as known" in legend
     assert "RMS 0.010 mm" in legend
 
 

@@ -92,7 +92,7 @@ def look_into_the_merged_part(page: Page, axe: str) -> None:
     expect(page.locator("sc-merged")).to_contain_text("No reference mesh yet")
     page.get_by_label("Deviation from").select_option("sphere")
     page.get_by_label("Diameter in mm").fill("20")
-    expect(page.locator("sc-merged")).to_contain_text("the sphere, diameter 20.000 mm (known)")
+    expect(page.locator("sc-merged")).to_contain_text("the sphere, diameter 20.000 mm as known")
     page.get_by_label("Section").select_option("z")
     where = page.get_by_label("Position")
     where.focus()
