@@ -34,7 +34,7 @@ def data(start: Callable[..., Any], tmp_path: Path) -> Path:
     with store.write() as db:
         for session, month in zip(ids, (1, 2, 3, 1), strict=True):
             moment = f"2020-0{month}-01T00:00:00.000Z"
-            db.execute(update(SessionRow).where(SessionRow.id == session).values(updated=moment, name=f"s{month}"))
+            db.execute(update(SessionRow).where(SessionRow.id == session).values(updated=moment))
     store.close()
     return tmp_path / "data"
 
