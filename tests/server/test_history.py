@@ -43,7 +43,8 @@ def test_the_time_line_has_everything_in_order(client: httpx.Client, session: st
     told = [item.get("capture") or item.get("stage") or item["kind"] for item in items]
     # Those removed since stand before the solve that used them.
     assert set(told[:11]) == {f"p{k:02d}" for k in range(1, 12)}
-    assert told[11:] == ["tcp", "p10", "tcp", "now"]
+    assert told[11:] == ["tcp", "p10", "p10", "tcp", "p11", "now"]  # p10 is removed, then captured anew
+    assert [item["place"] for item in items if item["kind"] == "removed"] == [12, 15]
     assert [item["capture"] for item in items if item.get("removed")] == ["p10", "p11"]
 
 
@@ -66,10 +67,10 @@ def test_each_moment_is_as_it_was(client: httpx.Client, session: str) -> None:
     assert first["frames"]["conventions"]["fanuc"]["numbers"]
     removed = next(c for c in first["captures"] if c["id"] == "p10")
     assert "removed since" in removed["measured"]["reason"]
-    second = at(13)
+    second = at(14)
     assert left_out(second) == ["p03"]
     assert len(second["captures"]) == 11
-    now = at(14)
+    now = at(16)
     assert left_out(now) == ["p03", "p04"]
     assert len(now["captures"]) == 10
     assert now["results"]["tcp"]["stale"] is True
