@@ -15,7 +15,7 @@ from calib_core.guidance.arm_plan import arm_worth
 from calib_core.guidance.candidates import Candidates
 from calib_core.guidance.design import Design, worst_sigma_mm
 from calib_core.guidance.planner import NextPose, Situation, next_pose, still_needed
-from calib_core.guidance.prior import MOST_TAKEN, Contradiction, known_of, situation_of
+from calib_core.guidance.prior import MOST_TAKEN, Contradiction, known_of, several_balls_seen, situation_of
 from calib_core.messages import message
 from calib_core.records import ArmTable, Capture, Cell, Measured, Meter, MeterPoint, ResultsData, Session
 from calib_core.steps import steps_that_show, table_stages, tool_stages
@@ -39,6 +39,7 @@ _OF_CAPTURE = (
     "mount",
     "joints_deg",
     "joints_mm",
+    "scanner",
 )
 _OF_MEASURED = (
     "capture", "kind", "verdict", "center_mm", "radius_mm", "point_sigma_mm", "points_per_independent",
@@ -113,7 +114,11 @@ def tcp_advice(session: Session, measured: Sequence[Measured], results: ResultsD
 
     The same captures give the same advice; it is kept, because page, scene and command line ask for it at once.
     """
-    return _advised(inputs_of(session, measured, results, ("tcp",), _NEWEST))
+    advice = _advised(inputs_of(session, measured, results, ("tcp",), _NEWEST))
+    accused = advice is not None and (advice.contradicted or advice.apart)
+    if accused and several_balls_seen(session.cell, measured):
+        return None  # of several balls any one may have been taken: the result tells them apart
+    return advice
 
 
 def verify_pose(session: Session, measured: Sequence[Measured], results: ResultsData) -> NextPose | None:

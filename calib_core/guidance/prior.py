@@ -1,5 +1,6 @@
 """What is known before the next capture of the still sphere: from results, else from the captures themselves."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,7 +23,7 @@ from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.variance import GivenSigmas
-from calib_core.errors import InputError
+from calib_core.errors import InputError, MeasurementError
 from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.guidance.arm_unknowns import arm_unknowns, with_joints
 from calib_core.guidance.candidates import Room
@@ -36,6 +37,7 @@ from calib_core.steps import tool_stages
 
 _LEAST_SEARCHED = 5  # captures from which tool and sphere are found whatever the motions
 _GOOD_SCATTER_MM = 2.0
+_LOOKED_AT = 8  # captures in which several balls would show
 _LEAST_AGREEING = 3  # turned captures that agree, before others may be said to contradict them
 _LEAST_TURN_RAD = np.deg2rad(5.0)
 _NOMINAL_MM, _NOMINAL_DEG = 10.0, 3.0
@@ -87,6 +89,7 @@ def known_of(
     if not tells_diameter(cell) or (ball_on_flange(cell) and len(scanner_names(cell)) > 1):
         return None
     captures = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
+    captures = _of_one_scanner(captures)
     kept = {m.capture: m for m in measured if m.verdict != "fail"}
     sight = sight_of(cell, [c for c in captures if c.id in kept], list(kept.values()))
     sphere = sphere_of(cell, [])
@@ -210,6 +213,38 @@ def _solved(results: ResultsData) -> Mapping[str, Any] | None:
         if placed and result.get(f"sphere_center_in_{carriers_found(result).ball}_mm"):
             return result
     return None
+
+
+def _of_one_scanner(captures: list[Capture]) -> list[Capture]:
+    """Return the captures of one of several scanners, which have a mount each.
+
+    The one that took fewest, of those that took enough for their mount to be found: it is the one in hand.
+    """
+    taken = Counter(capture.scanner for capture in captures)
+    if len(taken) < 2:
+        return captures
+    enough = [name for name in taken if taken[name] >= _LEAST_SEARCHED]
+    one = min(enough, key=taken.__getitem__) if enough else max(taken, key=taken.__getitem__)
+    return [capture for capture in captures if capture.scanner == one]
+
+
+def several_balls_seen(cell: Cell, measured: Sequence[Measured]) -> bool:
+    """Return whether most of the newest profiles show a second ball: which of them is which is not known."""
+    if len(cell.spheres or ()) > 1:
+        return True
+    profiles = [m for m in measured if m.kind == "profile" and m.center_mm is not None][-_LOOKED_AT:]
+    return 2 * sum(_shows_another(one, cell) for one in profiles) > len(profiles)
+
+
+def _shows_another(measured: Measured, cell: Cell) -> bool:
+    from calib_core.sphere.arc import fit_arc
+
+    off = ~np.array(measured.preview_on_sphere, dtype=bool)
+    try:
+        fit_arc(np.array(measured.preview, dtype=float)[off], cell.sphere_diameter_mm, cell.scanner.z_axis)
+    except MeasurementError:
+        return False
+    return True
 
 
 def _used(seen: list[SphereObservation], result: Mapping[str, Any] | None) -> list[SphereObservation]:

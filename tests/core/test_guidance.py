@@ -12,7 +12,7 @@ from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.chain.tcp import TcpOptions, solve_tcp
 from calib_core.frames import RigidTransform, rotation_from_vector
-from calib_core.guidance.advice import advice_in, inputs_of, inputs_read
+from calib_core.guidance.advice import advice_in, inputs_of, inputs_read, tcp_advice
 from calib_core.guidance.candidates import Room, candidates
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 from calib_core.guidance.field_of_view import Sight
@@ -208,3 +208,28 @@ def test_a_pose_that_is_not_sure_is_said_to_be_so() -> None:
     assert chosen is not None
     assert not chosen.sure
     assert chosen.doubt_mm > 10.0
+
+
+@pytest.mark.parametrize("scenario", ["two-scanners", "plate"])
+def test_captures_of_several_scanners_and_of_several_balls_do_not_contradict_each_other(scenario: str) -> None:
+    simulated = simulate(scenario, 2)
+    session, read = simulated.session, simulated.files.__getitem__
+    measured = [measure_capture(session, capture, read) for capture in session.captures[:14]]
+    for taken in (9, 14):
+        so_far = session.model_copy(update={"captures": session.captures[:taken]})
+        advice = tcp_advice(so_far, measured[:taken], {})
+        assert advice is None or not (advice.contradicted or advice.apart)
+
+
+def test_of_two_scanners_the_one_in_hand_is_advised() -> None:
+    simulated = simulate("two-scanners-in-turn", 3)
+    session, read = simulated.session, simulated.files.__getitem__
+    measured = [measure_capture(session, capture, read) for capture in session.captures]
+    left = [capture.id for capture in session.captures if capture.scanner == "left"]
+    now = [
+        tcp_advice(session.model_copy(update={"captures": session.captures[:n]}), measured[:n], {})
+        for n in (len(left), len(left) + 6)
+    ]
+    reached = [advice.meter.uncertainty_mm if advice else None for advice in now]
+    assert reached[0] is not None
+    assert reached[1] is None or reached[1] > 1.2 * reached[0]
