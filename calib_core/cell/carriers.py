@@ -1,6 +1,7 @@
 """What carries scanner and ball in a cell, as its record says."""
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 from calib_core.cell.layout import Carrier, KnownDistance
 from calib_core.cell.walk import Carriers
@@ -123,6 +124,19 @@ def carrier_of_all(mounts: Iterable[str]) -> str:
 def carriers_read(cell: Cell) -> tuple[str, ...]:
     """Return the cell's fields that say that the flange holds a board before a camera; none where it does not."""
     return ("arrangement", "scanners") if ball_on_flange(cell) else ()
+
+
+def of_one_scanner(captures: Sequence[Capture], least: int) -> list[Capture]:
+    """Return the captures of one of several scanners, which have a mount each.
+
+    The one that took fewest, of those that took at least so many as find their mount: it is the one in hand.
+    """
+    taken = Counter(capture.scanner for capture in captures)
+    if len(taken) < 2:
+        return list(captures)
+    enough = [name for name in taken if taken[name] >= least]
+    one = min(enough, key=taken.__getitem__) if enough else max(taken, key=taken.__getitem__)
+    return [capture for capture in captures if capture.scanner == one]
 
 
 def stands_still(cell: Cell, capture: Capture) -> bool:

@@ -1,6 +1,5 @@
 """What is known before the next capture of the still sphere: from results, else from the captures themselves."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,7 +9,13 @@ import numpy as np
 from calib_core.arms.alike import REACH_MM
 from calib_core.captures.arm_joints import with_arm_moves
 from calib_core.captures.content import sphere_of
-from calib_core.cell.carriers import ball_on_flange, scanner_names, tells_diameter
+from calib_core.cell.carriers import (
+    ball_on_flange,
+    balls_in_sight,
+    of_one_scanner,
+    scanner_names,
+    tells_diameter,
+)
 from calib_core.cell.found import (
     SCANNER_FRAMES,
     carriers_found,
@@ -89,7 +94,7 @@ def known_of(
     if not tells_diameter(cell) or (ball_on_flange(cell) and len(scanner_names(cell)) > 1):
         return None
     captures = [c for c in session.captures if c.step == step and not c.excluded and c.pose is not None]
-    captures = _of_one_scanner(captures)
+    captures = of_one_scanner(captures, _LEAST_SEARCHED)
     kept = {m.capture: m for m in measured if m.verdict != "fail"}
     sight = sight_of(cell, [c for c in captures if c.id in kept], list(kept.values()))
     sphere = sphere_of(cell, [])
@@ -215,22 +220,9 @@ def _solved(results: ResultsData) -> Mapping[str, Any] | None:
     return None
 
 
-def _of_one_scanner(captures: list[Capture]) -> list[Capture]:
-    """Return the captures of one of several scanners, which have a mount each.
-
-    The one that took fewest, of those that took enough for their mount to be found: it is the one in hand.
-    """
-    taken = Counter(capture.scanner for capture in captures)
-    if len(taken) < 2:
-        return captures
-    enough = [name for name in taken if taken[name] >= _LEAST_SEARCHED]
-    one = min(enough, key=taken.__getitem__) if enough else max(taken, key=taken.__getitem__)
-    return [capture for capture in captures if capture.scanner == one]
-
-
 def several_balls_seen(cell: Cell, measured: Sequence[Measured]) -> bool:
     """Return whether most of the newest profiles show a second ball: which of them is which is not known."""
-    if len(cell.spheres or ()) > 1:
+    if len(balls_in_sight(cell)) > 1:
         return True
     profiles = [m for m in measured if m.kind == "profile" and m.center_mm is not None][-_LOOKED_AT:]
     return 2 * sum(_shows_another(one, cell) for one in profiles) > len(profiles)
