@@ -37,8 +37,8 @@ class Assumed:
     ----------
     sphere : SphereSize
     mount_from_laser : RigidTransform
-    center_in_base_mm : (3,)
-        Of the sphere; in tool0 where the flange carries it.
+    center_mm : (3,)
+        Of the sphere, in what carries it: base, or tool0 where the flange does.
     sigmas : Sigmas
     point_in_laser_mm : (3,)
         Where the scanner sees the workpiece.
@@ -57,7 +57,7 @@ class Assumed:
 
     sphere: SphereSize
     mount_from_laser: RigidTransform
-    center_in_base_mm: FloatArray
+    center_mm: FloatArray
     sigmas: Sigmas
     point_in_laser_mm: FloatArray
     facing: int = 1
@@ -178,7 +178,7 @@ class Design:
         return replace(self._data.chosen(mask), order=np.ones(len(chosen)))
 
     def _state(self, data: ChainData) -> ChainState:
-        return ChainState.predicted(data, *self._tool, self.assumed.center_in_base_mm)
+        return ChainState.predicted(data, *self._tool, self.assumed.center_mm)
 
     def hessian(self, chosen: Sequence[int]) -> FloatArray:
         """Return the Hessian (P, P) of some captures with what is known beforehand."""

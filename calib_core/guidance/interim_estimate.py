@@ -78,9 +78,7 @@ def _so_far(told: str) -> KnownSoFar | None:
     assumed = situation.assumed
     design = Design(situation.taken, assumed)
     covariance = design.covariance(range(len(design)))
-    return KnownSoFar(
-        assumed.mount_from_laser, assumed.center_in_base_mm, covariance[:6, :6], covariance[6:9, 6:9]
-    )
+    return KnownSoFar(assumed.mount_from_laser, assumed.center_mm, covariance[:6, :6], covariance[6:9, 6:9])
 
 
 def table_so_far(session: Session, measured: Sequence[Measured], results: ResultsData) -> TableSoFar | None:

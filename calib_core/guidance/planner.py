@@ -58,7 +58,7 @@ class Situation:
         given = self.assumed
         rng = np.random.default_rng([seed, len(self.taken)])
         radius = given.sphere.radius_mm
-        found = candidates(self.room, given.mount_from_laser, given.center_in_base_mm, radius, count, rng)
+        found = candidates(self.room, given.mount_from_laser, given.center_mm, radius, count, rng)
         return self.reached(found)
 
     def reached(self, poses: Candidates) -> Candidates:
@@ -197,9 +197,9 @@ def _timid(situation: Situation) -> Candidates:
             for angle in np.deg2rad(_TIMID_DEG):
                 turn = given.mount_from_laser.rotation @ rotation_from_vector(axis * angle)
                 rotation = last.rotation @ turn @ given.mount_from_laser.rotation.T
-                origin = given.center_in_base_mm - rotation @ given.mount_from_laser.apply(place)
+                origin = given.center_mm - rotation @ given.mount_from_laser.apply(place)
                 pose = room.pose_of(rotation, origin)
-                if allowed(room, pose, given.mount_from_laser, given.center_in_base_mm, given.sphere.radius_mm):
+                if allowed(room, pose, given.mount_from_laser, given.center_mm, given.sphere.radius_mm):
                     poses.append(pose)
                     places.append(place)
     return situation.reached(Candidates(tuple(poses), np.array(places).reshape(-1, 3)))
@@ -216,11 +216,11 @@ def _near(situation: Situation, best: NextPose, step: float) -> Candidates:
         turned = here.perturbed([*change[:3], 0.0, 0.0, 0.0])
         # Turned about the sphere, then shifted: the sphere stays in view.
         seen = given.mount_from_laser.apply(best.center_in_laser_mm + change[3:])
-        pose = room.pose_of(turned.rotation, given.center_in_base_mm - turned.rotation @ seen)
-        known = given.mount_from_laser, given.center_in_base_mm, given.sphere.radius_mm
+        pose = room.pose_of(turned.rotation, given.center_mm - turned.rotation @ seen)
+        known = given.mount_from_laser, given.center_mm, given.sphere.radius_mm
         if room.leans_enough(turned.rotation, given.mount_from_laser.rotation) and allowed(room, pose, *known):
             poses.append(pose)
-    seen = [(room.between(p) @ given.mount_from_laser).inverse().apply(given.center_in_base_mm) for p in poses]
+    seen = [(room.between(p) @ given.mount_from_laser).inverse().apply(given.center_mm) for p in poses]
     return situation.reached(Candidates(tuple(poses), np.array(seen).reshape(-1, 3)))
 
 

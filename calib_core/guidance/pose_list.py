@@ -79,7 +79,7 @@ def planned_poses(
         raise _too_few(captures, str(error)) from None
     sure = _tool_known(situation)
     poses = [
-        _listed(session, situation, pose, sure, situation.assumed.center_in_base_mm, sigma)
+        _listed(session, situation, pose, sure, situation.assumed.center_mm, sigma)
         for pose, sigma in zip(plan.poses.poses, plan.after_mm.tolist(), strict=True)
     ]
     found = _list_of(session, step, poses, sure)
@@ -125,11 +125,11 @@ def _listed(
     situation: Situation,
     pose: RigidTransform,
     sure: bool,
-    center_in_base_mm: FloatArray,
+    center_mm: FloatArray,
     sigma_mm: float,
 ) -> PoseOfSet:
     convention = session.cell.pose_convention
-    approach = _approach(situation, pose, center_in_base_mm)
+    approach = _approach(situation, pose, center_mm)
     return PoseOfSet(
         base_from_tool0=pose.to_rows(),
         numbers=to_pose(convention, pose),
@@ -163,9 +163,9 @@ def _tool_known(situation: Situation) -> bool:
     return COVERAGE * float(np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1])) <= _WELL_KNOWN_MM
 
 
-def _approach(situation: Situation, pose: RigidTransform, center_in_base_mm: FloatArray) -> RigidTransform:
+def _approach(situation: Situation, pose: RigidTransform, center_mm: FloatArray) -> RigidTransform:
     """Return the pose drawn back along the line between sphere and scanner."""
-    carried, still = situation.room.ends(pose, situation.assumed.mount_from_laser, center_in_base_mm)
+    carried, still = situation.room.ends(pose, situation.assumed.mount_from_laser, center_mm)
     away = carried - still
     away = away / float(np.linalg.norm(away)) * APPROACH_MM
     return RigidTransform.of(pose.rotation, pose.translation_mm + away, "base", "tool0")

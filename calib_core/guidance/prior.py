@@ -54,7 +54,7 @@ class _Place:
     """A guess of tool and sphere, how well they are known beside the captures, and whether these tell both."""
 
     mount_from_laser: RigidTransform
-    center_in_base_mm: FloatArray
+    center_mm: FloatArray
     tool_sigma_mm: float = 300.0
     tool_sigma_rad: float = 1.0
     by_captures: bool = False
@@ -125,13 +125,13 @@ def known_of(
     workpiece = None
     at_workpiece = _middle(sight, result) if point is None else np.array(point)
     if place.by_captures and taken:
-        tool, center = place.mount_from_laser, place.center_in_base_mm
+        tool, center = place.mount_from_laser, place.center_mm
         quick = solved_quickly(taken, sphere, tool, center, _given(cell), sigmas, at_workpiece)
         sigmas, apart, workpiece = quick.sigmas, quick.apart, quick.workpiece
     assumed = Assumed(
         sphere=sphere,
         mount_from_laser=place.mount_from_laser,
-        center_in_base_mm=place.center_in_base_mm,
+        center_mm=place.center_mm,
         sigmas=sigmas,
         point_in_laser_mm=at_workpiece,
         facing=sight.facing,

@@ -48,7 +48,7 @@ def solved_quickly(
     seen: Observations,
     sphere: SphereSize,
     mount_from_laser: RigidTransform,
-    center_in_base_mm: FloatArray,
+    center_mm: FloatArray,
     given: GivenSigmas,
     usual: Sigmas,
     point_in_laser_mm: FloatArray,
@@ -60,7 +60,7 @@ def solved_quickly(
     seen : sequence of SphereObservation
         What was measured of each arc.
     sphere : SphereSize
-    mount_from_laser, center_in_base_mm : RigidTransform, (3,)
+    mount_from_laser, center_mm : RigidTransform, (3,)
         Near the answer.
     given : GivenSigmas
         What is told.
@@ -72,7 +72,7 @@ def solved_quickly(
     data = chain_data(seen, sphere, None, ScannerPriors())
     repeated = visits(data.rotations, data.translations)
     data = replace(data, tool_prior=_tool_prior(data, mount_from_laser), pose_scale=repeated)
-    start = mount_from_laser.rotation, mount_from_laser.translation_mm, center_in_base_mm
+    start = mount_from_laser.rotation, mount_from_laser.translation_mm, center_mm
     state = ChainState.predicted(data, *start)
     off = _misfit(seen, state)
     agree = off <= GROSS * max(float(np.median(off)), usual.position_mm)

@@ -115,7 +115,7 @@ class TableDesign:
             pose_scale=np.concatenate([still, np.ones(data.count - self._still)]),
         )
         tool = self._assumed.mount_from_laser
-        center = self._assumed.center_in_base_mm
+        center = self._assumed.center_mm
         state = ChainState.predicted(data, tool.rotation, tool.translation_mm, center, self._table)
         return covariance_of(with_tool(linearised_at(data, state, self._assumed.sigmas).hessian))
 

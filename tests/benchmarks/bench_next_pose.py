@@ -79,7 +79,7 @@ def compare(seed: int, with_exchange: bool) -> Compared:
         now = replace(now, taken=[*now.taken, seen])
     advised = float(worst_sigma_mm(Design(now.taken, given).workpiece(range(CAPTURES))))
     rng = np.random.default_rng([seed, 78])
-    poses = candidates(room, given.mount_from_laser, given.center_in_base_mm, radius, 400, rng, at_edge=0.0)
+    poses = candidates(room, given.mount_from_laser, given.center_mm, radius, 400, rng, at_edge=0.0)
     some = Design(start.seen_from(poses), given)
     sets = [sorted(rng.choice(len(poses), CAPTURES, replace=False).tolist()) for _ in range(RANDOM_SETS)]
     random = float(np.median([worst_sigma_mm(some.workpiece(one)) for one in sets]))

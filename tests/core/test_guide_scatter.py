@@ -47,7 +47,7 @@ def test_an_arm_that_scatters_far_more_is_believed_to(seed: int) -> None:
     situation = situation_of(*scattered(seed, 0.5), {})
     assert situation is not None
     given = situation.assumed
-    away_mm = [np.linalg.norm(o.base_from_tool0.translation_mm - given.center_in_base_mm) for o in situation.taken]
+    away_mm = [np.linalg.norm(o.base_from_tool0.translation_mm - given.center_mm) for o in situation.taken]
     turned_mm = given.sigmas.orientation_rad * float(np.mean(away_mm))
     assert 0.3 < np.hypot(given.sigmas.position_mm, turned_mm) < 0.7
 
