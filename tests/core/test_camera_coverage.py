@@ -19,11 +19,13 @@ from calib_core.optics.camera_evidence import camera_findings, coverage_findings
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_solution import CameraSolution
 from calib_core.optics.extrapolation import extrapolation, sigmas_in_light
+from calib_core.optics.laser_plane_solve import PlaneSolution
 from calib_core.optics.projection_map import projection_difference
 from calib_core.records import Capture, Session
-from calib_core.records.camera_result import CameraResidual, CameraResult
+from calib_core.records.camera_result import CameraCoverage, CameraResidual, CameraResult
 from calib_core.records.evidence import Picture, Table
 from calib_core.stages.frames_left_out import frames_left_out
+from calib_core.stages.laser_plane.solve import not_covered
 
 SIZE = (1280, 960)
 MATRIX = np.array([[1300.0, 0, 645], [0, 1300, 475], [0, 0, 1]])
@@ -108,3 +110,13 @@ def test_a_gate_is_told_with_its_count_what_it_looked_for_and_a_picture() -> Non
     assert (picture.capture, picture.file) == ("b1", "b1.png")
     assert '<img src="data:b1.png"' in blocks_html(blocks, address="data:{}".format)
     assert "<img" not in blocks_html(blocks)
+
+
+def test_a_camera_of_before_the_projections_uncertainty_was_kept_covers_what_it_covered() -> None:
+    """Its plane of light is solved again as any: the answer of the camera is not of today's form."""
+    old = CameraCoverage(counts=[[1]], covered=0.5, near_mm=300.0, far_mm=400.0, largest_tilt_rad=0.5)
+    camera, plane = (
+        SimpleNamespace(coverage=old),
+        SimpleNamespace(camera=LENS, normal=np.array([0.88, 0.0, 0.48]), distance_mm=168.0),
+    )
+    assert not_covered(cast("CameraResult", camera), cast("PlaneSolution", plane)) == []

@@ -60,9 +60,8 @@ def by_place(
     width = values.shape[1]
     kind = kind or ("profile" if width == 2 else plain or "cloud")
     if kind == "profile" and width == 3 and _stands(values[:, 1]) and not _stands(values[:, 2]):
-        in_plane = (
-            np.nanmax(np.abs(values[:, 1])) == 0
-        )  # any other number may be a brightness, and x and z its neighbors
+        # Any other number than 0 may be a brightness, and x and z its neighbours in either order.
+        in_plane = np.nanmax(np.abs(values[:, 1])) == 0
         columns = _columns("xyz", 0)
         return Unnamed(columns, doubts=() if in_plane else (_taken(width, [columns[0], columns[2]]),))
     axes = "xz" if kind == "profile" else "xyz"

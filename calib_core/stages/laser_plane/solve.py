@@ -192,6 +192,8 @@ def noticed(solution: PlaneSolution, normal_sigma_deg: float) -> list[Finding]:
 def not_covered(camera: CameraResult, solution: PlaneSolution) -> list[Finding]:
     """Return whether the lens is a guess where the plane is seen, at the distances of the boards."""
     seen = camera.coverage
+    if not seen.projection_sigma_px:  # an answer of before these were kept
+        return []
     sigmas_px = np.array(seen.projection_sigma_px, dtype=float)
     light, depth_mm = (solution.normal, solution.distance_mm), (seen.near_mm, seen.far_mm)
     used_px = sigmas_in_light(solution.camera, sigmas_px, light, depth_mm)
