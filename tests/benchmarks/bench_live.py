@@ -107,19 +107,19 @@ def _faults(times: int) -> Iterator[Row]:
         time.sleep(0.8)
         return outputs()
 
-    def nonsense() -> Any:
-        return {**outputs(), "actual_TCP_pose": (float("nan"),) * 6}
+    def nonsense(cycle_s: float) -> Any:
+        return {**outputs(cycle_s), "actual_TCP_pose": (float("nan"),) * 6}
 
     def cut() -> None:
         robot.is_out.set()
         robot.cut()
 
-    def replaced(function: Callable[[], Any]) -> Callable[[], None]:
+    def replaced(function: Callable[[float], Any]) -> Callable[[], None]:
         return lambda: setattr(robot, "_outputs", function)
 
-    def hang() -> Any:
+    def hang(cycle_s: float) -> Any:
         time.sleep(3.0)
-        return outputs()
+        return outputs(cycle_s)
 
     kinds: dict[str, tuple[Callable[[], None], tuple[str, ...]]] = {
         "cable out": (cut, ("lost",)),

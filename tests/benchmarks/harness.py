@@ -21,6 +21,10 @@ class Row:
     measured: str
     holds: bool | None = None
 
+    def __post_init__(self) -> None:
+        if self.holds is not None:
+            object.__setattr__(self, "holds", bool(self.holds))  # numpy's own truth is not JSON's
+
 
 def interleaved_medians_s(jobs: Mapping[str, Callable[[], object]], rounds: int = 9) -> dict[str, float]:
     """Return each job's median duration in seconds; the jobs take turns, after one warming call each."""
