@@ -51,7 +51,8 @@ def noted(root: Path, folder: Path) -> Path:
 def reaching(folder: Path, source: Path, line: int, most_s: float) -> list[str]:
     """Return the tests that run a line, of a constant those that run any of its file.
 
-    One a function is taken, fast ones first, until they take `most_s`. A statement of several lines is known by its first.
+    One a function is taken, fast ones first, until they take `most_s`. A statement of several lines is known by
+    its first.
     """
     by_line, seconds = _lines(folder, source), _took(folder)
     named = next((by_line[k] for k in range(line, 0, -1) if k in by_line), [])
