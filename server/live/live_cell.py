@@ -153,7 +153,7 @@ class LiveCell:
         if link is None:
             return
         with self._arrived:
-            if self.recording is not None and {"robot", "scanner"} & set(link.source.delivers):
+            if self.recording is not None and {"robot", "scanner", "table"} & set(link.source.delivers):
                 self.recording.fail(f"{name} was lost meanwhile")
             if "robot" in link.source.delivers:
                 self._robot.clear()
@@ -255,13 +255,13 @@ class LiveCell:
             began_s = host_now_s()
         time.sleep(seconds)
         with self._arrived:
-            self.recording = None
+            self.recording, ended_s = None, host_now_s()
             table = [sample for sample in self._table if sample.host_time_s >= began_s]
         recorded = recording.end()
         cell, taken, _ = self._load()
         kept, frames_s, track_s = on_one_clock(recorded, self.clocks)
         fields = sweep_fields(kept, frames_s, track_s, self.clocks.offset, cell.pose_convention)
-        fields |= table_fields(table, self.rules.table_deg)
+        fields |= table_fields(table, self.rules, (began_s, ended_s) if self._with_angle else None)
         capture, files = capture_of_sweep(kept, fields, self.settings, taken, shot)
         return self._keep(capture, files, shot)
 

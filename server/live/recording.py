@@ -15,6 +15,7 @@ from calib_core.errors import ConflictError, MeasurementError
 from calib_core.messages import message
 from calib_core.robots import to_pose
 from server.live.clock_watch import LEAST_DRIFT_S, MeasuredClocks
+from server.live.standstill import Rules
 from server.sources.device import Frame, Sample
 
 MOST_SHIFT_MM = 0.05
@@ -190,18 +191,24 @@ def newest_way(samples: Iterable[Sample]) -> list[Sample]:
     return told[int(turned.nonzero()[0][-1]) + 1 if turned.any() else 0 :]
 
 
-def table_fields(table: Sequence[Sample], within_deg: float) -> dict[str, Any]:
+def table_fields(table: Sequence[Sample], rules: Rules, span_s: tuple[float, float] | None) -> dict[str, Any]:
     """Return the table's angle for a sweep's record, nothing where no table told one.
 
     Raises
     ------
     ConflictError
-        If the table turned meanwhile: a sweep has one angle.
+        If the table turned meanwhile: a sweep has one angle; or if it was not heard all the time (`span_s`).
     """
+    if span_s is not None:
+        heard_s = [span_s[0], *(sample.host_time_s for sample in table if sample.table_deg is not None), span_s[1]]
+        if max(later - earlier for earlier, later in pairwise(heard_s)) > rules.gap_s:
+            raise ConflictError(
+                "a recording without a gap", "the table left a gap between its poses", "Record again."
+            )
     angles = [sample.table_deg for sample in table if sample.table_deg is not None]
     if not angles:
         return {}
-    if max(angles) - min(angles) > within_deg or any(sample.moving for sample in table):
+    if max(angles) - min(angles) > rules.table_deg or any(sample.moving for sample in table):
         got = message("one that turned from {least:.2f}° to {most:.2f}°", least=min(angles), most=max(angles))
         raise ConflictError("a table at rest during a sweep", got, "Turn it between sweeps.", "table_deg")
     return {"table_deg": angles[-1]}

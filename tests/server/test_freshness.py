@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from faulty_robot import FAULTS, Fault
 
+from calib_core.errors import ConflictError
 from calib_core.frames import RigidTransform
 from calib_core.sphere.arc import fit_arc
 from calib_core.sphere.standstill import standstill
 from server.live.agreement import Agreement
 from server.live.exposures import Exposure
 from server.live.freshness import Freshness
+from server.live.recording import table_fields
 from server.live.standstill import Rest, Rules
 from server.sources.device import Clock, Frame, Sample
 from server.sources.rosbridge import TfChain
@@ -241,3 +243,13 @@ def test_of_tf_the_oldest_link_of_the_chain_counts() -> None:
     found = chain.hear([link("base", "rail", 12)], is_static=False)
     assert found is not None
     assert found[1] == 10.0  # the wrist's publisher has stopped
+
+
+def test_a_sweep_whose_table_was_not_heard_to_its_end_is_not_stored() -> None:
+    """What repeats itself is passed over: one frozen in the middle of a scan was stored as the scan's."""
+    told = [Sample(float(at_s), table_deg=30.0) for at_s in np.arange(100.0, 102.0, 0.05)]
+    assert table_fields(told, Rules(), (100.0, 102.0)) == {"table_deg": 30.0}
+    for heard in (told[:20], told[20:], [*told[:10], *told[25:]], []):
+        with pytest.raises(ConflictError, match="gap"):
+            table_fields(heard, Rules(), (100.0, 102.0))
+    assert table_fields([], Rules(), None) == {}  # no table tells an angle
