@@ -1,8 +1,8 @@
 """How many changed lines of the estimating rooms the tests notice: mutants drawn by seed, made by cosmic-ray.
 
 First the tests that stand nearest to the changed file are run (of its name or its folder's, then those that import
-it or what imports it), then those that run the changed line, one a function, of two minutes: what lives here may
-still be noticed by the whole suite, so the share is a lower bound.
+it or what imports it), then those that run the changed line, two minutes of them, fast ones first: what lives here
+may still be noticed by the whole suite, so the share is a lower bound.
 """
 
 import importlib.util

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -51,17 +52,20 @@ def noted(root: Path, folder: Path) -> Path:
 def reaching(folder: Path, source: Path, line: int, most_s: float) -> list[str]:
     """Return the tests that run a line, of a constant those that run any of its file.
 
-    One a function is taken, fast ones first, until they take `most_s`. A statement of several lines is known by
-    its first.
+    Fast ones are taken first, and one of each function before others of it, until they take `most_s`. A statement
+    of several lines is known by its first.
     """
     by_line, seconds = _lines(folder, source), _took(folder)
     named = next((by_line[k] for k in range(line, 0, -1) if k in by_line), [])
     tests = {test for test in named if test} or {test for names in by_line.values() for test in names if test}
-    chosen: dict[str, str] = {}
-    for test in sorted(tests, key=lambda one: seconds.get(one, most_s)):
-        chosen.setdefault(test.partition("[")[0], test)
+    seen: Counter[str] = Counter()
+    turns: list[tuple[int, str]] = []
+    for test in sorted(tests, key=lambda one: (seconds.get(one, most_s), one)):
+        function = test.partition("[")[0]
+        turns.append((seen[function], test))
+        seen[function] += 1
     left_s, taken = most_s, []
-    for test in chosen.values():
+    for _, test in sorted(turns, key=lambda turn: turn[0]):
         left_s -= seconds.get(test, most_s)
         if left_s > 0:
             taken.append(test)

@@ -178,3 +178,13 @@ def test_numbers_that_are_none_are_refused(solved: tuple[Session, dict[str, Any]
     one = Compared("s", {**result, "covariance": np.full((6, 6), 1e300).tolist()}, session)
     with pytest.raises(InputError, match="numbers that cannot be one"):
         compare_results(one, one)
+
+
+def test_directions_that_err_together_count_once() -> None:
+    covariance = np.diag([1e-8, 1e-8, 1e-8, 4.0, 4.0, 1.0])
+    covariance[3, 4] = covariance[4, 3] = 4.0
+    left = RigidTransform.identity("base", "turntable")
+    right = left.perturbed([0, 0, 0, 2.0, 2.0, 0])
+    found = frame_difference("base_from_turntable", (left, right), covariance, np.zeros(3))
+    assert found.degrees_of_freedom == 5
+    assert found.distance == pytest.approx(1.0)

@@ -1,5 +1,6 @@
 """Drift over a cell's sessions: control charts, what is flagged, and which sessions do not count."""
 
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -62,12 +63,14 @@ def test_a_bumped_scanner_is_flagged_once_and_begins_a_new_level() -> None:
     sigma = np.sqrt((1 + 1 / 8) * (SPREAD[4, 4] + 190.0**2 * SPREAD[0, 0]))
     assert tool.points[8].change == pytest.approx(0.5, abs=4 * sigma)
     assert len(found.flags) == 1
-    assert "week 8" in found.flags[0]
+    assert re.search(r"0\.\d\d ± 0\.\d\d mm with session week 8", found.flags[0])
 
 
 def test_a_moved_table_and_a_turned_scanner_are_told_apart() -> None:
     turned = (0.0, 0.003, 0.0, 0.0, 0.0, 0.0)
-    found = flagged(cell_drift([session(k, turned if k == 5 else (0.0,) * 6, 0.5 * (k >= 3)) for k in range(6)]))
+    drift = cell_drift([session(k, turned if k == 5 else (0.0,) * 6, 0.5 * (k >= 3)) for k in range(6)])
+    assert any(re.search(r"orientation changed by 0\.\d{3} ± 0\.\d{3} ° with", said) for said in drift.flags)
+    found = flagged(drift)
     assert found["axis"] == ["s3"]
     assert found["axis-direction"] == []
     assert found["tool-orientation"] == ["s5"]

@@ -335,3 +335,29 @@ def test_a_plot_of_any_numbers_is_drawn_within_its_frame(values, shape):
 )
 def test_a_root_mean_square_shows_what_it_is_known_to(value: float, shown: str) -> None:
     assert quantity_text(rms(value, "mm")) == f"{shown}\u202fmm"
+
+
+def test_the_dots_of_captures_fill_the_width_of_their_plot() -> None:
+    rows = [TcpResidual(capture=f"p{k}", used=True, mahalanobis=1.0) for k in range(8)]
+    root = ET.fromstring(plot_svg(plot_of(rows)))
+    width = float(root.attrib["viewBox"].split()[2])
+    places = sorted(float(c.attrib["cx"]) for c in root.iter("circle"))
+    assert places[0] < 0.2 * width < 0.8 * width < places[-1] < width
+    assert np.diff(places) == pytest.approx(np.full(7, places[1] - places[0]), abs=0.3)
+
+
+def test_how_well_the_nominal_lies_is_said_with_its_place_and_its_turn() -> None:
+    from calib_core.stages.merge.evidence import _laid
+    from calib_core.stages.merge.record import Alignment
+
+    lies = [[float(k == j) for j in range(4)] for k in range(4)]
+    covariance = np.diag([1e-6, 4e-6, 4e-6, 0.0004, 0.0004, 0.0001]).tolist()
+    laid = Alignment(
+        method="best-fit", rms_mm=0.05, base_from_reference=lies, cloud_from_reference=lies, covariance=covariance,
+        reference_sha256="0" * 64,
+    )  # fmt: skip
+    said = {str(one.label): one.quantity for one in _laid(laid, True) if isinstance(one, Figure) and one.quantity}
+    place, turn = (next(q for label, q in said.items() if word in label) for word in ("Place", "Turn"))
+    assert (place.uncertainty, place.unit) == (pytest.approx(2 * 0.03), "mm")
+    assert (turn.uncertainty, turn.unit) == (pytest.approx(2 * np.rad2deg(0.003)), "°")
+    assert len(_laid(laid, False)) == 2

@@ -11,6 +11,7 @@ from calib_core.guidance.pose_list import planned_poses
 from calib_core.records import Guide, Measured, Session
 from calib_core.simulation import simulate
 from calib_core.stages.guide import guide
+from calib_core.stages.turntable.guide import _suggested_deg
 
 
 @pytest.fixture(scope="module")
@@ -231,3 +232,9 @@ def test_a_set_of_poses_before_anything_is_known_of_a_scanner_that_stands_still_
     session = simulate("fixed-scanner-turntable", 4).session
     with pytest.raises(ConflictError, match="the scanner's place and the ball's, known about, got too few"):
         planned_poses(session, [], {}, 4)
+
+
+def test_where_no_even_step_is_free_the_middle_of_the_widest_gap_is_asked_for_across_zero_too() -> None:
+    taken = [20.0, 65.0, 110.0, 155.0, 200.0, 245.0, 290.0, 325.0]
+    assert _suggested_deg(taken) == pytest.approx((325 + 380) / 2)
+    assert _suggested_deg(taken[:-1]) == pytest.approx(335)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from calib_core.causes.likely import likely_columns, likely_convention
+from calib_core.causes.likely import _spread_mm, likely_columns, likely_convention
+from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.records import Cell
 from calib_core.robots import CONVENTIONS, parse_pose, to_pose
 from calib_core.simulation import TcpScenario, simulate_tcp
@@ -75,3 +76,13 @@ def test_swapped_columns_are_told_and_right_ones_stand() -> None:
             told += likely is not None
             assert likely is None or likely.order == order
     assert told >= 0.5 * 8 * len(orders)  # of the others the poses turn too little to tell
+
+
+def test_how_far_a_flange_wanders_is_its_root_mean_square_and_nothing_where_it_turns_about_a_point() -> None:
+    places = [[-5.0, 0.0, 0.0], [5.0, 0.0, 0.0]]
+    level = [RigidTransform.of(np.eye(3), place, "base", "tool0") for place in places]
+    assert _spread_mm(level) == pytest.approx(5.0)
+    point_in_tool0, point_in_base = np.array([10.0, -20.0, 150.0]), np.array([800.0, 0.0, 300.0])
+    turns = [rotation_from_vector(turn) for turn in ([0.1, 0, 0], [0, 0.3, 0], [0.2, -0.2, 0.4], [0, 0, 1.0])]
+    about = [RigidTransform.of(turn, point_in_base - turn @ point_in_tool0, "base", "tool0") for turn in turns]
+    assert _spread_mm(about) == pytest.approx(0.0, abs=1e-9)
