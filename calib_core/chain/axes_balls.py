@@ -17,7 +17,7 @@ from calib_core.cell.walk import Position, Walk
 from calib_core.chain.axes_start import moved_back, refined
 from calib_core.chain.spread import robust_costs
 from calib_core.chain.table import TableReadings
-from calib_core.chain.table_start import best_start
+from calib_core.chain.table_start import best_start, has_circle
 from calib_core.frames import FloatArray
 
 _MOST_BALLS: Final = 4
@@ -71,8 +71,8 @@ def by_circles(walk: Walk, centers: FloatArray, at: Position) -> Position:
     for a in layout.carrying:
         alone = layout.rides[walk.place, a] & ~np.delete(moving, a, axis=1).any(axis=1)
         places, mounts = np.unique(walk.place[alone], return_inverse=True)
-        if layout.axes[a].kind == "rotary" and len({*walk.readings[alone, a].tolist()}) >= _LEAST:
-            readings = TableReadings(walk.readings[alone, a], mounts, len(places))
+        readings = TableReadings(walk.readings[alone, a], mounts, len(places))
+        if layout.axes[a].kind == "rotary" and has_circle(readings):
             axes[a] = best_start(readings, centers[alone]).state.axis
     return replace(at, axes=tuple(axes))
 

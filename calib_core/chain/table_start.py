@@ -222,6 +222,11 @@ def best_start(readings: TableReadings, centers: FloatArray) -> TableStart:
     return TableStart(state, sides, misfit)
 
 
+def has_circle(readings: TableReadings) -> bool:
+    """Return whether any mounting was read at three angles that tell a circle."""
+    return any(_triples(readings.angles_rad[readings.mounts == mount]) for mount in range(readings.mount_count))
+
+
 def _cost(misfit_mm: FloatArray) -> float:
     return float(robust_costs(misfit_mm))
 

@@ -17,6 +17,12 @@ def test_random_sets_of_few_captures_end_with_a_result_or_a_sentence(name: str) 
     assert row.holds, row.measured
 
 
+def test_mountings_of_two_angles_each_end_with_what_to_capture() -> None:
+    session, read = bench_degenerate.of_name("turntable")
+    ends = [*bench_degenerate.ended(bench_degenerate.drawn(session, 11), read)]
+    assert ends[1:] == ["MotionError", "MotionError"], ends
+
+
 @pytest.mark.thorough
 def test_a_tool_that_is_known_to_kilometres_says_nothing_of_the_workpiece(
     turntable_results: tuple[Session, dict[str, dict[str, Any]]],
