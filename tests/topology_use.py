@@ -29,14 +29,14 @@ _EXPORTS = ("json", "urdf", "abb")
 
 
 def put_to_use(scenario: TopologyScenario, seed: int, folder: Path) -> str:
-    """Return `solved`, by what it is named that it is not, or how it is wrong; whatever it is, nothing breaks."""
+    """Return `solved`, by what codes it is named, or how it is wrong; whatever it is, nothing breaks."""
     session, files, truth = simulate_topology(scenario, "drawn", seed)
     opened = in_memory(session, files)
     opened.check()
     try:
         results = opened.run()
-    except cc.CalibrationError:
-        return "named by an error"
+    except cc.CalibrationError as error:
+        return f"named by an error of {error.where}"
     guide(opened.record, [], results)
     for name in _EXPORTS:
         with suppress(cc.CalibrationError):  # said in a sentence, as that a position is open
@@ -47,7 +47,7 @@ def put_to_use(scenario: TopologyScenario, seed: int, folder: Path) -> str:
     assert opened.pack(folder / f"{seed}.zip").stat().st_size > 0
     last = results["chain" if "chain" in results else "tcp"]
     if last.verdict == "fail":
-        return "named by findings"
+        return f"named by {', '.join(sorted({one.code for one in last.findings if one.severity == 'error'}))}"
     assert merge_of_patches(session, files, results).points > 0
     # The 95 % of a χ² grow with the square of how many standard deviations are allowed.
     three = {many: 9.0 * limit / 4 for many, limit in _CHI2_95.items()}
