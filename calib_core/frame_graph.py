@@ -107,11 +107,12 @@ class FrameGraph:
         if missing:
             raise ConflictError(
                 f"{into}_from_{outof}",
-                "{missing}, which is {state}",
+                "{missing}, which is known of each capture alone"
+                if missing[0].state == "measured"
+                else "{missing}, which is not determined yet",
                 _to_do(missing[0]),
                 missing[0].source,
                 missing=missing[0].name,
-                state=missing[0].state,
             )
         return _along(way, _known_frame(into), self.shared)
 

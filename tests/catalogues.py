@@ -37,6 +37,7 @@ TEXTS = {
     "Fault": (3, 4),
     "adding": (0,),
     "Match": (1,),
+    "Registry": (0,),
 }  # which arguments are texts; of errors the first three
 Text = tuple[str, str]  # the template, and its plural or nothing
 _ERRORS = {error.__name__ for error in _kinds_of(CalibrationError)}
@@ -45,6 +46,11 @@ _LABEL = re.compile(r"[A-Z].*[a-z]|.* ")
 _WORDS = re.compile("[a-z]{2}|: |^[.]$|^(PASS|WARN|FAIL)$")  # what there is to translate
 _PLACE = re.compile(r"\{[^{}]*\}")
 _ALWAYS = datetime(2026, 1, 1, tzinfo=UTC)  # the files change with their texts alone
+
+
+def catalogue_names() -> set[str]:
+    """Return the names of what is called with a text and what fills its places."""
+    return {"message", "plural", *_ERRORS}
 
 
 def texts_by_area() -> dict[str, set[Text]]:

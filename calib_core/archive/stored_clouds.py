@@ -235,9 +235,13 @@ def in_format(stored: StoredFile, wanted: str, where: str, scans: Sequence[ScanP
     """
     fitting = cloud_formats() if stored.faces is None else mesh_formats()
     if wanted not in fitting:
-        what, other = ("a cloud", "the mesh") if stored.faces is None else ("a mesh", "the cloud")
-        need = message("{what} as {fitting}", what=what, fitting=", ".join(fitting))
-        raise InputError(need, f"'{wanted}'", "Name one of these, or take {other}.", where, other=other)
+        if stored.faces is None:
+            need = message("a cloud as {fitting:,}", fitting=list(fitting))
+            to_do = message("Name one of these, or take the mesh.")
+        else:
+            need = message("a mesh as {fitting:,}", fitting=list(fitting))
+            to_do = message("Name one of these, or take the cloud.")
+        raise InputError(need, f"'{wanted}'", to_do, where)
     entry = FORMATS.get(wanted, where)
     if wanted == "ply":
         return stored.bytes()

@@ -17,6 +17,12 @@ from calib_core.records import Capture, Cell, Changes, PoseReading
 Way = Literal["as-written", "inverted", "transposed", "columns"]
 
 MM_PER_UNIT = {"millimetres": 1.0, "centimetres": 10.0, "inches": 25.4, "metres": 1000.0}
+_IN_UNIT = {
+    "millimetres": message("in millimetres"),
+    "centimetres": message("in centimetres"),
+    "inches": message("in inches"),
+    "metres": message("in metres"),
+}
 _NEAREST_MM, _FARTHEST_MM = 120.0, 9000.0  # how far arms' flanges are from their bases
 _MOST_RAD = 2 * np.pi + 0.01
 _ANGLES = ("ZYX", "XYZ", "ZYZ")
@@ -119,8 +125,7 @@ class Reading:
         if self.way == "columns":
             found.append(message("matrices written column by column"))
         if self.mm_per_unit != told.mm_per_unit:
-            unit = next(name for name, factor in MM_PER_UNIT.items() if factor == self.mm_per_unit)
-            found.append(message("in {unit}", unit=unit))
+            found.append(next(said for name, said in _IN_UNIT.items() if MM_PER_UNIT[name] == self.mm_per_unit))
         if self.convention.form != "quaternion" and self.convention.form != "matrix":
             usual = self.convention.form == "rotation-vector"
             if self.radians != usual:

@@ -7,7 +7,7 @@ from typing import Final
 from calib_core.cell.axes import TABLE, axes_needed, axes_of, carrier_of_axis, readings
 from calib_core.errors import InputError
 from calib_core.frames import FRAMES
-from calib_core.messages import message
+from calib_core.messages import message, templates
 from calib_core.records import Capture, Cell, CellAxis, Sphere
 from calib_core.steps import steps_that_show
 
@@ -62,14 +62,14 @@ def _require_carriers(cell: Cell, axes: Sequence[CellAxis]) -> None:
             if _named(axes, under).carries != axis.carries:
                 raise InputError(
                     "axes that carry what stands on them",
-                    "the axis '{name}' of the {own} on '{under}', which carries another",
+                    "the axis '{name}' with `carries: {own}` on '{under}', which carries another",
                     "Correct `on` or `carries`.",
                     "cell.axes",
                     name=way[-1], own=axis.carries, under=under,
                 )  # fmt: skip
             way.append(under)
     if len(feet := _ends(axes, "robot")) > 1:
-        names_of = " and ".join(f"'{name}'" for name in feet)
+        names_of = [f"'{name}'" for name in feet]
         to_do = message("Say by `on` which of them carries the other.")
         raise InputError("one axis that the robot stands on", "{names_of}", to_do, "cell.axes", names_of=names_of)
     table = () if cell.axes else (TABLE,)  # before any capture of it, too
@@ -86,6 +86,12 @@ def _ends(axes: Sequence[CellAxis], carries: str) -> list[str]:
     return [axis.name for axis in own if axis.name not in under]
 
 
+_SCANNERS_ON, _SPHERES_ON = templates((
+    "scanners on {needed}, as the arrangement '{arrangement}' has them",
+    "spheres on {needed}, as the arrangement '{arrangement}' has them",
+))  # fmt: skip
+
+
 def _require_arrangement(cell: Cell) -> None:
     """Refuse an arrangement beside scanners or balls that say otherwise."""
     if "arrangement" not in cell.model_fields_set:
@@ -93,17 +99,17 @@ def _require_arrangement(cell: Cell) -> None:
     fixed = cell.arrangement == "sphere-on-robot"
     scanners = [one.on for one in (cell.scanners or {}).values() if "on" in one.model_fields_set]
     balls = [ball.on for ball in cell.spheres or [] if ball.on is not None]
-    for what, told, flange in (("scanners", scanners, not fixed), ("spheres", balls, fixed)):
+    for need, told, flange in ((_SCANNERS_ON, scanners, not fixed), (_SPHERES_ON, balls, fixed)):
         needed = "tool0" if flange else "base"
         agree = [on for on in told if (on == "tool0") == flange]
         if told and not (agree if not fixed else len(agree) == len(told)):
             other = next(on for on in told if on not in agree)
             raise InputError(
-                "{what} on {needed}, as the arrangement '{arrangement}' has them",
+                need,
                 "on {other}",
                 "Leave `arrangement` out: `on` says it.",
                 "cell.arrangement",
-                what=what, needed=needed, arrangement=cell.arrangement, other=other,
+                needed=needed, arrangement=cell.arrangement, other=other,
             )  # fmt: skip
 
 

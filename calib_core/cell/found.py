@@ -106,7 +106,7 @@ def scanner_frame(result: Mapping[str, Any]) -> RigidTransform:
     """Return what `placed_scanner` does; raises InputError where there is none."""
     if (found := placed_scanner(result)) is not None:
         return found
-    raise InputError(" or ".join(SCANNER_FRAMES), "neither", "Solve the stage 'tcp' again.", "tcp")
+    raise InputError("{frames:or}", "neither", "Solve the stage 'tcp' again.", "tcp", frames=list(SCANNER_FRAMES))
 
 
 def answering(results: Mapping[str, Record | Mapping[str, Any]]) -> str | None:

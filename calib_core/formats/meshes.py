@@ -22,9 +22,9 @@ def parse_mesh(data: bytes, name: str) -> MeshData:
     found = [(entry.recognise(data, name).sure, entry) for entry in FORMATS if entry.read_mesh]
     sure, entry = max(found, key=lambda each: each[0])
     if not sure or entry.read_mesh is None:
-        titles = " or ".join(sorted((entry.name.upper() for _, entry in found), reverse=True))
+        titles = sorted((entry.name.upper() for _, entry in found), reverse=True)
         got = f"'.{name.rsplit('.', 1)[-1]}'" if "." in name else message("no ending")
-        raise InputError("a mesh as {titles}", got, "Export it in one of these formats.", name, titles=titles)
+        raise InputError("a mesh as {titles:or}", got, "Export it in one of these formats.", name, titles=titles)
     mesh = entry.read_mesh(data, name)
     if not len(mesh.triangles):
         raise wrong(name, message("no triangle"), message("Export a mesh, not a cloud."))

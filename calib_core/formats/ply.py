@@ -69,7 +69,7 @@ def read(data: bytes, name: str, settings: Settings, kind: PointKind | None) -> 
     """Return the vertices of a PLY file; raises InputError if it is no PLY file of points, or cut off."""
     header = _header(data, name)
     if not header.elements or header.elements[0].name != "vertex":
-        first = header.elements[0].name[:30] if header.elements else "(none)"
+        first = header.elements[0].name[:30] if header.elements else message("(none)")
         raise wrong(name, "PLY", message("an element '{first}' before the vertices", first=first))
     vertex = header.elements[0]
     lists = [p.name for p in vertex.properties if p.count]
@@ -138,7 +138,7 @@ def _header(data: bytes, where: str) -> _Header:
             case _:
                 pass
     if encoding not in _ORDERS:
-        raise wrong(where, "PLY", message("the format {encoding}", encoding=encoding[:40] or "(none)"))
+        raise wrong(where, "PLY", message("the format {encoding}", encoding=encoding[:40] or message("(none)")))
     return _Header(_ORDERS[encoding], elements, comments, end)
 
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from calib_core.errors import CalibrationError, InputError, MeasurementError, TooLargeError
 from calib_core.formats.format import Format, Kind, Match, PointKind, Reading, Settings, ending_of, require_kind
 from calib_core.frames import FloatArray
-from calib_core.messages import message
+from calib_core.messages import message, templates
 from calib_core.records.field_errors import input_error
 from calib_core.registry import Registry
 
@@ -38,6 +38,20 @@ def usual_kind(name: str) -> Kind | None:
     return likeliest.kinds[0] if likeliest.recognise(b"", name).sure else None
 
 
+_AS = templates({
+    "file": "a file as {endings}",
+    "profile": "a profile as {endings}",
+    "cloud": "a cloud as {endings}",
+    "frame": "an image as {endings}",
+    "mesh": "a mesh as {endings}",
+})  # fmt: skip
+_WITH_POINTS = templates({
+    "file": "a file with points",
+    "profile": "a profile with points",
+    "cloud": "a cloud with points",
+})  # fmt: skip
+
+
 def recognise(data: bytes, name: str, kind: Kind | None = None) -> tuple[Format, Match]:
     """Return the format that a file most probably has, and why; raises InputError where none claims it."""
     entries = [entry for entry in FORMATS if kind is None or kind in entry.kinds]
@@ -46,8 +60,8 @@ def recognise(data: bytes, name: str, kind: Kind | None = None) -> tuple[Format,
     if not match.sure:
         endings = ", ".join(endings_of(kind) if kind else endings_of())
         to_do = message("Export it in one of these formats.")
-        need = "a {kind} as {endings}"
-        raise InputError(need, ending_of(name) or "no ending", to_do, name, kind=kind or "file", endings=endings)
+        need = _AS.get(kind or "file", _AS["file"])
+        raise InputError(need, ending_of(name) or "no ending", to_do, name, endings=endings)
     return entry, match
 
 
@@ -83,7 +97,7 @@ def read_file(
     entry = FORMATS.get(format_name, name) if format_name else recognise(data, name, kind)[0]
     if not data:
         to_do = "Copy or export it again."
-        raise InputError("a {kind} with points", "an empty file", to_do, name, kind=kind or "file")
+        raise InputError(_WITH_POINTS[kind or "file"], "an empty file", to_do, name)
     if entry.read is None:
         to_do = "Export its points."
         raise InputError("a file of points", "a file of the format '{entry}'", to_do, name, entry=entry.name)

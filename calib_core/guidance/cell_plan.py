@@ -18,7 +18,7 @@ from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, greedy
 from calib_core.guidance.table_plan import TablePlan, TableToPlan, plan_table
-from calib_core.messages import message
+from calib_core.messages import message, templates
 from calib_core.records import Cell, NotNegative, Positive, Record
 from calib_core.records.planning import FieldOfView, Limits
 from calib_core.records.session import SphereClass
@@ -255,12 +255,16 @@ def _limited_by(situation: Situation) -> str:
     return min(left, key=lambda cause: left[cause])
 
 
+_SPHERE: Final[dict[SphereClass, str]] = templates({
+    "certified": "a certified sphere of {diameter_mm:g} mm",
+    "bearing": "a bearing ball of {diameter_mm:g} mm",
+    "coated": "a coated sphere of {diameter_mm:g} mm",
+    "turned": "a turned sphere of {diameter_mm:g} mm",
+})  # fmt: skip
+
+
 def _sentence(cell: CellToPlan, plan: SpherePlan) -> str:
-    sphere = message(
-        "a sphere of {diameter_mm:g} mm ({sphere_class})",
-        diameter_mm=plan.diameter_mm,
-        sphere_class=cell.sphere_class,
-    )
+    sphere = message(_SPHERE[cell.sphere_class], diameter_mm=plan.diameter_mm)
     if cell.wanted_mm is None:
         return message(
             "± {uncertainty_mm:.2g} mm at the workpiece with {sphere} and {count} captures.",

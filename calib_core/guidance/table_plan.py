@@ -106,7 +106,7 @@ def _layout(
 
 
 def _sentence(layout: TableLayout, wanted_mm: float | None) -> str:
-    at = " and ".join(f"{height:.0f}" for height in layout.heights_mm)
+    at = [f"{height:.0f}" for height in layout.heights_mm]
     where = message(
         "the sphere {radius_mm:.0f} mm off the axis at {at} mm above the workpiece's foot, {angles} angles each",
         radius_mm=layout.radius_mm,

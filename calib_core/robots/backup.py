@@ -113,14 +113,14 @@ def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
         for brand in by_ending or know:
             counts[brand.name] = counts.get(brand.name, 0) + 1
     if not counts:
-        to_do = message("Name the brand with --brand: {best}.", best=_readers())
+        to_do = message("Name the brand with --brand: {best:,}.", best=_readers())
         raise InputError("a file of a known controller", "one that no brand's reader knows", to_do, where)
     most = max(counts.values())
     best = [name for name, count in counts.items() if count == most]
     if len(best) > 1:
-        to_do = message("Name the brand with --brand: {best}.", best=", ".join(best))
+        to_do = message("Name the brand with --brand: {best:,}.", best=best)
         need = "files of one brand"
-        raise InputError(need, "files that {best} could have written", to_do, where, best=" and ".join(best))
+        raise InputError(need, "files that {best} could have written", to_do, where, best=best)
     return BRANDS.get(best[0])
 
 
@@ -132,5 +132,5 @@ def _text(data: bytes, name: str) -> str:
         return ""
 
 
-def _readers() -> str:
-    return ", ".join(brand.name for brand in BRANDS if brand.reads)
+def _readers() -> list[str]:
+    return [brand.name for brand in BRANDS if brand.reads]

@@ -8,6 +8,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from calib_core.messages import message
 from calib_core.poses.conventions import Writer
 from calib_core.proof import Proof, is_experimental
 
@@ -64,9 +65,9 @@ class Brand(Writer):
     marks: str = ""
     flange: frozenset[str] = frozenset({"0"})
     base: frozenset[str] = frozenset({"0"})
-    definitions: str = "the controller's backup"
+    definitions: str = message("the controller's backup")
     frames_settled: bool = True
-    points: str = "the file that holds it"
+    points: str = message("the file that holds it")
     proof: Proof = "manual only"
 
     def recognises(self, text: str, name: str) -> bool:

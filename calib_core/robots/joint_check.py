@@ -18,7 +18,7 @@ _ANOTHER_ARM = 0.2  # the share of poses that do not fit from which on the arm, 
 
 def without_arm(read: ControllerFile) -> ControllerFile:
     """Return what was read, with the places of which only joints are known among what was skipped."""
-    to_do = "Name the arm (cell.robot.arm), or record the Cartesian pose."
+    to_do = message("Name the arm (cell.robot.arm), or record the Cartesian pose.")
     alone = [
         Skipped(one.line, message("{taught}: joints alone, no pose. {arm}", taught=one.name, arm=to_do), one.file)
         for one in read.poses

@@ -2,13 +2,18 @@
 
 from collections.abc import Sized
 
-from calib_core.messages import message, plural
+from calib_core.messages import Message, message, plural
 
 CALCULATED = message("a calculated position has no value in the file")
 CUT = message("is the file cut?")
 CUT_LINE = message("the file ends in this line, without an end of line: {cut}", cut=CUT)
 TWICE = message("it stands there twice")
 UNMATCHED = message("its brackets do not match: {cut}", cut=CUT)
+
+
+def of_line(is_tool: bool, line: int) -> Message:
+    """Return the name of a tool, or of a frame, that has none in the file."""
+    return message("tool of line {line}", line=line) if is_tool else message("frame of line {line}", line=line)
 
 
 def changed(line: int) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
-from calib_core.messages import message, sentences
+from calib_core.messages import message, plural, sentences
 from calib_core.poses.convention import Convention
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.poses.numbers import convention_named, parse_pose, to_pose
@@ -47,13 +47,11 @@ class ReadBack:
         """Return the outcome of a comparison with an answer that has faults: its words say so."""
         if not faults:
             return self
-        sentences = " ".join(
-            message(
-                "But the answer is {found}: {advice}", found=FAULTS[name].got, advice=_lower(FAULTS[name].to_do)
-            )
+        told = [
+            message("But the answer is {found}. {advice}", found=FAULTS[name].got, advice=FAULTS[name].to_do)
             for name in faults
-        )
-        return replace(self, words=f"{self.words} {sentences}", faults=tuple(faults))
+        ]
+        return replace(self, words=sentences([self.words, *told]), faults=tuple(faults))
 
     def to_json(self) -> dict[str, Any]:
         """Return it as JSON data; distances are null where the numbers are no pose."""
@@ -65,10 +63,6 @@ class ReadBack:
             "rotation_deg": self.rotation_deg if finite else None,
             "faults": list(self.faults),
         }
-
-
-def _lower(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]
 
 
 def typed_numbers(text: str, convention: str) -> list[float]:
@@ -128,14 +122,12 @@ def read_back(numbers: Sequence[float], convention: str, expected: RigidTransfor
     target = RigidTransform(expected.matrix, "base", "tool0")
     apart = _apart(known, numbers, target)
     if apart and _is_same(apart):
-        return ReadBack(True, "Equal to the digits that a controller keeps.", *apart)
+        return ReadBack(True, message("Equal to the digits that a controller keeps."), *apart)
     far = apart or (math.inf, math.inf)
-    names = known.numbers.split()
     for words, changed, name in _mistakes(known, list(numbers)):
         found = _apart(CONVENTIONS[name], changed, target)
         if found and _is_same(found):
-            first = words if words.split()[0].rstrip(",") in names else words[0].upper() + words[1:]
-            return ReadBack(False, f"{first}.", *far)
+            return ReadBack(False, words, *far)
     return ReadBack(False, _differences(known, numbers, target, far), *far)
 
 
@@ -163,15 +155,14 @@ def _mistakes(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
         scale, words = _other_length(known)
         scaled = [v * scale for v in numbers[:3]] + numbers[3:]
         for more, changed, name in [*_orders(known, scaled), *_wholes(known, scaled)]:
-            yield f"{words}; and {more}", changed, name
+            yield sentences([words, more]), changed, name
 
 
 def _other_length(known: Convention) -> tuple[float, str]:
     """Return the factor of positions in the other unit of length, and the words for it."""
-    right, wrong = ("metres", "millimetres") if known.mm_per_unit == 1000 else ("millimetres", "metres")
-    return 1000.0 if wrong == "metres" else 1e-3, message(
-        "the position is in {wrong}, not in {right}", wrong=wrong, right=right
-    )
+    if known.mm_per_unit == 1000:
+        return 1e-3, message("The position is in millimetres, not in metres.")
+    return 1000.0, message("The position is in metres, not in millimetres.")
 
 
 def _units(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
@@ -184,19 +175,20 @@ def _units(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
     scaled = [v * scale for v in numbers[:3]]
     yield in_other_length, scaled + numbers[3:], known.name
     if known.form != "quaternion":
-        right, wrong = ("radians", "degrees") if known.form == "rotation-vector" else ("degrees", "radians")
-        factor = math.pi / 180 if wrong == "degrees" else 180 / math.pi
+        factor, words = 180 / math.pi, message("Radians taken for degrees.")
+        if known.form == "rotation-vector":
+            factor, words = math.pi / 180, message("Degrees taken for radians.")
         turned = [v * factor for v in numbers[3:]]
-        words = f"{wrong} taken for {right}"
         yield words, numbers[:3] + turned, known.name
-        yield f"{words}; and {in_other_length}", scaled + turned, known.name
+        yield sentences([words, in_other_length]), scaled + turned, known.name
 
 
 def _orders(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
     """Yield swapped numbers, wrong signs, and numbers of another convention."""
     if known.form == "matrix":
         columns = np.array(numbers).reshape(4, 4).T
-        yield "the matrix is written column by column (transposed)", columns.ravel().tolist(), known.name
+        words = message("The matrix is written column by column (transposed).")
+        yield words, columns.ravel().tolist(), known.name
         return
     names = known.numbers.split()
     for begin, end in ((3, len(names)), (0, 3)):
@@ -204,18 +196,20 @@ def _orders(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
             moved = [i for i, j in zip(range(begin, end), order, strict=True) if i != j]
             if moved:
                 changed = numbers[:begin] + [numbers[i] for i in order] + numbers[end:]
-                kind = "swapped" if len(moved) == 2 else "in another order"
-                yield f"{_and([names[i] for i in moved])} are {kind}", changed, known.name
+                told = [names[i] for i in moved]
+                swapped = message("{names} are swapped.", names=told)
+                words = swapped if len(moved) == 2 else message("{names} are in another order.", names=told)
+                yield words, changed, known.name
     for signs in product((1, -1), repeat=len(names)):
         wrong = [name for name, sign in zip(names, signs, strict=True) if sign < 0]
         if 0 < len(wrong) <= 3:
             changed = [v * s for v, s in zip(numbers, signs, strict=True)]
-            verb = "has the wrong sign" if len(wrong) == 1 else "have the wrong sign"
-            yield f"{_and(wrong)} {verb}", changed, known.name
+            words = plural("{names} has the wrong sign.", "{names} have the wrong sign.", by="names", names=wrong)
+            yield words, changed, known.name
     for other in CONVENTIONS.values():
         if other.count == known.count and other.name != known.name:
             words = message(
-                "the numbers are written as {other} writes them ({formula}), not as {known}",
+                "The numbers are written as {other} writes them ({formula}), not as {known}.",
                 other=other.name,
                 formula=other.formula,
                 known=known.name,
@@ -229,23 +223,20 @@ def _wholes(known: Convention, numbers: list[float]) -> Iterator[_Mistake]:
     except InputError:
         return
     inverse = RigidTransform(pose.inverse().matrix, "base", "tool0")
-    yield "it is the inverse (the flange in the scanner)", to_pose(known.name, inverse), known.name
+    yield message("It is the inverse (the flange in the scanner)."), to_pose(known.name, inverse), known.name
     turned = RigidTransform.of(pose.rotation.T, pose.translation_mm, "base", "tool0")
-    yield "its rotation is transposed (the inverse rotation)", to_pose(known.name, turned), known.name
+    words = message("Its rotation is transposed (the inverse rotation).")
+    yield words, to_pose(known.name, turned), known.name
     half = RigidTransform.of([0.0, 0.0, math.pi], [0.0, 0.0, 0.0], "base", "base") @ pose
-    words = "it is turned by half a turn about z (ROS's base_link and the controller's base differ so)"
+    words = message("It is turned by half a turn about z (ROS's base_link and the controller's base differ so).")
     yield words, to_pose(known.name, half), known.name
-
-
-def _and(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _differences(
     known: Convention, numbers: Sequence[float], target: RigidTransform, apart: tuple[float, float]
 ) -> str:
     if not math.isfinite(apart[0]):
-        return "The numbers are no pose in this convention: check their order and their unit."
+        return message("The numbers are no pose in this convention: check their order and their unit.")
     wanted = to_pose(known.name, target)
     degrees = known.form in ("ZYX", "XYZ", "ZYZ")
     told = [_POSITION_MM / known.mm_per_unit] * 3 + [_ROTATION_DEG if degrees else 1e-4] * (known.count - 3)

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
-from calib_core.messages import explained, message, sentences
+from calib_core.messages import explained, message, sentences, templates
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, FilePose, Found, Frame, Reference, Skipped, Taught
@@ -60,6 +60,20 @@ UNSAID = {
 }
 """What is left open about a pose whose tool or frame no file says."""
 
+_ACTIVE = templates({
+    "tool": "No program says with which tool it was taught: the one active in the backup, {active}, is taken.",
+    "frame": "No program says with which frame it was taught: the one active in the backup, {active}, is taken.",
+})  # fmt: skip
+_NAMED = templates({"tool": "tool {number}", "frame": "frame {number}"})
+_TAKEN = templates({
+    "tool": "Taken as written, with tool {number}, which the file does not define.",
+    "frame": "Taken as written, with frame {number}, which the file does not define.",
+})  # fmt: skip
+_UNDEFINED = templates({
+    "tool": "taught with tool {number}, which the file does not define",
+    "frame": "taught with frame {number}, which the file does not define",
+})  # fmt: skip
+
 
 def _nowhere(brand: Brand, found: Sequence[Found]) -> Iterator[Skipped]:
     """Yield the named positions that moves go to and none of the files holds."""
@@ -105,11 +119,7 @@ def _as_saved(taught: Taught, what: str, active: Reference | None) -> Taught:
     """Return a pose with the backup's active tool or frame, where no program says which it was."""
     if active is None or taught.numbers is None or getattr(taught, what) is not None:
         return taught
-    said = message(
-        "No program says with which {what} it was taught: the one active in the backup, {active}, is taken.",
-        what=what,
-        active=active,
-    )
+    said = message(_ACTIVE[what], active=active)
     return replace(taught, **{what: active}, doubt=sentences([taught.doubt or "", said or ""]))
 
 
@@ -230,21 +240,22 @@ def _looked_up(
     entry = known.get(_key(number))
     if entry is not None:
         if entry.moving and not as_written:
-            raise InputError("", f"{what} {number} {entry.moving}", "Such poses are not supported yet.")
+            raise InputError(
+                "",
+                explained(message(_NAMED[what], number=number), entry.moving),
+                "Such poses are not supported yet.",
+            )
         stands_there = np.array_equal(parse_pose(entry.convention, entry.pose).matrix, np.eye(4))
         return None if stands_there else entry, entry.doubt
     if str(number).lower() in plain:
         return None, brand.doubt(what, number)
     if as_written:
-        return None, message(
-            "Taken as written, with {what} {number}, which the file does not define.", what=what, number=number
-        )
+        return None, message(_TAKEN[what], number=number)
     if what == "frame" and not brand.frames_settled:
         got = "taught after {number}, and which way round that works is not settled for all controllers"
         raise InputError("", got, "Record the flange in the base, without it.", number=number)
-    got = "taught with {what} {number}, which the file does not define"
     to_do = "Give the file that defines it as well ({definitions}), or record the flange in the base."
-    raise InputError("", got, to_do, what=what, number=number, definitions=brand.definitions)
+    raise InputError("", _UNDEFINED[what], to_do, number=number, definitions=brand.definitions)
 
 
 def _key(number: Reference, group: int = 1) -> str:

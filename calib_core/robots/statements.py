@@ -7,7 +7,7 @@ from typing import Literal
 
 from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
-from calib_core.robots.phrases import require_count
+from calib_core.robots.phrases import of_line, require_count
 from calib_core.robots.text import numbers, source_of, without_comments
 
 VALUES = r"(?P<values>[-+.\d eE,]+)"
@@ -101,7 +101,7 @@ def _taken(kind: str, groups: dict[str, str], convention: str, line: int, found:
     require_count(values[:6], 6)
     if kind in ("tool", "frame"):
         given = groups.get("number")
-        number: Reference = int(given) if given else message("{kind} of line {line}", kind=kind, line=line)
+        number: Reference = int(given) if given else of_line(kind == "tool", line)
         entry = Frame(number, None if given else str(number), values[:6], convention, line, found.file)
         (found.tools if kind == "tool" else found.frames).append(entry)
         return None if given else number

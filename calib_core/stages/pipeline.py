@@ -177,5 +177,5 @@ def _require_captures(captures: list[Capture], stage: Stage) -> None:
         step = stage.step or next(
             other.step for other in stages() if other.step and other.step.name in stage.steps
         )
-        steps = " or ".join(f"'{name}'" for name in stage.steps)
-        raise InputError("captures with step {steps}", "none", step.to_capture, "captures", steps=steps)
+        steps = [f"'{name}'" for name in stage.steps]
+        raise InputError("captures with step {steps:or}", "none", step.to_capture, "captures", steps=steps)

@@ -2,8 +2,9 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from calib_core.messages import templates
 from server.console.command import NOT_ACCEPTED, OK, Command, data_argument
 from server.console.output import print_result
 from server.console.progress import progress_bar
@@ -58,6 +59,13 @@ def _examined(options: argparse.Namespace, settings: "Settings") -> "Examination
         return examine(settings, progress)
 
 
+_LINES: Final = templates({
+    "damage": "damage: {place}: {what}",
+    "leftover": "leftover: {place}: {what}",
+    "note": "note: {place}: {what}",
+})  # fmt: skip
+
+
 def _line(finding: "Finding") -> str:
     from calib_core.messages import message
 
@@ -66,7 +74,7 @@ def _line(finding: "Finding") -> str:
         place = message("session {session}", session=finding.session)
     if finding.capture:
         place = message("session {session}, capture {capture}", session=finding.session, capture=finding.capture)
-    return message("{kind}: {place}: {what}", kind=finding.kind, place=place, what=finding.what)
+    return message(_LINES[finding.kind], place=place, what=finding.what)
 
 
 def _sum(found: "Examination") -> str:

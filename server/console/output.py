@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from calib_core.disk import WINDOWS, extended, temporary_folder
+from calib_core.messages import message
 from server.console.language import lines_said
 
 STANDARD_OUTPUT = STANDARD_INPUT = Path("-")
@@ -115,7 +116,7 @@ def _stream(file: BinaryIO, pieces: Iterable[bytes | memoryview]) -> None:
 
 def input_name(path: Path) -> str:
     """Return how people are told of a file that is read, which may be what came on standard input."""
-    return _SPOOLED if path.name == _SPOOLED else str(path)
+    return message("standard input") if path.name == _SPOOLED else str(path)
 
 
 @contextmanager

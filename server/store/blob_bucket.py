@@ -93,9 +93,9 @@ class BucketBlobs(Blobs):
         try:
             self.open(digest).close()
         except NotFoundError:
-            return "missing"
+            return message("missing from the store")
         except DamagedError:
-            return "altered"
+            return message("altered since it was stored")
         return None
 
     def digests(self, beginning: str = "") -> Iterator[str]:

@@ -12,6 +12,7 @@ from secrets import token_hex
 from typing import IO
 
 from calib_core.disk import WINDOWS, remove_file, replace_file, sync_folder
+from calib_core.messages import message
 from server.store.blobs import AT_ONCE, YOUNG_S, Blobs, Pieces, copied, digest_of, missing, require_same
 from server.store.file_lock import file_lock
 
@@ -112,11 +113,11 @@ class FolderBlobs(Blobs):
         """Return in words what is wrong with a blob, None where nothing is."""
         try:
             with self.path(digest).open("rb") as file:
-                return None if digest_of(file) == digest else "altered"
+                return None if digest_of(file) == digest else message("altered since it was stored")
         except FileNotFoundError:
-            return "missing"
+            return message("missing from the store")
         except OSError as error:
-            return f"unreadable ({error.strerror or type(error).__name__})"
+            return message("unreadable ({error})", error=error.strerror or type(error).__name__)
 
     def digests(self, beginning: str = "") -> Iterator[str]:
         """Give the SHA-256 of every blob there is, or of those that begin with two digits."""

@@ -7,6 +7,7 @@ from sqlalchemy import Connection, func, select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import undefer
 
+from calib_core.messages import message, plural, templates
 from server.settings import Settings
 from server.store.engine import engine_of
 from server.store.models import CaptureRow, EquipmentRow, LogRow, ReleaseRow, ResultRow, SessionRow
@@ -16,7 +17,12 @@ from server.store.sessions import latest_results
 from server.store.signed_log import begin, end_to_keep, is_whole, keep_end, note, verify_anew
 from server.store.store_lock import store_lock
 
-_BY_HAND = "by other ways than a server"
+_CAPTURE_CHANGED, _PIECE_CHANGED, _SOURCE_CHANGED, _OF_KEY = templates((
+    "its record, or what was measured in it, was changed by other ways than a server",
+    "the piece of equipment {piece} was changed by other ways than a server",
+    "what its result {number} of {stage} was solved from was changed",
+    "signed with the key {key}, which is not trusted here: {count} of the records",
+))  # fmt: skip
 
 
 def changed_rows(connection: Connection) -> Iterator[tuple[str, str, str]]:
@@ -26,35 +32,33 @@ def changed_rows(connection: Connection) -> Iterator[tuple[str, str, str]]:
             yield said, "", ""
         for row in (row for row in _not_holding(db) if row.unknown_key is None):
             if isinstance(row, SessionRow):
-                yield f"its record was changed {_BY_HAND}", row.id, ""
+                yield message("its record was changed by other ways than a server"), row.id, ""
             elif isinstance(row, CaptureRow):
-                yield f"its record, or what was measured in it, was changed {_BY_HAND}", row.session_id, row.id
+                yield message(_CAPTURE_CHANGED), row.session_id, row.id
             elif isinstance(row, EquipmentRow):
-                yield f"the piece of equipment {row.id} was changed {_BY_HAND}", "", ""
+                yield message(_PIECE_CHANGED, piece=row.id), "", ""
             elif isinstance(row, LogRow):
-                yield f"the entry {row.number} of the signed log was changed", "", ""
+                yield message("the entry {number} of the signed log was changed", number=row.number), "", ""
         for session, stage in _removed(db):
-            yield f"its newest result of {stage} was taken out, or changed", session, ""
+            yield message("its newest result of {stage} was taken out, or changed", stage=stage), session, ""
         for row in _of_other_origin(db):
-            yield f"what its result {row.number} of {row.stage} was solved from was changed", row.session_id, ""
+            yield message(_SOURCE_CHANGED, number=row.number, stage=row.stage), row.session_id, ""
         for row in _newest_releases(db):
             if is_release_removed(db, row):
                 yield (
-                    f"cell {row.cell}: a newer release, or the session that it is of, is gone",
+                    message("cell {cell}: a newer release, or the session that it is of, is gone", cell=row.cell),
                     "",
                     "",
                 )
         if not is_whole(db):
-            yield "entries of the signed log were taken out, or an older copy was put back", "", ""
+            yield message("entries of the signed log were taken out, or an older copy was put back"), "", ""
 
 
 def signed_elsewhere(connection: Connection) -> list[str]:
     """Return a sentence for each key that signed records and is not trusted here."""
     with Transaction(connection) as db:
         counts = Counter(key for row in _not_holding(db) if (key := row.unknown_key))
-    return [
-        f"signed with the key {key}, which is not trusted here: {n} of the records" for key, n in counts.items()
-    ]
+    return [message(_OF_KEY, key=key, count=n) for key, n in counts.items()]
 
 
 def accept(settings: Settings) -> list[str]:
@@ -92,7 +96,13 @@ def accept(settings: Settings) -> list[str]:
     engine.dispose()
     if end is not None:
         keep_end(end)
-    return [f"{len(rows)} changed rows were signed as they stand", "the signed log was begun anew"]
+    signed = plural(
+        "{count} changed row was signed as it stands",
+        "{count} changed rows were signed as they stand",
+        by="count",
+        count=len(rows),
+    )
+    return [signed, message("the signed log was begun anew")]
 
 
 def _removed(db: Transaction) -> list[tuple[str, str]]:

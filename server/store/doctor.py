@@ -10,6 +10,7 @@ from sqlalchemy.exc import DBAPIError
 
 from calib_core.archive.stored_results import require_result
 from calib_core.errors import CalibrationError
+from calib_core.messages import message, plural
 from calib_core.records import Measured, parse_session
 from server.settings import Settings
 from server.store.blob_places import open_blobs
@@ -95,8 +96,10 @@ def examine(settings: Settings, progress: Progress = lambda _fraction, _what: No
             _blobs(connection, blobs, found, progress)
     except DBAPIError as error:
         said = " ".join(str(error.orig).split())
-        to_do = "Restore it from a backup (`scancell restore`)."
-        found.findings.append(Finding("damage", f"the database cannot be read: {said}. {to_do}"))
+        what = message(
+            "the database cannot be read: {said}. Restore it from a backup (`scancell restore`).", said=said
+        )
+        found.findings.append(Finding("damage", what))
     finally:
         engine.dispose()
     return found
@@ -123,21 +126,25 @@ def _integrity(connection: sa.Connection, found: Examination) -> None:
         return
     for (said,) in connection.exec_driver_sql("PRAGMA integrity_check"):
         if said != "ok":
-            found.findings.append(Finding("damage", f"the database is damaged: {said}"))
+            found.findings.append(Finding("damage", message("the database is damaged: {said}", said=said)))
     for row in connection.exec_driver_sql("PRAGMA foreign_key_check"):
-        found.findings.append(Finding("damage", f"a row of {row[0]} belongs to one of {row[2]} that is not there"))
+        what = message("a row of {table} belongs to one of {other} that is not there", table=row[0], other=row[2])
+        found.findings.append(Finding("damage", what))
 
 
 def _revision(connection: sa.Connection, found: Examination) -> None:
     stored, head = stored_revision(connection), head_revision()
     if stored == head:
         return
-    known = "an earlier version; the next start brings it up to date"
-    if stored is None or stored > head:
-        known = "another version of scancell; use that one"
-    found.findings.append(
-        Finding("note", f"the tables are those of {known} (they have {stored}, this has {head})")
+    said = message(
+        "the tables are those of another version of scancell; use that one (they have {stored}, this has {head})"
+        if stored is None or stored > head
+        else "the tables are those of an earlier version; the next start brings it up to date "
+        "(they have {stored}, this has {head})",
+        stored=stored,
+        head=head,
     )
+    found.findings.append(Finding("note", said))
 
 
 def _records(connection: sa.Connection, found: Examination) -> None:
@@ -164,19 +171,19 @@ def _session(connection: sa.Connection, row: Row, found: Examination) -> None:
             record = _data(capture["record"])
             Measured.model_validate(_data(capture["measured"]))
         except ValueError as error:  # pydantic's are of this kind too
-            damage(f"its record is not what was stored: {_first_line(error)}", capture["id"])
+            damage(message("its record is not what was stored: {error}", error=_first_line(error)), capture["id"])
             continue
         records.append(record)
         if sorted(record.get("files", [])) != sorted(named.get(capture["id"], [])):
-            damage("its record names other files than are stored", capture["id"])
+            damage(message("its record names other files than are stored"), capture["id"])
     try:
         parse_session({**_data(row["record"]), "captures": records}, "session.json")
     except (ValueError, CalibrationError) as error:
-        damage(f"its record is not what was stored: {_first_line(error)}")
+        damage(message("its record is not what was stored: {error}", error=_first_line(error)))
     _results(connection, session, damage)
     last = connection.scalar(sa.select(sa.func.max(_EVENTS.c.id)).where(_EVENTS.c.session_id == session))
     if last is not None and last != row["last_event"]:
-        damage(f"its log ends at {last}, not at {row['last_event']}")
+        damage(message("its log ends at {last}, not at {told}", last=last, told=row["last_event"]))
 
 
 def _files_of(connection: sa.Connection, session: str) -> dict[str, list[str]]:
@@ -192,7 +199,10 @@ def _results(connection: sa.Connection, session: str, damage: Callable[[str], No
         try:
             require_result(result["stage"], _data(result["record"]), f"result {result['number']}")
         except (ValueError, CalibrationError) as error:
-            damage(f"its result of {result['stage']} is not what was stored: {_first_line(error)}")
+            said = _first_line(error)
+            damage(
+                message("its result of {stage} is not what was stored: {error}", stage=result["stage"], error=said)
+            )
 
 
 def _blobs(connection: sa.Connection, blobs: Blobs, found: Examination, progress: Progress) -> None:
@@ -202,26 +212,48 @@ def _blobs(connection: sa.Connection, blobs: Blobs, found: Examination, progress
         digest = row["sha256"]
         if digest not in known:
             known[digest] = blobs.damage(digest)
-            progress(min(found.files / total, 1.0), "comparing files")
+            progress(min(found.files / total, 1.0), message("comparing files"))
         found.files += 1
         wrong = known[digest]
         if wrong:
             found.findings.append(_damaged(row, wrong))
     orphans = sum(digest not in known for digest in blobs.digests())
     if orphans:
-        what = f"{orphans} stored files that nothing refers to"
-        found.findings.append(Finding("leftover", f"{what}; `--repair` removes them"))
+        what = plural(
+            "{count} stored file that nothing refers to; `--repair` removes it",
+            "{count} stored files that nothing refers to; `--repair` removes them",
+            by="count",
+            count=orphans,
+        )
+        found.findings.append(Finding("leftover", what))
     halves = blobs.interrupted()
     if halves:
-        what = f"{len(halves)} files of uploads that are under way or were cut off"
-        found.findings.append(Finding("leftover", f"{what}; the next start, or `--repair`, removes them"))
+        what = plural(
+            "{count} file of an upload that is under way or was cut off; the next start, or `--repair`, removes "
+            "it",
+            "{count} files of uploads that are under way or were cut off; the next start, or `--repair`, removes "
+            "them",
+            by="count",
+            count=len(halves),
+        )
+        found.findings.append(Finding("leftover", what))
 
 
 def _damaged(row: Row, wrong: str) -> Finding:
-    to_do = "Restore it from a backup (`scancell doctor --repair --backup DIR`), or upload the capture again."
+    to_do = message(
+        "Restore it from a backup (`scancell doctor --repair --backup DIR`), or upload the capture again."
+    )
     if "capture_id" not in row:
-        to_do = "Solve the stage again, or restore it from a backup (`scancell doctor --repair --backup DIR`)."
-    what = f"the file {row['name']} is {wrong} ({row['sha256'][:12]}…). {to_do}"
+        to_do = message(
+            "Solve the stage again, or restore it from a backup (`scancell doctor --repair --backup DIR`)."
+        )
+    what = message(
+        "the file {name} is {wrong} ({digest}…). {to_do}",
+        name=row["name"],
+        wrong=wrong,
+        digest=row["sha256"][:12],
+        to_do=to_do,
+    )
     return Finding("damage", what, row["session_id"], row.get("capture_id", ""), row["sha256"])
 
 

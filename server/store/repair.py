@@ -5,6 +5,7 @@ from pathlib import Path
 import sqlalchemy as sa
 
 from calib_core.errors import DamagedError, NotFoundError
+from calib_core.messages import message, plural
 from server.settings import Settings
 from server.store.blob_folder import FolderBlobs
 from server.store.blob_places import open_blobs
@@ -36,17 +37,31 @@ def repair(settings: Settings, found: Examination, backup: Path | None) -> list[
             for digest in sorted({finding.sha256 for finding in found.findings if finding.sha256}):
                 try:
                     blobs.mend(kept.read(digest))
-                    done.append(f"the file {digest[:12]}… was put back")
+                    done.append(message("the file {digest}… was put back", digest=digest[:12]))
                 except (NotFoundError, DamagedError):
-                    done.append(f"the file {digest[:12]}… is not in the backup")
+                    done.append(message("the file {digest}… is not in the backup", digest=digest[:12]))
         halves = len(blobs.interrupted())
         blobs.clean()
         orphans = set(blobs.digests()) - _referred(settings)
         blobs.remove(orphans, young_s=-1.0)  # no upload is under way
     if halves:
-        done.append(f"{halves} files of interrupted uploads were removed")
+        done.append(
+            plural(
+                "{count} file of an interrupted upload was removed",
+                "{count} files of interrupted uploads were removed",
+                by="count",
+                count=halves,
+            )
+        )
     if orphans:
-        done.append(f"{len(orphans)} files that nothing refers to were removed")
+        done.append(
+            plural(
+                "{count} file that nothing refers to was removed",
+                "{count} files that nothing refers to were removed",
+                by="count",
+                count=len(orphans),
+            )
+        )
     return done
 
 

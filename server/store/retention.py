@@ -37,7 +37,7 @@ class Old:
 def require_limits(limits: Mapping[str, float | None]) -> None:
     """Refuse limits by their names; raises InputError where none is given, or one is no size or time."""
     if all(limit is None for limit in limits.values()):
-        raise InputError(" or ".join(limits), "neither", "Say what need not be kept.", "retention")
+        raise InputError("{limits:or}", "neither", "Say what need not be kept.", "retention", limits=list(limits))
     for name, limit in limits.items():
         if limit is not None and not (math.isfinite(limit) and 0 <= limit <= _MOST):
             raise InputError("a number from 0 to {most:g}", f"{limit:g}", "Name another.", name, most=_MOST)

@@ -57,7 +57,7 @@ def test_what_does_not_follow_is_said_with_what_would_help() -> None:
     graph = FrameGraph(
         [FrameEdge("tool0", "laser", "sought", "tcp"), FrameEdge("base", "tool0", "measured", "captures")]
     )
-    with pytest.raises(ConflictError, match=r"tool0_from_laser, which is sought.*Solve the stage 'tcp'"):
+    with pytest.raises(ConflictError, match=r"tool0_from_laser, which is not determined.*Solve the stage 'tcp'"):
         graph.find("tool0", "laser")
     with pytest.raises(ConflictError, match="Name the capture"):
         graph.find("tool0", "base")

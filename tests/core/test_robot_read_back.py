@@ -37,8 +37,8 @@ def test_what_people_mistype_is_told_in_words(convention: str) -> None:
         ([x, y, z, *radians], "Radians taken for degrees"),
         ([x / 1000, y / 1000, z / 1000, a, b, c], "in metres, not in millimetres"),
         ([x, y, z, a, -b, c], f"{names[4]} has the wrong sign"),
-        ([x / 1000, y / 1000, z / 1000, *radians], "Radians taken for degrees; and the position is in metres"),
-        ([x / 1000, y / 1000, z / 1000, b, a, c], f"in metres, not in millimetres; and {names[3]} and {names[4]}"),
+        ([x / 1000, y / 1000, z / 1000, *radians], "Radians taken for degrees. The position is in metres"),
+        ([x / 1000, y / 1000, z / 1000, b, a, c], f"in metres, not in millimetres. {names[3]} and {names[4]}"),
     ):
         found = read_back(typed, convention, TOOL)
         assert not found.equal
@@ -103,7 +103,7 @@ def test_a_comparison_with_an_answer_that_is_stale_or_failed_says_so() -> None:
     stale = same.of_answer(("stale",))
     assert (stale.equal, stale.faults) == (True, ("stale",))
     assert stale.words.startswith("Equal")
-    assert "solve the session again" in stale.words
+    assert "Solve the session again." in stale.words
     both = read_back([*numbers("kuka")[:5], 0.0], "kuka", TOOL).of_answer(("stale", "fail")).to_json()
     assert (both["equal"], both["faults"]) == (False, ["stale", "fail"])
     assert "verdict 'fail'" in both["words"]

@@ -255,7 +255,7 @@ def test_the_commands_say_what_they_did(tmp_path: Path, capsys: pytest.CaptureFi
     store.close()
     assert main(["backup", "--data", data, "--out", out]) == 0
     assert main(["doctor", "--data", data, "--repair"]) == 0
-    assert "repaired: 1 files that nothing refers to were removed" in capsys.readouterr().out
+    assert "repaired: 1 file that nothing refers to was removed" in capsys.readouterr().out
     assert not FolderBlobs(tmp_path / "data" / "blobs").path(blob).exists()
     assert main(["restore", out, "--data", str(tmp_path / "new")]) == 0
     capsys.readouterr()

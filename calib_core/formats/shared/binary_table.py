@@ -14,7 +14,7 @@ from calib_core.messages import message
 MAX_POINTS = 20_000_000
 
 
-def require_count(count: int, available: int, where: str, unit: str = "points") -> None:
+def require_count(count: int, available: int, where: str) -> None:
     """Refuse a count that the file cannot hold or the program will not.
 
     Raises
@@ -25,18 +25,16 @@ def require_count(count: int, available: int, where: str, unit: str = "points") 
         If it is beyond `MAX_POINTS`.
     """
     if count > MAX_POINTS:
-        need = "at most {max_points} {unit}"
+        need = "at most {max_points} points"
         to_do = "Thin the points."
-        raise TooLargeError(need, "{count} announced", to_do, where, max_points=MAX_POINTS, unit=unit, count=count)
+        raise TooLargeError(need, "{count} announced", to_do, where, max_points=MAX_POINTS, count=count)
     if count < 1:
         to_do = "Copy or export it again."
-        raise InputError("at least one of its {unit}", "{count} announced", to_do, where, unit=unit, count=count)
+        raise InputError("at least one point", "{count} announced", to_do, where, count=count)
     if available < count:
-        need = "the {count} {unit} that the header announces"
+        need = "the {count} points that the header announces"
         to_do = "Copy or export it again."
-        raise InputError(
-            need, "{available} in the file", to_do, where, count=count, unit=unit, available=available
-        )
+        raise InputError(need, "{available} in the file", to_do, where, count=count, available=available)
 
 
 def columns_from_records(
@@ -74,7 +72,7 @@ def parse_npy(data: bytes, where: str) -> tuple[NDArray[Any], tuple[str, ...]]:
         raise InputError(need, "an array of shape {shape}", to_do, where, shape=shape)
     width = list(shape)[-1] if len(shape) > 1 else 1
     rows = math.prod(list(shape)[:-1]) if len(shape) > 1 else math.prod(shape)
-    require_count(rows, (len(data) - offset) // max(dtype.itemsize * width, 1), where, "rows")
+    require_count(rows, (len(data) - offset) // max(dtype.itemsize * width, 1), where)
     if rows * width > 4 * MAX_POINTS:
         raise InputError(need, "an array of shape {shape}", "Save fewer points in a file.", where, shape=shape)
     flat = np.frombuffer(data, dtype=dtype, count=rows * width, offset=offset)

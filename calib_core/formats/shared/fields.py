@@ -72,7 +72,7 @@ def header_lines(data: bytes, last: bytes, where: str, format_name: str) -> tupl
 def require_axes(names: list[str], where: str, format_name: str) -> None:
     """Refuse fields of which not exactly one is x, y and z each; raises InputError."""
     if [names.count(axis) for axis in _AXES] != [1, 1, 1] or len(set(names)) != len(names):
-        raise wrong(where, format_name, message("the fields {names}", names=" ".join(names) or "(none)"))
+        raise wrong(where, format_name, message("the fields {names}", names=" ".join(names) or message("(none)")))
 
 
 def wrong(where: str, format_name: str, got: str) -> InputError:

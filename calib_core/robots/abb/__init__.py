@@ -1,5 +1,6 @@
 """ABB: RAPID modules and backups."""
 
+from calib_core.messages import message
 from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
 
@@ -28,8 +29,8 @@ class Abb(Brand):
     marks = r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget|tooldata|wobjdata)\b"
     flange = frozenset({"tool0"})
     base = frozenset({"wobj0"})
-    definitions = "the module with its tooldata and wobjdata, such as USER.SYS"
-    points = "the module that declares it"
+    definitions = message("the module with its tooldata and wobjdata, such as USER.SYS")
+    points = message("the module that declares it")
 
 
 BRAND = Abb()

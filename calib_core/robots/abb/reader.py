@@ -12,7 +12,7 @@ from calib_core.arms.configuration import ANYWHERE, Configuration
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
-from calib_core.messages import explained, message
+from calib_core.messages import explained, message, templates
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.abb.literal import Value, literal
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
@@ -105,11 +105,11 @@ class _Module:
             self._found.poses.append(Taught(name, None, "abb", line, joints, self._external(external), file=file))
         elif kind == "tooldata":
             held, frame, _ = self._list(value, 3)
-            moving = "" if self._boolean(held) else "stands still beside the robot (robhold is FALSE)"
+            moving = "" if self._boolean(held) else message("stands still beside the robot (robhold is FALSE)")
             self._found.tools.append(Frame(name, name, self._pose(frame), "abb", line, file, moving))
         else:
             held, programmed, mechanism, user, of_object = self._list(value, 5)
-            moving = "is held by the robot (robhold is TRUE)" if self._boolean(held) else ""
+            moving = message("is held by the robot (robhold is TRUE)") if self._boolean(held) else ""
             if not self._boolean(programmed):
                 moving = message(
                     "is moved by the mechanical unit {mechanism} (ufprog is FALSE)", mechanism=mechanism.text
@@ -216,17 +216,17 @@ class _Module:
             line = assigned.get(taught.name.partition("{")[0].lower())
             if line is not None:
                 self._found.poses[i] = replace(taught, doubt=changed(line))
-        for what, entries in (("tool", self._found.tools), ("work object", self._found.frames)):
+        for said, entries in zip(_CHANGED, (self._found.tools, self._found.frames), strict=True):
             for i, entry in enumerate(entries):
                 line = assigned.get(str(entry.number).partition("{")[0].lower())
                 if line is not None:
-                    doubt = message(
-                        "The program changes the {what} {number} (line {line}).",
-                        what=what,
-                        number=entry.number,
-                        line=line,
-                    )
-                    entries[i] = replace(entry, doubt=doubt)
+                    entries[i] = replace(entry, doubt=message(said, number=entry.number, line=line))
+
+
+_CHANGED = templates((
+    "The program changes the tool {number} (line {line}).",
+    "The program changes the work object {number} (line {line}).",
+))  # fmt: skip
 
 
 def _chained(user: tuple[float, ...], of_object: tuple[float, ...]) -> tuple[float, ...]:

@@ -3,6 +3,7 @@
 Its angles are as Doosan programming manual, posx (Euler angles ZYZ) writes them: R = Rz(A) · Ry(B) · Rz(C).
 """
 
+from calib_core.messages import message
 from calib_core.robots.brand import Brand
 
 
@@ -14,7 +15,7 @@ class Doosan(Brand):
     writes_like = "kawasaki"  # R = Rz(A) · Ry(B) · Rz(C)
     endings = (".drl", ".py", ".txt")
     marks = r"\bposx\s*\(\s*[-+.\d]"
-    definitions = "the controller's TCP settings"
+    definitions = message("the controller's TCP settings")
 
 
 BRAND = Doosan()

@@ -2,6 +2,7 @@
 
 import re
 
+from calib_core.messages import message
 from calib_core.poses.convention import POSE_FORMATS, XYZ_FIXED, Convention
 from calib_core.robots.brand import Brand
 
@@ -28,7 +29,7 @@ class Fanuc(Brand):
     rank = 4
     endings = (".ls", ".va", ".lst", ".txt")
     definitions = "sysframe.va"
-    points = "the program with its /POS section, or posreg.va"
+    points = message("the program with its /POS section, or posreg.va")
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a listing of a TP program or of variables."""

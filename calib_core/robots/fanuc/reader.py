@@ -172,9 +172,9 @@ def _fields(text: str) -> dict[str, float]:
             raise ValueError(message("it is not taught (********)"))
         fields[axis] = number(value)
         if unit not in _UNITS.get(axis, ("mm", "deg")):
-            allowed = " or ".join(_UNITS.get(axis, ("mm", "deg")))
+            allowed = list(_UNITS.get(axis, ("mm", "deg")))
             raise ValueError(
-                message("{axis} is in '{unit}' instead of {allowed}", axis=axis, unit=unit, allowed=allowed)
+                message("{axis} is in '{unit}' instead of {allowed:or}", axis=axis, unit=unit, allowed=allowed)
                 if unit
                 else message("{axis} has no unit", axis=axis)
             )

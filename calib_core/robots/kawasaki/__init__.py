@@ -1,5 +1,6 @@
 """Kawasaki: files saved by its AS controllers."""
 
+from calib_core.messages import message
 from calib_core.poses.convention import POSE_FORMATS, Convention
 from calib_core.robots.brand import Brand
 
@@ -27,7 +28,7 @@ class Kawasaki(Brand):
     marks = r"^[ \t]*\.(?:TRANS|JOINTS|REALS|PROGRAM|NETCONF|ROBOTDATA\d*|SYSDATA)\b"
     flange = frozenset({"0", "null"})
     base = frozenset({"0", "null"})
-    definitions = "the file saved with SAVE, with its .TRANS section"
+    definitions = message("the file saved with SAVE, with its .TRANS section")
 
 
 BRAND = Kawasaki()

@@ -4,7 +4,7 @@ import re
 
 from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
-from calib_core.robots.phrases import CALCULATED, CUT, require_count
+from calib_core.robots.phrases import CALCULATED, CUT, of_line, require_count
 from calib_core.robots.text import numbers, source_of, without_comments
 
 _SECTION = re.compile(r"^[ \t]*\.(TRANS|JOINTS|REALS|STRINGS|INTEGER|PROGRAM|END|[A-Z_]+)\b(.*)$", re.IGNORECASE)
@@ -127,7 +127,7 @@ class _Saved:
         if value.upper() == "NULL":
             self._active[what] = 0
         elif literal:
-            name = message("{kind} of line {line}", kind=what, line=line)
+            name = of_line(what == "TOOL", line)
             try:
                 pose = numbers(literal[1], 6)
                 frame = Frame(name, name, pose, "kawasaki", line, self._source.name)

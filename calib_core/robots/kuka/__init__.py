@@ -1,5 +1,6 @@
 """KUKA: KRL programs, data lists and $config.dat."""
 
+from calib_core.messages import message
 from calib_core.poses.convention import POSE_FORMATS, Convention
 from calib_core.robots.brand import Brand
 
@@ -31,7 +32,7 @@ class Kuka(Brand):
         r"(?:DECL\s+)?(?:GLOBAL\s+)?(?:E6POS|E6AXIS|FDAT|POS|FRAME)\s+\w+(?:\[\d+\])?\s*=\s*\{)"
     )
     definitions = "$config.dat"
-    points = "the program's .dat, or the one that declares it, such as $config.dat"
+    points = message("the program's .dat, or the one that declares it, such as $config.dat")
 
 
 BRAND = Kuka()

@@ -1,5 +1,6 @@
 """Mitsubishi: programs, line by line."""
 
+from calib_core.messages import message
 from calib_core.poses.convention import POSE_FORMATS, XYZ_FIXED, Convention
 from calib_core.robots.brand import Brand
 
@@ -28,7 +29,7 @@ class Mitsubishi(Brand):
         r"^[ \t]*(?:\d+\s+)?(?:Def\s+Pos\b|Tool\s*\([-+.\d]|P\w+(?:\(\d+\))?\s*=\s*\([-+.\d eE,]+\)\s*\(\d+\s*,)"
     )
     base = frozenset({"0", "base p_nbase"})
-    definitions = "the program with its Tool and Base lines"
+    definitions = message("the program with its Tool and Base lines")
     frames_settled = False
 
 

@@ -1,5 +1,6 @@
 """Nachi: programs, line by line."""
 
+from calib_core.messages import message
 from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
 
@@ -25,7 +26,7 @@ class Nachi(Brand):
     rank = 9
     endings = (".src", ".txt")
     marks = r"^[ \t]*MOVEX\s+A\s*="
-    definitions = "the controller's tool constants"
+    definitions = message("the controller's tool constants")
 
 
 BRAND = Nachi()

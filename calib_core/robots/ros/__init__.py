@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from calib_core.messages import message
 from calib_core.poses.convention import QUATERNION, Convention
 from calib_core.robots.brand import Brand
 from calib_core.robots.file_hints import NOTHING_TOLD, Told
@@ -38,7 +39,7 @@ class Ros(Brand):
     endings = (".yaml", ".yml", ".txt", ".mcap", ".db3", ".urdf", ".xacro", ".py", ".xml")
     flange = frozenset({"tool0"})
     base = frozenset({"base", "base_link"})
-    definitions = "a recording with /tf and /tf_static"
+    definitions = message("a recording with /tf and /tf_static")
     told: Told = NOTHING_TOLD
 
     def recognises(self, text: str, name: str) -> bool:

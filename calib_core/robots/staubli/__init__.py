@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from calib_core.messages import message
 from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
 
@@ -33,7 +34,7 @@ class Staubli(Brand):
     marks = r"staubli\.com/robotics/VAL3|(?:Project|Data|Program)NameSpace"
     flange = frozenset({"flange", "flange[0]"})
     base = frozenset({"world", "world[0]"})
-    definitions = "the .dtx data of the application"
+    definitions = message("the .dtx data of the application")
 
     def together(self, found: "Sequence[Found]") -> "Sequence[Found]":
         """Return lengths in mm: the project file states the unit of the data beside it."""

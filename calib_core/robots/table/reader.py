@@ -119,10 +119,10 @@ def _unit_stated(head: Sequence[str], roles: Sequence[str], convention: str, whe
     angles = {unit.replace("°", "deg") for role, unit in units.items() if role not in ("x", "y", "z")} - {""}
     right = "rad" if known.form == "rotation-vector" else "deg"
     if len(places) > 1 or not places <= {"", *UNITS}:
-        got = " and ".join(unit or "none" for unit in sorted(places))
-        raise InputError("one unit for x, y and z in the header", got, "Correct it.", where)
+        named = [unit or message("none") for unit in sorted(places)]
+        raise InputError("one unit for x, y and z in the header", "{named}", "Correct it.", where, named=named)
     if angles - {right} and known.form != "quaternion":
-        got = message("a header that says {angles}", angles=" and ".join(sorted(angles)))
+        got = message("a header that says {angles}", angles=sorted(angles))
         to_do = message("Convert them, or name another convention than '{convention}'.", convention=convention)
         need = "angles in {right}, as of '{convention}'"
         raise InputError(need, got, to_do, where, right=right, convention=convention)

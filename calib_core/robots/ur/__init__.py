@@ -2,6 +2,7 @@
 
 import re
 
+from calib_core.messages import message
 from calib_core.poses.convention import Convention
 from calib_core.robots.brand import Brand
 
@@ -29,8 +30,8 @@ class Ur(Brand):
     rank = 5
     endings = (".script", ".urscript", ".urp", ".installation", ".csv", ".txt")
     base = frozenset({"base"})
-    definitions = "the script with set_tcp, or default.installation"
-    points = "the program that sets it; a value that is computed stands in no file"
+    definitions = message("the script with set_tcp, or default.installation")
+    points = message("the program that sets it; a value that is computed stands in no file")
 
     def recognises(self, text: str, name: str) -> bool:
         """Return whether it is a script, a program, an installation or a recording."""

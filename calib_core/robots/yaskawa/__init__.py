@@ -3,6 +3,7 @@
 import re
 from typing import TYPE_CHECKING
 
+from calib_core.messages import message
 from calib_core.poses.convention import POSE_FORMATS, XYZ_FIXED, Convention
 from calib_core.robots.brand import Brand
 
@@ -36,7 +37,7 @@ class Yaskawa(Brand):
     flange = frozenset({"0"})
     base = frozenset({"base", "robot"})
     definitions = "TOOL.CND, UFRAME.CND"
-    points = "the job with its //POS section"
+    points = message("the job with its //POS section")
 
     def doubt(self, what: str, number: "Reference") -> str:
         """Return that tool 0 need not be the flange here."""

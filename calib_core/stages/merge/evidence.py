@@ -4,8 +4,7 @@ from math import degrees, hypot
 from typing import Final
 
 from calib_core.evidence.numbers import fixed, number_text, plus_minus, quantity, rms, same_decimals
-from calib_core.evidence.words import counted
-from calib_core.messages import message
+from calib_core.messages import message, plural
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Column, Figure, Note, Plot, Row, Series, Table
 from calib_core.stages.evidence_parts import capture_series, captures_used, left_out, provenance, source_text
@@ -83,11 +82,13 @@ def _apart(result: MergeResult) -> list[AnyBlock]:
     shared = result.self_calibration
     if shared is not None:
         moved = number_text(hypot(*shared.shift[3:6]), 3)
-        directions = counted(shared.directions, "direction")
-        text = message(
-            "The overlap determines {directions} of tool and table better than the captures did; "
+        text = plural(
+            "The overlap determines {count} direction of tool and table better than the captures did; "
             "it moved the tool by {moved} mm.",
-            directions=directions,
+            "The overlap determines {count} directions of tool and table better than the captures did; "
+            "it moved the tool by {moved} mm.",
+            by="count",
+            count=shared.directions,
             moved=moved,
         )
         blocks.append(Note(text=text))

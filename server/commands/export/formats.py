@@ -18,6 +18,7 @@ from calib_core.exports.export import write_export
 from calib_core.exports.registry import export_named
 from calib_core.graph.keys import Graph
 from calib_core.library.machines import files_of
+from calib_core.messages import message
 from calib_core.moment import now
 from calib_core.proof import WORDS, is_experimental
 from calib_core.records import Record, Session
@@ -56,7 +57,7 @@ def export(options: argparse.Namespace) -> int:
         else:
             date = solved_when(folder, stored, unpacked=is_archive(options.session))
     if is_experimental(proof):
-        remark(options, f"{options.format} is {WORDS['manual only']}")
+        remark(options, message("{format} is {proof}", format=options.format, proof=WORDS["manual only"]))
     for before in earlier:
         remark(options, str(before.said()))
     try:
