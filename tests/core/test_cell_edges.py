@@ -94,7 +94,7 @@ BALLS = [{"name": "a", "diameter_mm": 40.0}, {"name": "b", "diameter_mm": 40.0}]
         ({"axes": [{**TILT, "on": "turn"}, {**TURN, "on": "tilt"}]}, [READ], r"loop: 'tilt' on 'turn' on 'tilt'"),
         ({"axes": [{**TILT, "on": "tilt"}]}, [READ], r"a loop: 'tilt' on 'tilt'"),
         ({"axes": [{**TILT, "on": "rial"}]}, [READ], r"axes\[tilt\].on: need one of .*got 'rial'"),
-        ({"axes": [TILT, {**RAIL, "on": "tilt"}]}, [READ], r"'rail' of the robot on 'tilt'"),
+        ({"axes": [TILT, {**RAIL, "on": "tilt"}]}, [READ], r"'rail' with `carries: robot` on 'tilt'"),
         ({"axes": [RAIL, {**RAIL, "name": "lift", "on": "base"}]}, [READ], r"one axis that the robot stands on"),
         ({"axes": [TILT, TILT]}, [READ], r"'tilt' twice"),
         ({"axes": [{"name": "tool0", "kind": "rotary"}]}, [READ], r"a name for the axis that no frame has"),
