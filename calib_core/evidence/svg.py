@@ -219,7 +219,7 @@ def _point_text(plot: Plot, series: Series, index: int) -> str:
     name = series.captures[index] if series.captures else series.label
     reason = series.reasons[index] if series.reasons else None
     shown = with_unit(number_text(value, 3 if value is not None and abs(value) < 1 else 2), plot.y.unit)
-    return f"{name}: {shown}" + (f", not used: {reason}" if reason else "")
+    return f"{name}: {shown}" + (f": {reason}" if reason else "")
 
 
 def _circle(x: float, y: float, title: str) -> str:

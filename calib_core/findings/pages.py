@@ -18,8 +18,8 @@ def page_of(code: Code, language: str = "en") -> dict[str, Any]:
     return {
         "code": code.name,
         "severity": code.severity,
-        "text": [said.say(one) for one in _variants(code.text)],
-        "to_do": [said.say(one) for one in _variants(code.to_do)],
+        "text": _variants(code.text, said),
+        "to_do": _variants(code.to_do, said),
         "values": code.places(),
         "meaning": meaning,
         "decided": decided,
@@ -82,6 +82,11 @@ def files() -> dict[str, str]:
     return {"README.md": index_markdown()} | {f"{name}.md": markdown_of(code) for name, code in CODES.items()}
 
 
-def _variants(choice: Choice) -> list[str]:
+def _variants(choice: Choice, language: Catalogue = ENGLISH) -> list[str]:
+    """Return the templates of a text in a language, those with plural forms as several are told."""
     texts = choice.values() if not isinstance(choice, str | Plural) else [choice]
-    return [text.many if isinstance(text, Plural) else text for text in texts if text]
+    return [
+        language.texts.get(text.one, (text.many,))[-1] if isinstance(text, Plural) else language.say(text)
+        for text in texts
+        if text
+    ]

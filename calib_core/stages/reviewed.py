@@ -43,7 +43,7 @@ def review(
     shown = [Finding.model_validate(one) for one in result.get("findings") or []]
     told = [_said(one) for one in shown if one.severity != "note" and one.behind is None]
     doubts = [*undetermined, *(told or result.get("warnings", []))]
-    action, progress = "review", "solved"
+    action, progress = "review", message("solved, to be looked at")
     if undetermined:
         instruction = message(
             "Take another capture. Still open: {undetermined}", undetermined=as_sentence(undetermined[0])

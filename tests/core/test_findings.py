@@ -21,6 +21,7 @@ from calib_core.findings import (
 )
 from calib_core.findings.catalogues import entries
 from calib_core.findings.code import places_of
+from calib_core.findings.pages import page_of
 from calib_core.messages import ENGLISH, Message, Names, message, plural
 from calib_core.records import Result, RootCause
 from tests.catalogues import DOCS, LOCALE, TRANSLATED, catalogue_of, texts_by_area
@@ -172,6 +173,16 @@ def test_the_pages_are_up_to_date() -> None:
     from calib_core.findings.pages import files
 
     assert {file.name: file.read_text(encoding="utf-8") for file in DOCS.glob("*.md")} == files()
+
+
+@pytest.mark.parametrize("language", TRANSLATED)
+def test_pages_are_in_their_language_with_texts_that_have_plural_forms(language: str) -> None:
+    """`scancell findings` and the page a click away showed templates with plural forms in English."""
+    for code in CODES.values():
+        page, english = page_of(code, language), page_of(code)
+        for field in ("text", "to_do"):
+            for said, before in zip(page[field], english[field], strict=True):
+                assert said != before or not re.search("[a-z]{3}", re.sub(r"\{[^}]*\}", "", before)), code.name
 
 
 def test_plurals_choose_by_captures_or_a_value() -> None:
