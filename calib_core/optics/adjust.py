@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from calib_core.estimation import covariance_of, minimise
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.kernels.bundle import LENS, PLANE_TERMS, SHAPE_TERMS, add_corners, add_laser_lines
+from calib_core.optics.board_shape import BoardShape, shape_basis
 
 IntArray = NDArray[np.int64]
 
@@ -68,9 +69,7 @@ class Corners:
 
     def take(self, views: Sequence[int] | IntArray) -> "Corners":
         """Return the corners of some views only, in the order given."""
-        rows = [np.arange(self.ends[v], self.ends[v + 1]) for v in views]
-        index = np.concatenate(rows) if rows else np.zeros(0, np.int64)
-        ends = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
+        index, ends = _rows_of(self.ends, views)
         return Corners(self.pixels[index], self.points_mm[index], ends, self.weights[index], self.extent_mm)
 
     def shape_basis(self) -> FloatArray:
@@ -78,45 +77,11 @@ class Corners:
         return shape_basis(self.points_mm, self.extent_mm)
 
 
-@dataclass(frozen=True, eq=False)
-class BoardShape:
-    """How a board leaves its plane.
-
-    Parameters
-    ----------
-    coefficients_mm : (7,)
-        Of x², xy, y², x³, x²y, xy², y³ of places scaled to ±1.
-    extent_mm : (2, 2)
-        See `Corners`.
-    """
-
-    coefficients_mm: FloatArray
-    extent_mm: FloatArray
-
-    def heights_mm(self, points_mm: FloatArray) -> FloatArray:
-        """Return z (N,) at places (N, 2) or (N, 3) of the board's frame."""
-        return shape_basis(points_mm, self.extent_mm) @ self.coefficients_mm
-
-    def bend_mm(self, points_mm: FloatArray) -> float:
-        """Return how far places of the board leave their own plane, highest to lowest."""
-        heights = self.heights_mm(points_mm)
-        places = np.column_stack([points_mm[:, :2], np.ones(len(heights))])
-        return float(np.ptp(heights - places @ np.linalg.lstsq(places, heights, rcond=None)[0]))
-
-
-def shape_basis(points_mm: FloatArray, extent_mm: FloatArray) -> FloatArray:
-    """Return the functions (N, 7) by which a board may be bent: quadratic and cubic, each at most 1 on the board.
-
-    Parameters
-    ----------
-    points_mm : (N, 2) or (N, 3)
-        Places in the board's frame.
-    extent_mm : (2, 2)
-        See `Corners`.
-    """
-    low, high = extent_mm
-    x, y = ((points_mm[:, :2] - (low + high) / 2) / max((high - low).max() / 2, 1e-9)).T
-    return np.column_stack([x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3])
+def _rows_of(ends: IntArray, views: Sequence[int] | IntArray) -> tuple[IntArray, IntArray]:
+    """Return the rows of some views, and where each view's end among them."""
+    rows = [np.arange(ends[v], ends[v + 1]) for v in views]
+    index = np.concatenate(rows) if rows else np.zeros(0, np.int64)
+    return index, np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,9 +108,7 @@ class LaserLines:
 
     def take(self, views: Sequence[int] | IntArray) -> "LaserLines":
         """Return the lines of some views only, in the order given."""
-        rows = [np.arange(int(self.ends[v]), int(self.ends[v + 1])) for v in views]
-        index = np.concatenate(rows) if rows else np.zeros(0, np.int64)
-        ends = np.concatenate([[0], np.cumsum([len(r) for r in rows])]).astype(np.int64)
+        index, ends = _rows_of(self.ends, views)
         return LaserLines(self.pixels[index], self.axes[index], ends, self.weights[index], self.basis[index])
 
 
@@ -183,6 +146,12 @@ class Equations:
     corner_residuals: FloatArray
     line_residuals: FloatArray
 
+    def with_prior(self, values: FloatArray, weights: FloatArray) -> "Equations":
+        """Return the equations of parameters (C,) that are about zero, weighed by 1 / σ² (C,)."""
+        cost = self.cost + 0.5 * float(weights @ values**2)
+        gradient, hessian = self.gradient + weights * values, self.hessian + np.diag(weights)
+        return replace(self, cost=cost, gradient=gradient, hessian=hessian)
+
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
@@ -194,7 +163,7 @@ class Adjusted:
     free : (C,)
         Places of the adjusted parameters in the shared vector.
     covariance : (C, C)
-        Of the free shared parameters, for the weights as given.
+        Of the free parameters, for the weights as given.
     pose_covariances : (V, 6, 6)
         Of camera_from_board, order rx ry rz tx ty tz.
     corner_residuals, line_residuals : (N, 2), (M,)
@@ -226,6 +195,8 @@ class Adjustment:
     huber : float
         Residuals above this many σ count linearly.
     lines : LaserLines, optional
+    prior : (P,), optional
+        1 / σ² about zero of each shared parameter, free or not; 0 where nothing is known of it.
     """
 
     corners: Corners
@@ -234,6 +205,7 @@ class Adjustment:
     free: IntArray
     huber: float = np.inf
     lines: LaserLines | None = None
+    prior: FloatArray | None = None
 
     def equations(self, state: State) -> Equations:
         """Return the normal equations about a state."""
@@ -258,7 +230,10 @@ class Adjustment:
                 lines.pixels, lines.basis, lines.axes, lines.ends, lines.weights, self.huber,
                 *about, *into, line_residuals,
             )  # fmt: skip
-        return _reduce(cost, *into, corner_residuals, line_residuals)
+        reduced = _reduce(cost, *into, corner_residuals, line_residuals)
+        return (
+            reduced if self.prior is None else reduced.with_prior(state.shared[self.free], self.prior[self.free])
+        )
 
     def solve(self, start: State, tolerance: float = 1e-6) -> Adjusted:
         """Minimise from a start and return the minimum with its covariance."""
@@ -371,9 +346,8 @@ def _reduce(
     """Eliminate the poses."""
     if not np.isfinite(cost):
         nothing = np.zeros_like(g_p)
-        return Equations(
-            np.inf, g_c, h_cc, h_cp.transpose(0, 2, 1), nothing, h_pp, corner_residuals, line_residuals
-        )
+        by_shared = h_cp.transpose(0, 2, 1)
+        return Equations(np.inf, g_c, h_cc, by_shared, nothing, h_pp, corner_residuals, line_residuals)
     scale = np.sqrt(np.maximum(np.einsum("vii->vi", h_pp), 1e-300))
     scaled = h_pp / (scale[:, :, None] * scale[:, None, :]) + 1e-13 * np.eye(6)
     right = np.concatenate([h_cp.transpose(0, 2, 1), g_p[:, :, None]], axis=2) / scale[:, :, None]

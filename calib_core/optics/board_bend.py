@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.optics.adjust import Adjustment, BoardShape, shape_start
+from calib_core.optics.adjust import Adjustment, shape_start
 from calib_core.optics.board import BoardView
+from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera_choice import choose_layout
 from calib_core.optics.camera_layout import Layout
 from calib_core.optics.camera_model import CameraModel

@@ -9,9 +9,9 @@ import numpy as np
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray
 from calib_core.messages import Value, message
-from calib_core.optics.adjust import Adjusted, Adjustment, Corners, State
+from calib_core.optics.adjust import Adjusted, Corners, State
 from calib_core.optics.board import BoardView
-from calib_core.optics.camera_choice import choose_layout, held_out_errors
+from calib_core.optics.camera_choice import QUADRATIC, choose_layout, held_out_errors
 from calib_core.optics.camera_evidence import summarise
 from calib_core.optics.camera_layout import Layout, restart
 from calib_core.optics.camera_model import Model
@@ -36,6 +36,7 @@ _OUTLIER_SIGMAS = 6.0
 _LEAST_OUTLIER_PX = 0.5  # below, it may be the model that is wrong, not the corner
 _RADIAL_POWERS = {4: 2, 5: 4, 8: 6, 9: 2, 10: 4, 11: 6}  # of the radius, by the coefficients' places
 _MOST_OF_A_TERM = 3.0  # standard deviation of what a term makes of the image's corner, over its radius
+_LEAST_KNOWN = 1e-12  # least eigenvalue of a scaled Hessian: below, rounding makes it
 _WORST_VIEW_FACTOR = 4.0
 _HARMLESS_PX = 0.2  # nobody rejects a view for less
 _FREE: dict[Model, list[int]] = {
@@ -56,7 +57,8 @@ class CameraOptions:
     model : str
         "auto" chooses by held-out error; or one of the models.
     refine_board : bool or None
-        Whether the board may be bent (quadratic and cubic deviation from its plane); None: held-out error decides.
+        Whether the board may be bent (quadratic and cubic deviation from its plane); None: held-out error decides
+        whether freely, and where it does not say so, a slight bend is allowed for.
     folds : int
         For the held-out error.
     segments : int
@@ -137,6 +139,9 @@ def calibrate_camera(
         bends = bent if told is numbered else bool(bent)
         parts = fit.corners.take(told), fit.adjusted.state.take(told)
         layout, candidates = choose_layout(*parts, compared, options.folds, bends)
+        if bends is None and not layout.bends and len(numbered) == len(fit.used):
+            layout = layout.with_slight_bend(corners.extent_mm, QUADRATIC)
+            plainest = plainest.with_slight_bend(corners.extent_mm, QUADRATIC)
     rejected = fit.rejected
     if layout.bends:  # which of a bent board's heights an unknown part of it has, nothing tells
         unknown: Misfits = {v: {"off": "place"} for v in fit.used if not views[v].is_numbered}
@@ -174,10 +179,10 @@ def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: Misfit
         used = [v for v in range(corners.views) if v not in rejected]
         _require_views(len(used))
         part = corners.take(used)
-        first = Adjustment(part, *layout.bands, layout.free, huber=np.inf).solve(start.take(used), 1e-4)
+        first = layout.adjustment(part).solve(start.take(used), 1e-4)
         spread = max(robust_sigma(first.corner_residuals), 1e-4)
         scaled = part.weighted(np.full(len(part.weights), 1 / spread))
-        first = Adjustment(scaled, *layout.bands, layout.free, _HUBER_SIGMAS).solve(first.state, 1e-4)
+        first = layout.adjustment(scaled, _HUBER_SIGMAS).solve(first.state, 1e-4)
         sigma = max(robust_sigma(first.corner_residuals), 1e-4)
         lengths = np.linalg.norm(first.corner_residuals, axis=1)
         keep = lengths < max(_OUTLIER_SIGMAS * sigma, _LEAST_OUTLIER_PX)
@@ -186,7 +191,7 @@ def _robust_fit(corners: Corners, layout: Layout, start: State, rejected: Misfit
             rejected[used[worst[0]]] = worst[1]
             continue
         weights = np.where(keep, 1 / sigma, 0.0)
-        final = Adjustment(part.weighted(weights), *layout.bands, layout.free).solve(first.state)
+        final = layout.adjustment(part.weighted(weights)).solve(first.state)
         return _fit_of(corners, part.weighted(weights), final, used, rejected)
 
 
@@ -197,6 +202,10 @@ def _is_determined(fit: Fit, layout: Layout, image_size: tuple[int, int]) -> boo
     powers = np.array([_RADIAL_POWERS.get(int(place), 0) for place in layout.free])
     radius = np.hypot(*image_size) / 2 / float(fit.adjusted.state.shared[0])
     sigmas = fit.sigma_px * float(fit.corners.weights.max()) * np.sqrt(np.diag(fit.adjusted.covariance))
+    hessian = layout.adjustment(fit.corners).equations(fit.adjusted.state).hessian
+    scale = np.sqrt(np.diag(hessian))
+    if np.linalg.eigvalsh(hessian / np.outer(scale, scale))[0] < _LEAST_KNOWN:  # its covariance is no number
+        return False
     return bool(np.max((sigmas * radius**powers)[powers > 0]) < _MOST_OF_A_TERM)
 
 
@@ -208,7 +217,7 @@ def _of_numbered(fit: Fit, layout: Layout, views: Sequence[BoardView]) -> Fit | 
     if len(kept) < FEWEST_VIEWS:
         return None
     part = fit.corners.take(kept)
-    end = Adjustment(part, *layout.bands, layout.free).solve(fit.adjusted.state.take(kept))
+    end = layout.adjustment(part).solve(fit.adjusted.state.take(kept))
     return _fit_of(fit.all_corners, part, end, [fit.used[k] for k in kept], fit.rejected)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from calib_core.frames import FloatArray
 from calib_core.kernels.bundle import SHAPE_TERMS
-from calib_core.optics.adjust import Adjustment, Corners, State, fit_poses
+from calib_core.optics.adjust import Corners, State, fit_poses
 from calib_core.optics.camera_model import Model
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _LEAST_GAIN = 0.03  # of the mean squared error; less is not worth a parameter
 # Sheets sag, bow and twist: that is quadratic.  Where that says nothing, what a cubic gains is by errors of print
 # and localisation that lie alike in all views, unless it gains much.
-_QUADRATIC = 3
+QUADRATIC = 3
 _LEAST_GAIN_OF_CUBIC_ALONE = 0.2
 _SIGNIFICANT = 2.5  # standard errors of the views' mean gain
 
@@ -70,7 +70,7 @@ def choose_layout(
     best = _best_of(corners, state, layouts, folds, best, tried)
     if bent is None:
         also = {layouts[0].model: layouts[0], best.model: best}.values()
-        quadratic, cubic = ([one.with_bent_board(terms) for one in also] for terms in (_QUADRATIC, SHAPE_TERMS))
+        quadratic, cubic = ([one.with_bent_board(terms) for one in also] for terms in (QUADRATIC, SHAPE_TERMS))
         best = _best_of(corners, state, quadratic, folds, best, tried)
         least = _LEAST_GAIN if best.bends else _LEAST_GAIN_OF_CUBIC_ALONE
         best = _best_of(corners, state, cubic, folds, best, tried, least)
@@ -133,7 +133,7 @@ def held_out_errors(
         shared = start.shared
         if len(layout.free):
             try:
-                trained = Adjustment(corners.take(kept), *layout.bands, layout.free).solve(start.take(kept), 1e-3)
+                trained = layout.adjustment(corners.take(kept)).solve(start.take(kept), 1e-3)
             except np.linalg.LinAlgError:
                 return None
             shared, settled = trained.state.shared, settled and trained.converged

@@ -64,7 +64,8 @@ def summarise(
     pitch : PitchRatio, optional
         By how much the board's pitches differ from the told ones, where they do.
     """
-    from calib_core.optics.adjust import BoardShape, shape_start
+    from calib_core.optics.adjust import shape_start
+    from calib_core.optics.board_shape import BoardShape
     from calib_core.optics.camera_layout import camera_of
     from calib_core.optics.camera_solution import CameraSolution
 
@@ -87,6 +88,7 @@ def summarise(
     shaped = fit if layout.bends else bent
     shape = None if shaped is None else shaped.adjusted.state.shared[shape_at : shape_at + SHAPE_TERMS].copy()
     bend = None if shape is None else BoardShape(shape, fit.corners.extent_mm)
+    is_told = bend is not None and layout.prior is None
     return CameraSolution(
         camera=camera_of(state.shared, layout, image_size),
         parameters=layout.names,
@@ -102,7 +104,7 @@ def summarise(
         candidates=candidates,
         tilt_correlation=tilt_correlation(layout.names, covariance),
         board_shape=bend if layout.bends else None,
-        bend_mm=None if bend is None or shaped is None else bend.bend_mm(shaped.corners.points_mm),
+        bend_mm=bend.bend_mm(shaped.corners.points_mm) if is_told and bend and shaped else None,
         bend_gain=None if bent is None else 1 - bent.sigma_px / fit.sigma_px,
         inflation=inflation,
         coverage=coverage(fit, layout, image_size, inflation),
@@ -116,15 +118,16 @@ def correlation_inflation(fit: "Fit", layout: "Layout", scale: float) -> float:
 
     At the optimum the views' scores s_v (their gradients, poses eliminated, information H_v) add up to zero. For
     independent errors and C = (Σ H_v)⁻¹ the expectation of Σ s_vᵀ C s_v is P − Σ tr (C H_v)², its relative
-    deviation √(2 / (P V)). What is beyond two deviations is taken for correlation (the localisation's bias).
+    deviation √(2 / (P V)); where something is known before any view, P is Σ tr C H_v. What is beyond two
+    deviations is taken for correlation (the localisation's bias).
     """
     corners, state = fit.corners, fit.adjusted.state
-    found, expected = 0.0, float(len(layout.free))
+    found, expected = 0.0, 0.0
     for view in range(corners.views):
         alone = Adjustment(corners.take([view]), *layout.bands, layout.free).equations(state.take([view]))
         share = fit.adjusted.covariance @ alone.hessian
         found += float(alone.gradient @ fit.adjusted.covariance @ alone.gradient)
-        expected -= float(np.sum(share * share.T))
+        expected += float(np.trace(share) - np.sum(share * share.T))
     ratio = found / (scale * max(expected, 0.2 * len(layout.free)))
     return ratio if ratio > 1 + 2 * np.sqrt(2 / (len(layout.free) * corners.views)) else 1.0
 

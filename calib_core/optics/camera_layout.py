@@ -6,19 +6,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.frames import FloatArray
-from calib_core.kernels.bundle import SHAPE_TERMS
-from calib_core.optics.adjust import State, shape_start, shared_vector
+from calib_core.kernels.bundle import PLANE_TERMS, SHAPE_TERMS
+from calib_core.optics.adjust import Adjustment, Corners, State, plane_start, shape_start, shared_vector
 from calib_core.optics.camera_model import COEFFICIENTS, CameraModel, Model, Segment
+
+_SLIGHT_BEND = 0.003  # of half a board's length; sheets that are bent further are told by held-out views
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Which shared parameters a model frees, and its bands of depth."""
+    """Which shared parameters a model frees, its bands of depth, and what is known before any view.
+
+    `prior` is that of `Adjustment`.
+    """
 
     model: Model
     nears: FloatArray
     fars: FloatArray
     free: np.ndarray
+    prior: FloatArray | None = None
+
+    def adjustment(self, corners: Corners, huber: float = np.inf) -> Adjustment:
+        """Return what is adjusted to corners, weighed by their noise."""
+        return Adjustment(corners, *self.bands, self.free, huber, prior=self.prior)
 
     @property
     def bands(self) -> tuple[FloatArray, FloatArray]:
@@ -45,6 +55,17 @@ class Layout:
         start = shape_start(len(self.nears))
         lens = self.free[self.free < start]
         return replace(self, free=np.concatenate([lens, np.arange(start, start + terms)]))
+
+    def with_slight_bend(self, extent_mm: FloatArray, terms: int) -> "Layout":
+        """Return the layout with the first terms of the board's shape free, as far as sheets that seem flat bend.
+
+        A bend that views are too few to tell draws the focal length by more than flat boards have it state.
+        """
+        start = shape_start(len(self.nears))
+        sigma_mm = _SLIGHT_BEND * max(float((extent_mm[1] - extent_mm[0]).max()) / 2, 1e-9)
+        prior = np.zeros(plane_start(len(self.nears)) + PLANE_TERMS)
+        prior[start : start + SHAPE_TERMS] = sigma_mm**-2
+        return replace(self.with_bent_board(terms), prior=prior)
 
 
 def restart(state: State, layout: Layout) -> State:

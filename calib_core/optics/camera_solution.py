@@ -6,7 +6,8 @@ import numpy as np
 
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import Value
-from calib_core.optics.adjust import Adjusted, BoardShape, Corners
+from calib_core.optics.adjust import Adjusted, Corners
+from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
 
@@ -129,7 +130,7 @@ class CameraSolution:
         Deviation from the plane, if it was refined.
     bend_mm, bend_gain : float or None
         How far from its plane the board seems to be bent, highest to lowest point, and by what share the residuals
-        shrink if it may be; None where there are too few views to tell.
+        shrink if it may be; None where there are too few views to tell, or only a slight bend is allowed for.
     inflation : float
         By how much the covariance has grown for errors that a view's corners share; 1 for independent ones.
     coverage : Coverage

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray
-from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_layout import Layout, camera_of
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.coverage_cells import image_coverage
@@ -31,13 +31,13 @@ def projection_sigmas(fit: "Fit", layout: Layout, image_size: tuple[int, int], s
     """
     lens = layout.free if len(layout.nears) > 1 else np.union1d(layout.free, _RADIAL)
     whole, shared = replace(layout, free=lens), fit.adjusted.state.shared
-    known = Adjustment(fit.corners, *layout.bands, lens).equations(fit.adjusted.state).hessian
+    known = whole.adjustment(fit.corners).equations(fit.adjusted.state).hessian
     scale = (fit.sigma_px * float(fit.corners.weights.max())) ** 2
     for term, (place, factor) in enumerate(zip(_RADIAL, _USUAL, strict=True), start=1):
         if place not in layout.free and place in lens:
             at = int(np.searchsorted(lens, place))
             known[at, at] += scale / (factor * max(abs(shared[_RADIAL[0]]), _LEAST) ** term) ** 2
-    covariance = scale * np.linalg.inv(known)
+    covariance = scale * covariance_of(known)
     camera, pixels = camera_of(shared, layout, image_size), nodes(image_size)
     depth_mm = float(np.median(fit.adjusted.state.translations[:, 2]))
     points = np.column_stack([camera.undistort(pixels, depth_mm), np.ones(len(pixels))]) * depth_mm

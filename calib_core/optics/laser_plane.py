@@ -20,7 +20,7 @@ from calib_core.frames import RigidTransform
 from calib_core.optics.camera_model import CameraModel
 
 if TYPE_CHECKING:
-    from calib_core.optics.adjust import BoardShape
+    from calib_core.optics.board_shape import BoardShape
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]

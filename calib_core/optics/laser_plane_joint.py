@@ -14,17 +14,16 @@ from calib_core.kernels.bundle import SHAPE_TERMS
 from calib_core.optics.adjust import (
     Adjusted,
     Adjustment,
-    BoardShape,
     Corners,
     LaserLines,
     State,
     fit_poses,
     plane_start,
-    shape_basis,
     shape_start,
     shared_vector,
 )
 from calib_core.optics.board import BoardView
+from calib_core.optics.board_shape import BoardShape, shape_basis
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane_held_out import stripes_worsen_corners
 from calib_core.optics.stripe import StripeCenters

@@ -15,10 +15,11 @@ from calib_core.errors import MotionError
 from calib_core.findings import Finding
 from calib_core.findings.codes.laser_plane import CAMERA_HELD
 from calib_core.frames import RigidTransform
-from calib_core.optics.adjust import BoardShape, Corners, State, fit_poses, shared_vector
+from calib_core.optics.adjust import Corners, State, fit_poses, shared_vector
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_ground import without_board
 from calib_core.optics.board_lines import OnBoard, Trace, find_traces, least_points
+from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_start import homographies, poses_from_homographies
 from calib_core.optics.laser_plane import (

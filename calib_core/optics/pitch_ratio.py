@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.optics.adjust import Adjusted, Adjustment
+from calib_core.optics.adjust import Adjusted
 from calib_core.optics.camera_evidence import correlation_inflation
 from calib_core.optics.camera_layout import Layout
 from calib_core.optics.camera_solution import Fit, PitchRatio
@@ -66,7 +66,7 @@ def _cost(fit: Fit, layout: Layout, ratio: float, scale: float) -> float:
 def _stretched(fit: Fit, layout: Layout, ratio: float) -> Fit:
     """Return the fit to a board with another pitch along its columns."""
     corners = replace(fit.corners, points_mm=fit.corners.points_mm * [1.0, ratio, 1.0])
-    ended = Adjustment(corners, *layout.bands, layout.free).solve(fit.adjusted.state)
+    ended = layout.adjustment(corners).solve(fit.adjusted.state)
     sigma_px = fit.sigma_px * float(np.sqrt(ended.cost / max(fit.adjusted.cost, 1e-300)))
     return replace(fit, corners=corners, adjusted=ended, sigma_px=sigma_px)
 

@@ -74,7 +74,7 @@ def lengths_by_robot(solution: CameraSolution, fit: Fit, layout: Layout, robot: 
     if len(chosen) < _LEAST_VIEWS:
         return None
     places = [k for k, _ in chosen]
-    at = Adjustment(fit.corners, *layout.bands, layout.free).equations(fit.adjusted.state)
+    at = layout.adjustment(fit.corners).equations(fit.adjusted.state)
     scale = (fit.sigma_px * float(fit.corners.weights.max())) ** 2 * solution.inflation
     own = np.asarray(np.linalg.inv(at.h_pp[places]), dtype=float) * scale
     doubt = CameraDoubt(solution.covariance, at.poses_by_shared[places], own)

@@ -68,12 +68,13 @@ def _camera_nees(result: CameraResult, truth: dict[str, object]) -> float:
     true_lens = truth["distortion"]
     assert isinstance(true_lens, dict)
     places = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}
+    own = [k for k, name in enumerate(result.parameters) if not name.startswith("board")]
     error: FloatArray = np.array(
         [
             found_matrix[places[name]] - true_matrix[places[name]]
             if name in places
             else result.distortion[name] - true_lens.get(name, 0.0)
-            for name in result.parameters
+            for name in (result.parameters[k] for k in own)
         ]
     )
-    return float(error @ np.linalg.solve(np.array(result.covariance), error)) / len(error)
+    return float(error @ np.linalg.solve(np.array(result.covariance)[np.ix_(own, own)], error)) / len(error)

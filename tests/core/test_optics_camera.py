@@ -228,7 +228,30 @@ def test_a_bent_board_is_told_and_its_shape_solved_where_held_out_views_ask_for_
     assert not any(one.code == "board-bent" for one in camera_findings(solved))
     sigma = float(np.sqrt(solved.covariance[0, 0]))
     assert abs(solved.camera.camera_matrix[0, 0] - SQUARE.camera_matrix[0, 0]) < 3 * sigma
-    assert calibrate_camera(bent_views(12, 0.0), SIZE, CameraOptions(refine_board=None)).board_shape is None
+    right = calibrate_camera(bent_views(12, 0.0), SIZE, CameraOptions(refine_board=None))
+    assert right.board_shape is not None
+    assert right.board_shape.bend_mm(BOARD) < 0.02
+    assert right.bend_mm is None
+    assert not any("bent" in one.code or "shape" in one.code for one in camera_findings(right))
+
+
+@pytest.mark.thorough
+def test_a_bend_too_slight_to_be_told_draws_the_focal_length_no_further_than_is_stated() -> None:
+    off: list[float] = []
+    for seed in range(12):
+        views = bent_views(seed, 0.02)[:7]
+        solved = calibrate_camera(views, SIZE, CameraOptions(model="plain", refine_board=None))
+        error = solved.camera.camera_matrix[0, 0] - SQUARE.camera_matrix[0, 0]
+        off.append(error / float(np.sqrt(solved.covariance[0, 0])))
+    assert np.sqrt(np.mean(np.square(off))) < 1.25
+
+
+def test_a_view_of_an_unknown_part_of_the_board_stays_where_nothing_says_that_the_board_is_bent() -> None:
+    views = bent_views(12, 0.0)
+    views[3] = replace(views[3], is_numbered=False)
+    solved = calibrate_camera(views, SIZE, CameraOptions(model="plain", refine_board=None))
+    assert solved.rejected == {}
+    assert solved.board_shape is None
 
 
 @pytest.mark.thorough(keep=1)

@@ -8,9 +8,10 @@ import pytest
 from calib_core.errors import MotionError
 from calib_core.frames import RigidTransform
 from calib_core.optics import laser_plane_joint
-from calib_core.optics.adjust import Adjusted, Adjustment, BoardShape, State
+from calib_core.optics.adjust import Adjusted, Adjustment, State
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_bend import bend_of
+from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel

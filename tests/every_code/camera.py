@@ -9,9 +9,9 @@ import numpy as np
 from calib_core.captures.boards import frames_not_used
 from calib_core.errors import MeasurementError
 from calib_core.findings import Finding
-from calib_core.optics.adjust import BoardShape
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_refusal import CELL_BOARD, board_words
+from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_evidence import camera_findings, coverage_findings
 from calib_core.optics.camera_model import CameraModel

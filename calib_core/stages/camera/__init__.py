@@ -19,7 +19,7 @@ class Camera(Stage):
     """The camera, from frames of the calibration board."""
 
     name, title, place = "camera", "Camera", 10
-    method_revision = 9  # of an image covered in part, the plane of light tells what counts
+    method_revision = 10  # a slight bend of the board is allowed for
     any_arrangement = True
     step = CaptureStep(
         "camera",

@@ -16,8 +16,8 @@ from calib_core.frames import FloatArray
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import StageInput
 from calib_core.messages import Value, message
-from calib_core.optics.adjust import BoardShape
 from calib_core.optics.board_bend import bend_of
+from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera_evidence import coverage_findings
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.extrapolation import extrapolation, sigmas_in_light
