@@ -38,6 +38,7 @@ TEXTS = {
     "adding": (0,),
     "Match": (1,),
     "Registry": (0,),
+    "Export": (1,),
 }  # which arguments are texts; of errors the first three
 Text = tuple[str, str]  # the template, and its plural or nothing
 _ERRORS = {error.__name__ for error in _kinds_of(CalibrationError)}

@@ -2,6 +2,7 @@
 
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export, Settings
+from calib_core.messages import message
 
 
 def _write(answer: Answer, settings: Settings) -> str:
@@ -10,5 +11,5 @@ def _write(answer: Answer, settings: Settings) -> str:
     return frames_json(answer, settings)
 
 
-_TITLE = "JSON: tool and table in every pose convention"
+_TITLE = message("JSON: tool and table in every pose convention")
 EXPORT = Export("json", _TITLE, "application/json", ".json", _write, proof=None, open_too=True)

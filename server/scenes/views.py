@@ -5,13 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.frames import FloatArray
+from calib_core.messages import templates
 from server.scenes.ghost import AXES_MM
 from server.scenes.nodes import METRES_PER_MM
 from server.scenes.optics import OpticsFacts, plane_patch_mm
 from server.scenes.scene_model import SceneFacts
 from server.scenes.turntable import TableFacts
 
-VIEWS = ("Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser", "Answers")
+VIEWS = templates((
+    "Captures", "Cell", "Sphere", "Table", "Object", "Camera", "Top", "Side", "Along laser", "Answers",
+))  # fmt: skip
 FIELD_OF_VIEW_RAD = 0.75
 
 _ISOMETRIC = np.array([1.0, -1.2, 0.75])

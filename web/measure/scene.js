@@ -137,7 +137,9 @@ export class SceneElement extends StateElement {
 
   /** The legend in the page's language, as far as it is known by now. */
   #speak = () => {
-    if (this.#say) this.#drawn?.speak?.(this.#say);
+    if (!this.#say) return;
+    this.#drawn?.speak?.(this.#say);
+    for (const one of this.#views.options) if (one.value) one.textContent = this.#say(one.value);
   };
 
   #say = sayer(this.#speak);
@@ -184,7 +186,7 @@ export class SceneElement extends StateElement {
     const told = JSON.stringify([views, layers.map(({ name }) => name)]);
     if (told === this.#offered) return;
     this.#offered = told;
-    this.#views.replaceChildren(h("option", { value: "" }, t("scene.view_choose")), ...views.map((view) => h("option", { value: view }, said(view))));
+    this.#views.replaceChildren(h("option", { value: "" }, t("scene.view_choose")), ...views.map((view) => h("option", { value: view }, this.#say?.(view) ?? view)));
     putChildren(this.#layers, [h("legend", { class: "visually-hidden" }, t("scene.layers")), ...layers.map(({ name, title, shown }) => {
       const box = h("input", { type: "checkbox", name, ".checked": this.#shownLayers[name] ?? shown, onchange: () => this.#showLayers({ ...this.#shownLayers, [name]: box.checked }) });
       return h("label", {}, box, ` ${said(title)}`);
