@@ -12,6 +12,7 @@ SOURCES = sorted(
 HOMES = {"calib_core/findings/judgement.py", "calib_core/records/faults.py"}  # the second has names of faults
 WORDS = {"warn", "fail"}
 SAID = re.compile(r"\b(\w*warnings?|\w*notes?|sentences?|reasons?|doubts?|causes?\.(title|sentence))$")
+ONE_SAID = re.compile(r"\b(warning|note|sentence|reason|doubt)$")
 PEEKS = {"startswith", "endswith", "partition", "rpartition", "find", "index", "match", "search", "fullmatch"}
 
 
@@ -44,16 +45,37 @@ def _ancestors(node: ast.AST, above: dict[ast.AST, ast.AST]) -> Iterator[ast.AST
 
 
 def looks_into_sentences(tree: ast.AST) -> Iterator[int]:
-    """Give the lines where a sentence is searched, or taken apart."""
+    """Give the lines where a sentence is searched, or taken apart, under whatever name a loop gives it."""
+    yield from _searched(tree, frozenset())
+
+
+def _searched(tree: ast.AST, said: frozenset[str]) -> Iterator[int]:
+    """Give the lines where a sentence is searched; `said` are names of loops that sentences have here."""
+
+    def is_said(part: ast.expr) -> bool:
+        return bool(SAID.search(ast.unparse(part))) or (isinstance(part, ast.Name) and part.id in said)
+
     for node in ast.walk(tree):
+        if isinstance(node, ast.GeneratorExp | ast.ListComp | ast.SetComp | ast.DictComp | ast.For):
+            loops = [node] if isinstance(node, ast.For) else node.generators
+            named = {
+                loop.target.id
+                for loop in loops
+                if isinstance(loop.target, ast.Name) and SAID.search(ast.unparse(loop.iter))
+            }
+            if named - said:
+                yield from _searched(node, said | named)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in PEEKS:
-            if any(SAID.search(ast.unparse(one)) for one in [node.func.value, *node.args]):
+            if any(is_said(one) for one in [node.func.value, *node.args]):
                 yield node.lineno
         elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn):
             text = (
                 isinstance(node.left, ast.Constant) and isinstance(node.left.value, str) and " " in node.left.value
             )
-            if text or re.search(r"\.(sentence|text)$", ast.unparse(node.left)):
+            word = isinstance(node.left, ast.Constant) and isinstance(node.left.value, str)
+            within = word and ONE_SAID.search(ast.unparse(node.comparators[0]))
+            looped = word and isinstance(node.comparators[0], ast.Name) and node.comparators[0].id in said
+            if text or within or looped or re.search(r"\.(sentence|text)$", ast.unparse(node.left)):
                 yield node.lineno
 
 
@@ -72,3 +94,6 @@ def test_a_verdict_is_set_in_one_place() -> None:
 def test_nobody_looks_into_a_sentence() -> None:
     assert files_where(looks_into_sentences, MAY_LOOK) == set()
     assert list(looks_into_sentences(ast.parse("note.startswith('Not checked')"))) == [1]
+    assert list(looks_into_sentences(ast.parse("any(one.startswith('A') for one in result.warnings)"))) == [1]
+    assert list(looks_into_sentences(ast.parse("for one in notes:\n    found = 'moved' in one"))) == [2]
+    assert list(looks_into_sentences(ast.parse("moved = 'moved' in warning"))) == [1]
