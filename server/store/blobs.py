@@ -58,7 +58,7 @@ class Blobs(ABC):
 
     @abstractmethod
     def damage(self, digest: str) -> str | None:
-        """Return in words what is wrong with a blob ("missing", "altered"), None where nothing is."""
+        """Return in words what is wrong with a blob (missing from the store, altered), None where nothing is."""
 
     @abstractmethod
     def digests(self, beginning: str = "") -> Iterator[str]:

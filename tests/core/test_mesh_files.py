@@ -120,7 +120,7 @@ def test_faces_of_four_corners_are_cut_in_two() -> None:
 @pytest.mark.parametrize(
     ("name", "data", "words"),
     [
-        ("part.step", b"ISO-10303-21;", "STL or PLY"),
+        ("part.step", b"ISO-10303-21;", "STL, PLY or OBJ"),
         ("part.stl", b"", "announced"),
         ("part.stl", written("stl")[:-7], "announced"),
         ("part.stl", b"solid x\n vertex 1 2\nendsolid", "corner"),

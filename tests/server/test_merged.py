@@ -110,7 +110,7 @@ def test_what_cannot_be_a_reference_is_refused_and_the_one_before_stays(merged: 
     assert put(merged, STL).status_code == 200
     before = ask(merged, "deviation").json()
     assert_problem(put(merged, STL[:-9]), 422, "a whole mesh file")
-    assert_problem(put(merged, b"x_mm,z_mm\n1,2\n", "profile.csv"), 422, "STL or PLY")
+    assert_problem(put(merged, b"x_mm,z_mm\n1,2\n", "profile.csv"), 422, "STL, PLY or OBJ")
     metres = mesh_file("stl", PART.points_mm / 1000, PART.triangles)
     assert_problem(put(merged, metres), 422, "millimetres")
     assert ask(merged, "deviation").json() == before

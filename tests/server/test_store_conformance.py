@@ -120,7 +120,7 @@ def test_blobs_are_what_was_put(store: Store) -> None:
     for read in (blobs.read, blobs.open):
         with pytest.raises(NotFoundError, match="doctor"):
             read("0" * 64)
-    assert blobs.damage("0" * 64) == "missing"
+    assert blobs.damage("0" * 64) == "missing from the store"
 
 
 def test_an_altered_blob_is_never_given_out(store: Store, settings: Settings) -> None:
@@ -129,7 +129,7 @@ def test_an_altered_blob_is_never_given_out(store: Store, settings: Settings) ->
     for read in (store.blobs.read, store.blobs.open):
         with pytest.raises(DamagedError, match="backup"):
             read(digest)
-    assert store.blobs.damage(digest) == "altered"
+    assert store.blobs.damage(digest) == "altered since it was stored"
 
 
 def test_only_old_blobs_are_removed(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,7 +139,7 @@ def test_only_old_blobs_are_removed(store: Store, monkeypatch: pytest.MonkeyPatc
     for module in (blob_folder, blob_bucket):
         monkeypatch.setattr(module, "YOUNG_S", -1.0)  # all are old
     store.blobs.remove([digest, "0" * 64])
-    assert store.blobs.damage(digest) == "missing"
+    assert store.blobs.damage(digest) == "missing from the store"
     assert store.blobs.put(b"points") == digest
     assert store.blobs.damage(digest) is None
 

@@ -35,7 +35,9 @@ def test_a_cell_is_planned_from_the_start_page(page: Page, watch: Watch, address
     dialog.get_by_label("Sphere diameter, mm").fill("30")
     dialog.get_by_label("Wanted ± at the workpiece, mm").fill("0,3")
     dialog.get_by_role("button", name="Plan", exact=True).click()
-    expect(dialog.get_by_text("±0.3 mm at the workpiece takes a sphere of 30 mm")).to_be_visible(timeout=120_000)
+    expect(dialog.get_by_text("±0.3 mm at the workpiece takes a certified sphere of 30 mm")).to_be_visible(
+        timeout=120_000
+    )
     assert violations(page, axe) == []
     watch.announce("status of 422")
     dialog.get_by_label("Width where it begins, mm").fill("2")

@@ -42,7 +42,7 @@ def test_blobs_are_stored_one_by_one_in_pieces_and_together(tmp_path: Path) -> N
     assert (blobs.read(digest), size) == (b"four", 4)
     assert blobs.read(blobs.mend(b"one")) == b"one"
     blobs.remove([digest], young_s=-1)
-    assert blobs.damage(digest) == "missing"
+    assert blobs.damage(digest) == "missing from the store"
     assert blobs.interrupted() == []
 
 
