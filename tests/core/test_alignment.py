@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from calib_core.errors import MeasurementError
-from calib_core.fusion.alignment import Alignment, best_fit
+from calib_core.fusion.alignment import Alignment, _clustered, best_fit
 from calib_core.fusion.datums import Feature, by_datums, on_nominal
 from calib_core.fusion.deviation import Nominal
 from calib_core.simulation.part import build_part
@@ -148,3 +148,18 @@ def test_another_part_is_not_taken_for_this_one() -> None:
     flat = np.random.default_rng(0).uniform(-100, 100, (2000, 3)) * [1, 1, 0]
     with pytest.raises(MeasurementError, match="reference"):
         best_fit(flat, np.tile([0.0, 0.0, 1.0], (2000, 1)), nominal)
+
+
+def test_deviations_of_one_part_of_the_nominal_count_once_together() -> None:
+    box = shapes.box()
+    nominal = Nominal(box.points_mm, box.triangles)
+    rng, size = np.random.default_rng(4), nominal.extent_mm / 8
+    corners = np.stack(np.meshgrid(*[np.arange(-2, 2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    cells = np.repeat(corners, 9, axis=0)  # 64 places with nine points each
+    there = nominal.middle_mm + size * (cells + rng.uniform(0.1, 0.9, cells.shape))
+    rows, distance = rng.standard_normal((len(there), 6)), rng.standard_normal(len(there))
+    scores = (rows * distance[:, None]).reshape(64, 9, 6).sum(axis=1)
+    within = scores.T @ scores
+    wider = 6 * 63 / 58 * f.ppf(0.95, 6, 58) / chi2.ppf(0.95, 6)  # Hotelling's, of 64 that are alike
+    found = _clustered(rows, distance, np.eye(6), there, nominal)
+    np.testing.assert_allclose(found, wider * within, rtol=1e-3, atol=1e-6 * np.abs(within).max())

@@ -196,3 +196,15 @@ def test_joints_of_another_arm_are_named() -> None:
     assert "the arm ur10e" in next(
         one.text for one in solved(told(cell, arm="ur5e")).findings if one.code == "joints-read-otherwise"
     )
+
+
+@pytest.mark.parametrize("behind", [2, 4, 5])
+def test_a_coupled_joint_moves_the_flange_by_the_reading_of_the_one_before(behind: int) -> None:
+    arm, joints = NAMED_ARMS["ur5e"], [10.0, -70.0, 80.0, -100.0, -80.0, 20.0]
+    names = [term.name for term in arm_terms(arm)]
+    move = arm_moves(arm, [joints])[0][:, names.index(f"joint_{behind + 1}_by_joint_{behind}_deg_per_deg")]
+    ends = [
+        flange_of_joints(arm, [one + by * joints[behind - 1] * (k == behind) for k, one in enumerate(joints)])
+        for by in (-1e-5, 1e-5)
+    ]
+    assert np.allclose(move[:3], (ends[1].translation_mm - ends[0].translation_mm) / 2e-5, atol=0.01)

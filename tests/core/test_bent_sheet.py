@@ -8,7 +8,9 @@ from bench_trouble import outcome
 
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.captures.scans import ScanGroup, read_scan
-from calib_core.frames import FloatArray
+from calib_core.chain.bend import Bend, _flattened
+from calib_core.chain.observations import SphereObservation
+from calib_core.frames import FloatArray, RigidTransform
 from calib_core.records import Session
 from calib_core.sphere.cloud import fit_sphere
 from calib_core.stages.pipeline import solve_stage
@@ -104,3 +106,20 @@ def test_a_lag_along_the_path_leaves_the_answer_less_sure(seed: int) -> None:
     found = outcome(TROUBLES["arms: lags by 0.3 mm along its path"], seed)
     assert any("behind its reported poses" in warning for warning in found.warnings)
     assert found.worst < 1  # 2.07 while it was only warned of
+
+
+@pytest.mark.parametrize("size_mm", [0.4, -0.4])
+def test_a_profile_of_a_bent_sheet_becomes_the_circle_of_the_plane(size_mm: float) -> None:
+    center, radius, level, half_width = np.array([3.0, 4.0, 180.0]), 20.0, 0.0, 40.0
+    x = np.linspace(-12.0, 16.0, 80)
+    y = level + size_mm * (x / half_width) ** 2
+    z = center[2] - np.sqrt(radius**2 - (x - center[0]) ** 2 - (y - center[1]) ** 2)
+    seen = np.column_stack([x, np.zeros_like(x), z])
+    pose = RigidTransform.of(np.eye(3), np.zeros(3), "base", "tool0")
+    told = SphereObservation("p1", pose, "profile", seen, center * [1, 0, 1], np.eye(3) * 1e-6, 19.0, 0.01)
+    bend = Bend(size_mm, 0.01, half_width, 1e-9, np.empty(0))
+    flat = _flattened(told, bend, center, radius, level)
+    assert flat.circle_radius_mm == pytest.approx(np.sqrt(radius**2 - (level - center[1]) ** 2), abs=1e-6)
+    np.testing.assert_allclose(flat.center_in_laser_mm, [center[0], level, center[2]], atol=1e-6)
+    assert np.abs(np.linalg.norm(flat.points_in_laser_mm - center, axis=1) - radius).max() < 1e-6
+    assert np.abs(flat.points_in_laser_mm[:, [0, 2]] - seen[:, [0, 2]]).max() < 1.0  # about where it was

@@ -24,6 +24,7 @@ from calib_core.optics.projection_map import projection_difference
 from calib_core.records import Capture, Session
 from calib_core.records.camera_result import CameraCoverage, CameraResidual, CameraResult
 from calib_core.records.evidence import Picture, Table
+from calib_core.stages.camera.evidence import image_map
 from calib_core.stages.frames_left_out import frames_left_out
 from calib_core.stages.laser_plane.solve import not_covered
 
@@ -120,3 +121,8 @@ def test_a_camera_of_before_the_projections_uncertainty_was_kept_covers_what_it_
         SimpleNamespace(camera=LENS, normal=np.array([0.88, 0.0, 0.48]), distance_mm=168.0),
     )
     assert not_covered(cast("CameraResult", camera), cast("PlaneSolution", plane)) == []
+
+
+def test_rows_of_a_map_are_counted_from_one() -> None:
+    rows = [series.label for series in image_map([[1.0], [2.0]], "map", "Map", "").series]
+    assert [str(label) for label in rows] == ["row 1", "row 2"]

@@ -228,6 +228,7 @@ def test_words_are_no_difference_to_a_replay(solved_folder):
         (1.5, float("nan"), "1.50"),
         (float("inf"), None, "–"),
         (12345.6, None, "12\u202f346"),
+        (1.23456, 0.03, "1.235 ± 0.060"),
     ],
 )
 def test_digits_follow_the_uncertainty(value, sigma, shown):

@@ -11,7 +11,7 @@ from calib_core.guidance.pose_list import planned_poses
 from calib_core.records import Guide, Measured, Session
 from calib_core.simulation import simulate
 from calib_core.stages.guide import guide
-from calib_core.stages.turntable.guide import _suggested_deg
+from calib_core.stages.turntable.guide import _has_tcp, _suggested_deg
 
 
 @pytest.fixture(scope="module")
@@ -238,3 +238,10 @@ def test_where_no_even_step_is_free_the_middle_of_the_widest_gap_is_asked_for_ac
     taken = [20.0, 65.0, 110.0, 155.0, 200.0, 245.0, 290.0, 325.0]
     assert _suggested_deg(taken) == pytest.approx((325 + 380) / 2)
     assert _suggested_deg(taken[:-1]) == pytest.approx(335)
+
+
+@pytest.mark.parametrize(("step", "chained"), [("tcp", True), ("camera", False), ("verify", False)])
+def test_a_chain_is_solved_with_the_table_where_captures_of_the_tool_are_there(step: str, chained: bool) -> None:
+    session = simulate("turntable", 4).session
+    captures = [c.model_copy(update={"step": step if c.step == "tcp" else c.step}) for c in session.captures]
+    assert _has_tcp(session.model_copy(update={"captures": captures})) == chained

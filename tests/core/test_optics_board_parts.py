@@ -5,6 +5,7 @@ import pytest
 
 from calib_core.findings.codes import quality
 from calib_core.optics.board import BoardView, find_board
+from calib_core.optics.board_partial import PartOfBoard
 from calib_core.optics.camera import calibrate_camera
 from calib_core.records import Board
 from tests.boards_in_part import CAMERA, PITCH_MM, SHAPE, cut_off_views
@@ -42,3 +43,11 @@ def test_what_is_told_of_a_board_in_part() -> None:
     told = quality.BOARD_IN_PART(["b01"], seen=36, count=54, place="open")
     assert "36 of 54 corners are seen" in str(told.text)
     assert told.severity == "note"
+
+
+@pytest.mark.parametrize(("width", "covered"), [(210, True), (195, False)])
+def test_a_board_is_covered_where_all_of_it_would_be_in_the_frame(width: int, covered: bool) -> None:
+    rows, columns = np.mgrid[0:6, 0:9].astype(float)
+    grid = np.stack([40 + 20 * columns, 40 + 20 * rows], axis=-1)  # its last corner is at column 200
+    grid[2:, 6:] = np.nan
+    assert PartOfBoard(grid, is_numbered=True).is_covered(np.zeros((200, width), dtype=np.uint8)) == covered

@@ -364,3 +364,15 @@ def test_a_browser_that_does_not_end_is_ended_with_all_that_it_started(
     until = time.monotonic() + 10
     while state.exists() and state.read_text().rpartition(")")[2].split()[0] not in "ZX":
         assert time.monotonic() < until
+
+
+def test_captures_are_drawn_over_the_whole_width() -> None:
+    count = 12
+    series = Series(label="captures", y=[1.0] * count, captures=[f"p{k}" for k in range(count)])
+    drawn = plot_svg(
+        Plot(shape="captures", caption="", x=Axis(label=""), y=Axis(label="", unit="mm"), series=[series])
+    )
+    width = float(re.search(r'viewBox="0 0 ([\d.]+)', drawn)[1])  # type: ignore[index]
+    marks = sorted({float(x) for x in re.findall(r'class="mark[^>]*?c?x="([\d.]+)"', drawn)})
+    assert len(marks) == count
+    assert marks[-1] - marks[0] > 0.7 * width

@@ -311,3 +311,14 @@ def test_balls_before_a_robot_on_a_rail_are_told_apart_by_the_captures_mountings
     assert result.verdict == "pass"
     assert dict(within(result, truth)) == {"far": "far", "sphere": "sphere"}
     assert all(squared < {2: 18.4, **CHI2}[many] for _, squared, many, _ in distances(result, truth))
+
+
+def test_where_all_fit_badly_two_ways_are_told_apart_only_by_more() -> None:
+    names, sure = ["a", "b", "c"], 0.5 * 0.3**2 * np.eye(9)  # a distance errs by 0.3 mm
+
+    def found(second: float) -> list[list[str]]:
+        told = [KnownDistance("a", "b", 60.0, 0.01), KnownDistance("b", "c", second, 0.01)]
+        return by_distances(np.array([[0.0, 0, 0], [61.0, 0, 0], [61.0 + second, 0, 0]]), sure, names, told)
+
+    assert found(57.0) == [names]  # 15 of squared deviations; 192 the other way round
+    assert found(58.0) == []  # 104

@@ -1,6 +1,7 @@
 """The start: exact captures give tool, sphere and sides, whatever the tool, the motions and a few gross errors."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib_core.chain.observations import SphereObservation
-from calib_core.chain.start import Start, centers_of, find_start
+from calib_core.chain.start import Start, centers_of, find_start, heights
 from calib_core.frames import RigidTransform
 from tests.core.exact_sphere import SPHERE, ExactCell, exact_cell, turns
 
@@ -133,3 +134,13 @@ def test_the_rival_has_other_sides_and_fits_worse(seed: int) -> None:
     cell = exact_cell(seed, turns(seed, 4, 10))
     start = find_start(centers_of(cell.profiles(), SPHERE))
     assert start.rival_scatter_mm is None or start.rival_scatter_mm > 10 * start.scatter_mm
+
+
+def test_heights_that_are_tried_begin_with_the_right_one_and_lie_apart() -> None:
+    cell = exact_cell(3, turns(3, 4, 10))
+    sought = centers_of(cell.profiles(), SPHERE)
+    found = heights(sought, cell.tool.rotation, cell.center_mm, 0.0)
+    right = cell.tool.rotation[:, 1] @ cell.tool.translation_mm
+    assert found[0] == pytest.approx(right, abs=1e-6)
+    assert len(found) == 3
+    assert min(abs(a - b) for a, b in combinations(found, 2)) > 2.0

@@ -1,0 +1,51 @@
+"""What is found of a table's angles: lost steps, factors, and the direction in which they count."""
+
+import numpy as np
+import pytest
+
+from calib_core.causes.table import _lost_steps, _refined, direction_findings
+from calib_core.chain.observations import SphereObservation, TableObservation
+from calib_core.chain.table_frame import TableFrame
+from calib_core.frames import RigidTransform
+from calib_core.records import Cell
+
+ANGLES_RAD = np.deg2rad(np.arange(0.0, 360.0, 40.0))
+POSE = RigidTransform.of(np.eye(3), np.zeros(3), "base", "tool0")
+
+
+def told() -> list[TableObservation]:
+    empty = np.empty((0, 3))
+    return [
+        TableObservation(SphereObservation(f"p{k}", POSE, "center", empty, np.zeros(3), np.eye(3)), angle, "low")
+        for k, angle in enumerate(ANGLES_RAD.tolist())
+    ]
+
+
+@pytest.mark.parametrize(("lost_deg", "said_deg"), [(10.1, 10.0), (-10.1, -10.0), (10.4, 10.4)])
+def test_steps_that_a_table_lost_are_whole_degrees_where_they_nearly_are(lost_deg: float, said_deg: float) -> None:
+    found = ANGLES_RAD + np.deg2rad(np.where(np.arange(9) >= 5, lost_deg, 0.0))
+    ((reading, kind),) = _lost_steps(told(), found)
+    assert (reading.since, kind) == ("p5", "step")
+    assert reading.offset_deg == pytest.approx(said_deg)
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.07, 0.9 * 1.05])
+def test_a_factor_of_the_angles_is_found_about_a_rough_one(factor: float) -> None:
+    rough = 0.9 if factor < 0.96 else 1.0
+    everything = [np.arange(9)]
+    assert _refined(rough, ANGLES_RAD, factor * ANGLES_RAD + 0.7, everything) == pytest.approx(factor, abs=3e-4)
+
+
+@pytest.mark.parametrize(("direction", "counts"), [(1, "right"), (-1, "left")])
+def test_a_direction_that_is_told_wrongly_is_said_with_the_right_hand(direction: int, counts: str) -> None:
+    frame = TableFrame(RigidTransform.of(np.eye(3), np.zeros(3), "base", "turntable"), direction, np.zeros((1, 3)))
+
+    def cell(told: int) -> Cell:
+        return Cell.model_validate(
+            {"pose_convention": "fanuc", "sphere_diameter_mm": 50.0, "turntable": {"direction": told}}
+        )
+
+    assert direction_findings(cell(direction), frame) == []
+    (found,) = direction_findings(cell(-direction), frame)
+    assert found.values["counts"] == counts
+    assert found.values["direction"] == direction
