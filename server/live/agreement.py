@@ -44,6 +44,7 @@ class Agreement:
         self.stands_since_s = self._told_s = -np.inf
         self.doubted_since_s: float | None = None  # a stand whose pose was not where the robot stood
         self.moved_after_s = np.inf  # the stripe did in that stand
+        self._doubted = -np.inf, ""  # when last, and why
         self._arcs: deque[tuple[float, ArcFit]] = deque(maxlen=_MOST_ARCS)
         self._before: Rest | None = None
         self._left_since_s = -np.inf
@@ -123,20 +124,13 @@ class Agreement:
             return "the robot moves"  # since these exposures, so that nothing is known any more of their stand
         turned_deg = _turned_deg(self._stands, now.robot)
         if turned_deg > _JOINT_TURNED_DEG:
-            self._doubt()
-            return message(
+            told = message(
                 "a joint turned by {turned_deg:.1f}° while the robot's pose stood. Is the pose still being sent?",
                 turned_deg=turned_deg,
             )
-        moved_mm = max((arc.apart_mm(other) for _, other in self._arcs), default=0.0)
-        if moved_mm > _STRIPE_MOVED_MM:
-            self._doubt()
-            return message(
-                "the stripe moved by {moved_mm:.1f} mm while the robot's pose stood. Is the pose "
-                "still being sent? If scanner or sphere were moved by hand, drive the robot "
-                "elsewhere once",
-                moved_mm=moved_mm,
-            )
+            return self._doubt(told)
+        if why := self._stripe_moved(arc):
+            return why
         before, self._before = self._before, now
         if before is None or before.robot is None:
             return ""
@@ -156,11 +150,39 @@ class Agreement:
             before=_way_mm(before, now),
         )
 
-    def _doubt(self) -> None:
+    def contradicted_since(self, began_s: float, is_timed: bool) -> str:
+        """Return what spoke against poses or angles that were recorded since then, "" where nothing did.
+
+        A stripe that moved soon in a stand may have been late, where exposures tell no time (`is_timed`).
+        """
+        if self._arcs:
+            self._stripe_moved(self._arcs[-1][1])
+        doubted_s, why = self._doubted
+        counts = doubted_s >= began_s and (is_timed or not self.is_late())
+        return self.late_angle.why or (why if counts else "")
+
+    def _stripe_moved(self, arc: ArcFit, before_s: float = np.inf) -> str:
+        """Return by how much the stripe moved in this stand, "" where it stood."""
+        seen = (other for seen_s, other in self._arcs if seen_s < before_s)
+        moved_mm = max((arc.apart_mm(other) for other in seen), default=0.0)
+        if moved_mm <= _STRIPE_MOVED_MM:
+            return ""
+        return self._doubt(
+            message(
+                "the stripe moved by {moved_mm:.1f} mm while the robot's pose stood. Is the pose "
+                "still being sent? If scanner or sphere were moved by hand, drive the robot "
+                "elsewhere once",
+                moved_mm=moved_mm,
+            )
+        )
+
+    def _doubt(self, why: str) -> str:
         """Remember a stand in which pose and stripe told of two places, and when the stripe left the first."""
+        self._doubted = self._told_s, why
         self.doubted_since_s = self.stands_since_s
         left_s = (seen_s for seen_s, arc in self._arcs if self._arcs[0][1].apart_mm(arc) > _STRIPE_MOVED_MM)
         self.moved_after_s = next(left_s, np.inf) - self.stands_since_s
+        return why
 
     def is_late(self) -> bool:
         """Return whether the stripe moved so soon in the doubted stand that it may have been of before it."""
@@ -169,9 +191,8 @@ class Agreement:
     def _moved(self, sample: Sample) -> None:
         """Begin a new stand; one in which the stripe went elsewhere long before was none."""
         before_s = self._told_s - _ARRIVES_S
-        seen = [arc for seen_s, arc in self._arcs if seen_s < before_s]
-        if seen and max(seen[0].apart_mm(other) for other in seen) > _STRIPE_MOVED_MM:
-            self._doubt()
+        if self._arcs and self._arcs[0][0] < before_s:
+            self._stripe_moved(self._arcs[0][1], before_s)
         if self._arcs and self._stands is not None:
             self._former = self.stands_since_s, self._stands, self._arcs[-1][1]
         if self._arcs:

@@ -4,6 +4,7 @@ It turns only while its angle is told by a source of the session.  Whatever is n
 outside of the limits, no progress, a stop) ends in `stop`.  This is no safety function: the machine's own is.
 """
 
+import math
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -57,10 +58,18 @@ class ArmedTable:
     arming : Arming
     newest : callable
         Returns the newest sample that tells the table's angle, None where none is connected.
+    tell : callable, optional
+        Is told until when the table turns, inf where that is not known yet: its angle may stand meanwhile.
     """
 
-    def __init__(self, mover: Mover, arming: Arming, newest: Callable[[], Sample | None]) -> None:
-        self._mover, self.arming, self._newest = mover, arming, newest
+    def __init__(
+        self,
+        mover: Mover,
+        arming: Arming,
+        newest: Callable[[], Sample | None],
+        tell: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        self._mover, self.arming, self._newest, self._tell = mover, arming, newest, tell
         self.until_s = host_now_s() + 60.0 * arming.minutes
         self.target_deg: float | None = None
         self._turning = threading.Lock()
@@ -93,6 +102,7 @@ class ArmedTable:
             self._require_armed()
             began_deg = self._angle()
             self.target_deg = table_deg
+            self._tell(math.inf)
             try:
                 self._mover.go_to(table_deg)
             except OSError as error:
@@ -104,6 +114,7 @@ class ArmedTable:
             raise
         finally:
             self.target_deg = None
+            self._tell(host_now_s())
             self._turning.release()
 
     def stop(self) -> None:
@@ -190,7 +201,9 @@ class ArmedTables:
         except OSError as error:
             to_do = "Check address, cable and power."
             raise ConflictError("a table that answers", str(error), to_do, "host") from None
-        armed = self._armed[session_id] = ArmedTable(mover, arming, lambda: self._newest(session_id))
+        armed = self._armed[session_id] = ArmedTable(
+            mover, arming, lambda: self._newest(session_id), lambda turned_s: self._tell(session_id, turned_s)
+        )
         armed.end = threading.Timer(60.0 * arming.minutes, self._expire, (session_id, armed))
         armed.end.daemon = True
         armed.end.start()
@@ -227,6 +240,10 @@ class ArmedTables:
         """Its time is over: let go of its connection, unless another one was armed since."""
         if self._armed.get(session_id) is armed:
             self.disarm(session_id)
+
+    def _tell(self, session_id: str, turned_s: float) -> None:
+        if live := self._cells.live(session_id):
+            live.turned_s = turned_s
 
     def _newest(self, session_id: str) -> Sample | None:
         live = self._cells.live(session_id)

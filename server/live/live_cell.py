@@ -22,7 +22,14 @@ from server.live.exposures import Exposure, Optics, exposure_of
 from server.live.link import Link
 from server.live.live_captures import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
-from server.live.shots import no_scanner, no_standstill, require_agreement, require_good, told_standing
+from server.live.shots import (
+    no_scanner,
+    no_standstill,
+    require_agreement,
+    require_good,
+    require_undisturbed,
+    told_standing,
+)
 from server.live.standstill import Rest, Rules, is_new_place, stood_still
 from server.sources.device import Frame, Reading, Sample, host_now_s
 from server.store.audit import acting
@@ -82,6 +89,7 @@ class LiveCell:
         self.last: Taken | None = None
         self.waits_for = ""
         self.is_taken = False  # where all stand now, a capture was taken already
+        self.turned_s = -np.inf  # until when an armed mover turned the table, inf while it does
         self.clocks = clocks or MeasuredClocks()
         self.clock_watch = self.clocks.watch
         self.recording: Recording | None = None
@@ -241,8 +249,8 @@ class LiveCell:
         Raises
         ------
         ConflictError
-            If something is recorded already, a device was lost, or the offset between the clocks is not known well
-            enough for the speed.
+            If something is recorded already, a device was lost or not fresh, an armed mover turned the table, or
+            the offset between the clocks is not known well enough for the speed.
         MeasurementError
             If exposures or poses are missing.
         """
@@ -257,7 +265,9 @@ class LiveCell:
         with self._arrived:
             self.recording, ended_s = None, host_now_s()
             table = [sample for sample in self._table if sample.host_time_s >= began_s]
+            against = self._agreement.contradicted_since(began_s, self._is_timed("scanner"))
         recorded = recording.end()
+        require_undisturbed(against, self.turned_s >= began_s)
         cell, taken, _ = self._load()
         kept, frames_s, track_s = on_one_clock(recorded, self.clocks)
         fields = sweep_fields(kept, frames_s, track_s, self.clocks.offset, cell.pose_convention)
@@ -346,6 +356,8 @@ class LiveCell:
         """
         if (late := self._agreement.late_angle.why) or isinstance(rest, str):
             return late or rest
+        if self.turned_s >= rest.exposures[0].frame.host_time_s - self.rules.latency_s:
+            return "the table turns"
         if rest.table_deg is None and self._is_on_table:
             return "the table has told nothing yet" if self._with_angle else rest
         with self._arrived:

@@ -208,7 +208,9 @@ def table_fields(table: Sequence[Sample], rules: Rules, span_s: tuple[float, flo
     angles = [sample.table_deg for sample in table if sample.table_deg is not None]
     if not angles:
         return {}
-    if max(angles) - min(angles) > rules.table_deg or any(sample.moving for sample in table):
+    # Who tells the flange as well says of the robot that it moves: on the move it does.
+    turns = any(sample.moving for sample in table if sample.base_from_tool0 is None)
+    if max(angles) - min(angles) > rules.table_deg or turns:
         got = message("one that turned from {least:.2f}° to {most:.2f}°", least=min(angles), most=max(angles))
         raise ConflictError("a table at rest during a sweep", got, "Turn it between sweeps.", "table_deg")
     return {"table_deg": angles[-1]}

@@ -39,6 +39,15 @@ def require_good(rest: Rest) -> None:
         raise ConflictError("a good arc of the sphere", *in_short(rest.chosen.weak))
 
 
+def require_undisturbed(against: str, is_turned: bool) -> None:
+    """Refuse a recording that something spoke against, or during which an armed mover turned the table."""
+    if is_turned:
+        to_do = "Turn it between sweeps."
+        raise ConflictError("a table at rest during a sweep", "one that turns", to_do, "table_deg")
+    if against:
+        raise ConflictError("poses and a stripe that agree", against, "Record again.")
+
+
 def no_scanner() -> ConflictError:
     """Return what is said where no scanner is connected."""
     return ConflictError("a scanner that is connected", "none", "Connect one in the session's devices.", "devices")

@@ -253,3 +253,11 @@ def test_a_sweep_whose_table_was_not_heard_to_its_end_is_not_stored() -> None:
         with pytest.raises(ConflictError, match="gap"):
             table_fields(heard, Rules(), (100.0, 102.0))
     assert table_fields([], Rules(), None) == {}  # no table tells an angle
+
+
+def test_a_robot_that_moves_and_tells_its_tables_angle_is_swept_on_the_move() -> None:
+    """That it moves is said of the robot; only a table that is told alone says so of itself."""
+    on_the_move = [Sample(100.0, None, pose(0.0), table_deg=30.0, moving=True)]
+    assert table_fields(on_the_move, Rules(), None) == {"table_deg": 30.0}
+    with pytest.raises(ConflictError, match="at rest"):
+        table_fields([Sample(100.0, table_deg=30.0, moving=True)], Rules(), None)

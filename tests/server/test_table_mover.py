@@ -23,8 +23,9 @@ class Table:
         self._at, self._target, self._since_s = 0.0, 0.0, time.monotonic()
         self.wild = False
         self.stuck_at: float | None = None
+        self.told_deg: float | None = None  # what its encoder repeats
         self.stops = 0
-        self.server = ModbusServer(self.angle, turn=self.turn)
+        self.server = ModbusServer(self.told, turn=self.turn)
 
     def angle(self) -> tuple[float, bool]:
         way = self._rate * (time.monotonic() - self._since_s)
@@ -33,6 +34,9 @@ class Table:
         if self.stuck_at is not None:
             at = min(at, self.stuck_at)
         return at, way < abs(left) and self.stuck_at is None
+
+    def told(self) -> tuple[float, bool]:
+        return self.angle() if self.told_deg is None else (self.told_deg, False)
 
     def turn(self, target: float | None) -> None:
         self._at, self._since_s = self.angle()[0], time.monotonic()
@@ -111,6 +115,21 @@ def test_a_stop_ends_a_turn(client: httpx.Client, session: str, table: Table) ->
     assert 0 < at < 100
     assert not moving
     assert client.get(f"/sessions/{session}/table-mover").json()["armed"] is True
+
+
+def test_a_sweep_while_the_table_is_turned_is_refused_though_its_angle_stands(
+    client: httpx.Client, session: str, table: Table
+) -> None:
+    arm(client, session, table)
+    table.told_deg = 0.0
+    turning = threading.Thread(target=lambda: go(client, session, 100.0))
+    turning.start()
+    until(lambda: client.get(f"/sessions/{session}/table-mover").json()["target_deg"] == 100.0)
+    swept = client.post(f"/sessions/{session}/live/sweep", json={"seconds": 0.5})
+    assert_problem(swept, 409, "one that turns", "between sweeps")
+    turning.join(10)
+    swept = client.post(f"/sessions/{session}/live/sweep", json={"seconds": 0.5})
+    assert "one that turns" not in swept.text  # the mover has given up, and stopped it
 
 
 def test_what_goes_wrong_is_stopped(client: httpx.Client, session: str, table: Table) -> None:
