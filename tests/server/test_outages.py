@@ -66,6 +66,22 @@ def test_a_database_that_goes_away_and_comes_back(place: dict[str, Any]) -> None
 
 
 @pytest.mark.thorough
+def test_a_database_that_hangs_is_seen_and_serves_again(place: dict[str, Any]) -> None:
+    """It takes connections and questions, and answers none: no call fails, so that only time tells."""
+    address = place["database_url"]
+    with gated(address.partition("@")[2].partition("/")[0]) as gate:
+        through = f"postgresql://scancell@127.0.0.1:{gate.port}/{address.rpartition('/')[2]}"
+        with serving(Settings(**{**place, "database_url": through})) as client:
+            session = make_session(client)
+            gate.hang()
+            assert until_health(client, "degraded")["reasons"].keys() & {"database", "lock"}
+            assert client.get(str(client.base_url).removesuffix("/api/v1/") + "/health/alive").text == "alive"
+            gate.open()
+            until_health(client, "ready")
+            assert upload(client, session, record(), arc_csv()).status_code == 201
+
+
+@pytest.mark.thorough
 def test_of_two_servers_only_one_ever_writes(place: dict[str, Any], tmp_path: Path) -> None:
     """The first loses its connections without noticing at once; the second has taken over meanwhile."""
     first = Settings(**place)
