@@ -9,6 +9,7 @@ from calib_core.errors import InputError
 from calib_core.messages import message
 
 _MOST_FILES, _MOST_BYTES = 20_000, 256_000_000
+_DEEPEST = 3
 _DAMAGED = (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError, OSError)
 
 
@@ -19,7 +20,8 @@ def opened_files(files: Mapping[str, bytes], skipped: dict[str, str] | None = No
     ----------
     files : mapping
     skipped : dict, optional
-        Takes up what cannot be opened, and why; left out, that is refused.
+        Takes up what cannot be opened, and why, and zip files within zip files are opened as well; left out, what
+        cannot be opened is refused, and what lies in a zip file stays as it is.
 
     Raises
     ------
@@ -27,31 +29,79 @@ def opened_files(files: Mapping[str, bytes], skipped: dict[str, str] | None = No
         If a zip file is damaged or holds more than a controller's backup does.
     """
     opened: dict[str, bytes] = {}
+    budget = _Budget()
     for name, data in files.items():
-        if not data.startswith(b"PK\x03\x04"):
+        if not _is_zip(data):
             opened[name] = data
             continue
-        try:
-            with zipfile.ZipFile(io.BytesIO(data)) as archive:
-                entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-                if len(entries) > _MOST_FILES or sum(entry.file_size for entry in entries) > _MOST_BYTES:
-                    to_do = message("Give the files with programs, tools and frames alone.")
-                    need = "at most {most_files} files and 256 MB"
-                    raise InputError(need, "more", to_do, name, most_files=_MOST_FILES)
-                for entry in entries:
-                    try:
-                        opened[entry.filename] = archive.read(entry)
-                    except _DAMAGED as error:
-                        if skipped is None:
-                            raise
-                        skipped[entry.filename] = str(error) or "damaged"
-        except _DAMAGED as error:
-            to_do = message("Copy it from the controller again, or unpack it and give the folder.")
-            refusal = InputError("a whole zip archive", str(error) or "damaged content", to_do, name)
-            if skipped is None or len(files) == 1:
-                raise refusal from None
-            skipped[name] = refusal.reason
+        refusal = _open(name, data, opened, skipped, budget)
+        if refusal is None:
+            continue
+        if skipped is None or len(files) == 1:
+            raise refusal
+        skipped[name] = refusal.reason
+    if skipped is not None:
+        _open_within(opened, skipped, budget)
     return opened
+
+
+class _Budget:
+    """What all zip files of one reading may hold together, however deep they lie."""
+
+    def __init__(self) -> None:
+        self._files, self._bytes = _MOST_FILES, _MOST_BYTES
+
+    def take(self, entries: list[zipfile.ZipInfo], name: str) -> None:
+        """Count entries; raises InputError where they are too many or too large."""
+        self._files -= len(entries)
+        self._bytes -= sum(entry.file_size for entry in entries)
+        if self._files < 0 or self._bytes < 0:
+            to_do = message("Give the files with programs, tools and frames alone.")
+            raise InputError("at most {most_files} files and 256 MB", "more", to_do, name, most_files=_MOST_FILES)
+
+
+def _is_zip(data: bytes) -> bool:
+    return data.startswith(b"PK\x03\x04")
+
+
+def _open(
+    name: str,
+    data: bytes,
+    opened: dict[str, bytes],
+    skipped: dict[str, str] | None,
+    budget: _Budget,
+    within: str = "",
+) -> InputError | None:
+    """Open a zip file; return why where it cannot be."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
+            budget.take(entries, name)
+            for entry in entries:
+                try:
+                    opened[within + entry.filename] = archive.read(entry)
+                except _DAMAGED as error:
+                    if skipped is None:
+                        raise
+                    skipped[within + entry.filename] = str(error) or "damaged"
+    except _DAMAGED as error:
+        to_do = message("Copy it from the controller again, or unpack it and give the folder.")
+        return InputError("a whole zip archive", str(error) or "damaged content", to_do, name)
+    return None
+
+
+def _open_within(opened: dict[str, bytes], skipped: dict[str, str], budget: _Budget) -> None:
+    """Put what lies in zip files within zip files in their place, under both names; name what cannot be opened."""
+    for depth in range(_DEEPEST + 1):
+        inner = [name for name, data in opened.items() if _is_zip(data)]
+        for name in inner:
+            data = opened.pop(name)
+            if depth == _DEEPEST:
+                skipped[name] = message("zip files lie in each other, more than {most} deep", most=_DEEPEST)
+                continue
+            refusal = _open(name, data, opened, skipped, budget, f"{name}/")
+            if refusal is not None:
+                skipped[name] = refusal.reason
 
 
 def with_file_replaced(archive: bytes, name: str, content: bytes, where: str) -> bytes:

@@ -8,6 +8,7 @@ import zipfile
 import pytest
 
 from calib_core.errors import InputError
+from calib_core.formats.zip_files import zipped
 from calib_core.robots.backup import read_controller_files
 from calib_core.robots.registry import BRANDS
 from tests.core.robot_dialects import CONFIG, LS
@@ -58,6 +59,32 @@ def test_an_odd_entry_of_a_backup_is_skipped_and_named() -> None:
     beside = read_controller_files({"$config.dat": CONFIG.encode(), "old.zip": b"PK\x03\x04 cut off"})
     assert len(beside.tools) == 2
     assert [row.file for row in beside.skipped if row.file == "old.zip"] == ["old.zip"]
+
+
+def test_zip_files_within_a_backup_are_opened_and_odd_ones_named() -> None:
+    kept = zipped({"KRC/$config.dat": CONFIG.encode()})
+    cut = zipped({"b.dat": CONFIG.encode()})[:-40]
+    deep = zipped({"2.zip": zipped({"3.zip": zipped({"4.zip": kept})})})
+    known = read_controller_files({"$config.dat": CONFIG.encode()}).tools
+    for inner, odd in (
+        ({"R1.zip": kept}, []),
+        ({"all/R1.zip": zipped({"R1.zip": kept})}, []),
+        ({"R1.zip": kept, "odd.zip": b"PK\x03\x04 cut off"}, ["odd.zip"]),
+        ({"R1.zip": kept, "cut.zip": cut}, ["cut.zip"]),
+        ({"R1.zip": kept, "old.zip": zipped({"cut.zip": cut})}, ["old.zip/cut.zip"]),
+        ({"R1.zip": kept, "1.zip": deep}, ["1.zip/2.zip/3.zip/4.zip"]),
+    ):
+        read = read_controller_files({"backup.zip": zipped(inner)})
+        assert [tool.pose for tool in read.tools] == [tool.pose for tool in known]
+        assert [row.file for row in read.skipped if row.file and row.file.endswith(".zip")] == odd
+
+
+def test_what_zip_files_hold_together_is_limited_however_deep_they_lie() -> None:
+    bomb = zipped({"zeros": bytes(100_000_000)})
+    with pytest.raises(InputError, match="256 MB"):
+        read_controller_files(
+            {"b.zip": zipped({"1.zip": bomb, "2.zip": bomb, "3.zip": bomb, "$config.dat": CONFIG.encode()})}
+        )
 
 
 def test_the_controllers_state_outranks_a_program_and_both_are_shown() -> None:
