@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 from calib_core import __version__
 from calib_core.disk import WINDOWS
@@ -21,6 +21,7 @@ from server.console.remote import from_server
 
 if TYPE_CHECKING:
     from calib_core.errors import CalibrationError
+    from calib_core.messages import Catalogue
 
 COMMANDS: Registry[Command] = Registry("a command", "server.commands", "COMMAND", Command)
 
@@ -39,19 +40,33 @@ _LONGEST_LINE = 2000
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are one sentence, and whose options are written in full."""
+    """A parser whose errors are one sentence in the asked language, and whose options are written in full."""
+
+    said: "ClassVar[Catalogue | None]" = None
 
     def __init__(self, *arguments: Any, **more: Any) -> None:
         super().__init__(*arguments, allow_abbrev=False, **more)
 
     def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"scancell: error: {_one_line(message).rstrip('.')}. See {self.prog} --help.\n")
+        from calib_core.messages import ENGLISH
+        from calib_core.messages import message as made
+
+        sentence = made("{error}. See {command} --help.", error=_one_line(message).rstrip("."), command=self.prog)
+        self.exit(BAD_INPUT, f"scancell: error: {(self.said or ENGLISH).say(sentence)}\n")
 
     def refuse(self, unknown: Sequence[str]) -> NoReturn:
         """End with what is not known, and with the option that is most likely meant."""
         close = get_close_matches(unknown[0].partition("=")[0], self._option_string_actions, 1, 0.6)
-        meant = f" (did you mean {close[0]}?)" if close else ""
-        self.error(f"unrecognized arguments: {' '.join(unknown)}{meant}")
+        from calib_core.messages import ENGLISH, message
+
+        said, words = self.said or ENGLISH, " ".join(unknown)
+        if not close:
+            self.error(said.say(message("unrecognized arguments: {words}", words=words)))
+        self.error(
+            said.say(
+                message("unrecognized arguments: {words} (did you mean {close}?)", words=words, close=close[0])
+            )
+        )
 
 
 class _Version(argparse.Action):
@@ -81,6 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         words = with_matches(words)
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how to go on
         return _complete()
+    _speak(words)
     if any("\0" in word for word in words):
         return _refused("an argument with a NUL character. Remove it.")
     try:
@@ -98,6 +114,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("scancell: stopped", file=sys.stderr)
         return 130
+
+
+def _speak(words: Sequence[str]) -> None:
+    """Let the parser's errors be in the language asked for; English, as nearly always, imports nothing."""
+    if "SCANCELL_LANG" in os.environ or _Parser.said or any(word.startswith("--lang") for word in words):
+        from server.console.texts import say_usage_errors
+
+        _Parser.said = say_usage_errors(words)
 
 
 def _unread() -> int:
@@ -180,6 +204,7 @@ def _add_common(add: Callable[..., Any], *, default: Any) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from calib_core.errors import CalibrationError
+    from calib_core.messages import ENGLISH, message
 
     command: Command = options.command
     assert command.run is not None
@@ -198,10 +223,11 @@ def _run(options: argparse.Namespace) -> int:
             raise
         if error.errno == errno.EINVAL and not error.filename and not sys.stdout.isatty():
             return _unread()  # so Windows says that whoever read a pipe has gone
+        said = (error.strerror or type(error).__name__).lower()
+        what = message("need files and folders that can be used, got {error}. Correct the name, or make room.",
+                       error=said)  # fmt: skip
         place = f"{error.filename}: " if error.filename else ""
-        said = error.strerror or type(error).__name__
-        need = "need files and folders that can be used"
-        return _refused(f"{place}{need}, got {said.lower()}. Correct the name, or make room.")
+        return _refused(place + (_Parser.said or ENGLISH).say(what))
     except Exception as error:
         if options.debug:
             raise

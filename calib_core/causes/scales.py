@@ -70,7 +70,9 @@ class _Lengths:
         return max(abs(np.log(self.x)), abs(np.log(self.z))) < _LEAST_SCALE and self.told
 
 
-def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, told: SphereSize) -> list[Finding]:
+def scale_causes(
+    session: Session, captures: Sequence[Capture], read: ReadFile, told: SphereSize, by_shape: bool = False
+) -> list[Finding]:
     """Return what would make profiles of the still sphere fit far better: other lengths; the likeliest first.
 
     Parameters
@@ -81,6 +83,8 @@ def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, 
     read : callable
         Returns the bytes of a file by its name in the capture.
     told : SphereSize
+    by_shape : bool
+        Whether only lengths are of interest by which circles are seen as ellipses.
 
     Raises
     ------
@@ -93,6 +97,8 @@ def scale_causes(session: Session, captures: Sequence[Capture], read: ReadFile, 
         return []
     points = {c.id: read_points(c, read) for c in profiles}
     ratio = _ratio(list(points.values())[:: max(1, len(points) // _ASKED)])
+    if by_shape and ratio == 1:
+        return []
     as_told = SeenArcs.of(session, profiles, points, 1.0)
     now = as_told.scatter_mm(1.0, 1.0, told) if as_told is not None else np.inf
     seen = as_told if ratio == 1 else SeenArcs.of(session, profiles, points, ratio)

@@ -3,12 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from calib_core.messages import Message, Names
+
 _SHORTEST_RUN: Final = 3
-_MOST_NAMED: Final = 12
 
 
-def captures_text(names: Sequence[str], order: Sequence[str] = ()) -> str:
-    """Return captures as a sentence names them: ``p03, p07 and p09``, or ``f13–f24`` for a run.
+def captures_text(names: Sequence[str], order: Sequence[str] = ()) -> Message:
+    """Return captures as a sentence names them in each language: ``p03, p07 and p09``, or ``f13–f24`` for a run.
 
     Parameters
     ----------
@@ -24,14 +25,7 @@ def captures_text(names: Sequence[str], order: Sequence[str] = ()) -> str:
         else:
             runs.append([name])
     parts = [part for run in runs for part in ([f"{run[0]}–{run[-1]}"] if len(run) >= _SHORTEST_RUN else run)]
-    if len(parts) > _MOST_NAMED:
-        return f"{', '.join(parts[:_MOST_NAMED])} and {len(parts) - _MOST_NAMED} more"
-    return listed(parts)
-
-
-def listed(parts: Sequence[str]) -> str:
-    """Return things as a sentence lists them: a, b and c."""
-    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+    return Message("{captures}", {"captures": Names(parts)})
 
 
 def by_cause(causes: Mapping[str, str]) -> dict[str, list[str]]:
@@ -40,8 +34,3 @@ def by_cause(causes: Mapping[str, str]) -> dict[str, list[str]]:
     for capture, cause in causes.items():
         found.setdefault(cause, []).append(capture)
     return dict(sorted(found.items(), key=lambda item: -len(item[1])))
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a count with its noun: ``1 capture``, ``3 captures``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

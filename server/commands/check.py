@@ -15,6 +15,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.messages import message, plural
     from calib_core.review.check import check_lines, check_session
     from server.console.language import spoken
+    from server.console.texts import severity_said
 
     with opened(options.session) as folder:
         session, read = load_session(folder)
@@ -23,7 +24,7 @@ def _run(options: argparse.Namespace) -> int:
     read = findings_as_read(findings, said.language, session.cell.findings)
     errors = sum(finding.severity == "error" for finding in findings)
     items = check_lines(read, said)
-    lines = [f"{item.level:8} {item.where}: {item.sentence}" for item in items]
+    lines = [f"{severity_said(item.level, said)} {item.where}: {item.sentence}" for item in items]
     lines += [] if errors else [message("Nothing blocks solving.")]
     data = [{**f.to_json(), **item.to_json()} for f, item in zip(read, items, strict=True)]
     print_result(options, "\n".join(lines), {"session": session.name, "findings": data})

@@ -17,6 +17,7 @@ def _run(options: argparse.Namespace) -> int:
     from calib_core.findings.pages import page_of, page_text
     from calib_core.findings.table import CODES, code_named
     from server.console.language import spoken
+    from server.console.texts import severity_said
 
     language = spoken(options)
     if options.code is not None:
@@ -24,7 +25,7 @@ def _run(options: argparse.Namespace) -> int:
         print_result(options, page_text(code, language), page_of(code, language.language))
         return OK
     lines = [
-        f"{code.severity:8} {name:36} {page_of(code, language.language)['text'][0]}"
+        f"{severity_said(code.severity, language)} {name:36} {page_of(code, language.language)['text'][0]}"
         for name, code in CODES.items()
     ]
     data = {"findings": [page_of(code, language.language) for code in CODES.values()]}

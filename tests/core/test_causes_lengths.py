@@ -17,9 +17,10 @@ from calib_core.findings import causes_of
 from calib_core.frames import RigidTransform
 from calib_core.records import RootCause, Session
 from calib_core.simulation import SimulatedSession, simulate
-from calib_core.stages.pipeline import run
+from calib_core.stages.pipeline import run, solve_stage
 from calib_core.stages.turntable.verdict import angles_that_do_not_fit
 from tests.every_code.turntable import whole
+from tests.trouble import all_troubles, troubled
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +111,14 @@ def test_the_stage_says_first_that_its_profiles_are_scaled(still: SimulatedSessi
     again = run(mended, files.__getitem__, "tcp")["tcp"]
     assert again.verdict != "fail"
     assert again.causes == []
+
+
+def test_two_poses_that_seem_swapped_do_not_hide_profiles_that_are_scaled() -> None:
+    cell = troubled(all_troubles()["arms: clean"], 7017)
+    read = scaled_files(cell.files, 0.8, 1.0).__getitem__
+    found = [one for one in solve_stage(cell.session, "tcp", read).findings if one.severity != "note"]
+    assert found[0].code == "scaled-profile"
+    assert "swapped-poses" not in {one.code for one in found}
 
 
 @pytest.mark.thorough

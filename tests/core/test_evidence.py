@@ -19,6 +19,7 @@ from calib_core.evidence.numbers import limit_of, number_text, quantity, quantit
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import blocks_text, plain, result_text
 from calib_core.evidence.words import captures_text
+from calib_core.findings.catalogues import catalogue
 from calib_core.records.evidence import (
     AnyBlock,
     Axis,
@@ -258,6 +259,7 @@ def test_captures_are_named_as_runs():
     assert captures_text(["f07", "f03", "f09"], order) == "f03, f07 and f09"
     assert captures_text(["f03", "f04"], order) == "f03 and f04"
     assert captures_text(["x"]) == "x"
+    assert catalogue("de").say(captures_text(["f07", "f03", "f09"], order)) == "f03, f07 und f09"
     assert captures_text(order[::2], order).endswith("f23 and 3 more")
 
 

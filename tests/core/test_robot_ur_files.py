@@ -83,7 +83,7 @@ def test_a_program_that_no_robot_saved_has_joints_alone_and_other_waypoints_are_
     assert [pose.pose for pose in found.poses] == [None]
     assert "joints alone" in found.skipped[0].reason
     moved = read_controller_files({"a.urp": program(waypoint("", "Relative"), own)})
-    assert (moved.poses, "relative waypoint" in moved.skipped[0].reason) == ((), True)
+    assert (moved.poses, "waypoint of type Relative" in moved.skipped[0].reason) == ((), True)
     cut = read_controller_files({"a.urp": program(waypoint("", joints=JOINTS[:5]), own)})
     assert (cut.poses, len(cut.skipped), cut.skipped[0].line) == ((), 1, 7)
 

@@ -46,6 +46,30 @@ def test_the_frames_of_a_cell_are_said(tmp_path: Path, capsys: pytest.CaptureFix
     ]
 
 
+@pytest.mark.parametrize(("language", "words"), [("en", "note     "), ("de", "Hinweis  "), ("zh", "提示     ")])
+def test_severities_are_said(
+    language: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = str(tmp_path / "cell")
+    said(capsys, "simulate", "tcp", "--seed", "1", "--out", folder)
+    assert said(capsys, "check", folder, "--lang", language).startswith(words)
+    assert words in said(capsys, "findings", "--lang", language)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["run", "--lang", "de"], "Diese Argumente fehlen: SESSION. Siehe scancell run --help.\n"),
+        (["run", "x", "--lang=zh", "--stages"], "无法识别的参数：--stages（您是指 --stage 吗？）"),
+        (["simulate", "tcp", "--seed", "x", "--lang", "de"], "--seed: ungültiger Wert vom Typ int: 'x'"),
+        (["run"], "the following arguments are required: SESSION. See scancell run --help.\n"),
+    ],
+)
+def test_usage_errors_are_said(arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == 2
+    assert told in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("count", "words"), [(1, "1 Aufnahme"), (2, "2 Aufnahmen")])
 def test_one_is_said_otherwise_than_several(count: int, words: str) -> None:
     assert catalogue("de").say(captures(count)) == words
@@ -63,5 +87,5 @@ def test_what_the_demo_found_stands_in_columns_in_every_language() -> None:
         )
         widths |= {len(line) + sum(east_asian_width(one) in "WF" for one in line) for line in sheet.lines}
         assert sheet.lines[1].split()[-2:] == ["30.000", "0.012"]
-        assert ("error" in sheet.lines[0]) == (language == "en")
+        assert ("deviation" in sheet.lines[0]) == (language == "en")
     assert len(widths) == 1

@@ -12,6 +12,7 @@ from calib_core.exports.writing import (
     program_export,
     replaced,
 )
+from calib_core.messages import message
 
 
 def _tool(pose: list[float], settings: NamedSettings, answer: Answer) -> list[str]:
@@ -27,7 +28,7 @@ def _put(text: str, what: str, pose: list[float], settings: NamedSettings, answe
     name = getattr(settings, what)
     number = r"[-+.\deE]+"
     pattern = rf"^[ \t]*{re.escape(name)}[ \t]+({number}(?:[ \t]+{number}){{5}})"
-    found = only_match(pattern, text, f"transformation {name}")
+    found = only_match(pattern, text, message("transformation {name}", name=name))
     return replaced(text, found.start(1), found.end(1), " ".join(fixed(v, 6) for v in pose))
 
 

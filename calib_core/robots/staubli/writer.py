@@ -61,7 +61,7 @@ def _put(text: str, kind: str, pose: list[float], settings: NamedSettings, answe
     data = only_match(rf'<Data\b(?=[^>]*\bname="{plain}")(?=[^>]*\btype="{kind}")[^>]*>(.*?)</Data>', text,
                       f'{kind} "{plain}"', re.DOTALL)  # fmt: skip
     pattern = rf'<Value\b(?=[^>]*\bkey="{key or 0}")(?=[^>]*fatherId="{father}(?:\[0\])?")([^>]*?)(/?>)'
-    value = only_match(pattern, data[1], f'{kind} "{plain}[{key or 0}]" in {father}', 0)
+    value = only_match(pattern, data[1], f'{kind} "{plain}[{key or 0}]", {father}', 0)
     kept = re.sub(r'\s+(?:x|y|z|rx|ry|rz)="[^"]*"', "", value[1])
     first = re.match(r'(\s*key="[^"]*")?', kept)
     at = first.end() if first else 0

@@ -93,7 +93,7 @@ def _waypoint(joints: Element, arms: "_Arms", found: Found) -> None:
     if kind != "Fixed":
         found.skip(
             joints.line,
-            message("{name}: a {kind} waypoint is no certain place", name=name, kind=kind.lower()),
+            message("{name}: a waypoint of type {kind} is no certain place", name=name, kind=kind),
             name,
         )
         return

@@ -14,6 +14,7 @@ from calib_core.exports.writing import (
     put_back,
     replaced,
 )
+from calib_core.messages import message
 
 
 def write(answer: Answer, settings: NumberedSettings) -> str:
@@ -46,10 +47,14 @@ def _put(text: str, head: str, value: str, what: str, numbers: str, index: int) 
     entry = only_match(head, ends, f"{what} {index}")
     after = re.compile(r"^//[A-Z]", re.MULTILINE).search(ends, entry.end())
     body = ends[entry.end() : after.start() if after else len(ends)]
-    place = only_match(value, body, f"frame under {what} {index}", re.MULTILINE) if what == "//UFRAME" else None
+    place = (
+        only_match(value, body, message("the frame of {entry}", entry=f"{what} {index}"), re.MULTILINE)
+        if what == "//UFRAME"
+        else None
+    )
     found = place or re.search(value, body, re.MULTILINE)
     if found is None:
-        found = only_match(value, body, f"frame under {what} {index}")
+        found = only_match(value, body, message("the frame of {entry}", entry=f"{what} {index}"))
     return replaced(text, entry.end() + found.start(1), entry.end() + found.end(1), numbers)
 
 

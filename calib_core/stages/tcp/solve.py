@@ -91,7 +91,8 @@ def _findings(given: StageInput, solved: SolvedTcp) -> list[Finding]:
     nothing_fits = has(found, codes.POSES_DO_NOT_FIT)
     causes = _causes_of_poses(given, solved, nothing_fits) if stands and _is_doubtful(found, solved) else []
     about_causes = {name for cause in causes for name in cause.captures}
-    told = [one for one in found if not (one.remedy is not None and about_causes & set(one.captures))]
+    of_all = any(not cause.captures for cause in causes)  # such as lengths, of which one or two may stick out
+    told = [one for one in found if one.remedy is None or not (of_all or about_causes & set(one.captures))]
     return [*of_flange, *causes, *told, *solved.unused, *solved.noticed]
 
 
@@ -117,19 +118,21 @@ def _causes_of_poses(given: StageInput, solved: SolvedTcp, nothing_fits: bool) -
     """Return what would make doubtful captures fit: another reading of the poses, or other lengths.
 
     Where nothing fits, what seems to have happened to a few is no reason not to look for what is wrong in all.
+    Otherwise it explains the doubt, but for circles that are seen as ellipses: no incident makes these.
     """
     from calib_core.causes.poses import pose_causes
 
     given.progress(0.97, "Trying other readings of the poses")
     found = pose_causes(given.session.cell, given.captures, solved.observations, solved.sphere)
-    if not found and (nothing_fits or not solved.solution.causes):
-        from calib_core.causes.mirror import mirror_causes
-        from calib_core.causes.scales import scale_causes
+    if found:
+        return found
+    from calib_core.causes.mirror import mirror_causes
+    from calib_core.causes.scales import scale_causes
 
-        given.progress(0.98, "Trying other lengths")
-        found = scale_causes(given.session, given.captures, given.read, solved.sphere)
-        found = found or mirror_causes(given.session, solved.observations, solved.sphere)
-    return found
+    explained = bool(solved.solution.causes) and not nothing_fits
+    given.progress(0.98, "Trying other lengths")
+    found = scale_causes(given.session, given.captures, given.read, solved.sphere, by_shape=explained)
+    return found if found or explained else mirror_causes(given.session, solved.observations, solved.sphere)
 
 
 def _is_doubtful(found: Sequence[Finding], solved: SolvedTcp) -> bool:

@@ -30,7 +30,7 @@ class Sheet:
 
     def heads(self, found: str) -> None:
         """Add the head of three columns."""
-        self._row("", found, message("truth"), message("error"))
+        self._row("", found, message("truth"), message("deviation"))
 
     def numbers(self, label: str, measured: str, found: float, true: float) -> None:
         """Add a number as it was measured, the true one, and how far they are apart."""
