@@ -66,6 +66,7 @@ class ArmModelFound(Record):
     sigmas: list[float]
     members: list[str] | None = None
     held_out_rms_mm: list[float]
+    decided_by: Literal['held-out', 'likelihood'] | None = None
     worth_it: bool
     applied: bool | None = None
     controller: list[FoundFrame] | None = None

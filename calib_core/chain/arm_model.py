@@ -3,13 +3,15 @@
 About the answer everything is linear: where a capture sees its ball, against where answer and pose expect it, is
 the edges' unknowns (nothing believed of them), the arm's terms (`arms.errors`, each believed to be small, how
 small by its member's own scale), errors that are alike where poses are alike, and the pose's own.  The scales
-follow from the restricted likelihood.  A member that the likelihood does not miss is left out.  What the model is
-worth shows in poses that it has not seen: groups of neighbours are left out in turn, with the answer that is best
-without it.
+follow from the restricted likelihood.  A member that the likelihood does not miss is left out.  The likelihood
+decides whether the model is worth it, unless poses that it has not seen contradict: groups of neighbours are left
+out in turn, with the answer that is best without it.  Of few captures these poses hardly tell, and a right arm's
+likelihood hardly rises, however few there are.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -25,8 +27,7 @@ _MOST_CAPTURES = 60  # scales and held-out errors are known well enough from so 
 _MOST_SOLVED = 200
 _OPEN_MM = 100.0  # a capture knows its ball's centre at least so well, in every direction
 _TELLING_MM = 0.3  # directions in which it is known less do not count for held-out errors
-_GAIN = 3.0  # of a log-likelihood
-_BETTER = 0.95  # held-out error with the model over that without it
+_GAIN = 1.0  # of a log-likelihood: right arms' rises by 0.1
 _MISSED = 0.5
 _OWN = (0.05, 3.0, 0.003, 50.0)  # mm: mean, factor, least, largest of an arm's repeatability
 _ALIKE = (0.1, 2.5, 0.005, 50.0)  # mm: of what the terms leave
@@ -70,6 +71,8 @@ class ArmModel:
         RMS error of the ball's place at poses left out, without and with the model.
     gain : float
         By how much the captures are likelier with it: a difference of log-likelihoods.
+    decided_by : {"held-out", "likelihood"}
+        The likelihood where poses left out differ by less than the standard deviation of that.
     worth_it, applied : bool
         Whether other poses are predicted better with it; whether the answer is of poses corrected by it.
     """
@@ -81,6 +84,7 @@ class ArmModel:
     told: ArmTold
     held_out_mm: tuple[float, float]
     gain: float
+    decided_by: Literal["held-out", "likelihood"]
     worth_it: bool
     applied: bool = False
 
@@ -120,9 +124,11 @@ def arm_model_of(data: ChainData, state: ChainState, sigmas: Sigmas, used: np.nd
         trial = problem.without(fitted, name)
         if trial.density > fitted.density - _MISSED:
             fitted = trial
-    held = problem.held_out(without, fitted)
+    *held, fall = problem.held_out(without, fitted)
     gain = fitted.density - without.density
-    worth = bool(fitted.members) and gain > _GAIN and held[1] < _BETTER * held[0]
+    likelier = bool(fitted.members) and gain > _GAIN
+    by = "held-out" if likelier and abs(fall) > 1.0 else "likelihood"
+    worth = likelier and fall > -1.0
     enough = problem if used.sum() == len(some) else _Problem.of(
         data, state, sigmas, arm, _spread(np.flatnonzero(used), _MOST_SOLVED)
     )  # fmt: skip
@@ -131,7 +137,9 @@ def arm_model_of(data: ChainData, state: ChainState, sigmas: Sigmas, used: np.nd
     believed = np.array([arm.terms[n].sigma for n in kept])
     values, covariance, scales = enough.terms_of(fitted, kept, believed, told)
     terms = tuple(replace(arm.terms[n], sigma=float(s)) for n, s in zip(kept, scales, strict=True))
-    return ArmModel(terms, kept, values, covariance, ArmTold(arm.terms, *told), held, gain, worth)
+    return ArmModel(
+        terms, kept, values, covariance, ArmTold(arm.terms, *told), (held[0], held[1]), gain, by, worth
+    )
 
 
 def arm_columns(data: ChainData, state: ChainState, arm: ArmInput, some: np.ndarray) -> FloatArray:
@@ -289,23 +297,30 @@ class _Problem:
     def scaled(self, fitted: _Fitted) -> FloatArray:
         return self.terms * self.scales(fitted)
 
-    def held_out(self, without: _Fitted, fitted: _Fitted) -> tuple[float, float]:
-        """Return the RMS error at groups of poses left out: of the answer best without the model, and with it."""
+    def held_out(self, without: _Fitted, fitted: _Fitted) -> tuple[float, float, float]:
+        """Return the RMS error at groups of poses left out, without the model and with it, and how sure it falls.
+
+        The last is the fall of squares in its own standard deviations, by how groups differ in it.
+        """
         own, alike = np.exp(2 * without.logarithms[:2])
         plain = self.fixed + own * self.own + alike * self.alone
         whole = self.covariance([self.own, self.alike], fitted.logarithms[:2])
         terms = self.scaled(fitted)
         none = terms[:, :0]
-        return self._left_out(plain, none), self._left_out(whole, terms)
+        before, after = self._left_out(plain, none), self._left_out(whole, terms)
+        count, falls = len(self.groups), before - after
+        sure = float(falls.sum() / max(np.sqrt(len(falls)) * falls.std(ddof=1), 1e-12))
+        return float(np.sqrt(before.sum() / count)), float(np.sqrt(after.sum() / count)), sure
 
-    def _left_out(self, covariance: FloatArray, terms: FloatArray) -> float:
-        total, design = 0.0, np.column_stack([self.edges, terms])
+    def _left_out(self, covariance: FloatArray, terms: FloatArray) -> FloatArray:
+        """Return the squares of each group's errors, summed."""
+        totals, design = list[float](), np.column_stack([self.edges, terms])
         for group in range(self.groups.max() + 1):
             out = np.repeat(self.groups == group, 3)
             found, _ = self.solved(covariance, terms, np.flatnonzero(~out))
             rest = (self.off[out] - design[out] @ found).reshape(-1, 3)
-            total += float(np.einsum("ki,kij,kj->", rest, self.telling[self.groups == group], rest))
-        return float(np.sqrt(total / len(self.groups)))
+            totals.append(float(np.einsum("ki,kij,kj->", rest, self.telling[self.groups == group], rest)))
+        return np.array(totals)
 
 
 def _believed(members: Sequence[Member]) -> FloatArray:

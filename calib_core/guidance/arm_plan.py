@@ -19,7 +19,7 @@ from calib_core.messages import message
 from calib_core.records import ArmTable, Record
 
 COUNTS = (8, 12, 15, 20, 30, 45, 60)
-_BETTER = 0.95  # as `chain.arm_model` decides
+_BETTER = 0.95  # less is not worth telling joints
 _REST_MM = 0.1  # that its terms leave
 _MOUNT, _SEEN = np.array([100.0, 0.0, 100.0]), np.array([100.0, 0.0, 300.0])  # scanner, and ball, in tool0
 _TURN_RAD, _SPREAD_MM = np.deg2rad(60.0), 25.0

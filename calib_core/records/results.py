@@ -142,7 +142,8 @@ class ArmModelFound(Record):
     """The arm's own errors as the captures tell them, by the names of its terms, which end in their units.
 
     `held_out_rms_mm` is by how much the ball's place is predicted wrong at groups of poses that were left out,
-    without and with the model; it is `worth_it` where that is better beyond chance. With `applied` poses are
+    without and with it. It is `worth_it` where the captures are likelier with it beyond chance and these poses
+    do not contradict; `decided_by` says which of both decided. With `applied` poses are
     corrected by it in this stage and all later ones; `controller` then has what is best with the controller's own
     poses: the scanner's and the table's frames. `told` is what a later session is held against.
     """
@@ -152,6 +153,7 @@ class ArmModelFound(Record):
     sigmas: list[float]
     members: list[str] = Field(default_factory=list[str])
     held_out_rms_mm: list[float]
+    decided_by: Literal["held-out", "likelihood"] = "held-out"
     worth_it: bool
     applied: bool = False
     controller: list[FoundFrame] | None = None

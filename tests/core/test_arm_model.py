@@ -146,6 +146,23 @@ def test_a_right_arm_keeps_its_answer() -> None:
     assert "arm-errors-not-better" in codes_of(applied)
 
 
+def test_few_captures_are_decided_by_their_likelihood_where_poses_left_out_cannot_tell() -> None:
+    cell = simulate_arm("large", 21003, 8, errors="apply")
+    applied, covered = solved(cell.session), solved(told(cell, errors="cover"))
+    assert applied.arm_model is not None
+    before, after = applied.arm_model.held_out_rms_mm
+    assert after > 0.95 * before  # three groups of poses do not show it
+    assert applied.arm_model.decided_by == "likelihood"
+    real = bench_arm.held_out(cell, applied), bench_arm.held_out(cell, solved(bench_arm.without_arm(cell)))
+    assert real[0] < 0.95 * real[1]
+    for result, code in ((applied, "arm-errors-applied"), (covered, "arm-errors-worth-it")):
+        (finding,) = [one for one in result.findings if one.code == code]
+        assert "cannot tell" in finding.text
+        assert f"{before:.2f} mm without them" in finding.text
+        (table,) = [one for one in result.evidence or [] if isinstance(one, Table) and one.id == "arm"]
+        assert str(table.caption) == finding.text
+
+
 @pytest.mark.thorough
 def test_a_turntable_cells_answer_tells_the_poses_that_belong_to_it() -> None:
     cell = paper_cell.simulate(0, "arm")

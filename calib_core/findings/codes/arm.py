@@ -5,13 +5,18 @@ from calib_core.findings.code import Code
 ARM_WORTH_IT = Code(
     "arm-errors-worth-it",
     "note",
-    text="With the arm's own errors solved, other poses are predicted to {after_mm:.2f} mm instead of "
-    "{before_mm:.2f} mm (RMS of poses left out).",
+    text={
+        "held-out": "With the arm's own errors solved, other poses are predicted to {after_mm:.2f} mm instead of "
+        "{before_mm:.2f} mm (RMS of poses left out).",
+        "likelihood": "The captures are likelier with the arm's own errors beyond chance; poses left out cannot "
+        "tell ({before_mm:.2f} mm without them, {after_mm:.2f} mm with them).",
+    },
+    by="decided_by",
     to_do="Set cell.robot.errors to 'apply' where whoever uses the poses can correct them.",
     meaning="Joints are known, and errors of the arm (zeros of joints, links, coupling, sag) explain the captures "
-    "so much better that poses which were left out are predicted better, too.",
-    decided="Groups of neighbouring poses are left out in turn. The likelihood must rise beyond chance and the "
-    "error at poses left out fall by more than 5 %.",
+    "better than chance would; poses which were left out are predicted better, too, or cannot tell.",
+    decided="The likelihood must rise by a factor of e, where a right arm's rises by a tenth. Groups of neighbouring "
+    "poses are left out in turn: their error must not rise by more than the standard deviation of its change.",
     usual_causes="An arm that was never calibrated, or joints that were mastered anew.",
     since="0.2",
 )
@@ -19,8 +24,13 @@ ARM_WORTH_IT = Code(
 ARM_APPLIED = Code(
     "arm-errors-applied",
     "note",
-    text="Poses are corrected by the arm's own errors: other poses are predicted to {after_mm:.2f} mm instead of "
-    "{before_mm:.2f} mm (RMS of poses left out).",
+    text={
+        "held-out": "Poses are corrected by the arm's own errors: other poses are predicted to {after_mm:.2f} mm instead of "
+        "{before_mm:.2f} mm (RMS of poses left out).",
+        "likelihood": "Poses are corrected by the arm's own errors: the captures are likelier with them beyond chance; poses "
+        "left out cannot tell ({before_mm:.2f} mm without them, {after_mm:.2f} mm with them).",
+    },
+    by="decided_by",
     to_do="The controller knows nothing of it: exports give the pose of the scanner that is best with its own poses.",
     meaning="`cell.robot.errors` is `apply`: this stage and all later ones use corrected poses.",
     decided="As `arm-errors-worth-it`.",
@@ -31,10 +41,15 @@ ARM_APPLIED = Code(
 ARM_NOT_BETTER = Code(
     "arm-errors-not-better",
     "note",
-    text="The arm's own errors are not applied: poses left out are predicted to {after_mm:.2f} mm with them and to "
-    "{before_mm:.2f} mm without.",
+    text={
+        "held-out": "The arm's own errors are not applied: poses left out are predicted to {after_mm:.2f} mm with them and to "
+        "{before_mm:.2f} mm without.",
+        "likelihood": "The arm's own errors are not applied: the captures are not likelier with them beyond chance (poses "
+        "left out: {before_mm:.2f} mm without them, {after_mm:.2f} mm with them).",
+    },
+    by="decided_by",
     to_do="Add captures with other joint angles, or leave cell.robot.errors at 'cover'.",
-    meaning="`cell.robot.errors` is `apply`, but a model of the arm does not predict other poses better.",
+    meaning="`cell.robot.errors` is `apply`, but a model of the arm explains the captures no better than chance, or other poses worse.",
     decided="As `arm-errors-worth-it`.",
     usual_causes="A right arm, or too few captures with too little motion of the joints.",
     since="0.2",

@@ -45,6 +45,7 @@ def arm_model_found(solution: TcpSolution) -> ArmModelFound | None:
         sigmas=model.sigmas.tolist(),
         members=list(model.members),
         held_out_rms_mm=list(model.held_out_mm),
+        decided_by=model.decided_by,
         worth_it=model.worth_it,
         applied=model.applied,
         controller=controller,
@@ -62,11 +63,9 @@ def arm_findings(cell: Cell, model: ArmModel | None, captures: Sequence[Capture]
     if model is None:
         return _lacking(cell, captures)
     before, after = model.held_out_mm
-    if model.applied:
-        return [codes.ARM_APPLIED(before_mm=before, after_mm=after)]
-    if model.worth_it:
-        return [codes.ARM_WORTH_IT(before_mm=before, after_mm=after)]
-    return [codes.ARM_NOT_BETTER(before_mm=before, after_mm=after)] if cell.robot.errors == "apply" else []
+    said = codes.ARM_APPLIED if model.applied else codes.ARM_WORTH_IT if model.worth_it else codes.ARM_NOT_BETTER
+    silent = said is codes.ARM_NOT_BETTER and cell.robot.errors != "apply"
+    return [] if silent else [said(before_mm=before, after_mm=after, decided_by=model.decided_by)]
 
 
 def _lacking(cell: Cell, captures: Sequence[Capture]) -> list[Finding]:
@@ -91,8 +90,8 @@ def arm_table(model: ArmModelFound | None) -> list[AnyBlock]:
         return []
     before_mm, after_mm = model.held_out_rms_mm
     code = codes.ARM_APPLIED if model.applied else codes.ARM_WORTH_IT if model.worth_it else codes.ARM_NOT_BETTER
-    assert isinstance(code.text, str)
-    caption = message(code.text, before_mm=before_mm, after_mm=after_mm)
+    values = {"before_mm": before_mm, "after_mm": after_mm, "decided_by": model.decided_by}
+    caption = code.as_message(code.text, values, [])
     found = zip(model.names, model.values, model.sigmas, strict=True)
     rows = [Row(cells=[term_label(name), quantity(value, _unit(name), sigma)]) for name, value, sigma in found]
     columns = [Column(label="Error", align="left"), Column(label="Found")]
