@@ -53,19 +53,21 @@ class Fed:
         self.taken.append(capture)
         return Measured(capture=capture.id, kind=capture.kind, verdict="pass")
 
-    def told(self) -> Sample:
-        at = self.cell.at(time.monotonic())
+    def told(self, ago_s: float = 0.0) -> Sample:
+        at = self.cell.at(time.monotonic() - ago_s)
         pose = RigidTransform.from_rounded(at.reported.tolist(), "base", "tool0")
-        return Sample(host_now_s(), base_from_tool0=(self.frozen.base_from_tool0 if self.frozen else pose))
+        return Sample(host_now_s() - ago_s, base_from_tool0=(self.frozen.base_from_tool0 if self.frozen else pose))
 
     def _feed(self) -> None:
-        rng, number = np.random.default_rng(5), 0
-        while not self._stopped.wait(0.02):
-            number += 1
-            self.live.arrived("robot", self.told())
+        """Send every 20 ms; where the thread waited for a processor, what was due meanwhile, as a device would."""
+        rng, number, due_s = np.random.default_rng(5), 0, time.monotonic()
+        while not self._stopped.wait(max(0.0, due_s - time.monotonic())):
+            ago_s = time.monotonic() - due_s
+            number, due_s = number + 1, due_s + 0.02
+            self.live.arrived("robot", self.told(ago_s))
             if number % 3 == 0:
-                content = self.cell.profile(time.monotonic(), rng)
-                self.live.arrived("scanner", Frame(host_now_s(), f"{number}.csv", content))
+                content = self.cell.profile(time.monotonic() - ago_s, rng)
+                self.live.arrived("scanner", Frame(host_now_s() - ago_s, f"{number}.csv", content))
 
     def stop(self) -> None:
         self._stopped.set()

@@ -89,8 +89,8 @@ def scripts_in(data: bytes, name: str) -> list[tuple[str, int]]:
 def _waypoint(joints: Element, arms: "_Arms", found: Found) -> None:
     name = _name(joints)
     waypoint = next((e for e in reversed(joints.path) if e.name == "Waypoint"), None)
-    kind = waypoint.attributes.get("type", "Fixed") if waypoint else "Fixed"
-    if kind != "Fixed":
+    kind = waypoint.attributes.get("type") if waypoint else None
+    if kind not in (None, "Fixed"):
         found.skip(
             joints.line,
             message("{name}: a waypoint of type {kind} is no certain place", name=name, kind=kind),
