@@ -6,7 +6,7 @@ from typing import Any
 
 import httpx
 import pytest
-from playwright.sync_api import Page, Request, expect
+from playwright.sync_api import Page, Request, Route, expect
 
 from tests.core.archives import changed
 from tests.server.live_server import simulated_session, wait_for
@@ -194,6 +194,22 @@ def test_axe_and_paper(page: Page, axe: str, session: str, api: httpx.Client) ->
     expect(page.locator("#compare-stage")).to_have_value("tcp")
     expect(page.locator(".comparison section")).to_have_count(4)
     assert violations(page, axe) == []
+
+
+def test_who_chooses_before_the_steps_are_there_is_compared_once_they_are(
+    open_page: Callable[..., Any], session: str
+) -> None:
+    page, watched = open_page("/")
+    held: list[Route] = []
+    page.route(re.compile(r"/stages$"), lambda route: held.append(route))
+    page.goto(f"/compare?left={session}")
+    page.locator("#compare-right-solve").dispatch_event("change")
+    page.wait_for_timeout(200)
+    for route in held:
+        route.continue_()
+    expect(page.locator("#compare-stage")).to_have_value("tcp")
+    expect(page.locator("#compare-left-solve option").nth(1)).to_be_attached()
+    assert watched.complaints == []
 
 
 @pytest.mark.thorough

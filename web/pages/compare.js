@@ -82,6 +82,7 @@ export class ComparePage extends HTMLElement {
   async #refresh() {
     const asked = ++this.#asked;
     const stage = this.#stage.value;
+    if (!stage) return; // chosen before the steps were there: what they bring asks with it
     await Promise.all(SIDES.map((side) => this.#offerSolves(side, stage)));
     if (asked !== this.#asked) return;
     const [left, right] = SIDES.map((side) => this.#value(side));
