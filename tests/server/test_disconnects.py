@@ -1,19 +1,23 @@
 """Other sides that hang up: nothing has failed, so nothing is logged as failed, and nothing is left open."""
 
+import asyncio
 import gc
 import io
 import logging
 import socket
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
+from fastapi import FastAPI
+from fastapi.sse import EventSourceResponse, ServerSentEvent
 
+from server.http.disconnects import Disconnects
 from tests.server.live_server import make_session, simulated_session, upload
 
 ABORT = struct.pack("ii", 1, 0)  # a reset instead of a farewell
@@ -112,6 +116,31 @@ def test_an_upload_that_was_cut_off_stores_nothing_and_is_no_failure(
     assert is_served(client)
     assert client.get(f"/sessions/{session}").json()["captures"] == []
     assert complaints(caplog) == []
+
+
+def test_a_reader_who_hangs_up_while_events_wait_to_be_sent_is_no_failure() -> None:
+    events, full = FastAPI(), asyncio.Event()
+    events.add_middleware(Disconnects)
+
+    @events.get("/events", response_class=EventSourceResponse)
+    async def many() -> AsyncIterator[ServerSentEvent]:  # pyright: ignore[reportUnusedFunction]
+        while True:
+            yield ServerSentEvent(data="one more")
+            await asyncio.sleep(0)
+
+    async def receive() -> dict[str, Any]:
+        await full.wait()
+        await asyncio.sleep(0.05)
+        return {"type": "http.disconnect"}
+
+    async def send(message: Any) -> None:
+        if message["type"] == "http.response.body":
+            full.set()
+            await asyncio.Event().wait()  # it reads no more
+
+    scope = {"type": "http", "method": "GET", "path": "/events", "query_string": b"", "headers": [], "asgi": {}}
+    asyncio.run(events(scope, receive, send))  # pyright: ignore[reportArgumentType]
+    assert full.is_set()
 
 
 def open_files(folder: Path) -> list[str]:
