@@ -79,3 +79,8 @@ class Scores:
         freedom = max(self.freedom - unknowns, 1)
         left = max(self.misfit - gain, _LEAST_LEFT * self.misfit) / freedom
         return f_chance_of(gain / left, unknowns, freedom)
+
+
+def more_than_chance(gain: float, unknowns: int) -> float:
+    """Return how much of a step's square is more than chance, 0 … 1, after James and Stein."""
+    return max(0.0, 1 - unknowns / max(gain, 1e-12))

@@ -14,8 +14,7 @@ import numpy as np
 
 from calib_core.chain.incidents import by_place
 from calib_core.chain.rejection import Judged
-from calib_core.chain.score import Scores
-from calib_core.estimation import chance_of
+from calib_core.chain.score import Scores, more_than_chance
 from calib_core.findings import Code, Finding
 from calib_core.findings.codes import turntable as codes
 from calib_core.frames import FloatArray
@@ -41,17 +40,26 @@ _RARE: Final[dict[Moved, float]] = {
 _AT_BORDERS: Final = 0.7  # of that chance is for pushes between two mountings
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TableMove:
-    """One move: what moved, which captures of the table are after it, how far, and how rare by chance.
+    """One move: what moved, which captures of the table are after it, how far, and what it did to the answer.
 
-    The chance is as a `Pattern`'s, with the sigmas as they were found.
+    `rarity` is how often so much comes of chance, by what is left of the misfit, over how often it may be said
+    falsely; `step` (P,) is by how much the unknowns move with it, and `share` how much of its square is more than
+    chance.
     """
 
     kind: Moved
     captures: tuple[int, ...]
     shift_mm: float
-    chance: float
+    rarity: float
+    step: FloatArray
+    share: float
+
+    @property
+    def said(self) -> bool:
+        """Whether chance does not explain it and it is large enough to matter."""
+        return self.rarity < 1 and self.shift_mm > _LEAST_MM
 
     def finding(self, names: Sequence[str]) -> Finding:
         """Return what is noticed of it, of captures on all tables by their names."""
@@ -67,8 +75,8 @@ class _Trial:
     rare: float
 
 
-def table_move_of(judged: Judged, count: int) -> TableMove | None:
-    """Return the likeliest move of a table that chance does not explain, None where there is none.
+def table_move_of(judged: Judged, count: int, scores: Scores) -> TableMove | None:
+    """Return the move of a table that chance explains least, None where captures are too few to show one.
 
     Parameters
     ----------
@@ -76,21 +84,20 @@ def table_move_of(judged: Judged, count: int) -> TableMove | None:
         Of captures of tables, with others before them or alone.
     count : int
         How many of the last captures are the tables', in the order in which they were taken.
+    scores : Scores
+        Of the same.
     """
     layout, before = judged.data.walk.layout, judged.data.count - count
     tables = [a for a in layout.carrying if layout.axes[a].kind == "rotary" and layout.stands_alone(a)]
-    scores = Scores.of(judged) if tables else None
-    found: list[tuple[float, TableMove]] = []
+    found: list[TableMove] = []
     for trial in (trial for a in tables for trial in _trials(judged, a, before)):
-        assert scores is not None
-        gain, size, _ = scores.gained(trial.rows, _FAR_MM)
-        chance, shift_mm = scores.chance(gain, trial.rows.shape[2]), float(np.linalg.norm(size))
-        rare = trial.rare / len(tables)
-        if chance < rare and shift_mm > _LEAST_MM:
-            by_sigmas = chance_of(gain / judged.excess, trial.rows.shape[2])
-            move = TableMove(trial.kind, tuple((trial.captures - before).tolist()), shift_mm, by_sigmas)
-            found.append((chance / rare, move))
-    return min(found, key=lambda one: one[0], default=(0.0, None))[1]
+        width = trial.rows.shape[2]
+        gain, size, step = scores.gained(trial.rows, _FAR_MM)
+        rarity = scores.chance(gain, width) * len(tables) / trial.rare
+        some, shift_mm = tuple((trial.captures - before).tolist()), float(np.linalg.norm(size))
+        share = more_than_chance(gain, width)
+        found.append(TableMove(trial.kind, some, shift_mm, rarity, step[: judged.data.width], share))
+    return min(found, key=lambda one: one.rarity, default=None)
 
 
 def _trials(judged: Judged, table: int, before: int) -> Iterator[_Trial]:

@@ -5,34 +5,48 @@ twice and three times a turn are the bearing's.  Each adds unknowns to the norma
 likelier all captures get with them, and how large they are, follows from those (a score test).
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.chain.rejection import Judged
-from calib_core.chain.score import Scores
+from calib_core.chain.score import Scores, more_than_chance
+from calib_core.estimation import chance_of
 from calib_core.findings import Finding
 from calib_core.findings.codes.turntable import AXIS_WOBBLES, ENCODER_ECCENTRIC
+from calib_core.frames import FloatArray
 
 _FAR_RAD = 5e-3
 _RARE = 0.0005  # of three patterns: one sound table in 700 is doubted
 _LEAST_LEAN_RAD = 2e-4
 _LEAST_ECCENTRIC_RAD = np.deg2rad(0.02)
+_BEYOND_MM = 200.0
 _LEAST_SPARE = 6  # captures beyond the unknowns that a pattern brings
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pattern:
-    """One pattern: what repeats, how often a turn, its amplitude, and how rare so much is by chance.
+    """One pattern: what repeats, how often a turn, its amplitude, and what it did to the answer.
 
-    `axis`: its name, where several carry balls.
+    `rarity`, `step` and `share` are as a `TableMove`'s, `chance` is how often so much comes of chance, whatever
+    measures it.  `axis`: its name, where several carry balls.
     """
 
     kind: str
     times: int
     size_rad: float
+    rarity: float
     chance: float
+    step: FloatArray
+    share: float
     axis: str = ""
+
+    @property
+    def said(self) -> bool:
+        """Whether chance does not explain it and it is large enough to matter."""
+        least = _LEAST_LEAN_RAD if self.kind == "wobble" else _LEAST_ECCENTRIC_RAD
+        return self.chance < _RARE and self.size_rad > least
 
     @property
     def finding(self) -> Finding:
@@ -44,46 +58,71 @@ class Pattern:
         return ENCODER_ECCENTRIC(size_deg=size_deg, of="several" if self.axis else "one", axis=self.axis)
 
 
-def pattern_of(judged: Judged) -> Pattern | None:
-    """Return the likeliest pattern that chance does not explain and that is large enough to matter, or None.
+def pattern_of(judged: Judged, scores: Scores, known: Pattern | None) -> Pattern | None:
+    """Return the pattern that chance explains least, None where captures are too few to show one.
 
     Parameters
     ----------
     judged : Judged
         Of captures of the table, with others or alone.
+    scores : Scores
+        Of the same.
+    known : Pattern or None
+        What captures of the table alone said, with others before them now: a tool that is free, and readings that
+        seem to scatter, take up part of it.
     """
     layout = judged.data.walk.layout
     turning = [axis for axis in layout.carrying if layout.axes[axis].kind == "rotary"]
-    each = [(p, _RARE / len(turning)) for axis in turning for p in _patterns(judged, axis)]
-    found = [p for p, rare in each if p.chance < rare and p.size_rad > _least(p.kind)]
-    return min(found, key=lambda p: p.chance, default=None)
+    each = [one for axis in turning for one in _patterns(judged, axis, scores, len(turning))]
+    if known is not None:
+        each = [
+            replace(
+                one,
+                rarity=min(one.rarity, known.rarity),
+                chance=min(one.chance, known.chance),
+                share=max(one.share, known.share),
+            )
+            if (one.kind, one.times, one.axis) == (known.kind, known.times, known.axis)
+            else one
+            for one in each
+        ]
+    return min(each, key=lambda one: one.rarity, default=None)
 
 
-def _least(kind: str) -> float:
-    return _LEAST_LEAN_RAD if kind == "wobble" else _LEAST_ECCENTRIC_RAD
-
-
-def _patterns(judged: Judged, table: int) -> list[Pattern]:
-    from scipy.special import chdtrc  # scipy.stats has it too, but takes a second to import
-
-    at, walk = judged.fit.minimum.at, judged.data.walk
+def _patterns(judged: Judged, table: int, scores: Scores, tables: int) -> Iterator[Pattern]:
+    at, data = judged.fit.minimum.at, judged.data
+    layout, walk = data.walk.layout, data.walk
     assert at.levers is not None
-    on_table = walk.layout.rides[walk.place, table] & judged.used
-    angle, first = walk.readings[:, table], walk.layout.axis(table).start
-    tilts, by_angle = at.jacobian[:, :, first : first + 2], at.levers[:, :, table]
-    found: list[Pattern] = []
-    scores = Scores.of(judged)
-    for kind, times in (("wobble", 2), ("wobble", 3), ("encoder", 1)):
-        moves = tilts if kind == "wobble" else by_angle[:, :, None]
+    on_table = layout.rides[walk.place, table] & judged.used
+    angle, by_angle = walk.readings[:, table], at.levers[:, :, table]
+    leans = _leans(judged, table)
+    trials = [("wobble", times, lean) for times in (2, 3) for lean in leans]
+    for kind, times, moves in [*trials, ("encoder", 1, by_angle[:, :, None])]:
         waves = [np.cos(times * angle), np.sin(times * angle)]
         rows = np.concatenate([moves * (wave * on_table)[:, None, None] for wave in waves], axis=2)
         width = rows.shape[2]
         if np.count_nonzero(on_table) < width + _LEAST_SPARE:
             continue
-        gain, size, _ = scores.gained(rows, _FAR_RAD)
+        gain, size, step = scores.gained(rows, _FAR_RAD)
         # The amplitude of a wave of two components (leans across, cos and sin), at its largest.
         largest = float(np.linalg.svd(size.reshape(2, -1), compute_uv=False)[0])
-        # By the sigmas as they were found and by what is left of the misfit: either may flatter so few captures.
-        chance = max(float(chdtrc(width, gain / judged.excess)), scores.chance(gain, width))
-        found.append(Pattern(kind, times, largest, chance, walk.layout.named(table)))
-    return found
+        by_misfit, share = scores.chance(gain, width), more_than_chance(gain, width)
+        many = tables * (len(leans) if kind == "wobble" else 1)
+        # By the sigmas as they were found, too: either may flatter so few captures.
+        chance = max(chance_of(gain / judged.excess, width), by_misfit) * many
+        rarity = by_misfit * many / _RARE
+        yield Pattern(kind, times, largest, rarity, chance, step[: data.width], share, layout.named(table))
+
+
+def _leans(judged: Judged, table: int) -> list[FloatArray]:
+    """Return how leans (2) of an axis move each capture's expected sphere, (K, 3, 2), about some pivots on it.
+
+    Where its bearing is nobody tells: it may be between the spheres, or beyond the last on either side.
+    """
+    layout, at = judged.data.walk.layout, judged.fit.minimum.at
+    first, heights = layout.axis(table).start, judged.fit.state.position.places[layout.on_axis(table), 2]
+    low, high = float(heights.min(initial=0.0)), float(heights.max(initial=0.0))
+    pivots = sorted({low - _BEYOND_MM, low, high, high + _BEYOND_MM})
+    by_lean, by_shift = at.jacobian[:, :, first : first + 2], at.jacobian[:, :, first + 2 : first + 4]
+    across = np.stack([-by_shift[:, :, 1], by_shift[:, :, 0]], axis=2)  # by lean, of each mm higher
+    return [by_lean - pivot * across for pivot in pivots]

@@ -45,10 +45,11 @@ from calib_core.chain.observations import (
 )
 from calib_core.chain.rejection import Judged, core_of
 from calib_core.chain.scanner import ScannerPriors, corrected
+from calib_core.chain.table_errors import table_errors_of
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
 from calib_core.chain.table_judging import EncoderScale, EncoderScales, judge_table
-from calib_core.chain.table_moves import TableMove, table_move_of
-from calib_core.chain.table_patterns import Pattern, pattern_of
+from calib_core.chain.table_moves import TableMove
+from calib_core.chain.table_patterns import Pattern
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
 from calib_core.chain.table_start import Mounts, TableStart, both_centers_in_base, find_table_start, readings_of
 from calib_core.chain.table_tool import ToolMove, tool_move
@@ -276,7 +277,9 @@ def solve_turntable(
 
     tell(0.7, "Holding the tool")
     move = tool_move(judged)
+    errors = table_errors_of(judged, len(observations))
     state, covariance = _tool_held(judged, tool, move)
+    covariance = _less_sure(covariance, errors.spread, None if tool.sought else data.walk.layout.of_mounts)
     spread = mirror_spread(bent, state, image)
     covariance = with_spread(covariance, spread)
 
@@ -300,13 +303,21 @@ def solve_turntable(
         encoders=encoders,
         options=options,
         unknowns_covariance=covariance,
-        pattern=pattern_of(judged),
-        move=table_move_of(judged, len(observations)),
+        pattern=errors.pattern,
+        move=errors.move,
         tool_move=move,
         mirror=mirror_of(spread, state, options.direction),
         mirror_chance=image.chance if image else 0.0,
         by_arm_mm=tool.held.sigmas.largest_position_mm if tool.held else 0.0,
     )
+
+
+def _less_sure(covariance: FloatArray, spread: FloatArray, mounts: np.ndarray | None) -> FloatArray:
+    """Return a covariance with another one of its unknowns added, but for mounts that are held."""
+    added = spread[: len(covariance), : len(covariance)].copy()
+    if mounts is not None:
+        added[mounts], added[:, mounts] = 0.0, 0.0
+    return covariance + added
 
 
 def mirror_of(spread: FloatArray, state: ChainState, direction: int | None) -> TableCovariance | None:

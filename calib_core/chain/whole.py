@@ -38,11 +38,10 @@ from calib_core.chain.observations import (
     with_own_sigmas,
 )
 from calib_core.chain.reasons import rejection_reasons
-from calib_core.chain.rejection import Judged
+from calib_core.chain.rejection import Judged, with_more_spread
+from calib_core.chain.table_errors import table_errors_of
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
 from calib_core.chain.table_judging import EncoderScales, judge_table
-from calib_core.chain.table_moves import table_move_of
-from calib_core.chain.table_patterns import pattern_of
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_tool import ToolMove, with_tool_move
 from calib_core.chain.tcp import (
@@ -146,7 +145,8 @@ def solve_chain(
         tcp_observations, table_observations, sphere, tcp, turntable, options, late
     )
     tcp = replace(tcp, bend=by_all(judged, tcp.bend))
-    judged = doubted(judged, tcp.bend)
+    errors = table_errors_of(judged, len(table_observations), turntable.pattern)
+    judged = with_more_spread(doubted(judged, tcp.bend), errors.spread)
 
     tell(0.8, "Comparing with the stages' own answers")
     unmoved = hold_files(judged, tcp.options.apply_scanner)
@@ -164,6 +164,8 @@ def solve_chain(
     mirror = mirror_of(spread, held.state, options.direction)
     turning = replace(
         turning,
+        pattern=errors.pattern,
+        move=errors.move,
         tool_move=turntable.tool_move,
         by_arm_mm=turntable.by_arm_mm,
         mirror=mirror,
@@ -340,8 +342,6 @@ def _table_part(
         encoders=encoders,
         options=options,
         unknowns_covariance=held.covariance,
-        pattern=pattern_of(judged),
-        move=table_move_of(judged, count),
     )
 
 

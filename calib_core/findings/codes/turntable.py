@@ -253,6 +253,8 @@ ONE_HEIGHT = Code(
     usual_causes="One mounting.",
 )
 
+_WIDENS = ("table-pushed", "table-creeps", "sphere-reseated", "clamp-gives", "axis-wobbles", "encoder-eccentric")
+
 AXIS_WEAK = Code(
     "axis-direction-weak",
     "warning",
@@ -261,6 +263,7 @@ AXIS_WEAK = Code(
     meaning="The axis's direction is known less well than usual. The stated uncertainty holds it.",
     decided="Its standard deviation is above 0.1°.",
     usual_causes="Few angles, heights that are near to each other.",
+    behind=_WIDENS,
 )
 
 AXIS_WOBBLES = Code(

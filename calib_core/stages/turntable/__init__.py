@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 9  # a table that moved, or an axis that wobbles, is doubted by longer odds
+    method_revision = 10  # a table that wobbles or moved widens the ±; wobbles about any pivot
     step = CaptureStep(
         "turntable",
         "Turntable",

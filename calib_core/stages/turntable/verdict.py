@@ -8,8 +8,6 @@ from calib_core.causes.table import axis_direction_findings, direction_findings
 from calib_core.cell.carriers import carrier_of_all
 from calib_core.chain.observations import TableObservations, named
 from calib_core.chain.table_frame import TableCovariance
-from calib_core.chain.table_moves import TableMove
-from calib_core.chain.table_patterns import Pattern
 from calib_core.chain.table_reasons import remounted, table_reasons
 from calib_core.chain.turntable import TurntableSolution
 from calib_core.findings import Finding
@@ -157,9 +155,7 @@ def _worst_axis(table: TurntableSolution) -> str:
 
 def _doubts_about_captures(table: TurntableSolution, observations: TableObservations) -> list[Finding]:
     tool = table.tool_move.finding if table.tool_move else None
-    moved = (
-        table.move.finding(table.captures) if table.move and not _is_behind(table.move, table.pattern) else None
-    )
+    moved = table.move.finding(table.captures) if table.move else None
     found = [finding for finding in (moved, tool, remounted(observations, table)) if finding]
     if 0 < np.count_nonzero(~table.used) <= _MOST_REJECTED * len(table.captures):
         each, names = table_reasons(observations, table), named(table.captures, table.used)
@@ -208,8 +204,7 @@ def _scanners(table: TurntableSolution) -> str:
 
 
 def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
-    pattern = None if _is_behind(table.pattern, table.move) else table.pattern
-    found = [pattern.finding] if pattern is not None else []
+    found = [table.pattern.finding] if table.pattern else []
     layout = table.state.walk.layout
     for number, scale in table.encoders.items():
         if scale.significant and not table.options.scale_asked(number):
@@ -223,17 +218,13 @@ def _doubts_about_encoder(table: TurntableSolution) -> list[Finding]:
             )
     if (
         table.pattern is None
+        and table.move is None
         and not table.options.axes
         and table.options.angle_sigma_rad is None
         and table.sigmas.angle_rad > _LARGE_ANGLE_RAD
     ):
         found.append(codes.ANGLES_SCATTER(scatter_deg=float(np.rad2deg(table.sigmas.angle_rad))))
     return found
-
-
-def _is_behind(one: TableMove | Pattern | None, other: TableMove | Pattern | None) -> bool:
-    """Return whether another one of both explains the captures better: they look like each other."""
-    return one is not None and other is not None and other.chance < one.chance
 
 
 def _two_sigma_deg(variance: float) -> float:
