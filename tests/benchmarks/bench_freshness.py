@@ -4,21 +4,28 @@ The robot of the simulated cell tells its pose through a wire with a fault, its 
 folder; captures are taken at standstill by themselves, as on a cell.  A capture counts as wrong where its pose is
 not where the robot truly stood.  A healthy cell's late capture counts for nothing where the bench itself waited
 for a processor; how many, is told.
+
+A part of it mostly waits: with SCANCELL_BENCH_KEPT, SCANCELL_BENCH_AT_ONCE parts are done beside each other,
+each in a process of its own.
 """
 
+import os
 import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import nullcontext
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 from faulty_robot import FAULTS, Fault, FaultyStream, Wire, samples, source_of
 from faulty_wires import ROBOTS, SCANNERS, TABLES, device
-from harness import Row, kept
+from harness import Row, all_kept, kept
 
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.triangulate import ProfileCalibration
@@ -38,6 +45,9 @@ WAYS = (*CLOCKS, *ROBOTS, *SCANNERS, *TABLES)
 """Kinds of clock of a plain source, then our own sources before a device that speaks their protocol."""
 PARTS = (3, 25, 25, 25, 25)
 """How many places the parts of a full bench go to."""
+AT_THE_END: tuple[Clock, ...] = ("none", "on-change")
+"""Clocks of streams that freeze as a move ends."""
+_ALONE = "genicam"  # the loopback network has one place for a camera
 _WRONG_MM, _WRONG_DEG = 0.5, 0.05
 _STAY_S, _TRAVEL_S = 2.0, 0.4
 _FAULTY_STAY_S = 1.2, 2.4  # as soon as a healthy one is captured, and longer
@@ -85,44 +95,101 @@ class Trial:
 def run(full: bool) -> Iterator[Row]:
     """Yield one row a way and fault; `full` goes to a hundred places with each."""
     parts = PARTS if full else PARTS[:1]
-    moves = sum(parts)
+    if (at_once := int(os.environ.get("SCANCELL_BENCH_AT_ONCE", "1"))) > 1:
+        keep_all(parts, at_once)
     healthy, faulty = [one for way in WAYS for one in tried(way, None, parts)], list[dict[str, Any]]()
     for way in WAYS:
         for fault in FAULTS:
             found = tried(way, fault, parts)
+            if not found:
+                continue
             faulty += found
             wrong, taken = sum(one["wrong"] for one in found), sum(one["taken"] for one in found)
-            measured = f"{wrong} of {taken} captures at {moves} places; {found[0]['said']}"
+            measured = f"{wrong} of {taken} captures at {_places(found)} places; {found[0]['said']}"
             yield Row(f"{way}, {fault}: stored with a wrong pose", "0", measured, not wrong)
+    every = len(WAYS) * len(FAULTS) * sum(parts)
+    wrong = sum(one["wrong"] for one in (*healthy, *faulty))
+    measured = f"{wrong} at {_places(faulty)} of {every} places"
+    yield Row(f"{len(WAYS)} ways, each with {len(FAULTS)} faults: wrong captures", "0", measured, not wrong)
     late = [one for found in healthy for one in found["late"]]
     for why, waited_s in late:
         print(f"    late: {why}; {waited_s:.1f} s without a processor", flush=True)
     starved = sum(waited_s > _WANTED_S for _, waited_s in late)
-    goals, late = len(WAYS) * moves - starved, len(late) - starved
+    goals, late = _places(healthy) - starved, len(late) - starved
     measured = f"{goals - late} of {goals}; {starved} more came late for want of a processor"
     yield Row(
         f"{len(WAYS)} ways without a fault: captured within 2 s", "≥ 99.5 %", measured, late <= 0.005 * goals
     )
-    wrong = sum(one["wrong"] for one in (*healthy, *faulty))
     told = [one["named_s"] for one in faulty if one["named_s"] is not None and one["waited_s"] < _WANTED_S]
     measured = f"{np.median(told):.1f}, {max(told):.1f} s; {len(told)} of {len(faulty)} runs told at once"
     yield Row("a fault is named after, median and worst", "≤ 2 s", measured, max(told) <= 2.0)
-    for clock in ("none", "on-change"):
-        found = frozen_at_the_end(clock, moves)
-        measured = f"{found.wrong} of {found.taken} captures, {len(found.said)} left out again"
-        yield Row(
-            f"{clock}, frozen in the last 0.3 s of a move: wrong poses that count", "0", measured, not found.wrong
-        )
+    for clock in AT_THE_END:
+        if found := all_kept(steps_at_the_end(clock, parts)):
+            wrong, taken, left = (sum(one[name] for one in found) for name in ("wrong", "taken", "left"))
+            measured = f"{wrong} of {taken} captures, {left} left out again"
+            yield Row(
+                f"{clock}, frozen in the last 0.3 s of a move: wrong poses that count", "0", measured, not wrong
+            )
+
+
+def _places(found: list[dict[str, Any]]) -> int:
+    return sum(one["places"] for one in found)
+
+
+def keep_all(parts: tuple[int, ...], at_once: int) -> None:
+    """Keep the parts of all ways and faults, the first parts of all first, some beside each other."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload([__name__])  # what is imported is imported once
+    with ExitStack() as opened:
+        alone, others = (opened.enter_context(ProcessPoolExecutor(count, context)) for count in (1, at_once - 1))
+        due: list[Future[object]] = []
+        for number, moves in enumerate(parts):
+            for fault in (None, *FAULTS):
+                for way in WAYS:
+                    pool = alone if way == _ALONE else others
+                    due.append(pool.submit(part_of, way, fault, number, moves))
+            due += [others.submit(part_at_the_end, clock, number, moves) for clock in AT_THE_END]
+        for one in due:
+            one.result()
 
 
 def tried(way: str, fault: Fault | None, parts: tuple[int, ...]) -> list[dict[str, Any]]:
     """Return what came of a way with a fault, in parts that are kept; each begins healthy."""
-    return [part_of(way, fault, number, moves) for number, moves in enumerate(parts)]
+    steps = {
+        _name(way, fault, number): partial(_told, way, fault, number, moves) for number, moves in enumerate(parts)
+    }
+    return all_kept(steps)
 
 
 def part_of(way: str, fault: Fault | None, number: int, moves: int) -> dict[str, Any]:
     """Return what came of a part, kept."""
-    return kept(f"{way} {fault} {number}".replace(" ", "-"), lambda: trial(way, fault, moves, number).told())
+    return kept(_name(way, fault, number), partial(_told, way, fault, number, moves))
+
+
+def _name(way: str, fault: Fault | None, number: int) -> str:
+    return f"{way} {fault} {number}".replace(" ", "-")
+
+
+def _told(way: str, fault: Fault | None, number: int, moves: int) -> dict[str, Any]:
+    return {**trial(way, fault, moves, number).told(), "places": moves}
+
+
+def steps_at_the_end(clock: Clock, parts: tuple[int, ...]) -> dict[str, Callable[[], dict[str, Any]]]:
+    """Return the parts of a stream that freezes as moves end, by their names."""
+    return {
+        f"at-the-end-{clock}-{number}": partial(_told_at_the_end, clock, moves, number)
+        for number, moves in enumerate(parts)
+    }
+
+
+def part_at_the_end(clock: Clock, number: int, moves: int) -> dict[str, Any]:
+    """Return what came of a part, kept."""
+    return kept(f"at-the-end-{clock}-{number}", partial(_told_at_the_end, clock, moves, number))
+
+
+def _told_at_the_end(clock: Clock, moves: int, number: int) -> dict[str, Any]:
+    found = frozen_at_the_end(clock, moves, 3 + number)
+    return {"taken": found.taken, "wrong": found.wrong, "left": len(found.said)}
 
 
 def frozen_at_the_end(clock: Clock, moves: int, seed: int = 3) -> Trial:
