@@ -67,6 +67,9 @@ class Moves:
 
 Program = Callable[[Moves, Any], Sequence[str] | bytes]
 
+UNTRIED = "EXPERIMENTAL: written after the manual, no controller has run it: read it before it runs"
+"""What every program says of itself."""
+
 
 @dataclass(frozen=True)
 class MoveExport(Export):
@@ -108,6 +111,7 @@ def check_moves(answer: Answer, chosen: CheckSettings, convention: str) -> Moves
     comments = [
         *provenance(answer),
         f"the tool that must be active: {', '.join(f'{number:.6g}' for number in tool)}",
+        UNTRIED,
         "CHECK MOVE: go through it in manual mode at reduced speed, one target at a time",
         "the operator starts every target; the sphere must stand where it stood",
         f"at each target the scanner should show {move.expected()}",

@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 from calib_core.errors import ConflictError, InputError
 from calib_core.exports.check_move import CheckSettings
-from calib_core.exports.check_programs import MoveExport, Moves, Stop
+from calib_core.exports.check_programs import UNTRIED, MoveExport, Moves, Stop
 from calib_core.exports.registry import all_exports
 from calib_core.exports.writing import ascii_of
 from calib_core.frames import RigidTransform
 from calib_core.guidance.pose_list import PoseList
 from calib_core.poses.numbers import parse_pose, to_pose
+from calib_core.proof import Proof
 from calib_core.records import Session
 
 
@@ -20,6 +21,7 @@ class PlannedProgram:
     name: str
     media_type: str
     content: bytes
+    proof: Proof | None
 
 
 def program_brands() -> tuple[str, ...]:
@@ -67,6 +69,7 @@ def planned_program(session: Session, plan: PoseList, brand: str) -> PlannedProg
     comments = [
         f"scancell: planned poses of the flange in base, of session {ascii_of(session.name) or 'without a name'}",
         f"step {plan.step}: {len(stops)} captures of the sphere, the most helpful one first",
+        UNTRIED,
         "PLANNED MOVES: go through them in manual mode at reduced speed, one at a time",
         "the operator starts every move; the sphere must stand where it stood when they were planned",
         "between poses the program goes straight from approach to approach: see that this way is free",
@@ -74,4 +77,4 @@ def planned_program(session: Session, plan: PoseList, brand: str) -> PlannedProg
     moves = Moves("plan", comments, stops, "the pose", "capture", None)
     content = entry.written(moves, chosen)
     data = content if isinstance(content, bytes) else content.encode("ascii")
-    return PlannedProgram(f"planned-{plan.step}{entry.suffix}", entry.media_type, data)
+    return PlannedProgram(f"planned-{plan.step}{entry.suffix}", entry.media_type, data, entry.proof)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from server.console.command import OK, Command, session_argument
-from server.console.output import print_result, write_out
+from server.console.output import print_result, remark, write_out
 
 if TYPE_CHECKING:
     from calib_core.guidance.pose_list import PoseList
@@ -73,8 +73,12 @@ def _run(options: argparse.Namespace) -> int:
 def _program(options: argparse.Namespace, session: "Session", plan: "PoseList") -> int:
     """Write the planned set as a robot's program."""
     from calib_core.exports.planned_program import planned_program
+    from calib_core.messages import message
+    from calib_core.proof import WORDS, is_experimental
 
     program = planned_program(session, plan, options.program)
+    if is_experimental(program.proof):
+        remark(options, message("{format} is {proof}", format=program.name, proof=WORDS["manual only"]))
     write_out(options, options.out, [program.content])
     print(plan.note, file=sys.stderr)
     return OK

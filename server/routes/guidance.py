@@ -108,6 +108,7 @@ def get_planned_program(
         stored = load_session(db, store.blobs, session_id)
     program = planned_program(stored.session, pages.ask(planned, texts, captures, step), brand)
     headers = {"Content-Disposition": f'attachment; filename="{program.name}"'}
+    headers |= {} if program.proof is None else {"Scancell-Proof": program.proof}
     return Response(program.content, media_type=program.media_type, headers=headers)
 
 

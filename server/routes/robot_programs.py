@@ -124,6 +124,7 @@ def make_program(
         for file, text in program.write(plan).items():
             zipped.writestr(zipfile.ZipInfo(file, (2026, 1, 1, 0, 0, 0)), text.encode("ascii", errors="replace"))
     headers = {"Content-Disposition": f'attachment; filename="scancell-{program.name}.zip"'}
+    headers["Scancell-Proof"] = program.proof
     return Response(content.getvalue(), media_type="application/zip", headers=headers)
 
 

@@ -44,3 +44,12 @@ def test_the_command_says_what_is_experimental(
 ) -> None:
     main(["export", str(solved_folder), "--format", name, "--allow", "fail,stale", "--out", str(tmp_path / "o")])
     assert ("is experimental" in capsys.readouterr().err) is said
+
+
+def test_a_planned_program_says_that_it_is_experimental(
+    solved_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = tmp_path / "o.src"
+    main(["next", str(solved_folder), "--count", "2", "--program", "kuka", "--out", str(program)])
+    assert "is experimental" in capsys.readouterr().err
+    assert "EXPERIMENTAL" in program.read_text(encoding="ascii")

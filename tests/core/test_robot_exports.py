@@ -309,7 +309,9 @@ def test_a_check_move_brings_the_light_plane_to_the_sphere(name: str, turntable_
     assert "reduced speed" in said
     assert "the scanner should show a circle" in said
     stops = r"\bHALT\b|\bStop;|\bPAUSE\b|\bpopup\(|\bHlt\b|\bHold \"|\bget\(\)"
-    of_tool = {"ur": 2, "kuka": 2, "abb": 1}.get(brand, 0)  # where the controller's tool is not the answer
+    of_tool = {"ur": 2, "kuka": 2, "abb": 1, "denso": 6, "kawasaki": 1, "mitsubishi": 1}.get(
+        brand, 0
+    )  # where the controller's tool is not the answer
     assert len(re.findall(stops, content.decode(), re.IGNORECASE)) == 9 + of_tool
     assert "the tool that must be active" in said
 
@@ -320,6 +322,11 @@ def test_a_check_move_brings_the_light_plane_to_the_sphere(name: str, turntable_
         ("ur-check-move", "get_tcp_offset()"),
         ("kuka-check-move", "ABS(TOOL_DATA[1].X-("),
         ("abb-check-move", "Distance(tScanner.tframe.trans,["),
+        ("comau-check-move", "POS_INV($TOOL)"),
+        ("denso-check-move", "PosX(ToolPos(1))"),
+        ("epson-check-move", "CX(TLSet(1))"),
+        ("kawasaki-check-move", "DECOMPOSE sc_off[0] = -tScanner+TRANS("),
+        ("mitsubishi-check-move", "Inv(P_Tool) * PTOOL"),
     ],
 )
 def test_a_check_move_ends_where_the_controllers_tool_is_another(
@@ -327,10 +334,17 @@ def test_a_check_move_ends_where_the_controllers_tool_is_another(
 ) -> None:
     session, solved = turntable_results
     program = export(session, solved, name)[0].decode()
-    first_move = re.search(r"movel\(|MoveL |^LIN ", program, re.MULTILINE)
+    moves = r"movel\(|MoveL |^LIN |^ *MOVE LINEAR|^ *Move |^ *LMOVE|^Mvs "
+    first_move = re.search(moves, program, re.MULTILINE)
     assert first_move is not None
-    assert 0 < program.index(asked) < program.index("calibrated tool") < first_move.start()
-    assert re.search(r"\bhalt\b|\bRETURN\b", program[: first_move.start()])
+    before = program[: first_move.start()]
+    assert asked in before
+    assert re.search(r"is not the calibrated|calibrated tool is|goes on with no other", before)
+    assert re.search(r"\bhalt\b|\bRETURN\b|\bExit (Sub|Function)|\bELSE\b|GoTo \*CHECK", before, re.IGNORECASE)
+    numbers = np.array(re.findall(r"-?\d+\.\d+", re.sub(r"(?m)^ *(--|;|!|'|#).*$", "", before)), dtype=float)
+    tool_mm = np.array(solved["chain" if "chain" in solved else "tcp"]["tool0_from_laser"])[:3, 3]
+    scale = 1e-3 if name.startswith("ur") else 1.0
+    assert all(np.abs(numbers - scale * place).min() < 1e-6 for place in tool_mm)  # it is held against the answer
 
 
 def test_a_check_move_is_refused_for_what_nobody_should_move_by(turntable_results: Any) -> None:

@@ -41,6 +41,26 @@ def test_an_index_is_told_and_columns_that_are_told_are_not_doubted() -> None:
     np.testing.assert_allclose(told.points, PROFILE, atol=1e-4)
 
 
+@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("kind", [None, "cloud"])
+def test_whole_numbers_that_rise_beside_two_coordinates_are_asked_about(place: int, kind: str | None) -> None:
+    """Rows that brought nothing are left out of many files: their index has gaps, and was taken for x, y or z."""
+    index = np.cumsum(np.random.default_rng(3).integers(1, 4, len(PROFILE))) + 7
+    columns = [PROFILE[:, 0], PROFILE[:, 1]]
+    columns.insert(place, index)
+    doubts = read_file(rows(columns, " ").encode(), "c.xyz", kind).doubts
+    assert any(f"column {place + 1} holds whole numbers that rise" in str(doubt) for doubt in doubts)
+
+
+def test_pixels_of_a_profile_with_some_left_out_are_asked_about_and_whole_places_are_not() -> None:
+    rises, z = np.cumsum(np.random.default_rng(3).integers(1, 3, len(PROFILE))), PROFILE[:, 1]
+    assert "may be an index" in str(read_file(rows([rises, z], ",").encode(), "p.csv", "profile").doubts[0])
+    for x in (2 * np.arange(len(z)), np.arange(len(z)) - 40):
+        assert read_file(rows([x, z], ",").encode(), "p.csv", "profile").doubts == ()
+    grid = np.column_stack([np.repeat(np.arange(20), 30), np.tile(np.arange(30), 20), np.linspace(0, 7.3, 600)])
+    assert read_file(rows([grid], " ").encode(), "c.xyz", "cloud").doubts == ()
+
+
 def test_a_column_between_x_and_z_that_stands_is_asked_about_unless_it_is_zero() -> None:
     """A file of z, brightness and x has it there too: its numbers were taken in their order, without a word."""
     stands = np.full(len(PROFILE), 120.0)

@@ -41,7 +41,9 @@ export async function plannedDialog(sessionId) {
     h("p", { class: "soft" }, t("planned.safety")));
   void attempt(async () => {
     const checks = (await registry("exports")).filter(({ name }) => name.endsWith("-check-move"));
-    brand.select.append(...checks.map(({ brand: value, title }) => h("option", { value: value ?? "" }, title.split(":")[0] ?? title)));
+    const options = (/** @type {boolean} */ experimental) => checks.filter((entry) => entry.experimental === experimental)
+      .map(({ brand: value, title }) => h("option", { value: value ?? "" }, title.split(":")[0] ?? title));
+    brand.select.append(...options(false), h("optgroup", { label: t("export.experimental") }, ...options(true)));
   });
 }
 

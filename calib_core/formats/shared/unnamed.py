@@ -10,6 +10,7 @@ from calib_core.frames import FloatArray
 from calib_core.messages import message
 
 _COUNTED = 10  # rows that count up are no chance
+_RISES = 4  # rows of whole numbers that rise where others are none
 _BRIGHTEST = 65_535
 _ROUNDED = 1e-3
 
@@ -39,7 +40,7 @@ def by_place(
     """Return x and z, or x, y and z, of columns that nobody named; one of a single number is no z.
 
     A first column that counts up is an index.  Columns that are left over and are no brightness, color or normal
-    leave a doubt: the points may stand in them.
+    leave a doubt: the points may stand in them.  So does one that is taken and may be an index.
 
     Parameters
     ----------
@@ -77,6 +78,15 @@ def by_place(
         notes.append(message("Column 1 counts up: it is an index and no coordinate."))
     elif counts:
         doubts.append(message("Column 1 counts up by one and may be an index; it was taken for x."))
+    doubts += [
+        message(
+            "{name} holds whole numbers that rise and may be an index; it was taken for {axis}.",
+            name=one.name,
+            axis=one.axis,
+        )
+        for one in columns
+        if not (counts and one.place == 0) and _may_be_index(values, one.place, columns)
+    ]
     if left.shape[1] and not _says_no_place(left, taken):
         doubts.append(_taken(width, columns))
     return Unnamed(columns, tuple(notes), tuple(doubts))
@@ -120,6 +130,18 @@ def _stands(column: FloatArray) -> bool:
 def _counts_up(column: FloatArray) -> bool:
     """Return whether a column is 0, 1, 2 … or 1, 2, 3 … from its first row to its last."""
     return len(column) >= _COUNTED and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
+
+
+def _may_be_index(values: FloatArray, place: int, columns: list[Column]) -> bool:
+    """Return whether a column is whole numbers from 0 on that rise with every row, and the others taken are not.
+
+    Of a profile's two columns x rises too: whole numbers there are an index where some are left out.
+    """
+    column, others = values[:, place], [values[:, one.place] for one in columns if one.place != place]
+    steps = np.diff(column)
+    if len(column) < _RISES or not _is_whole(column) or not (column >= 0).all() or not (steps > 0).all():
+        return False
+    return not any(map(_is_whole, others)) and (len(columns) > 2 or np.ptp(steps) > 0)
 
 
 def _is_whole(values: FloatArray) -> bool:

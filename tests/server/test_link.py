@@ -1,0 +1,113 @@
+"""The link to a device: what comes after a loss, nonsense or what is not fresh is joined to nothing before it."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from calib_core.errors import InputError
+from calib_core.frames import RigidTransform
+from server.live.link import Link
+from server.live.live_captures import CaptureSettings
+from server.live.live_cell import LiveCell
+from server.sources.device import Clock, Description, Reading, Sample, host_now_s
+from server.sources.source import Source
+from tests.server.live_rig import until
+
+AT_REST = RigidTransform.of([0.0, 0.0, 0.0], [800.0, 0.0, 500.0], "base", "tool0")
+
+
+@dataclass
+class Told:
+    """A device that tells what it is told to, fifty times a second."""
+
+    now: Callable[[], Sample]
+    heard: list[str] = field(default_factory=list[str])
+
+    def describe(self) -> Description:
+        return Description("a robot", "mm, degrees", "abb", "flange in base", ("pose",))
+
+    def close(self) -> None:
+        pass
+
+    def read(self) -> Reading | None:
+        time.sleep(0.02)
+        return self.now()
+
+
+def stamped() -> Sample:
+    return Sample(host_now_s(), host_now_s(), AT_REST)
+
+
+def source_of(device: Told, clock: Clock = "every-reading") -> Source:
+    return Source("told", "Told", "Tells.", connect=lambda _: device, delivers=("robot",), clock=clock)
+
+
+def frozen() -> Callable[[], Sample]:
+    stamp_s = host_now_s()
+    return lambda: Sample(host_now_s(), stamp_s, AT_REST)
+
+
+def refused() -> Callable[[], Sample]:
+    def read() -> Sample:
+        raise InputError("a pose", "none", "Look at the controller.", "pose")
+
+    return read
+
+
+def far_away() -> Callable[[], Sample]:
+    place = RigidTransform.of([0.0, 0.0, 0.0], [9e6, 0.0, 0.0], "base", "tool0")
+    return lambda: Sample(host_now_s(), host_now_s(), place)
+
+
+def gone() -> Callable[[], Sample]:
+    def read() -> Sample:
+        raise ConnectionResetError("reset by peer")
+
+    return read
+
+
+@pytest.mark.parametrize("trouble", [frozen, refused, far_away, gone])
+def test_what_cannot_be_trusted_is_told_as_a_loss(trouble: Callable[[], Callable[[], Sample]]) -> None:
+    device = Told(stamped)
+    source = source_of(device)
+    link = Link("robot", source, source.settings(), lambda _, __: None, device.heard.append)
+    link.start()
+    try:
+        until(lambda: link.state().readings > 25)
+        assert device.heard == []
+        device.now = trouble()
+        until(lambda: device.heard, lambda: link.state())
+    finally:
+        link.stop()
+    assert set(device.heard) == {"robot"}
+
+
+@pytest.fixture
+def cell() -> Iterator[tuple[LiveCell, Told]]:
+    from calib_core.simulation import simulate
+
+    record = simulate("tcp", 7).session.cell
+    live = LiveCell(lambda: (record, set(), lambda: None), lambda *_: pytest.fail("taken"), CaptureSettings())
+    device = Told(stamped)
+    source = source_of(device)
+    live.add(Link("robot", source, source.settings(), live.arrived, live.forget))
+    yield live, device
+    live.stop()
+
+
+@pytest.mark.parametrize("trouble", [frozen, refused, gone])
+def test_a_cell_forgets_where_its_robot_was_when_the_link_loses_it(
+    cell: tuple[LiveCell, Told], trouble: Callable[[], Callable[[], Sample]]
+) -> None:
+    live, device = cell
+    until(lambda: live.newest()[0] is not None)
+    version = live.version
+    device.now = trouble()
+    until(lambda: live.newest()[0] is None, lambda: live.links["robot"].state())
+    assert live.version > version
+    device.now = stamped
+    again = until(lambda: live.newest()[0])
+    np.testing.assert_allclose(again.base_from_tool0.translation_mm, AT_REST.translation_mm)
