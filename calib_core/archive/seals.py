@@ -99,6 +99,18 @@ def decisions_sealed(result: Mapping[str, Any]) -> list[dict[str, str]]:
     ]
 
 
+def has_origin(seal: Mapping[str, Any]) -> bool:
+    """Return whether what a result was solved from was kept beside it when it was signed."""
+    return "files" in seal
+
+
+def without_origin(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a result signed anew as it stands, for one whose origin nobody knows any more."""
+    seal = {name: result["seal"][name] for name in ("session", "finding", "before") if name in result["seal"]}
+    provenance = with_provenance(result)["provenance"]
+    return sealed({**result, "provenance": provenance}, {**seal, "provenance": provenance})
+
+
 def is_origin(solved_from: Mapping[str, Any], seal: Mapping[str, Any]) -> bool:
     """Return whether a session and its `files` are what was signed with a result as what it was solved from."""
     signed = seal.get("files")

@@ -13,7 +13,7 @@ from calib_core.archive.bag import Bag, BagSource, open_bag
 from calib_core.archive.bag_zip import LIMITS, ArchiveLimits
 from calib_core.archive.dates import ANSWER_FILE
 from calib_core.archive.folder import HISTORY_FILE, parse_json
-from calib_core.archive.seals import IMPORTED, is_origin, seal_state
+from calib_core.archive.seals import IMPORTED, has_origin, is_origin, seal_state
 from calib_core.errors import CalibrationError
 from calib_core.exports.answer import answer_of
 from calib_core.findings.codes.circumstances import CERTIFICATE_OVERDUE
@@ -189,6 +189,6 @@ def _history(bag: Bag, results: ResultsData) -> Iterator[Finding]:
             yield ARCHIVE_DISAGREES([], what=HISTORY_FILE, fields=f"results[{number}].stage")
             continue
         origin, seal = one.get("solved_from") or {}, record.get("seal") or {}
-        is_known = origin.get("session") and seal.get("session")
-        if seal_state(record) is False or (is_known and not is_origin(origin, seal)):
+        is_known = has_origin(seal) or (origin.get("session") and seal.get("session"))
+        if seal_state(record) is False or (is_known and not (origin.get("session") and is_origin(origin, seal))):
             yield SEAL_BROKEN([], what=f"{HISTORY_FILE}: results[{number}]")

@@ -7,6 +7,7 @@ from sqlalchemy import Connection, func, select
 from sqlalchemy.orm import Session as Transaction
 from sqlalchemy.orm import undefer
 
+from calib_core.archive.seals import without_origin
 from calib_core.messages import message, plural, templates
 from server.settings import Settings
 from server.store.engine import engine_of
@@ -80,7 +81,7 @@ def accept(settings: Settings) -> list[str]:
                 row.name = row.record.get("name", "")
             row.sign()
         for row in list(_of_other_origin(db)):
-            row.solved_from = None  # nobody knows
+            row.solved_from, row.record = None, without_origin(row.record)  # nobody knows
         begin(db, "accepted")
         for session, stage in _removed(db):
             for row in db.scalars(select(ResultRow).where(ResultRow.session_id == session)):

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from sqlalchemy import JSON, BigInteger, ForeignKey, ForeignKeyConstraint, Index, LargeBinary, String, Text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, validates
 
-from calib_core.archive.seals import IMPORTED, SOLVED, is_origin, seal_state, with_provenance
+from calib_core.archive.seals import IMPORTED, SOLVED, has_origin, is_origin, seal_state, with_provenance
 from calib_core.errors import NotFoundError
 from server.store.row_seals import Signed
 
@@ -152,11 +152,11 @@ class ResultRow(Base):
 
     @property
     def has_other_origin(self) -> bool:
-        """Whether what it says that it was solved from is not what was signed with it."""
+        """Whether what it says that it was solved from is not what was signed with it, or was taken off."""
         seal = self.record.get("seal") or {}
-        if seal.get("provenance") != SOLVED or "solved_from" not in self.__dict__ or self.solved_from is None:
+        if seal.get("provenance") != SOLVED or "solved_from" not in self.__dict__:
             return False  # or nobody asked for it: the latest are held against the captures themselves
-        return not is_origin(self.solved_from, seal)
+        return has_origin(seal) if self.solved_from is None else not is_origin(self.solved_from, seal)
 
     __table_args__ = (Index("results_by_stage", "session_id", "stage", "number"),)
 

@@ -150,7 +150,8 @@ def keep_all(parts: tuple[int, ...], at_once: int) -> None:
                     due.append(pool.submit(part_of, way, fault, number, moves))
             due += [others.submit(part_at_the_end, clock, number, moves) for clock in AT_THE_END]
         for one in due:
-            one.result()
+            if (error := one.exception()) is not None:  # no processor, no first capture
+                print(f"    {error}", flush=True)
 
 
 def tried(way: str, fault: Fault | None, parts: tuple[int, ...]) -> list[dict[str, Any]]:

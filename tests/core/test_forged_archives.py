@@ -11,7 +11,7 @@ from calib_core.archive.archive import pack, verify
 from calib_core.archive.bag import open_bag, write_bag
 from calib_core.archive.bag_seal import SEAL_FILE, check_seal
 from calib_core.archive.folder import to_json_bytes
-from calib_core.archive.seals import session_sha256
+from calib_core.archive.seals import session_sha256, signed_result
 from calib_core.errors import InputError
 from calib_core.review.provenance import verify as verify_agreement
 from tests.core.test_forged_results import OF_READING, leaves, other
@@ -110,3 +110,22 @@ def test_every_field_of_a_past_result_changed_in_turn_is_named_without_the_archi
         before, container[name] = container[name], other(container[name])
         assert named() == ["history.json: results[0]"], name
         container[name] = before
+
+
+def test_a_past_result_whose_origin_was_taken_off_is_named(
+    archive: Path, tmp_path: Path, result: dict[str, Any]
+) -> None:
+    payload, _ = payload_of(archive)
+    session, files = json.loads(payload["session.json"]), {"captures/p01.csv": "0" * 64}
+    kept = signed_result(result, session, files=files, moment=result["solved"])
+    origin = {"session": session, "files": files}
+
+    def named(solved_from: object) -> list[Any]:
+        one = {"stage": "tcp", "created": result["solved"], "record": kept, "solved_from": solved_from}
+        history = to_json_bytes({"results": [one]})
+        facts = verify_agreement(packed(tmp_path / "h.zip", {**payload, "history.json": history}, None))
+        return [finding.values["what"] for finding in facts.findings if finding.code != "not-signed"]
+
+    assert named(origin) == []
+    for taken in (None, {}, {**origin, "session": {}}, {**origin, "files": {}}):
+        assert named(taken) == ["history.json: results[0]"], taken

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import InputError
+from calib_core.formats.format import PointKind
 from calib_core.formats.points import FORMATS, read_file
 from server.cli import main
 from tests.core.point_file_forms import CLOUD, NORMALS, PROFILE, Form, forms, geo_keys, las, ptx, rows
@@ -43,7 +44,7 @@ def test_an_index_is_told_and_columns_that_are_told_are_not_doubted() -> None:
 
 @pytest.mark.parametrize("place", [0, 1, 2])
 @pytest.mark.parametrize("kind", [None, "cloud"])
-def test_whole_numbers_that_rise_beside_two_coordinates_are_asked_about(place: int, kind: str | None) -> None:
+def test_whole_numbers_that_rise_beside_coordinates_are_asked_about(place: int, kind: PointKind | None) -> None:
     """Rows that brought nothing are left out of many files: their index has gaps, and was taken for x, y or z."""
     index = np.cumsum(np.random.default_rng(3).integers(1, 4, len(PROFILE))) + 7
     columns = [PROFILE[:, 0], PROFILE[:, 1]]

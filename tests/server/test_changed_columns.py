@@ -85,6 +85,10 @@ def test_every_column_that_was_changed_is_told(
             ).fetchone()
             db.execute(f'UPDATE {table} SET "{column}" = ? WHERE rowid = ?', (value, *changed_to))
             assert is_told == (column not in untold), column
+            if value is not None and Base.metadata.tables[table].c[column].nullable:  # and taken off
+                db.execute(f'UPDATE {table} SET "{column}" = NULL WHERE rowid = ?', (row,))
+                assert (told(served) != before or damage(served) != []) == (column not in untold), column
+                db.execute(f'UPDATE {table} SET "{column}" = ? WHERE rowid = ?', (value, row))
     db.close()
     assert (told(served), damage(served)) == (before, [])
 
@@ -134,3 +138,6 @@ def test_what_was_changed_beside_the_signed_is_accepted_when_asked(tmp_path: Pat
     assert "result 1 of tcp was solved from was changed" in said
     accept(settings)
     assert not examine(settings).damaged
+    with sqlite3.connect(tmp_path / "scancell.db") as db:
+        assert db.execute("SELECT solved_from FROM results").fetchall() == [(None,)]
+    db.close()

@@ -1,7 +1,7 @@
 """The link to a device: what comes after a loss, nonsense or what is not fresh is joined to nothing before it."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +9,9 @@ import pytest
 
 from calib_core.errors import InputError
 from calib_core.frames import RigidTransform
+from calib_core.optics.triangulate import ProfileCalibration
+from calib_core.records import Capture, Measured
+from calib_core.simulation import simulate
 from server.live.link import Link
 from server.live.live_captures import CaptureSettings
 from server.live.live_cell import LiveCell
@@ -85,12 +88,18 @@ def test_what_cannot_be_trusted_is_told_as_a_loss(trouble: Callable[[], Callable
     assert set(device.heard) == {"robot"}
 
 
+def _no_optics() -> ProfileCalibration:
+    raise AssertionError("there is no camera")
+
+
+def _never(capture: Capture, files: Mapping[str, bytes]) -> Measured:
+    raise AssertionError("nothing is taken without a scanner")
+
+
 @pytest.fixture
 def cell() -> Iterator[tuple[LiveCell, Told]]:
-    from calib_core.simulation import simulate
-
     record = simulate("tcp", 7).session.cell
-    live = LiveCell(lambda: (record, set(), lambda: None), lambda *_: pytest.fail("taken"), CaptureSettings())
+    live = LiveCell(lambda: (record, set[str](), _no_optics), _never, CaptureSettings())
     device = Told(stamped)
     source = source_of(device)
     live.add(Link("robot", source, source.settings(), live.arrived, live.forget))
