@@ -57,6 +57,10 @@ class ArmErrorsFound(Record):
     scanner_with_poses: list[list[list[float]]]
     table_with_lengths: list[float] | None = None
     table_with_poses: list[list[list[float]]] | None = None
+    tool_with_terms: list[list[float]] | None = None
+    scanner_with_terms: list[list[float]] | None = None
+    table_with_terms: list[list[float]] | None = None
+    term_moves: list[list[list[float]]] | None = None
 
 
 class ArmModelFound(Record):
@@ -71,6 +75,7 @@ class ArmModelFound(Record):
     applied: bool | None = None
     controller: list[FoundFrame] | None = None
     told: ArmTerms | None = None
+    covariance: list[list[float]] | None = None
 
 
 class ArmTerms(Record):

@@ -43,6 +43,15 @@ def corrected_by(cell: Cell, found: ArmModelFound, pose: RigidTransform, moves: 
     return RigidTransform.of(*moved, "base", "tool0")
 
 
+def applied_moves(cell: Cell, capture: Capture, found: ArmModelFound | None) -> FloatArray | None:
+    """Return how a capture's flange moves with the terms that correct its pose, (6, p); None where none do."""
+    moves = moves_of(cell, capture) if found is not None and found.applied else None
+    if moves is None or found is None:
+        return None
+    names = [term.name for term in terms_of(cell)]
+    return moves[:, [names.index(name) for name in found.names]]
+
+
 def corrected_captures(cell: Cell, captures: Sequence[Capture], found: ArmModelFound | None) -> list[Capture]:
     """Return captures with poses corrected by the arm's errors, where these are applied and joints are known."""
     if found is None or not found.applied:

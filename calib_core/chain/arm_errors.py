@@ -32,6 +32,11 @@ class ArmErrors:
         Covariance of the answer's errors with the share by which the arm's lengths are off.
     with_poses : (P, m, 6)
         The same with the errors at those poses: position, orientation, mm and rad.
+    with_terms : (P, p)
+        The same with the errors of the terms by which poses are corrected, in their standard deviations; none
+        where they are not.
+    term_moves : (m, 6, p)
+        How the flange moves in base at those poses by the same.
     position_sigma_mm, orientation_sigma_rad : float
         Of the part that is alike, root mean squares over what the captures leave open of it.
     """
@@ -41,13 +46,16 @@ class ArmErrors:
     middle_mm: FloatArray
     with_lengths: FloatArray
     with_poses: FloatArray
+    with_terms: FloatArray
+    term_moves: FloatArray
     position_sigma_mm: float
     orientation_sigma_rad: float
 
     def of(self, moves: FloatArray) -> "ArmErrors":
         """Return the same for what follows the unknowns by a matrix (Q, P)."""
-        lengths = moves @ self.with_lengths
-        return replace(self, with_lengths=lengths, with_poses=np.tensordot(moves, self.with_poses, 1))
+        lengths, terms = moves @ self.with_lengths, moves @ self.with_terms
+        poses = np.tensordot(moves, self.with_poses, 1)
+        return replace(self, with_lengths=lengths, with_poses=poses, with_terms=terms)
 
     def held_at(self, covariance: FloatArray, columns: Sequence[int] | np.ndarray) -> "ArmErrors":
         """Return the same for an answer that takes some unknowns for nothing instead of seeking them.
@@ -80,7 +88,7 @@ class ArmShares:
     pivots: np.ndarray
 
     def by_shared(self, sigmas: Sigmas) -> FloatArray:
-        """Return how lengths and errors at the pivots, (1 + 6 m), follow the shared unknowns (L)."""
+        """Return how lengths, errors at the pivots and terms, (1 + 6 m + p), follow the shared unknowns (L)."""
         data, many = self.data, len(self.pivots)
         lengths, drift = int(data.arm_scale_sigma > 0), 3 * int(data.drift_sigma_mm > 0)
         factor = np.empty((data.count, 0))
@@ -88,11 +96,12 @@ class ArmShares:
             factor = alike_factor(*data.walk.poses, sigmas.reach)
         alike = lengths + drift + 6 * factor.shape[1]
         terms = 0 if data.arm_means is None else len(data.arm_means)
-        found = np.zeros((1 + 6 * many, alike + 6 * data.stops + terms))
+        found = np.zeros((1 + 6 * many + terms, alike + 6 * data.stops + terms))
         if lengths:
             found[0, 0] = data.arm_scale_sigma
         sizes = np.diag([sigmas.alike_position_mm] * 3 + [sigmas.alike_orientation_rad] * 3)
-        found[1:, lengths + drift : alike] = np.kron(factor[self.pivots], sizes)
+        found[1 : 1 + 6 * many, lengths + drift : alike] = np.kron(factor[self.pivots], sizes)
+        found[1 + 6 * many :, alike + 6 * data.stops :] = np.eye(terms)
         return found
 
     def errors(self, covariance: FloatArray, sigmas: Sequence[Sigmas], weights: FloatArray) -> ArmErrors:
@@ -100,21 +109,24 @@ class ArmShares:
 
         Parameters
         ----------
-        covariance : (P, 1 + 6 m)
-            Of the unknowns with lengths and errors at the pivots.
+        covariance : (P, 1 + 6 m + p)
+            Of the unknowns with lengths, errors at the pivots and terms.
         sigmas, weights
             What the sigmas may be, and how likely.
         """
         position = weights @ [one.alike_position_mm**2 for one in sigmas]
         orientation = weights @ [one.alike_orientation_rad**2 for one in sigmas]
-        data, where = self.data, self.pivots
-        # What is sought errs by what is found less what is true.
+        data, where, last = self.data, self.pivots, 1 + 6 * len(self.pivots)
+        none = np.empty((len(where), 6, 0))
+        # What is sought errs by what is found less what is true, and so do the terms, which are sought as well.
         return ArmErrors(
             data.walk.rotations[where],
             data.walk.translations[where],
             data.walk.translations.mean(axis=0),
             -covariance[:, 0],
-            -covariance[:, 1:].reshape(len(covariance), len(where), 6),
+            -covariance[:, 1:last].reshape(len(covariance), len(where), 6),
+            covariance[:, last:],
+            none if data.arm_moves is None else data.arm_moves[where],
             float(np.sqrt(position)),
             float(np.sqrt(orientation)),
         )

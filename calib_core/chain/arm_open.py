@@ -43,7 +43,7 @@ def with_open_arm(data: ChainData, state: ChainState, observations: Observations
     moves = np.array([none if one.arm_moves is None else one.arm_moves for one in observations])
     scales = np.array([term.sigma for term in model.terms])
     columns = arm_columns(data, state, ArmInput(model.terms, moves), np.arange(data.count)) * scales
-    return replace(data, arm_columns=columns, arm_means=-model.values / scales)
+    return replace(data, arm_columns=columns, arm_means=-model.values / scales, arm_moves=moves * scales)
 
 
 def with_poses_of(data: ChainData, observations: Observations) -> ChainData:

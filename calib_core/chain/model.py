@@ -126,6 +126,8 @@ class ChainData:
     arm_columns, arm_means : (K, 3, p), (p,), or None
         How the balls move in L by one standard deviation of each term of the arm's own errors, beyond what the
         poses are corrected by; and what is believed of these (`chain.arm_model`).
+    arm_moves : (K, 6, p) or None
+        How the flanges move in base by the same.
     exact : tuple of int
         Columns of the first mount that are held, as no motion tells them (`without_turns`).
     untold : (m, 3) or None
@@ -161,6 +163,7 @@ class ChainData:
     tool_prior: ToolPrior | None = None
     arm_columns: FloatArray | None = None
     arm_means: FloatArray | None = None
+    arm_moves: FloatArray | None = None
     exact: tuple[int, ...] = ()
     untold: FloatArray | None = None
 
@@ -250,6 +253,7 @@ class ChainData:
             self,
             **{name: getattr(self, name)[used] for name in each},
             arm_columns=None if self.arm_columns is None else self.arm_columns[used],
+            arm_moves=None if self.arm_moves is None else self.arm_moves[used],
             walk=self.walk.chosen(used),
             points=self.points[points],
             counts=self.counts[points],

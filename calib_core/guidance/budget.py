@@ -171,7 +171,8 @@ def arm_at_points(known: Calibrated, view: View, points_mm: FloatArray) -> tuple
     if known.arm is None:
         return alike, np.zeros((len(points_mm), 3, 3))
     places = view.places(known, points_mm)
-    alike = alike + axes @ known.arm.by_lengths(places) @ axes.T
+    own = known.arm.by_lengths(places) + known.arm.by_terms(view.rotation, places, in_base)
+    alike = alike + axes @ own @ axes.T
     together = known.arm.with_answer(view.rotation, places, in_base)
     half = rows[:, : together.shape[1]] @ together
     if known.base_from_turntable is not None:  # a turn of the table moves a point by how far it is from the origin

@@ -145,7 +145,8 @@ class ArmModelFound(Record):
     without and with it. It is `worth_it` where the captures are likelier with it beyond chance and these poses
     do not contradict; `decided_by` says which of both decided. With `applied` poses are
     corrected by it in this stage and all later ones; `controller` then has what is best with the controller's own
-    poses: the scanner's and the table's frames. `told` is what a later session is held against.
+    poses: the scanner's and the table's frames. `told` is what a later session is held against. `covariance`, of
+    the values, is there where they are applied.
     """
 
     names: list[str]
@@ -158,6 +159,7 @@ class ArmModelFound(Record):
     applied: bool = False
     controller: list[FoundFrame] | None = None
     told: ArmTerms | None = None
+    covariance: Rows | None = None
 
 
 class OpticsShift(Record):
@@ -188,7 +190,9 @@ class ArmErrorsFound(Record):
     the alike part, with what the captures leave open of it. Lengths are compared from `middle_mm` in base, and
     are off by a share whose standard deviation is `lengths_sigma`. Of tool, scanner (in the order of its names)
     and table the covariances with that share, and at each pose with its position (3) and orientation (3); for
-    frames of rx ry rz tx ty tz.
+    frames of rx ry rz tx ty tz. With poses that are corrected by the arm's own errors, `*_with_terms` are their
+    covariances with the errors of `arm_model`'s values, and `term_moves` how the flange moves in base with these
+    (six a pose: mm, then rad about base's axes).
     """
 
     poses: list[Matrix4]
@@ -202,6 +206,10 @@ class ArmErrorsFound(Record):
     scanner_with_poses: list[Rows]
     table_with_lengths: list[float] | None = None
     table_with_poses: list[Rows] | None = None
+    tool_with_terms: Rows | None = None
+    scanner_with_terms: Rows | None = None
+    table_with_terms: Rows | None = None
+    term_moves: list[Rows] | None = None
 
 
 class AtPoint(Record):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from calib_core.archive.stored_clouds import read_stored_ply
+from calib_core.arms.errors import corrected_pose
 from calib_core.captures.placement import Placement
 from calib_core.captures.scans import read_scan, scan_groups
 from calib_core.errors import CalibrationError, InputError
@@ -277,22 +278,25 @@ def test_an_organised_pcd_keeps_its_grid():
     np.testing.assert_array_equal(scan.points_in_laser_mm, points)
 
 
-def test_the_moves_of_a_scan_by_tool_and_table_are_those_of_finite_steps():
+def test_the_moves_of_a_scan_by_tool_table_and_arm_are_those_of_finite_steps():
     rng = np.random.default_rng(3)
     pose = RigidTransform.of(rng.normal(size=3), 500 * rng.normal(size=3), "base", "tool0")
     turn = RigidTransform.of([0, 0, -0.7], [0, 0, 0], "turntable", "turntable")
     point = np.array([5.0, 0.0, 180.0])
-    calibration = Calibration(Placement(TOOL, TABLE), np.zeros((12, 12)), 0.05, 2e-4, 1e-4)
+    calibration = Calibration(Placement(TOOL, TABLE), np.zeros((15, 15)), 0.05, 2e-4, 1e-4)
     capture = Capture(id="s", step="scan", kind="cloud", files=["captures/s.ply"])
-    moves, _ = moves_of_scan(calibration, capture, turn @ TABLE.inverse(), pose)
+    by_arm = rng.normal(size=(6, 3))
+    moves, _ = moves_of_scan(calibration, capture, turn @ TABLE.inverse(), pose, by_arm)
 
     def place(change: np.ndarray) -> np.ndarray:
-        tool, table = TOOL.perturbed(change[:6]), TABLE.perturbed(change[6:])
-        return (turn @ table.inverse() @ pose @ tool).apply(point)
+        tool, table = TOOL.perturbed(change[:6]), TABLE.perturbed(change[6:12])
+        corrected = corrected_pose(pose.rotation, pose.translation_mm, by_arm, change[12:])
+        flange = RigidTransform.of(*corrected, "base", "tool0")
+        return (turn @ table.inverse() @ flange @ tool).apply(point)
 
-    here = place(np.zeros(12))
-    for column in range(12):
-        change = np.zeros(12)
+    here = place(np.zeros(15))
+    for column in range(15):
+        change = np.zeros(15)
         change[column] = 1e-6
         moved = here + np.cross(moves[:3, column], here) * 1e-6 + moves[3:, column] * 1e-6
         np.testing.assert_allclose(place(change), moved, atol=1e-8)

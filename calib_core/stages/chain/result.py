@@ -85,7 +85,13 @@ def _arm_errors(solution: ChainSolution, tcp: TcpResult) -> ArmErrorsFound | Non
     arm = solution.arm_with_table
     if tcp.arm_errors is None or arm is None:
         return None
-    of_table = {"table_with_lengths": arm.with_lengths.tolist(), "table_with_poses": by_pose(arm.with_poses)}
+    of_table: dict[str, Any] = {
+        "table_with_lengths": arm.with_lengths.tolist(),
+        "table_with_poses": by_pose(arm.with_poses),
+    }
+    own = solution.tcp.arm
+    if own is not None and own.applied:
+        of_table["table_with_terms"] = (arm.with_terms * [term.sigma for term in own.terms]).tolist()
     return tcp.arm_errors.model_copy(update=of_table)
 
 

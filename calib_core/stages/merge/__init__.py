@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 10  # no deviations of means across edges; no patch as coarse as a scan of few points
+    method_revision = 11  # what is open of the arm that is corrected counts
     step = CaptureStep(
         "scan",
         "Scan",

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.captures.arm_joints import applied_moves
 from calib_core.captures.placement import Placement, placement_of
 from calib_core.captures.scans import ScanGroup, poses_of
 from calib_core.cell.found import as_used, known_scanner, no_scanner, on_flange, own_base
@@ -14,6 +15,7 @@ from calib_core.frames import FloatArray, RigidTransform, vector_from_rotation
 from calib_core.fusion.overlap import PoseErrors, move_of_pose_change
 from calib_core.fusion.self_calibration import SelfCalibration
 from calib_core.graph.stage_input import StageInput
+from calib_core.guidance.arm_share import open_terms
 from calib_core.records import Capture, Cell, Finding, VarianceComponents
 from calib_core.records.results import ArmModelFound
 from calib_core.stages.chain.record import ChainResult
@@ -31,7 +33,8 @@ _STEPS = (1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2)  # rad and mm, of derivatives
 class Calibration:
     """Where scans belong, how well that is known, the scatters of robot and table, the arm.
 
-    The covariance is of tool and table, then of `others`, scanners by their names, and of the cell's named axes.
+    The covariance is of tool and table, then of `others`, scanners by their names, of the cell's named axes, and
+    of the arm's own errors, where poses are corrected by them.
     """
 
     placement: Placement
@@ -112,6 +115,12 @@ def calibration_of(
         covariance[-6:, -6:] = 0.0 if block is None else block
     by: str = "known" if result is None else result.stage
     arm = getattr(result, "arm_model", None)
+    if (own := open_terms(used, 12)) is not None:
+        cross = np.zeros((len(covariance), len(own.covariance)))
+        cross[:12] = own.with_answer[:12]
+        if placement.axes:
+            cross[6:] = 0.0
+        covariance = np.block([[covariance, cross], [cross.T, own.covariance]])
     angle_rad = float(np.deg2rad(angle_deg))
     return Calibration(placement, covariance, *scatter, angle_rad, by, tuple(findings), arm, others)
 
@@ -128,7 +137,8 @@ def pose_errors(given: StageInput, groups: Sequence[ScanGroup], calibration: Cal
         pairs = poses_of(given.session, group)
         capture, pose = pairs[len(pairs) // 2]
         turntable_from_base = calibration.placement.turntable_from_base(capture)
-        moves, mine = moves_of_scan(calibration, capture, turntable_from_base, pose)
+        by_arm = applied_moves(given.session.cell, capture, calibration.arm)
+        moves, mine = moves_of_scan(calibration, capture, turntable_from_base, pose, by_arm)
         common.append(moves @ root)
         own.append(mine)
     return PoseErrors(np.array(common), np.array(own))
@@ -157,8 +167,12 @@ def moves_of_scan(
     capture: Capture,
     turntable_from_base: RigidTransform,
     base_from_carrier: RigidTransform,
+    by_arm: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the moves (6, n) of a scan by what was calibrated, and the covariance (6, 6) of those of its own."""
+    """Return the moves (6, n) of a scan by what was calibrated, and the covariance (6, 6) of those of its own.
+
+    `by_arm` (6, p) is how the flange moves with the errors by which its pose is corrected; None where it is not.
+    """
     placement, mount = calibration.placement, calibration.placement.mount(capture)
     carried = placement.carried(capture, base_from_carrier)
     turntable_from_carrier = turntable_from_base @ carried
@@ -182,6 +196,9 @@ def moves_of_scan(
         sigmas = np.repeat([calibration.orientation_sigma_rad, calibration.position_sigma_mm], 3)
         robot = _by_pose(turntable_from_carrier.rotation @ base_from_carrier.rotation.T, turntable_from_carrier)
         own = (robot * sigmas) @ (robot * sigmas).T
+        if by_arm is not None:
+            turned = base_from_carrier.rotation.T @ by_arm[3:]
+            moves[:, -by_arm.shape[1] :] = robot @ np.vstack([turned, by_arm[:3]])
     own[2, 2] += calibration.angle_sigma_rad**2 if placement.base_from_turntable is not None else 0.0
     return moves, own
 

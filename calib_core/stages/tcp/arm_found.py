@@ -49,6 +49,7 @@ def arm_model_found(solution: TcpSolution) -> ArmModelFound | None:
         worth_it=model.worth_it,
         applied=model.applied,
         controller=controller,
+        covariance=model.covariance.tolist() if model.applied else None,
         told=ArmTerms(
             names=[term.name for term in model.told.terms],
             believed=[term.sigma for term in model.told.terms],

@@ -176,6 +176,12 @@ def _arm_errors(solution: TcpSolution) -> ArmErrorsFound | None:
     some = held.tool_and_scanner
     arm = held.arm.of(np.eye(len(held.covariance))[some])
     poses = zip(arm.rotations, arm.translations, strict=True)
+    terms: dict[str, Any] = {}
+    if solution.arm is not None and solution.arm.applied:
+        sizes = np.array([term.sigma for term in solution.arm.terms])
+        with_terms = (arm.with_terms * sizes).tolist()
+        terms = {"tool_with_terms": with_terms[:6], "scanner_with_terms": with_terms[6:]}
+        terms["term_moves"] = (arm.term_moves / sizes).tolist()
     return ArmErrorsFound(
         poses=[RigidTransform.of(r, t, "base", "tool0").to_rows() for r, t in poses],
         middle_mm=arm.middle_mm.tolist(),
@@ -186,6 +192,7 @@ def _arm_errors(solution: TcpSolution) -> ArmErrorsFound | None:
         tool_with_poses=by_pose(arm.with_poses[:6]),
         scanner_with_lengths=arm.with_lengths[6:].tolist(),
         scanner_with_poses=by_pose(arm.with_poses[6:]),
+        **terms,
     )
 
 

@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 8  # a robot of which nothing is told scatters as its captures do
+    method_revision = 9  # the tool has swallowed what is open of the arm that is corrected
     step = CaptureStep(
         "verify",
         "Verification",
