@@ -29,6 +29,8 @@ _MUCH_BETTER = 0.5
 _LEAST_SCALE_MM = 0.05
 _GAIN = 6.0  # of the summed costs, so that captures that fit by chance do not count
 _LEAST_GAIN_OF_ORDER = 1.0  # beside what giving a capture another pose costs
+_ORDER_FITS_MM = 2.0  # poses that are handed out rightly leave what the arm errs by: below 1 mm
+_FEW, _ORDER_OF_FEW_FITS_MM = 10, 1.0  # of few captures, wrong ones may fit to more
 _RIVAL = 6.0  # of the summed costs, by which another cause may fit worse and still be told
 _COST_OF_A_FACTOR = 0.5
 _MOST_CAUSES = 3
@@ -172,12 +174,18 @@ def _off(misfits_mm: FloatArray, order: Order) -> tuple[float, float]:
 def _explains(one: _Tried, now: _Tried | None) -> bool:
     """Return whether a hypothesis fits so much better than the poses as they are that chance is no reason."""
     if now is None:
-        return True
+        return not one.order.moved or _fits(one)
     gain = now.cost - one.cost
     if one.order.moved:
-        return gain > _LEAST_GAIN_OF_ORDER
+        return gain > _LEAST_GAIN_OF_ORDER and _fits(one)
     better = one.start.scatter_mm < _MUCH_BETTER * now.start.scatter_mm
     return better and gain > _GAIN
+
+
+def _fits(one: _Tried) -> bool:
+    """Return whether captures with their poses handed out lie as close together as an arm's allow."""
+    few = len(one.order.pose_of) < _FEW
+    return one.start.scatter_mm < (_ORDER_OF_FEW_FITS_MM if few else _ORDER_FITS_MM)
 
 
 def _same(one: _Tried, other: _Tried) -> bool:

@@ -48,7 +48,7 @@ _UNKNOWNS = 8  # of x and z alone: the scanner's rotation and two of its shifts,
 _LOG_ODDS = 7.0  # 1000 : 1 that so much closer is no chance, with so many lengths to choose from
 _DISAGREES = 4  # the power of the share of circles that are no larger than the sphere
 _RIVAL, _PRICE_OF_TWO = 1.5, 1.5
-_LARGEST_SCATTER_MM = 3.0
+_LARGEST_SCATTER_MM = 1.5
 _AS_GOOD_AS_ARMS_MM = 0.15  # lengths that err by more than the ordinary leave three times as much
 _MOST_ROUNDER = 0.7
 

@@ -64,7 +64,7 @@ def straightened(
     if found is None or found.chance >= RARE or abs(found.size_mm) <= LEAST_MM:
         return as_it_was
     lag = unmodelled_of(judged)
-    if lag is not None and lag.chance < found.chance:
+    if lag is not None and lag.said and lag.chance < found.chance:
         return as_it_was
     if not found.solved:
         return list(observations), data, judged, found

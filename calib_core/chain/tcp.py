@@ -327,7 +327,7 @@ def _less_sure(judged: Judged, bend: Bend | None, spread: FloatArray) -> tuple[J
     """Return captures judged with what is doubted of the answer in its covariance, and how poses lag."""
     lag = unmodelled_of(judged)
     judged = doubted(with_more_spread(with_doubted_priors(judged), spread), bend)
-    return with_more_spread(judged, np.outer(lag.step, lag.step)) if lag else judged, lag
+    return (with_more_spread(judged, lag.spread), lag if lag.said else None) if lag else (judged, None)
 
 
 def say_nothing(_fraction: float, _message: str) -> None:

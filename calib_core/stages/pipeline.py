@@ -119,8 +119,14 @@ def solve_stage(
         )
         need = "captures and sigmas that determine an answer"
         raise MotionError(need, "equations without one", to_do, stage) from None
-    result = judged(result, temperature_findings(session, entry))
+    result = _believed(judged(result, temperature_findings(session, entry)))
     return with_evidence(session, complete(result))
+
+
+def _believed(result: Result) -> Result:
+    """Return a result that states no interval where it failed: the model that tells it does not hold."""
+    failed = result.verdict == "fail" and hasattr(result, "confidence_95")
+    return result.model_copy(update={"confidence_95": {}}) if failed else result
 
 
 def stage_input(

@@ -96,6 +96,22 @@ def _lag_along_path(mm: float, tilts: int = 11) -> Callable[[Plan, Rng], None]:
     return change
 
 
+def _lag_along_flange(mm: float, axis: int) -> Callable[[Plan, Rng], None]:
+    """Short of every pose along one axis of the flange, on whichever side the robot came from."""
+
+    def change(plan: Plan, rng: Rng) -> None:
+        before: list[FloatArray] = []
+
+        def error(p: FloatArray, k: int, rng: Rng) -> FloatArray:
+            way = (p[:3, 3] - (before[-1] if before else p[:3, 3])) @ p[:3, axis]
+            before.append(p[:3, 3])
+            return pose(p[:3, :3], p[:3, 3] - mm * np.sign(way) * p[:3, axis])
+
+        plan.pose_error = error
+
+    return change
+
+
 def _wrist(degrees: float) -> Callable[[Plan, Rng], None]:
     """The flange is turned by a constant angle about its axis: the arm's zero of joint 6."""
 
@@ -130,5 +146,6 @@ TROUBLES = (
     Trouble("lag of 0.3 mm in one direction of the flange", _lag_in_tool(0.3), hidden=True),
     Trouble("lags by 0.3 mm along its path", _lag_along_path(0.3)),
     Trouble("lags by 0.3 mm along its path, 60 captures", _lag_along_path(0.3, tilts=56)),
+    Trouble("lags by 0.3 mm along one axis of its flange", _lag_along_flange(0.3, 0)),
     Trouble("flange turned by 0.1° throughout", _wrist(0.1), hidden=True),
 )

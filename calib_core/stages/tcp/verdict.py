@@ -7,6 +7,7 @@ import numpy as np
 
 from calib_core.causes.incidents import incident_finding
 from calib_core.chain.held import ScannerError
+from calib_core.chain.incidents import Happened
 from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import Observations, SphereSize, named
 from calib_core.chain.repeated import repeats
@@ -16,6 +17,7 @@ from calib_core.findings import Finding
 from calib_core.findings.code import Code
 from calib_core.findings.codes import arm as arm_codes
 from calib_core.findings.codes import tcp as codes
+from calib_core.findings.codes.causes import SWAPPED_POSES
 from calib_core.records import Capture
 
 _HOPELESS_SCATTER_MM = 5.0
@@ -50,7 +52,9 @@ def tcp_findings(
         *(misfit or [*_undetermined(solution, with_table), *_mirrored(solution, captures)]),
         *_too_many_rejected(solution),
     ]
-    found = [*failures, *_doubts_about_captures(solution, captures)]
+    # Of captures that do not agree, none tells whose pose another one has.
+    causes = [cause for cause in solution.causes if not (misfit and cause.code is SWAPPED_POSES)]
+    found = [*failures, *_doubts_about_captures(solution, causes, captures)]
     if not failures:
         found += _doubts_about_motion(solution)
     if not misfit:
@@ -120,9 +124,11 @@ def _too_many_rejected(solution: TcpSolution) -> list[Finding]:
     return [codes.MANY_CONTRADICT(list(reasons), each=reasons, rejected=len(rejected), count=count, names=names)]
 
 
-def _doubts_about_captures(solution: TcpSolution, captures: Sequence[Capture]) -> list[Finding]:
-    found = [incident_finding(cause, captures) for cause in solution.causes]
-    explained = {name for cause in solution.causes for name in cause.captures}
+def _doubts_about_captures(
+    solution: TcpSolution, causes: Sequence[Happened], captures: Sequence[Capture]
+) -> list[Finding]:
+    found = [incident_finding(cause, captures) for cause in causes]
+    explained = {name for cause in causes for name in cause.captures}
     rejected, reasons = _rejected(solution), solution.reasons
     if 0 < len(rejected) <= _MOST_REJECTED * len(solution.captures):
         behind = found[0].code if set(rejected) <= explained else None
