@@ -26,11 +26,11 @@ _CLEAN = ("clean", "repeats to 0.1 mm", "joints 0.01°, links 0.05 mm")
 
 
 def run(full: bool) -> list[Row]:
-    """Return each stage's rows; `full` takes 50 tables a move and 150 that stand still, otherwise 12 and 36.
+    """Return each stage's rows; `full` takes 100 tables a move and 300 that stand still, otherwise 12 and 36.
 
-    Both stages judge the same 50 tables a move and 150 that stand still.
+    Both stages judge the same tables.
     """
-    count = 50 if full else 12
+    count = 100 if full else 12
     moves = [row for name, least in SOUGHT for row in found(name, least, range(count))]
     return [*moves, *still(range(500, 500 + 3 * count))]
 
