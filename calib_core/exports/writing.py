@@ -16,6 +16,8 @@ from calib_core.poses.numbers import to_pose
 from calib_core.records.faults import FAULTS
 
 Part = Literal["tool", "table", "both"]
+DottedName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][\w.]{0,31}(\[\d{1,4}\])?$")]
+"""A name as Kawasaki's variables have it."""
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w{0,31}(\[\d{1,4}\])?$")]
 
 

@@ -1,6 +1,7 @@
 """Controllers' files and whole backups: whose they are, and what stands in them together."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from calib_core.errors import InputError
 from calib_core.formats.shared.xml_file import unzipped
@@ -42,7 +43,10 @@ def read_controller_files(
     damaged: dict[str, str] = {}
     opened = opened_files(files, damaged)
     if not opened:
-        raise InputError("a controller's file", "none", "Give a program, a data list or a backup.")
+        to_do = message("Give a program, a data list or a backup.")
+        for name, reason in damaged.items():
+            raise InputError("a controller's file", "damaged ones alone: {reason}", to_do, name, reason=reason)
+        raise InputError("a controller's file", "none", to_do)
     where = next(iter(files))
     _set_aside(opened, damaged, where)
     named = brand or ("table" if told.columns or told.convention else None)
@@ -64,6 +68,11 @@ def read_controller_files(
     for name, reason in damaged.items():
         found.append(Found(name, skipped=[Skipped(1, reason, name)]))
     read = resolved(chosen, chosen.together(found), as_written)
+    if not (read.poses or read.tools or read.frames or read.skipped):
+        nothing = message(
+            "These files hold no position, tool or frame of {brand}: give the whole backup.", brand=chosen.title
+        )
+        read = replace(read, notes=(*read.notes, nothing))
     from calib_core.robots.joint_check import asked, without_arm
 
     return without_arm(read) if told.arm is None else asked(read, told.arm)

@@ -128,3 +128,44 @@ def test_what_is_compiled_is_named_with_what_to_do_unless_its_listing_stands_bes
     assert named.keys() & {"A.TP", "SYSVARS.VR"} == set()
     with pytest.raises(InputError, match=r"only the controller reads.*\.va"):
         read_controller_files({"POSREG.VR": binary})
+
+
+def test_a_backup_without_positions_says_so_and_one_that_is_damaged_alone_says_what_is_wrong() -> None:
+    program = b".PROGRAM a()\n TYPE 1\n.END\n"
+    read = read_controller_files({"a.as": program})
+    assert (read.poses, read.skipped) == ((), ())
+    assert "hold no position, tool or frame of Kawasaki" in str(read.notes[0])
+    damaged = bytearray(zipped_plain({"a.as": program}))
+    damaged[damaged.index(b"TYPE")] ^= 1
+    with pytest.raises(InputError, match=r"a\.as: .*damaged ones alone: Bad CRC-32"):
+        read_controller_files({"b.zip": bytes(damaged)})
+
+
+def zipped_plain(files: dict[str, bytes]) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return packed.getvalue()
+
+
+def test_kawasakis_dotted_names_are_read_and_can_be_written() -> None:
+    """Names may have dots; one that begins with a dot is a program's own."""
+    text = """.PROGRAM weld()
+  TOOL grip.1
+  BASE NULL
+  POINT .near = TRANS(4, 5, 6, 0, 90, 0)
+  LMOVE .near
+  LMOVE seam.start[2]
+.END
+.TRANS
+grip.1 0 0 120 0 0 0
+seam.start[2] 7 8 9 0 90 0
+.END
+"""
+    read = read_controller_files({"weld.as": text.encode()})
+    assert {pose.name for pose in read.poses} == {".near", "seam.start[2]"}
+    assert [tool.name for tool in read.tools] == ["grip.1"]
+    assert {pose.tool for pose in read.poses} == {"grip.1"}
+    for entry in BRANDS.get("kawasaki").exports():
+        assert entry.settings.model_validate({"tool": "grip.1"}).model_dump()["tool"] == "grip.1"

@@ -1,7 +1,13 @@
 """Kawasaki AS: moves from pose to pose as a program with its positions."""
 
 from calib_core.exports.check_programs import Moves, NamedCheck, check_export
-from calib_core.exports.writing import fixed, listed
+from calib_core.exports.writing import DottedName, fixed, listed
+
+
+class _Check(NamedCheck):
+    """Which tool of the controller is checked; its name may have dots."""
+
+    tool: DottedName = "tScanner"
 
 
 def _tool_check(name: str, tool: list[float]) -> list[str]:
@@ -45,4 +51,4 @@ def _program(moves: Moves, settings: NamedCheck) -> list[str]:
     return [*lines, ".END", ".TRANS", *positions, ".END"]
 
 
-CHECK = check_export("kawasaki", "Kawasaki AS", ".as", "kawasaki", NamedCheck, _program)
+CHECK = check_export("kawasaki", "Kawasaki AS", ".as", "kawasaki", _Check, _program)

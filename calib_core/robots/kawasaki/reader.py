@@ -8,7 +8,7 @@ from calib_core.robots.phrases import CALCULATED, CUT, of_line, require_count
 from calib_core.robots.text import numbers, source_of, without_comments
 
 _SECTION = re.compile(r"^[ \t]*\.(TRANS|JOINTS|REALS|STRINGS|INTEGER|PROGRAM|END|[A-Z_]+)\b(.*)$", re.IGNORECASE)
-_NAME = r"#?[A-Za-z_][\w.]*(?:\[[\d,\s]*\])?"
+_NAME = r"[#.]?[A-Za-z_][\w.]*(?:\[[\d,\s]*\])?"
 _ROW = re.compile(rf'^[ \t]*"?({_NAME})"?\s+(\S.*)$')
 _TRANS = r"TRANS\s*\(([^()]*)\)"
 _POINT = re.compile(rf"^[ \t]*POINT\s+({_NAME})\s*=\s*(.+)$", re.IGNORECASE)

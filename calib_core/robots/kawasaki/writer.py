@@ -4,6 +4,7 @@ import re
 
 from calib_core.exports.answer import Answer
 from calib_core.exports.writing import (
+    DottedName,
     NamedSettings,
     fixed,
     listed,
@@ -13,6 +14,14 @@ from calib_core.exports.writing import (
     replaced,
 )
 from calib_core.messages import message
+
+
+class _Settings(NamedSettings):
+    """What tool and user frames are called; names may have dots."""
+
+    tool: DottedName = "tScanner"
+    frame: DottedName = "fTable"
+    scanner_frame: DottedName = "fScanner"
 
 
 def _tool(pose: list[float], settings: NamedSettings, answer: Answer) -> list[str]:
@@ -33,6 +42,6 @@ def _put(text: str, what: str, pose: list[float], settings: NamedSettings, answe
 
 
 EXPORT = program_export(
-    "kawasaki", "Kawasaki AS: TOOL and BASE", ".as", "  ; ", NamedSettings, _tool, _table,
+    "kawasaki", "Kawasaki AS: TOOL and BASE", ".as", "  ; ", _Settings, _tool, _table,
     ([".PROGRAM scancell()"], [".END"]), patched_by("kawasaki", _put),
 )  # fmt: skip
