@@ -93,7 +93,7 @@ class Trial:
 
 
 def run(full: bool) -> Iterator[Row]:
-    """Yield one row a way and fault; `full` goes to a hundred places with each."""
+    """Yield the figures, and print each way and fault; `full` goes to a hundred places with each."""
     parts = PARTS if full else PARTS[:1]
     if (at_once := int(os.environ.get("SCANCELL_BENCH_AT_ONCE", "1"))) > 1:
         keep_all(parts, at_once)
@@ -106,7 +106,7 @@ def run(full: bool) -> Iterator[Row]:
             faulty += found
             wrong, taken = sum(one["wrong"] for one in found), sum(one["taken"] for one in found)
             measured = f"{wrong} of {taken} captures at {_places(found)} places; {found[0]['said']}"
-            yield Row(f"{way}, {fault}: stored with a wrong pose", "0", measured, not wrong)
+            print(f"    {way}, {fault}: {measured}", flush=True)
     every = len(WAYS) * len(FAULTS) * sum(parts)
     wrong = sum(one["wrong"] for one in (*healthy, *faulty))
     measured = f"{wrong} at {_places(faulty)} of {every} places"

@@ -13,9 +13,10 @@ import httpx
 
 from server.jobs.child_processes import WorkerContext
 from tests.server.forked_commands import fork_from_one, run_quietly
-from tests.server.postgres import free_port
+from tests.server.postgres import lasting_port
 
 HEALED_S = 30.0
+_STARTED_S = 180.0
 
 
 class Gate:
@@ -24,7 +25,7 @@ class Gate:
     def __init__(self, target: str) -> None:
         self._host, _, port = target.rpartition(":")
         self._target = (self._host, int(port))
-        self.port = free_port()
+        self.port = lasting_port()
         self._process: subprocess.Popen[bytes] | None = None
 
     def open(self) -> None:
@@ -131,12 +132,14 @@ def _start_dask(part: str, *words: str) -> Any:
     return process
 
 
-def until_there(port: int) -> None:
-    end_s = time.monotonic() + HEALED_S
+def until_there(port: int, process: Any = None) -> None:
+    """Wait until somebody listens; a process that shall may end with an error instead, or want for a processor."""
+    end_s = time.monotonic() + _STARTED_S
     while True:
         try:
             socket.create_connection(("127.0.0.1", port), 1).close()
             return
         except OSError:
-            assert time.monotonic() < end_s
+            assert process is None or process.is_alive(), f"what was to listen at {port} ended: {process.exitcode}"
+            assert time.monotonic() < end_s, f"nobody listens at {port}"
             time.sleep(0.1)

@@ -2,6 +2,7 @@
 
 import os
 import pwd
+import random
 import shutil
 import signal
 import socket
@@ -9,7 +10,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ class Postgres:
         self._run: dict[str, Any] = {"cwd": folder, **({"user": user} if user else {})}
         words = ["-D", folder / "data", "-U", "scancell", "-A", "trust", "-E", "UTF8", "--locale=C.UTF-8", "-N"]
         subprocess.run([self._programs / "initdb", *words], check=True, capture_output=True, **self._run)
-        self._port = free_port()
+        self._port = lasting_port()
         self.address = f"postgresql://scancell@127.0.0.1:{self._port}/postgres"
         """Of its first database, to which others may be added."""
 
@@ -87,6 +88,16 @@ def free_port() -> int:
     with socket.socket() as trial:
         trial.bind(("127.0.0.1", 0))
         return trial.getsockname()[1]
+
+
+def lasting_port() -> int:
+    """Return a free port that the system gives to nobody, for what goes away and comes back at its own."""
+    lowest = Path("/proc/sys/net/ipv4/ip_local_port_range")
+    end = int(lowest.read_text().split()[0]) if lowest.exists() else 32768
+    while True:
+        with socket.socket() as trial, suppress(OSError):
+            trial.bind(("127.0.0.1", port := random.randrange(end - 12_000, end)))
+            return port
 
 
 def _programs() -> Path:

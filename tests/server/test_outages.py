@@ -20,7 +20,7 @@ from server.store.engine import engine_of
 from server.store.store_lock import store_lock
 from tests.server.live_server import make_session, serving, simulated_session, upload, wait_for
 from tests.server.outages import HEALED_S, gated, start_scheduler, start_worker, until_health, until_there
-from tests.server.postgres import free_port, new_database, running_postgres
+from tests.server.postgres import lasting_port, new_database, running_postgres
 from tests.server.s3 import running_s3, s3_client
 from tests.server.test_captures import arc_csv, record
 from tests.server.test_operation import serve
@@ -195,7 +195,7 @@ def test_a_start_without_database_or_bucket_is_refused_in_words(lacking: dict[st
 
 @pytest.mark.thorough
 def test_a_scheduler_that_is_restarted(start: Callable[..., Any]) -> None:
-    port = free_port()
+    port = lasting_port()
     scheduler = start_scheduler(port)
     address = f"tcp://127.0.0.1:{port}"
     worker = start_worker(address)
@@ -223,7 +223,7 @@ def test_a_scheduler_that_is_restarted(start: Callable[..., Any]) -> None:
 
 @pytest.mark.thorough
 def test_a_job_that_waits_long_for_workers_of_a_cluster_is_solved_here(start: Callable[..., Any]) -> None:
-    port = free_port()
+    port = lasting_port()
     scheduler = start_scheduler(port)
     try:
         until_there(port)
