@@ -1,12 +1,15 @@
 """What a program may prefer: a small answer to what it sends (RFC 7240), and none to what it has already (304)."""
 
 import json
+import re
 from typing import Any, Final
 
 from starlette.requests import Request
 from starlette.responses import Response
 
+from calib_core.findings.catalogues import LANGUAGES
 from server.http.downloads import Download
+from server.http.language import spoken
 
 _KEPT: Final = ("id", "name", "revision", "session", "stage", "status", "verdict", "error", "measured", "stored")
 _KEPT_OF_MEASURED: Final = ("verdict", "reason", "to_do")
@@ -16,12 +19,25 @@ def applied(request: Request, response: Response) -> Response:
     """Return a response as its request prefers it."""
     if request.method in ("POST", "PATCH", "PUT") and _wants_little(request):
         return _minimal(response)
+    _tag_with_language(response)
     if request.method in ("GET", "HEAD") and _has_it(request, response):
         if isinstance(response, Download):
             response.discard()
         kept = ("etag", "cache-control", "scancell-stale", "scancell-verdict")
         return Response(status_code=304, headers={n: response.headers[n] for n in kept if n in response.headers})
     return response
+
+
+def _tag_with_language(response: Response) -> None:
+    """Put the language into the tag of what is said in another than English: else it is taken for the same."""
+    tag, language = response.headers.get("etag"), spoken().language
+    if tag is not None and language != "en" and response.headers.get("content-type", "") == "application/json":
+        response.headers["ETag"] = f'{tag[:-1]};{language}"'
+
+
+def tags_without_language(tags: str | None) -> str | None:
+    """Return an If-Match header as changes are made against it: what is stored has one tag in all languages."""
+    return tags and re.sub(rf';(?:{"|".join(LANGUAGES)})"', '"', tags)
 
 
 def _wants_little(request: Request) -> bool:

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import Depends, Header, Path, Query, Request
+from pydantic import AfterValidator
 
 from server.captures.intake import Intake
 from server.captures.measuring_queue import MeasuringQueue
@@ -11,6 +12,7 @@ from server.health import HealthWatch
 from server.http.api_router import of_app
 from server.http.events import Hub
 from server.http.idempotency import NO_KEY, Idempotency
+from server.http.preferences import tags_without_language
 from server.http.uploads import UploadMemory
 from server.jobs.jobs import Jobs
 from server.jobs.kernels import KernelCompiler
@@ -60,7 +62,9 @@ ExistingSession = Annotated[str, Depends(existing_session)]
 """The id of a session that is there: also before a stream about it begins."""
 LoadedSession = Annotated[StoredSession, Depends(_loaded_session)]
 IfMatch = Annotated[
-    str | None, Header(max_length=200, description="The ETag that the change was made against; else 412.")
+    str | None,
+    AfterValidator(tags_without_language),
+    Header(max_length=200, description="The ETag that the change was made against; else 412."),
 ]
 LastEventId = Annotated[
     str | None, Header(pattern=r"^\d{1,15}$", description="The last event's id: the stream goes on after it.")

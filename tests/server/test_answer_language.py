@@ -59,3 +59,22 @@ def test_refusal_guide_check_result_and_answer_speak_german(client: httpx.Client
     assert not [label for label in labels if english.search(label)]
     assert "said" not in result
     assert client.get(f"/sessions/{solved}/answer", headers=german).status_code == 200
+
+
+def test_what_is_kept_in_one_language_is_not_taken_for_the_same_in_another(
+    client: httpx.Client, solved: str
+) -> None:
+    """A release's number and a revision are the same in all languages; what is said of them is not."""
+    client.post(f"/sessions/{solved}/release", json={"why": "set up"}).raise_for_status()
+    cell = client.get(f"/sessions/{solved}/answer").json()["cell"]
+    for path in (f"/cells/{cell}/answer", f"/sessions/{solved}/answer", f"/sessions/{solved}/captures/p03"):
+        kept = client.get(path)
+        headers = {"If-None-Match": kept.headers["ETag"]}
+        assert client.get(path, headers=headers).status_code == 304
+        german = client.get(path, headers={**headers, "Accept-Language": "de"})
+        assert german.status_code == 200, path
+        again = {"If-None-Match": german.headers["ETag"], "Accept-Language": "de"}
+        assert client.get(path, headers=again).status_code == 304
+        assert "Accept-Language" in german.headers["Vary"]
+    changed = client.patch(path, json={"mount": "low"}, headers={"If-Match": german.headers["ETag"]})
+    assert changed.status_code == 200, changed.text
