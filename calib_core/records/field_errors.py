@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from calib_core.errors import InputError
 from calib_core.messages import filled, message, plural, templates
 from calib_core.poses.conventions import CONVENTIONS
+from calib_core.records.field_forms import in_words
 
 SMALLEST: Final = 1e-20
 """What is positive is not less: its square is still a number."""
@@ -36,7 +37,6 @@ _NEEDED: Final = templates(
         "too_long": "a list of at most {max_length}",
         "string_too_short": "a text of at least {min_length} characters",
         "string_too_long": "a text of at most {max_length} characters",
-        "string_pattern_mismatch": "a text of the form {pattern}",
     }
 )
 
@@ -95,6 +95,8 @@ def _field_error(detail: Any) -> tuple[str, str]:
         got = f"{about['actual_length']}: {got}"
     if about.get("ge") == SMALLEST and detail["input"] <= 0:
         kind, about = "greater_than", {"gt": 0}
+    if kind == "string_pattern_mismatch":
+        return in_words(str(about["pattern"])), got
     said = detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     return filled(str(_NEEDED.get(kind, said[0].lower() + said[1:])), about), got
 
