@@ -151,6 +151,7 @@ def _secret(scope: Scope, logins: Logins) -> tuple[str | None, Callable[[str], I
 
 def _require(identity: Identity, scope: Scope, act: Act) -> None:
     needed = needed_role("WS" if scope["type"] == "websocket" else scope["method"], act.path)
+    _require_no_webhook(identity, scope)
     if identity.role >= needed:
         _require_own_page(identity, scope)
     elif identity.role == Role.NOBODY:
@@ -160,6 +161,14 @@ def _require(identity: Identity, scope: Scope, act: Act) -> None:
         need = "the role {word}"
         to_do = "Ask an admin of this server for a token that may do this."
         raise ForbiddenError(need, f"{identity.role.word} ({identity.name})", to_do, "request", word=needed.word)
+
+
+def _require_no_webhook(identity: Identity, scope: Scope) -> None:
+    """Refuse a webhook that comes back, as by a proxy here: it would act with the trust of this machine."""
+    if identity.token_id is None and "webhook-signature" in Headers(scope=scope):
+        need = "a request of a program or a page"
+        to_do = "Give the webhook the address of a receiver."
+        raise ForbiddenError(need, "a webhook's delivery", to_do, "request")
 
 
 def _require_own_page(identity: Identity, scope: Scope) -> None:

@@ -7,6 +7,8 @@ import pytest
 
 from server.settings import Settings
 from server.webhooks.addresses import CheckedTransport
+from server.webhooks.signing import signed_headers
+from tests.server.live_server import assert_problem, serving
 from tests.server.test_webhooks import receiving
 
 
@@ -50,3 +52,17 @@ def test_this_machine_is_reached_where_it_is_allowed_alone(tmp_path: Path) -> No
         allowed = Settings(data=tmp_path, webhooks_to_this_machine=True)
         assert post(allowed, receiver.address.replace("127.0.0.1", "localhost")).status_code == 204
     assert [headers["host"].partition(":")[0] for headers, _ in receiver.came] == ["localhost"]
+
+
+def test_a_webhook_that_a_proxy_sends_back_does_nothing(tmp_path: Path) -> None:
+    """Nobody needs a login on this machine: what a proxy sends on would be trusted like a program."""
+    body = b'{"cell": {"pose_convention": "kuka"}}'
+    headers = {
+        "Content-Type": "application/json",
+        **signed_headers("whsec_" + "A" * 44, "m-1", 1_800_000_000, body),
+    }
+    with serving(Settings(data=tmp_path, port=0, warm_up=False)) as client:
+        assert_problem(client.post("/sessions", content=body, headers=headers), 403, "a webhook's delivery")
+        assert client.get("/sessions").json()["items"] == []
+        del headers["webhook-signature"]
+        client.post("/sessions", content=body, headers=headers).raise_for_status()
