@@ -15,7 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from multiprocessing import get_context
@@ -281,10 +281,16 @@ def _stay(live: LiveCell, found: Trial, began_s: float, faulty: np.random.Genera
         found.late.append((live.waits_for, _waited_s() - waited_s))
 
 
+_waits_ns: dict[str, int] = {}
+"""Of threads that ended, too: a link that connects anew takes its wait with it, and the sum went down."""
+
+
 def _waited_s() -> float:
     """Return how long this process's threads have been ready to run, and did not for others' sake (Linux)."""
-    spent = [path.read_text().split() for path in Path("/proc/self/task").glob("*/schedstat")]
-    return sum(int(one[1]) for one in spent) / 1e9
+    for path in Path("/proc/self/task").glob("*/schedstat"):
+        with suppress(OSError):  # it ended meanwhile
+            _waits_ns[path.parent.name] = int(path.read_text().split()[1])
+    return sum(_waits_ns.values()) / 1e9
 
 
 def _connect(live: LiveCell, rig: Rig, way: str, settings: Mapping[str, object], wire: Wire) -> None:
