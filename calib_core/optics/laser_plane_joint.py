@@ -25,6 +25,7 @@ from calib_core.optics.adjust import (
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_shape import BoardShape, shape_basis
 from calib_core.optics.camera_model import CameraModel
+from calib_core.optics.laser_plane_borne_out import borne_out, student
 from calib_core.optics.laser_plane_held_out import stripes_worsen_corners
 from calib_core.optics.stripe import StripeCenters
 
@@ -83,6 +84,8 @@ class Joint:
         standard deviations, or that of all together where it is the rarer one.
     corners_worsened : float or None
         By what share the stripes raise the squared error of corners that were held out, where they do.
+    excess_px : float
+        By how much more than stated the boards' lines lie off the plane.
     """
 
     camera: CameraModel
@@ -93,6 +96,7 @@ class Joint:
     noise_factor: float
     camera_moved_sigmas: float
     corners_worsened: float | None = None
+    excess_px: float = 0.0
 
     def doubting(self, error: FloatArray) -> "Joint":
         """Return the same where the inverse plane may be off by an error (3,) that all boards have alike."""
@@ -139,8 +143,9 @@ def refine_together(
     problem = Adjustment(fine, near, far, free, HUBER, lines)
     state = replace(start, shared=shared_vector(camera.camera_matrix, bands, inverse_plane, shape))
     problem, adjusted, factor = _with_stripe_noise(problem, state)
+    problem, adjusted, excess_px = borne_out(problem, adjusted, start)
     shared = adjusted.state.shared
-    covariance = adjusted.covariance * max(_tension(problem, adjusted, start), _correlation(problem, adjusted))
+    covariance = adjusted.covariance * _correlation(problem, adjusted) * student(problem)
     if uncertainty is not None and not with_camera:
         covariance = _carried_through(problem, adjusted, uncertainty, covariance)
     moved, worsened, final = 0.0, None, camera
@@ -152,7 +157,7 @@ def refine_together(
         at = shape_start(len(bands))
         shape = BoardShape(shared[at : at + SHAPE_TERMS], corners.extent_mm)
     covariance = _without_board(covariance, uncertainty, first)
-    return Joint(final, shared[plane], covariance, adjusted.state, shape, factor, moved, worsened)
+    return Joint(final, shared[plane], covariance, adjusted.state, shape, factor, moved, worsened, excess_px)
 
 
 def _without_board(covariance: FloatArray, uncertainty: CameraUncertainty | None, plane_at: int) -> FloatArray:
@@ -267,30 +272,6 @@ def _carried_through(
     follows = -np.linalg.solve(both[size:, size:], both[size:, :size])
     cross = uncertainty.covariance @ follows.T
     return np.block([[uncertainty.covariance, cross], [cross.T, covariance + follows @ cross]])
-
-
-def _tension(problem: Adjustment, adjusted: Adjusted, start: State) -> float:
-    """Return how much more the boards disagree about the plane than corners and centres say (variance ratio).
-
-    Each board alone could have its corners and its straight line; that they lie in one plane costs something, and
-    it should cost one for each of 2 B − 3 degrees of freedom.  Errors of corners or lines that are common to a
-    whole board (its flatness, light that bleeds at edges) show up here and nowhere else.
-    """
-    lines = problem.lines
-    assert lines is not None
-    bands = (problem.band_nears, problem.band_fars)
-    shared = adjusted.state.shared
-    alone = fit_poses(problem.corners, replace(start, shared=shared), bands, HUBER).cost
-    boards = 0
-    for first, last in zip(lines.ends[:-1], lines.ends[1:], strict=True):
-        if first == last:
-            continue
-        boards += 1
-        normed = adjusted.line_residuals[first:last] * lines.weights[first:last]
-        along = np.linspace(-1.0, 1.0, last - first)
-        within = np.abs(normed - np.polyval(np.polyfit(along, normed, 1), along))
-        alone += float(np.where(within < HUBER, within**2 / 2, HUBER * (within - HUBER / 2)).sum())
-    return max(1.0, 2.0 * (adjusted.cost - alone) / max(2 * boards - 3, 1))
 
 
 def _correlation(problem: Adjustment, adjusted: Adjusted) -> float:

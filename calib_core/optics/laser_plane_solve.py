@@ -108,6 +108,8 @@ class PlaneSolution:
         All views, in the order given.
     noise_factor : float
         How much larger the stripe's residuals are than its centres' own standard deviations.
+    excess_px : float
+        By how much more than stated the boards' lines lie off the plane; the covariance holds it.
     camera_held : Finding or None
         That the camera stays as its boards gave it although the stripes were there to refine it.
     """
@@ -123,6 +125,7 @@ class PlaneSolution:
     fit: PlaneFit
     views: tuple[ViewFigures, ...]
     noise_factor: float
+    excess_px: float
     camera_held: Finding | None = None
 
 
@@ -213,6 +216,7 @@ def solve_plane(
         fit,
         figures,
         joint.noise_factor,
+        joint.excess_px,
         held,
     )
 

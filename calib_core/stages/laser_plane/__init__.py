@@ -15,7 +15,7 @@ class LaserPlane(Stage):
     """The plane of laser light, from frames of the board with the stripe on it."""
 
     name, title, place = "laser-plane", "Laser plane", 20
-    method_revision = 10  # warns where it is seen on a part of the image that no board tells of
+    method_revision = 11  # boards that disagree beyond their ± are weighed and stated so
     any_arrangement = True
     step = CaptureStep(
         "laser-plane",

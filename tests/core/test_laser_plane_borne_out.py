@@ -1,0 +1,69 @@
+"""Boards whose lines are off by more than their own ±: weighed and stated so; right ones stay as they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.optics.adjust import Adjustment
+from calib_core.optics.laser_plane_solve import PlaneSolution, PlaneView, solve_plane
+from tests.core.test_optics_plane import CAMERA, DISTANCE, NORMAL, views
+
+
+def off_by(seen: list[PlaneView], means_px: np.ndarray, ends_px: np.ndarray) -> list[PlaneView]:
+    """Return the boards with each one's line moved and turned as a whole."""
+    return [
+        replace(view, stripe=view.stripe.shifted(mean + end * np.linspace(-1, 1, len(view.stripe.row_px))))
+        for view, mean, end in zip(seen, means_px, ends_px, strict=True)
+    ]
+
+
+def as_many(_: Adjustment) -> float:
+    """Tell what is said of boards without number."""
+    return 1.0
+
+
+def squared(found: PlaneSolution) -> float:
+    """Return the plane's squared error in stated standard deviations, of three degrees of freedom."""
+    error = np.array([*(found.normal - NORMAL), found.distance_mm - DISTANCE])
+    return float(error @ np.linalg.pinv(found.covariance, rcond=1e-10, hermitian=True) @ error)
+
+
+def test_boards_that_disagree_as_they_state_add_next_to_nothing() -> None:
+    found = [solve_plane(CAMERA, views(seed)) for seed in range(8)]
+    # 160 centres of 0.05 px know a line's mean to 0.004 px, a board's corners to 0.007 px.
+    assert np.median([one.excess_px for one in found]) < 0.015
+    assert max(one.excess_px for one in found) < 0.05
+
+
+def test_lines_that_are_each_off_as_a_whole_are_found_to_be_and_the_plane_says_so() -> None:
+    excess_px, found = 0.15, list[PlaneSolution]()
+    for seed in range(24):
+        rng = np.random.default_rng(77 + seed)
+        found.append(solve_plane(CAMERA, off_by(views(seed), *rng.normal(0, excess_px, (2, 8)))))
+    assert 0.5 * excess_px < np.median([one.excess_px for one in found]) < 1.5 * excess_px
+    # One that lies six times as far off as usual is left out as no part of the plane: the rest agrees too well.
+    whole = [squared(one) for one in found if not any(view.left_out for view in one.views)]
+    assert len(whole) >= 20
+    # The mean of 24 χ² of 3 is 3 ± 1.96 √(2·3/24) = ± 0.98; scatter known from 13 degrees widens it by 13/11.
+    assert 1.5 < np.mean(whole) < 4.7
+
+
+def test_one_board_that_is_sure_of_itself_and_wrong_no_longer_lays_the_plane_alone() -> None:
+    seen = views(3)
+    sure = np.where(np.arange(8) == 2, 0.3, 0.0)
+    moved = solve_plane(CAMERA, off_by(seen, sure, 0 * sure))
+    angle = np.rad2deg(np.arccos(moved.normal @ NORMAL))
+    assert moved.excess_px > 0.03
+    assert angle < 3 * np.rad2deg(np.sqrt(np.trace(moved.covariance[:3, :3])))
+
+
+@pytest.mark.parametrize(("count", "factor"), [(4, 7 / 5), (8, 15 / 13)])
+def test_few_boards_know_their_own_scatter_less(
+    count: int, factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stated = solve_plane(CAMERA, views(1, count)).covariance
+    monkeypatch.setattr("calib_core.optics.laser_plane_joint.student", as_many)
+    np.testing.assert_allclose(
+        stated, factor * solve_plane(CAMERA, views(1, count)).covariance, rtol=1e-4, atol=1e-12
+    )
