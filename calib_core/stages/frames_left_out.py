@@ -21,6 +21,13 @@ _LOOKED_FOR: Final = templates({
     "line-off-plane": "a line on the plane of the others",
     "no-line-on-board": "the points of one straight line on the board",
 })  # fmt: skip
+_GATES: Final = templates({
+    "frame-not-used": "Frame shows what is needed",
+    "board-not-as-told": "Board as told",
+    "view-not-used": "Corners agree with other views",
+    "line-off-plane": "Line in the plane of the others",
+    "no-line-on-board": "Line on the board",
+})  # fmt: skip
 _COLUMNS: Final = (
     Column(label="Gate", align="left"),
     Column(label="Frames"),
@@ -60,7 +67,7 @@ def _row(gate: Finding, order: Sequence[str]) -> Row:
     names = gate.captures
     found = places_in(gate)["got"] if gate.code in _BOARD else reasons_of([gate])[names[0]]
     told = captures_text(names, order), str(_looked_for(gate)), str(found)
-    return Row(cells=[gate.code, len(names), *told], capture=names[0] if len(names) == 1 else None)
+    return Row(cells=[str(_GATES[gate.code]), len(names), *told], capture=names[0] if len(names) == 1 else None)
 
 
 def _pictures(session: Session, gate: Finding) -> Iterator[Picture]:
@@ -68,7 +75,10 @@ def _pictures(session: Session, gate: Finding) -> Iterator[Picture]:
     name = gate.captures[0]
     first = next((one for one in session.captures if one.id == name), None)
     alt = message(
-        "{capture}, dropped by {gate}. Looked for: {need}.", capture=name, gate=gate.code, need=_looked_for(gate)
+        "{capture}, dropped by “{gate}”. Looked for: {need}.",
+        capture=name,
+        gate=_GATES[gate.code],
+        need=_looked_for(gate),
     )
     for file in first.files if first else ():
         yield Picture(capture=name, file=file, alt=alt)

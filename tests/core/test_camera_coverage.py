@@ -107,7 +107,7 @@ def test_a_gate_is_told_with_its_count_what_it_looked_for_and_a_picture() -> Non
     table, picture = blocks
     assert isinstance(table, Table)
     assert isinstance(picture, Picture)
-    assert table.rows[0].cells == ["frame-not-used", 2, "b1 and b2", "the whole board", "no board"]
+    assert table.rows[0].cells == ["Frame shows what is needed", 2, "b1 and b2", "the whole board", "no board"]
     assert (picture.capture, picture.file) == ("b1", "b1.png")
     assert '<img src="data:b1.png"' in blocks_html(blocks, address="data:{}".format)
     assert "<img" not in blocks_html(blocks)

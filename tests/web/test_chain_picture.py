@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 from playwright.sync_api import Page, expect
 
-from calib_core.optics.board_print import board_sheet, sheet_pdf
+from calib_core.optics.board_print import board_sheet, sheet_pdf, sheet_svg
 from calib_core.records import Board
 from calib_core.simulation import require_scenario
 
@@ -50,6 +50,11 @@ def test_a_board_is_printed_and_told_as_it_is_measured(open_page: Open, address:
     assert download.value.suggested_filename == "board.pdf"
     board = Board(kind="chessboard", columns=9, rows=6, pitch_mm=20.0)
     assert (tmp_path / "board.pdf").read_bytes() == sheet_pdf(board_sheet(board))
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save this board as a drawing").click()
+    download.value.save_as(tmp_path / "board.svg")
+    assert download.value.suggested_filename == "board.svg"
+    assert (tmp_path / "board.svg").read_bytes() == sheet_svg(board_sheet(board))
     measured = (("Pitch in mm", "20.02"), ("Pitch along a column in mm", "19.97"))
     for name, value in (*measured, ("Standard uncertainty of the pitch in mm", "0.005")):
         page.get_by_label(name, exact=True).fill(value)

@@ -51,17 +51,18 @@ function boardFields() {
     field("new-board-pitch-sigma", t("new.board_pitch_sigma"), number("board_pitch_sigma")),
     field("new-board-marker", t("new.board_marker"), number("board_marker")),
     field("new-board-dictionary", t("new.board_dictionary"), h("input", { name: "board_dictionary", type: "text", autocomplete: "off" }), t("new.board_dictionary_hint")),
-    h("button", { type: "button", class: "plain wide", id: "new-board-print", onclick: printBoard }, t("new.board_print"))));
+    h("button", { type: "button", class: "plain wide", id: "new-board-print", onclick: printBoard }, t("new.board_print")),
+    h("button", { type: "button", class: "plain wide", id: "new-board-svg", value: "svg", onclick: printBoard }, t("new.board_svg"))));
 }
 
-/** Save the board that the form describes as a page to print; what it lacks is marked. @param {Event} event */
+/** Save the board that the form describes as a page to print, in the form the button names; what it lacks is marked. @param {Event} event */
 function printBoard({ currentTarget }) {
-  const form = /** @type {HTMLButtonElement} */ (currentTarget).form;
+  const { form, value } = /** @type {HTMLButtonElement} */ (currentTarget);
   if (!form) return;
   const data = new FormData(form);
   mark(form, Object.fromEntries(Object.entries(faults(data)).filter(([name]) => name.startsWith("board_"))));
   const board = boardOf(data);
-  if (board) h("a", { href: api.boardAddress(board), download: "" }).click();
+  if (board) h("a", { href: api.boardAddress({ ...board, form: value || undefined }), download: "" }).click();
   else mark(form, { board_columns: t("new.need_board") });
 }
 
