@@ -60,6 +60,8 @@ class ArmErrorsFound(Record):
     tool_with_terms: list[list[float]] | None = None
     scanner_with_terms: list[list[float]] | None = None
     table_with_terms: list[list[float]] | None = None
+    terms_with_lengths: list[float] | None = None
+    terms_with_poses: list[list[list[float]]] | None = None
     term_moves: list[list[list[float]]] | None = None
 
 

@@ -37,6 +37,10 @@ class ArmErrors:
         where they are not.
     term_moves : (m, 6, p)
         How the flange moves in base at those poses by the same.
+    of_terms : (p, p)
+        Covariance of the same.
+    terms_with_lengths, terms_with_poses : (p,), (p, m, 6)
+        Of the same, as `with_lengths` and `with_poses` are of the answer.
     position_sigma_mm, orientation_sigma_rad : float
         Of the part that is alike, root mean squares over what the captures leave open of it.
     """
@@ -48,6 +52,9 @@ class ArmErrors:
     with_poses: FloatArray
     with_terms: FloatArray
     term_moves: FloatArray
+    of_terms: FloatArray
+    terms_with_lengths: FloatArray
+    terms_with_poses: FloatArray
     position_sigma_mm: float
     orientation_sigma_rad: float
 
@@ -87,6 +94,11 @@ class ArmShares:
     data: ChainData
     pivots: np.ndarray
 
+    @property
+    def terms(self) -> int:
+        """How many terms poses are corrected by; the last of the shared unknowns are theirs."""
+        return 0 if self.data.arm_means is None else len(self.data.arm_means)
+
     def by_shared(self, sigmas: Sigmas) -> FloatArray:
         """Return how lengths, errors at the pivots and terms, (1 + 6 m + p), follow the shared unknowns (L)."""
         data, many = self.data, len(self.pivots)
@@ -95,7 +107,7 @@ class ArmShares:
         if sigmas.is_alike:
             factor = alike_factor(*data.walk.poses, sigmas.reach)
         alike = lengths + drift + 6 * factor.shape[1]
-        terms = 0 if data.arm_means is None else len(data.arm_means)
+        terms = self.terms
         found = np.zeros((1 + 6 * many + terms, alike + 6 * data.stops + terms))
         if lengths:
             found[0, 0] = data.arm_scale_sigma
@@ -104,13 +116,17 @@ class ArmShares:
         found[1 + 6 * many :, alike + 6 * data.stops :] = np.eye(terms)
         return found
 
-    def errors(self, covariance: FloatArray, sigmas: Sequence[Sigmas], weights: FloatArray) -> ArmErrors:
+    def errors(
+        self, covariance: FloatArray, of_terms: FloatArray, sigmas: Sequence[Sigmas], weights: FloatArray
+    ) -> ArmErrors:
         """Return the arm's errors with those of an answer.
 
         Parameters
         ----------
         covariance : (P, 1 + 6 m + p)
             Of the unknowns with lengths, errors at the pivots and terms.
+        of_terms : (p, 1 + 6 m + p)
+            Of the terms with the same.
         sigmas, weights
             What the sigmas may be, and how likely.
         """
@@ -127,6 +143,9 @@ class ArmShares:
             -covariance[:, 1:last].reshape(len(covariance), len(where), 6),
             covariance[:, last:],
             none if data.arm_moves is None else data.arm_moves[where],
+            of_terms[:, last:],
+            -of_terms[:, 0],
+            -of_terms[:, 1:last].reshape(len(of_terms), len(where), 6),
             float(np.sqrt(position)),
             float(np.sqrt(orientation)),
         )

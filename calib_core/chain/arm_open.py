@@ -71,7 +71,10 @@ def settled(
     assert held.state.shared is not None
     count, scales = len(model.terms), np.array([term.sigma for term in model.terms])
     further = held.state.shared[-count:]
-    covariance = covariance_of(held.at.hessian)[-count:, -count:] * judged.inflation * np.outer(scales, scales)
+    own = (
+        judged.fit.arm.of_terms if judged.fit.arm is not None else covariance_of(held.at.hessian)[-count:, -count:]
+    )
+    covariance = own * judged.inflation * np.outer(scales, scales)
     model = replace(model, values=model.values + scales * further, covariance=covariance)
     observations = _moved(observations, scales * further)
 

@@ -146,17 +146,22 @@ def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigma
     whole = _Restricted(data, found.minimum)
     size = data.width
     shares = ArmShares(data, alike_pivots(*data.walk.poses, found.sigmas.reach))
-    inverses, steps = [], []
+    inverses, steps, own = [], [], []
     for sigmas in every:
         hessian, gradient, _ = whole.equations(sigmas)
         inverse, by_shared = covariance_of(hessian), shares.by_shared(sigmas)
         step = -(inverse @ gradient)
         inverses.append(np.hstack([inverse[:size, :size], inverse[:size, size:] @ by_shared.T]))
         steps.append(np.concatenate([step[:size], by_shared @ step[size:]]))
+        first = len(inverse) - shares.terms
+        own.append(inverse[first:, size:] @ by_shared.T)
     spread = np.array(steps) - weights @ np.array(steps)
     covariance = np.einsum("n,nij->ij", weights, inverses)
     covariance += np.einsum("n,ni,nj->ij", weights, spread[:, :size], spread)
-    return replace(found, covariance=covariance[:, :size], arm=shares.errors(covariance[:, size:], every, weights))
+    by_terms = spread[:, spread.shape[1] - shares.terms :]
+    terms = np.einsum("n,nij->ij", weights, own) + np.einsum("n,ni,nj->ij", weights, by_terms, spread[:, size:])
+    arm = shares.errors(covariance[:, size:], terms, every, weights)
+    return replace(found, covariance=covariance[:, :size], arm=arm)
 
 
 def mean_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> Sigmas:

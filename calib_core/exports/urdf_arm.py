@@ -37,7 +37,7 @@ def _write(answer: Answer, settings: ArmSettings) -> str:
     errors = dict(zip(model.names, model.values, strict=True))
     table, left_out = corrected_arm(arm_of(arm), errors)
     told = [
-        *provenance(answer),
+        *provenance(answer, of_arm=True),
         "The arm's joints with the errors that were found; of use beside the scanner's frame by poses=corrected.",
         *(f"Not among them, as no URDF has it: {name} {errors[name]:.6g}" for name in left_out),
     ]

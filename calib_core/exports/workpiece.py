@@ -13,7 +13,7 @@ from calib_core.cell.axes import read_axes
 from calib_core.cell.found import as_used, carriers_found, placed_table, scanner_frame, table_seen
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, skew, vector_from_rotation
-from calib_core.guidance.budget import together
+from calib_core.guidance.budget import calibrated_rows, corrected_arm_at_point, together
 from calib_core.guidance.calibrated import Calibrated, View
 from calib_core.messages import message
 from calib_core.poses.numbers import parse_pose
@@ -185,7 +185,8 @@ def _both(session: Session, result: Mapping[str, Any], mount: Mapping[str, Any])
             base_from_tool0 if carriers.scanner == "tool0" else RigidTransform.identity("base", "base")
         )
         in_laser = (base_from_mount @ tool).inverse().apply((table @ turn).apply(place)) if seen is None else seen
-        total += together(known, View(base_from_tool0.rotation, angle, in_laser), place)
+        view = View(base_from_tool0.rotation, angle, in_laser)
+        total += together(known, view, place) + corrected_arm_at_point(known, view, place)
     by_axes = _by_other_axes(session, result, set(poses), table.apply(place))
     return _summed("both", mount["mount"], place, total / len(poses) + by_axes * np.eye(3))
 
@@ -218,10 +219,29 @@ def _by_tool(result: Mapping[str, Any], tool: RigidTransform, point: FloatArray)
     together = result.get("workpiece")
     if together is None:
         return _known("tool", "", point, tool.rotation, point_jacobian(tool, point), covariance)
-    rows = np.array(together["covariance"], dtype=float)
-    return _summed(
-        "tool", "", np.array(together["point_in_laser_mm"], dtype=float), tool.rotation.T @ rows @ tool.rotation
-    )
+    point = np.array(together["point_in_laser_mm"], dtype=float)
+    rows = np.array(together["covariance"], dtype=float) + _by_open_arm(result, point)
+    return _summed("tool", "", point, tool.rotation.T @ rows @ tool.rotation)
+
+
+def _by_open_arm(result: Mapping[str, Any], point: FloatArray) -> FloatArray:
+    """Return what is open of a corrected arm puts into a point beside the tool, along the flange's axes, (3, 3).
+
+    In base as the arm tells it, the mean over the poses that stand for the captures': what it does alike in all of
+    them moves the base, and nothing that is measured in it.
+    """
+    known = Calibrated.of({**result, "base_from_turntable": None}, point.tolist())
+    arm, none = known.arm, np.zeros((3, 3))
+    if arm is None or arm.terms is None or not len(arm.rotations):
+        return none
+    in_tool0 = known.mount_from_laser.apply(point)
+    poses = list(zip(arm.rotations, arm.translations, strict=True))
+    moves = np.array([arm.term_moves(r, t[None], r @ in_tool0)[0] for r, t in poses])
+    moves = np.swapaxes(arm.rotations, 1, 2) @ (moves - moves.mean(axis=0))
+    rows = calibrated_rows(known, View(arm.rotations[0]), none[0])[0][:, : len(arm.terms.with_answer)]
+    half = rows @ arm.terms.with_answer @ np.swapaxes(moves, 1, 2)
+    own = moves @ arm.terms.covariance @ np.swapaxes(moves, 1, 2)
+    return np.asarray((own + half + np.swapaxes(half, 1, 2)).mean(axis=0))
 
 
 def _known(

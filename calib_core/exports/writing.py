@@ -174,10 +174,10 @@ def _faults_told(answer: Answer) -> list[str]:
     ]
 
 
-def provenance(answer: Answer) -> list[str]:
+def provenance(answer: Answer, of_arm: bool = False) -> list[str]:
     """Return what a person at the controller should know, in ASCII: session, uncertainty, date, hash.
 
-    An answer with faults says so first.
+    An answer with faults says so first. `of_arm` is for what holds the arm, and no scanner.
     """
     name = ascii_of(answer.session.name) or "without a name"
     position, rotation = answer.position_sigma_mm, answer.rotation_sigma_deg
@@ -187,12 +187,15 @@ def provenance(answer: Answer) -> list[str]:
         if seen
         else f"scanner frame (laser) in {answer.mount_from_laser.into}"
     )
-    return [
-        *_faults_told(answer),
-        f"scancell: {what}, of session {name}",
-        f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date[:10] or 'at an unknown date'}",
+    of_scanner = [
         f"standard uncertainty {position:.4f} mm, {rotation:.5f} deg (worst axis)",
         *_whose_poses(answer),
+    ]
+    return [
+        *_faults_told(answer),
+        f"scancell: {'arm' if of_arm else what}, of session {name}",
+        f"stage {answer.stage}, verdict {answer.verdict}, solved {answer.date[:10] or 'at an unknown date'}",
+        *([] if of_arm else of_scanner),
         f"inputs sha256 {answer.inputs_sha256[:16]}",
     ]
 

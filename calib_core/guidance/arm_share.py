@@ -93,29 +93,52 @@ class ArmShare:
         moves : (6, p), optional
             How the flange moves with the terms that are open, where its joints are known.
         """
-        found = np.einsum("p,qi->qpi", self.with_lengths, places_mm - self.middle_mm)
+        pose = rotation, places_mm, arm_in_base_mm
+        found = self._with_errors(self.with_lengths, self.with_poses, *pose)
+        if self.terms is not None:
+            points = self.term_moves(rotation, places_mm, arm_in_base_mm, moves)
+            found = found + np.einsum("np,qip->qni", self.terms.with_answer, points)
+        return found
+
+    def _with_errors(
+        self,
+        with_lengths: FloatArray,
+        with_poses: FloatArray,
+        rotation: FloatArray,
+        places_mm: FloatArray,
+        arm_in_base_mm: FloatArray,
+    ) -> FloatArray:
+        """Return how what errs with lengths and at the poses that stand for all errs with points, (P, n, 3)."""
+        found = np.einsum("p,qi->qpi", with_lengths, places_mm - self.middle_mm)
         if len(self.rotations) and self.reach > 0:
             turned = np.broadcast_to(rotation, (len(places_mm), 3, 3))
             known = self.rotations, self.translations
             weights = alike_weights(known, (turned, places_mm), self.reach)
-            at_pose = np.einsum("qm,pmi->qpi", weights, self.with_poses)
+            at_pose = np.einsum("qm,pmi->qpi", weights, with_poses)
             found = found + at_pose[:, :, :3] + at_pose[:, :, 3:] @ skew(arm_in_base_mm).T
-        if self.terms is not None:
-            points = self._term_moves(rotation, places_mm, arm_in_base_mm, moves)
-            found = found + np.einsum("np,qip->qni", self.terms.with_answer, points)
         return found
 
     def by_terms(self, rotation: FloatArray, places_mm: FloatArray, arm_in_base_mm: FloatArray) -> FloatArray:
-        """Return the covariances (P, 3, 3), mm², that what is open of the arm's own errors puts into points."""
+        """Return what is open of the errors by which the arm is corrected puts into points, (P, 3, 3), mm².
+
+        To be added: with what they have in common with the arm's other errors, mostly less than nothing.
+        """
         if self.terms is None:
             return np.zeros((len(places_mm), 3, 3))
-        points = self._term_moves(rotation, places_mm, arm_in_base_mm, None)
-        return np.asarray(points @ self.terms.covariance @ np.swapaxes(points, 1, 2))
+        points = self.term_moves(rotation, places_mm, arm_in_base_mm)
+        pose = rotation, places_mm, arm_in_base_mm
+        half = points @ self._with_errors(self.terms.with_lengths, self.terms.with_poses, *pose)
+        own = points @ self.terms.covariance @ np.swapaxes(points, 1, 2)
+        return np.asarray(own + half + np.swapaxes(half, 1, 2))
 
-    def _term_moves(
-        self, rotation: FloatArray, places_mm: FloatArray, arm_in_base_mm: FloatArray, moves: FloatArray | None
+    def term_moves(
+        self,
+        rotation: FloatArray,
+        places_mm: FloatArray,
+        arm_in_base_mm: FloatArray,
+        moves: FloatArray | None = None,
     ) -> FloatArray:
-        """Return how points move in base with the open terms, (P, 3, p)."""
+        """Return how points move in base with the open terms, (P, 3, p); see `with_answer`."""
         assert self.terms is not None
         if moves is not None:
             each = np.broadcast_to(moves, (len(places_mm), *moves.shape))
@@ -157,11 +180,15 @@ class OpenTerms:
         Of tool, table and scanner's errors with theirs.
     moves : (m, 6, p)
         How the flange moves in base with them at the poses that stand for all.
+    with_lengths, with_poses : (p,), (p, m, 6)
+        Of theirs with the arm's other errors, as of `ArmShare`.
     """
 
     covariance: FloatArray
     with_answer: FloatArray
     moves: FloatArray
+    with_lengths: FloatArray
+    with_poses: FloatArray
 
     def moves_at(self, known: Poses, others: Poses) -> FloatArray:
         """Return how the flange moves at other poses, (P, 6, p): smooth between those that are known."""
@@ -182,7 +209,7 @@ def open_terms(result: Mapping[str, Any], size: int) -> OpenTerms | None:
     if known is None or result.get("arm_errors") is None:
         return None
     found, count = ArmErrorsFound.model_validate(result["arm_errors"]), len(known)
-    if found.tool_with_terms is None or found.term_moves is None:
+    if found.tool_with_terms is None or found.term_moves is None or found.terms_with_lengths is None:
         return None
     with_answer = np.zeros((size, count))
     with_answer[:6] = found.tool_with_terms
@@ -191,7 +218,10 @@ def open_terms(result: Mapping[str, Any], size: int) -> OpenTerms | None:
     if size > 12 and found.scanner_with_terms:
         with_answer[12:] = found.scanner_with_terms
     moves = np.array(found.term_moves, dtype=float).reshape(-1, 6, count)
-    return OpenTerms(np.array(known, dtype=float), with_answer, moves)
+    with_poses = _by_member(found.terms_with_poses or []).reshape(count, -1, 6)
+    return OpenTerms(
+        np.array(known, dtype=float), with_answer, moves, np.array(found.terms_with_lengths), with_poses
+    )
 
 
 def _by_member(rows: list[list[list[float]]]) -> FloatArray:

@@ -182,6 +182,18 @@ def arm_at_points(known: Calibrated, view: View, points_mm: FloatArray) -> tuple
     return alike, half + np.swapaxes(half, 1, 2)
 
 
+def corrected_arm_at_point(known: Calibrated, view: View, point_mm: FloatArray) -> FloatArray:
+    """Return what an arm whose poses are corrected puts into a point, (3, 3), mm²; nothing of another arm.
+
+    With what tool, table and scanner have swallowed of it: to be added to what these put in, mostly less than
+    nothing.
+    """
+    if known.arm is None or known.arm.terms is None:
+        return np.zeros((3, 3))
+    own, with_others = arm_at_points(known, view, point_mm[None])
+    return np.asarray(own[0] + with_others[0])
+
+
 def arm_growth_at_points(known: Calibrated, view: View, points_mm: FloatArray) -> FloatArray:
     """Return what an arm puts into points (P, 3) that is longer than it was when calibrated, (P, 3, 3), mm²."""
     _, out = calibrated_rows(known, view, np.zeros(3))

@@ -191,8 +191,8 @@ class ArmErrorsFound(Record):
     are off by a share whose standard deviation is `lengths_sigma`. Of tool, scanner (in the order of its names)
     and table the covariances with that share, and at each pose with its position (3) and orientation (3); for
     frames of rx ry rz tx ty tz. With poses that are corrected by the arm's own errors, `*_with_terms` are their
-    covariances with the errors of `arm_model`'s values, and `term_moves` how the flange moves in base with these
-    (six a pose: mm, then rad about base's axes).
+    covariances with the errors of `arm_model`'s values, `terms_with_*` those of these with the arm's other errors,
+    and `term_moves` how the flange moves in base with them (six a pose: mm, then rad about base's axes).
     """
 
     poses: list[Matrix4]
@@ -209,6 +209,8 @@ class ArmErrorsFound(Record):
     tool_with_terms: Rows | None = None
     scanner_with_terms: Rows | None = None
     table_with_terms: Rows | None = None
+    terms_with_lengths: list[float] | None = None
+    terms_with_poses: list[Rows] | None = None
     term_moves: list[Rows] | None = None
 
 

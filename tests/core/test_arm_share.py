@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.archive.folder import result_data
 from calib_core.captures.arm_joints import applied_moves, corrected_by, moves_of
 from calib_core.cell.found import placed_table
+from calib_core.exports.workpiece import at_workpiece
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.budget import stated, turned_back
 from calib_core.guidance.calibrated import Calibrated, View
@@ -83,3 +84,13 @@ def test_moves_at_other_poses_are_about_those_of_their_joints() -> None:
     true = np.array(exact)
     for some, share in ((slice(0, 3), 0.05), (slice(3, 6), 0.15)):
         assert np.linalg.norm((found - true)[:, some]) < share * np.linalg.norm(true[:, some])
+
+
+def test_what_is_stated_at_the_workpiece_counts_what_tool_and_table_have_swallowed_of_the_arm() -> None:
+    _, session, result, _ = solved(601)
+    older = {**result, "arm_errors": {**result["arm_errors"], "term_moves": None}}  # as if it were exact
+    now, before = (
+        {place.of: place.worst_sigma_mm for place in at_workpiece(session, one)} for one in (result, older)
+    )
+    assert 0.0 < now["both"] < 0.8 * before["both"]  # the table's place in base is the arm's, and so is the tool's
+    assert before["tool"] < now["tool"] < 1.1 * before["tool"]  # an arm that errs otherwise elsewhere

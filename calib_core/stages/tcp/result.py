@@ -182,6 +182,8 @@ def _arm_errors(solution: TcpSolution) -> ArmErrorsFound | None:
         with_terms = (arm.with_terms * sizes).tolist()
         terms = {"tool_with_terms": with_terms[:6], "scanner_with_terms": with_terms[6:]}
         terms["term_moves"] = (arm.term_moves / sizes).tolist()
+        terms["terms_with_lengths"] = (arm.terms_with_lengths * sizes).tolist()
+        terms["terms_with_poses"] = by_pose(arm.terms_with_poses * sizes[:, None, None])
     return ArmErrorsFound(
         poses=[RigidTransform.of(r, t, "base", "tool0").to_rows() for r, t in poses],
         middle_mm=arm.middle_mm.tolist(),
