@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 9  # the tool has swallowed what is open of the arm that is corrected
+    method_revision = 10  # terms of an arm that is corrected count in full again
     step = CaptureStep(
         "verify",
         "Verification",

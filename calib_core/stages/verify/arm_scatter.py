@@ -24,11 +24,9 @@ class ArmScatter:
     reach : float
         See `arms.alike`.
     share : ArmShare or None
-        How the tool erred with them: what it has swallowed cancels.
+        How the tool erred with them: what it has swallowed cancels. The terms count in full.
     terms : (p, p) or None
-        Covariance of all the arm's terms, where poses are corrected by them, in their own units.
-    used : tuple of int
-        Which of them poses are corrected by.
+        Covariance of the arm's terms by which poses are corrected, in their own units.
     """
 
     position_sigma_mm: float
@@ -36,28 +34,24 @@ class ArmScatter:
     reach: float
     share: ArmShare | None
     terms: FloatArray | None
-    used: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, answer: ToolResult) -> "ArmScatter":
         """Return what a stage's answer tells."""
         parts, model, told = answer.variance_components, answer.arm_model, answer.arm_errors
-        known, used = None, ()
+        known = None
         if model is not None and model.applied and model.told is not None:
             believed = np.array(model.told.believed)
             information = np.array(model.told.information) + np.eye(len(believed))
             known = np.asarray(np.linalg.inv(information), dtype=float) * np.outer(believed, believed)
-            used = tuple(model.told.names.index(name) for name in model.names)
-            if model.covariance is not None:
-                known = _at_least(known, used, np.array(model.covariance))
         of_flange = on_flange(answer.mount_from_laser)
+        share = ArmShare.of(answer.model_dump(), with_scanner=False, with_table=False)
         return cls(
             parts.alike_position_sigma_mm if told is None else told.position_sigma_mm,
             parts.alike_orientation_sigma_rad if told is None else told.orientation_sigma_rad,
             (parts.reach_mm or REACH_MM) / REACH_MM,
-            ArmShare.of(answer.model_dump(), with_scanner=False, with_table=False) if of_flange else None,
+            replace(share, terms=None) if of_flange and share is not None else None,
             known,
-            used,
         )
 
     def of_other(self) -> "ArmScatter":
@@ -97,10 +91,9 @@ class ArmScatter:
             away = places - self.share.middle_mm
             longer = self.share.lengths_sigma * (turns @ away[:, :, None]).reshape(-1, 1)
             levers = (rotations @ mount.apply(centers)[:, :, None])[:, :, 0]
-            each = zip(rotations, places, levers, turns, seen, strict=True)
+            each = zip(rotations, places, levers, turns, strict=True)
             with_tool = [
-                self.share.with_answer(r, place[None], lever, self._used_of(one))[0, :6] @ turn.T
-                for r, place, lever, turn, one in each
+                self.share.with_answer(r, place[None], lever)[0, :6] @ turn.T for r, place, lever, turn in each
             ]
             both = by_tool @ np.hstack(with_tool)
             found = found + longer @ longer.T - both - both.T
@@ -109,15 +102,3 @@ class ArmScatter:
             own = np.concatenate([m @ one.arm_moves for m, one in zip(there, seen, strict=True)])
             found = found + own @ self.terms @ own.T
         return found
-
-    def _used_of(self, one: SphereObservation) -> FloatArray | None:
-        return None if one.arm_moves is None else one.arm_moves[:, list(self.used)]
-
-
-def _at_least(known: FloatArray, used: tuple[int, ...], found: FloatArray) -> FloatArray:
-    """Return a covariance of terms that is nowhere less than that of those that were found with the answer."""
-    some = np.ix_(used, used)
-    values, vectors = np.linalg.eigh(found - known[some])
-    more = known.copy()
-    more[some] += (vectors * np.maximum(values, 0.0)) @ vectors.T
-    return more
