@@ -33,7 +33,8 @@ _WKT, _GEO_KEYS = 2112, 34735
 _MODEL_KEY, _LINEAR_KEY, _PROJECTED_KEY = 1024, 3076, 3072
 _GEOGRAPHIC: Final = 2
 _METRES_A_CODE: Final = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
-_METRES_A_ZONE: Final = range(32601, 32761)  # UTM on WGS 84
+_METRES_A_ZONE: Final = {*range(32601, 32761), *range(25828, 25839), *range(26901, 26924)}
+"""UTM on WGS 84, ETRS 89 and NAD 83."""
 _LINEAR: Final = re.compile(
     r'(?:LENGTH)?UNIT\s*\[\s*"(?!degree|radian|grad)[^"]*"\s*,\s*([0-9.eE+-]+)', re.IGNORECASE
 )

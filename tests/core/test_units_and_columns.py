@@ -71,6 +71,15 @@ def test_a_column_between_x_and_z_that_stands_is_asked_about_unless_it_is_zero()
     assert read_file(rows(in_plane, ",").encode(), "p.csv", "profile").doubts == ()
 
 
+@pytest.mark.parametrize(("zone", "is_known"), [(32632, True), (25832, True), (26910, True), (4326, False)])
+def test_a_projected_system_of_metres_is_known_by_its_code_and_another_is_asked_about(
+    zone: int, is_known: bool
+) -> None:
+    reading = read_file(las(CLOUD, [(34735, geo_keys({1024: 1, 3072: zone}))]), "a.las", "cloud")
+    assert (reading.unit, reading.unit_from) == (("m", "header") if is_known else ("mm", "assumed"))
+    assert bool(reading.doubts) is not is_known
+
+
 def test_a_cloud_in_degrees_is_refused() -> None:
     with pytest.raises(InputError, match="in degrees"):
         read_file(las(CLOUD, [(34735, geo_keys({1024: 2}))]), "a.las", "cloud")
