@@ -18,7 +18,7 @@ class Tcp(Stage):
     step = CaptureStep(
         "tcp", "TCP", "sphere", "Capture the sphere from several robot poses and add them to the session.", least=5
     )
-    method_revision = 19  # lags along one axis of the flange; mixed poses are no two that are swapped
+    method_revision = 20  # the workpiece counts what is open of a corrected arm
     planned = True
     takes: ClassVar = {"tcp": (*SPHERE_FIELDS, "device_time_s", "mount")}
     reads = SPHERE_READS
