@@ -195,6 +195,23 @@ def test_captures_that_calibrated_do_not_verify() -> None:
     assert sum(row["used"] for row in result["residuals"]) == 12
 
 
+def test_points_of_the_calibration_that_were_saved_anew_do_not_verify() -> None:
+    made = verified_session(3)
+    own = [c for c in made.session.captures if c.step == "tcp"]
+    held_out = [c for c in made.session.captures if c.step == "verify"]
+    files = {f"again/{c.id}.csv": made.files[c.files[0]] + b"\n" for c in own[:2]}
+    again = [
+        shifted(
+            made.session, c.model_copy(update={"id": f"w{k}", "step": "verify", "files": [name]}), [2.0, 0.0, 0.0]
+        )
+        for k, (c, name) in enumerate(zip(own, files, strict=False))
+    ]
+    session = made.session.model_copy(update={"captures": [*own, *again, *held_out]})
+    result = solved(replace(made, session=session, files={**made.files, **files}))["verify"]
+    (said,) = (one for one in result["findings"] if one["code"] == "verify-not-held-out")
+    assert (said["captures"], said["values"]["same"]) == (["w0", "w1"], "points")
+
+
 def test_the_one_wrong_pose_is_named() -> None:
     made = verified_session(5)
     wrong = made.session.captures[-3]
