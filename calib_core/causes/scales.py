@@ -95,7 +95,10 @@ def scale_causes(
     profiles = [c for c in used if c.kind == "profile"]
     if len(profiles) < max(LEAST_CAPTURES, len(used)):
         return []
-    points = {c.id: read_points(c, read) for c in profiles}
+    points = {c.id: seen for c in profiles if (seen := _seen(c, read)) is not None}
+    profiles = [c for c in profiles if c.id in points]
+    if len(profiles) < LEAST_CAPTURES:
+        return []
     ratio = _ratio(list(points.values())[:: max(1, len(points) // _ASKED)])
     if by_shape and ratio == 1:
         return []
@@ -112,6 +115,14 @@ def scale_causes(
         return []
     found = [one for one in found if one.price < _RIVAL * found[0].price and not one.is_ordinary]
     return [_cause(one, now if np.isfinite(now) else None, told, session) for one in found]
+
+
+def _seen(capture: Capture, read: ReadFile) -> FloatArray | None:
+    """Return a profile's points, or nothing where nothing came back: such a capture tells no lengths."""
+    try:
+        return read_points(capture, read)
+    except MeasurementError:
+        return None
 
 
 def _ratio(profiles: Sequence[FloatArray]) -> float:

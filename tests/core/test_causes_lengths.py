@@ -147,3 +147,11 @@ def test_angles_that_others_beat_by_a_million_do_not_fit_on_a_small_circle() -> 
     assert angles_that_do_not_fit(small) == []
     assert angles_that_do_not_fit(small, otherwise_mm=1.2) == []
     assert [one.code for one in angles_that_do_not_fit(small, otherwise_mm=0.1)] == ["table-angles-do-not-fit"]
+
+
+def test_a_capture_of_nothing_keeps_no_moved_sphere_from_being_named() -> None:
+    """Nothing came back in the last capture: no lengths can be told by it, and the others are judged."""
+    cell = troubled(all_troubles()["sphere: moved by 5 mm for good"], 7005)
+    found = solve_stage(cell.session, "tcp", cell.files.__getitem__).findings
+    assert found[0].code == "moved-sphere"
+    assert "p014" not in found[0].captures
