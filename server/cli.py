@@ -25,17 +25,21 @@ if TYPE_CHECKING:
 
 COMMANDS: Registry[Command] = Registry("a command", "server.commands", "COMMAND", Command)
 
-_EXIT_STATUS = """exit status:
-  0  done, and accepted
-  1  solved, but a verdict is `fail` (bench: a figure does not hold; replay: a number differs)
-  2  bad input: one sentence on standard error says which file and what to do"""
-
 _COMMON = {
     "--json": "print one JSON object on standard output",
     "--quiet": "print errors alone, and what --json asks for",
     "--debug": "show where an error comes from",
 }
 
+_LANGUAGE = "the language of texts (else SCANCELL_LANG)"
+_USAGE = "scancell COMMAND …   (scancell COMMAND --help says more)"
+_ABOUT = "Calibration workbench for laser scanning cells: scanner, robot and turntable, from a sphere."
+_VERSION = "say what runs, and whose form the data folder has"
+_EXITS = (
+    "done, and accepted",
+    "solved, but a verdict is `fail` (bench: a figure does not hold; replay: a number differs)",
+    "bad input: one sentence on standard error says which file and what to do",
+)
 _LONGEST_LINE = 2000
 
 
@@ -142,12 +146,12 @@ def parser(used: Iterable[str]) -> argparse.ArgumentParser:
     """Return the parser; of the commands, only those among the words that are used have their arguments."""
     top = _Parser(
         prog="scancell",
-        usage="scancell COMMAND …   (scancell COMMAND --help says more)",
-        description="Calibration workbench for laser scanning cells: scanner, robot and turntable, from a sphere.",
-        epilog=f"{_listed()}\n\n{_EXIT_STATUS}",
+        usage=_said_in_help(_USAGE),
+        description=_said_in_help(_ABOUT),
+        epilog=f"{_listed()}\n\n{_exit_status()}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    top.add_argument("--version", action=_Version, help="say what runs, and whose form the data folder has")
+    top.add_argument("--version", action=_Version, help=_said_in_help(_VERSION))
     _add_common(top.add_argument, default=False)
     _add(top, COMMANDS, frozenset(used))
     return top
@@ -156,10 +160,21 @@ def parser(used: Iterable[str]) -> argparse.ArgumentParser:
 def _listed() -> str:
     """Return the list of commands under the headings of their groups."""
     parts = [
-        f"{heading}:\n" + "\n".join(f"    {c.name:12} {c.help}" for c in COMMANDS if c.group == group)
+        f"{_said_in_help(heading)}:\n"
+        + "\n".join(f"    {c.name:12} {_said_in_help(c.help)}" for c in COMMANDS if c.group == group)
         for group, heading in GROUPS.items()
     ]
     return "\n\n".join(parts)
+
+
+def _exit_status() -> str:
+    lines = [f"{number}  {_said_in_help(text)}" for number, text in enumerate(_EXITS)]
+    return "\n  ".join([f"{_said_in_help('exit status')}:", *lines])
+
+
+def _said_in_help(text: str) -> str:
+    """Return a text of help in the language asked for; English imports nothing."""
+    return _Parser.said.say(text) if _Parser.said else text
 
 
 def _add(
@@ -178,9 +193,9 @@ def _add(
     for command in commands:
         added = within.add_parser(
             command.name,
-            help=command.help,
-            description=command.help[0].upper() + command.help[1:] + ".",
-            epilog=_EXIT_STATUS,
+            help=_said_in_help(command.help),
+            description=_described(command.help),
+            epilog=_exit_status(),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         if command.name not in used:
@@ -190,16 +205,24 @@ def _add(
         if command.actions and command.run is None:
             continue
         command.arguments(added)
-        _add_common(added.add_argument_group("common").add_argument, default=argparse.SUPPRESS)
+        common = added.add_argument_group(_said_in_help("common options"))
+        _add_common(common.add_argument, default=argparse.SUPPRESS)
         added.set_defaults(command=command, parser=added)
+
+
+def _described(text: str) -> str:
+    """Return a command's line of help as a sentence."""
+    said = _said_in_help(text)
+    end = "。" if _Parser.said and _Parser.said.language == "zh" else "."
+    return said[0].upper() + said[1:] + end
 
 
 def _add_common(add: Callable[..., Any], *, default: Any) -> None:
     """Add what is taken before a command's name and after it; the default of one must not undo the other."""
     for name, told in _COMMON.items():
-        add(name, action="store_true", default=default, help=told)
+        add(name, action="store_true", default=default, help=_said_in_help(told))
     asked = default or None  # suppressed, or not asked for
-    add("--lang", choices=("en", "de", "zh"), default=asked, help="the language of texts (else SCANCELL_LANG)")
+    add("--lang", choices=("en", "de", "zh"), default=asked, help=_said_in_help(_LANGUAGE))
 
 
 def _run(options: argparse.Namespace) -> int:

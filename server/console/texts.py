@@ -10,7 +10,7 @@ from calib_core.findings.catalogues import catalogue
 from calib_core.messages import Catalogue, templates
 
 _SEVERITIES: Final = templates(("error", "warning", "note"))
-_USAGE_ERRORS: Final = templates((
+_PARSERS_OWN: Final = templates((
     "argument %(argument_name)s: %(message)s",
     "the following arguments are required: %s",
     "one of the arguments %s is required",
@@ -21,6 +21,11 @@ _USAGE_ERRORS: Final = templates((
     "expected at least one argument",
     "not allowed with argument %s",
     "ignored explicit argument %r",
+    "usage: ",
+    "options",
+    "actions",
+    "positional arguments",
+    "show this help message and exit",
 ))  # fmt: skip
 
 
@@ -32,8 +37,8 @@ def severity_said(severity: str, said: Catalogue) -> str:
 def say_usage_errors(words: Sequence[str]) -> Catalogue | None:
     """Let the parser's errors be in the language asked for; return it, or None for English.
 
-    The parser takes its texts from a function of its module: there is no other way in than that one. What it
-    writes between the texts of help stays English, as these are.
+    The parser takes its texts from a function of its module: there is no other way in than that one. Of help,
+    what a command is for is said; what each option takes stays English, as its name and value do.
     """
     asked = next((words[k + 1] for k, word in enumerate(words[:-1]) if word == "--lang"), "")
     asked = next((word[7:] for word in words if word.startswith("--lang=")), asked)
@@ -45,7 +50,7 @@ def say_usage_errors(words: Sequence[str]) -> Catalogue | None:
     said = catalogue(asked)
 
     def say(text: str) -> str:
-        return said.say(text) if text in _USAGE_ERRORS else text
+        return said.say(text) if text in _PARSERS_OWN else text
 
     module._ = say
     return said

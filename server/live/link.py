@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from calib_core.errors import CalibrationError
-from calib_core.messages import message
+from calib_core.messages import Message, message
 from server.live.freshness import STANDS_S, Freshness
 from server.live.plausibility import nonsense
 from server.sources.device import Description, Device, Frame, Reading, Sample, Triggered, host_now_s
@@ -135,7 +135,7 @@ class Link:
                 try:
                     self._read_on(device)
                 except Exception as error:
-                    self._fail(f"Lost: {_sentence(error, self.source)}")
+                    self._fail(message("Lost: {error}", error=_sentence(error, self.source)))
                 finally:
                     self._device = None
                     with suppress(Exception):
@@ -246,8 +246,14 @@ class Link:
 
 def _sentence(error: Exception, source: Source) -> str:
     if isinstance(error, ImportError) and source.extra:
-        return f"this server lacks what it needs. Install it: pip install 'scancell[{source.extra}]'."
+        return message(
+            "this server lacks what it needs. Install it: pip install 'scancell[{extra}]'.", extra=source.extra
+        )
     if isinstance(error, CalibrationError):
         return str(error)
-    text = " ".join(str(error).split()) or type(error).__name__
-    return f"{text[:200]}."
+    text: str = error.args[0] if error.args else ""
+    if isinstance(error, TimeoutError):
+        text = message("no answer in time")
+    elif not isinstance(text, Message):
+        text = (" ".join(str(error).split()) or type(error).__name__)[:200]
+    return message("{text}.", text=text)

@@ -64,8 +64,8 @@ class ModbusTable:
 
         try:
             answer = write(address, value, device_id=self._settings.device_id)
-        except ModbusException as error:  # the connection is gone
-            raise ConnectionError(str(error)) from None
+        except ModbusException:  # the connection is gone, which the library tells in its own words
+            raise ConnectionError(message("no answer in time")) from None
         if answer.isError():
             got = message("the exception {answer}", answer=getattr(answer, "exception_code", answer))
             to_do = "Check its address and the device's id."

@@ -59,16 +59,22 @@ class Modbus:
         chosen = self._settings
         is_holding = chosen.registers == "holding"
         ask = self._client.read_holding_registers if is_holding else self._client.read_input_registers
-        found = self._answer(ask(chosen.address, count=_WIDTH[chosen.type], device_id=chosen.device_id))
+        found = self._answer(ask, chosen.address, _WIDTH[chosen.type])
         kind = self._client.DATATYPE[chosen.type.upper()]
         value = self._client.convert_from_registers(found.registers, kind, chosen.words)
         moving = None
         if chosen.moving is not None:
-            coil = self._answer(self._client.read_coils(chosen.moving, count=1, device_id=chosen.device_id))
+            coil = self._answer(self._client.read_coils, chosen.moving, 1)
             moving = bool(coil.bits[0])
         return Sample(host_now_s(), table_deg=float(value) * chosen.scale + chosen.offset_deg, moving=moving)
 
-    def _answer(self, answer: Any) -> Any:
+    def _answer(self, ask: Any, address: int, count: int) -> Any:
+        from pymodbus import ModbusException
+
+        try:
+            answer = ask(address, count=count, device_id=self._settings.device_id)
+        except ModbusException:  # the connection is gone, which the library tells in its own words
+            raise ConnectionError(message("no answer in time")) from None
         if answer.isError():
             got = message("the exception {answer}", answer=getattr(answer, "exception_code", answer))
             raise InputError("a register's value", got, "Check its address and the device's id.", "address")

@@ -8,7 +8,7 @@ import pytest
 from calib_core.counted import captures
 from calib_core.findings.catalogues import catalogue
 from calib_core.messages import message
-from server.cli import main
+from server.cli import COMMANDS, main
 from server.commands.demo.sheet import Sheet
 
 
@@ -68,6 +68,20 @@ def test_severities_are_said(
 def test_usage_errors_are_said(arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments) == 2
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("language", ["de", "zh"])
+def test_help_says_what_each_command_is_for(language: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    english = set(capsys.readouterr().out.splitlines())
+    assert main(["--help", "--lang", language]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert [line for line in said if line.strip() and line in english] == []
+    for command in COMMANDS:
+        assert main([command.name, "--help", "--lang", language]) == 0
+        about = capsys.readouterr().out.split("\n\n")[1]
+        assert command.help[1:] not in about
+        assert about.endswith("。" if language == "zh" else ".")
 
 
 @pytest.mark.parametrize(("count", "words"), [(1, "1 Aufnahme"), (2, "2 Aufnahmen")])
