@@ -76,12 +76,10 @@ def row(name: str, times: int) -> Row:
     done = [sent for sent in found.sent if sent.answer is not None]
     healed_s, worst_s = float(np.median(found.healed_s)), max(found.healed_s)
     lost, wrong = len(found.lost), len(found.wrong) + len(found.jobs) - found.done
-    measured = (
-        f"{lost} of {len(done)}, {found.by_two}, {wrong}; {found.done} solves; {healed_s:.1f}, {worst_s:.1f} s"
-    )
+    measured = f"{lost} of {len(done)}, {found.by_two}, {wrong} of {found.done}; {healed_s:.1f}, {worst_s:.1f} s"
     return Row(
-        f"{name}, {found.outages} times under load: captures lost, rows by two, 500 or unfinished; well again",
-        f"0, 0, 0; ≤ {_HEALED_S:g} s",
+        f"{name}, {found.outages} ×: lost, doubled, unsolved; back",
+        f"none; ≤ {_HEALED_S:g} s",
         measured,
         not (lost or found.by_two or wrong) and worst_s <= _HEALED_S,
     )
