@@ -97,6 +97,12 @@ def as_used(result: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**result, **{name: value for name, value in told.items() if value is not None}} if told else result
 
 
+def turns_little(result: Mapping[str, Any]) -> bool:
+    """Return whether a result, JSON data, is of a machine that turned too little to tell where its scanner is."""
+    told = result.get("up_to_shift")
+    return bool(told) and not told.get("own_base")
+
+
 def placed_table(result: Mapping[str, Any]) -> RigidTransform:
     """Return the table's frame in base, of a result as JSON data, beside the scanner's."""
     return RigidTransform.from_rounded(as_used(result)["base_from_turntable"], "base", "turntable")

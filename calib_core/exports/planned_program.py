@@ -50,6 +50,9 @@ def planned_program(session: Session, plan: PoseList, brand: str) -> PlannedProg
     entry = next((e for e in all_exports() if isinstance(e, MoveExport) and e.brand == brand), None)
     if entry is None:
         raise InputError.unknown(brand, program_brands(), "brand")
+    if not plan.by_robot:
+        to_do = "Move the axes alone, to the angles of the list."
+        raise ConflictError("captures for which the robot moves", "others", to_do, "planned")
     approaches = [pose.approach_numbers for pose in plan.poses]
     stops: list[Stop] = []
     for number, (pose, approach) in enumerate(zip(plan.poses, approaches, strict=True), start=1):
@@ -61,6 +64,8 @@ def planned_program(session: Session, plan: PoseList, brand: str) -> PlannedProg
             title += f", fix the sphere {pose.higher_mm:+.0f} mm higher first"
         if pose.table_deg is not None:
             title += f", table at {pose.table_deg:.1f} deg"
+        title += "".join(f", {name} at {value:.1f} deg" for name, value in (pose.axes_deg or {}).items())
+        title += "".join(f", {name} at {value:.1f} mm" for name, value in (pose.axes_mm or {}).items())
         target = RigidTransform.from_rounded(pose.base_from_tool0, "base", "tool0")
         outside = parse_pose(plan.pose_convention, approach)
         stops.append(Stop(title, to_pose(entry.convention, outside), to_pose(entry.convention, target)))

@@ -125,7 +125,7 @@ def candidates(
     found: list[RigidTransform] = []
     seen: list[FloatArray] = []
     for _ in range(12):
-        places = _places(room.sight, radius_mm, 2 * count, rng, at_edge)
+        places = places_in_view(room.sight, radius_mm, 2 * count, rng, at_edge)
         leans = _leans(room, len(places), rng, at_edge)
         good = room.sight.sees(places, radius_mm)
         places, leans = places[good], leans[good]
@@ -133,7 +133,7 @@ def candidates(
         arms = mount_from_laser.apply(places) if len(places) else places
         translations = center_mm - np.einsum("kij,kj->ki", rotations, arms)
         poses = [room.pose_of(*each) for each in zip(rotations, translations, strict=True)]
-        for k in np.flatnonzero(_free(room, poses, mount_from_laser, center_mm, radius_mm)):
+        for k in np.flatnonzero(keep_free(room, poses, mount_from_laser, center_mm, radius_mm)):
             found.append(poses[k])
             seen.append(places[k])
         if len(found) >= count:
@@ -152,10 +152,12 @@ def allowed(
     seen = (room.between(pose) @ mount_from_laser).inverse().apply(center_mm)
     if not room.sight.sees(seen[None], radius_mm)[0]:
         return False
-    return bool(_free(room, [pose], mount_from_laser, center_mm, radius_mm)[0])
+    return bool(keep_free(room, [pose], mount_from_laser, center_mm, radius_mm)[0])
 
 
-def _places(sight: Sight, radius_mm: float, count: int, rng: np.random.Generator, at_edge: float) -> FloatArray:
+def places_in_view(
+    sight: Sight, radius_mm: float, count: int, rng: np.random.Generator, at_edge: float = _AT_EDGE
+) -> FloatArray:
     """Return places of the sphere's centre in L (count, 3) all over the field."""
     unit = _spread(count, 3, rng, at_edge)
     middle = (sight.near_half_width_mm + sight.far_half_width_mm) / 2
@@ -189,7 +191,7 @@ def _spread(count: int, size: int, rng: np.random.Generator, at_edge: float) -> 
     return np.where(edge, np.round(unit), unit)
 
 
-def _free(
+def keep_free(
     room: Room,
     poses: Sequence[RigidTransform],
     mount_from_laser: RigidTransform,

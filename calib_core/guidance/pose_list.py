@@ -1,20 +1,25 @@
 """Planned poses as a list for the controller: numbers in the user's convention, each with its approach."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calib_core.cell.carriers import ball_on_flange
+from calib_core.cell.axes import TABLE, names_axes
+from calib_core.cell.carriers import ball_on_flange, scanner_names
+from calib_core.cell.found import turns_little
 from calib_core.errors import ConflictError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.planner import Situation, planned_set
 from calib_core.guidance.prior import situation_of
+from calib_core.guidance.solved_cell import solved_cell
+from calib_core.guidance.solved_plan import Shot, planned_captures
 from calib_core.guidance.table_advice import planned_shots, table_situation
-from calib_core.messages import message
+from calib_core.messages import Message, message
 from calib_core.poses.numbers import to_pose
-from calib_core.records import Matrix4, Measured, Record, ResultsData, Session
+from calib_core.records import Cell, Matrix4, Measured, Record, ResultsData, Session
 from calib_core.records.base import PlannedStep
+from calib_core.steps import table_stages, tool_stages
 
 APPROACH_MM = 150.0
 SPEED_MM_S = 50.0
@@ -26,7 +31,8 @@ class PoseOfSet(Record):
 
     `uncertainty_mm` is at the workpiece. `approach_numbers` is where its approach begins, straight away from the
     sphere; null where the tool is not known well enough to move by. Of a pose for the turntable, `table_deg` is
-    the table's angle, `mount` the sphere's place and `higher_mm` how much higher it is to be fixed before.
+    the table's angle, `mount` the sphere's place and `higher_mm` how much higher it is to be fixed before;
+    `axes_deg` and `axes_mm` are where a cell's named axes are to stand, `scanner` is whose capture it is.
     """
 
     base_from_tool0: Matrix4
@@ -36,12 +42,16 @@ class PoseOfSet(Record):
     table_deg: float | None = None
     mount: str | None = None
     higher_mm: float | None = None
+    axes_deg: dict[str, float] | None = None
+    axes_mm: dict[str, float] | None = None
+    scanner: str | None = None
 
 
 class PoseList(Record):
     """Poses for the next captures, in the order in which they help most.
 
-    The operator starts every move, in manual mode at `speed_mm_s` at most; `note` says what to mind.
+    The operator starts every move, in manual mode at `speed_mm_s` at most; `note` says what to mind. `by_robot` is
+    false where the robot's pose does not matter.
     """
 
     step: PlannedStep = "tcp"
@@ -49,6 +59,7 @@ class PoseList(Record):
     speed_mm_s: float
     poses: list[PoseOfSet]
     note: str
+    by_robot: bool = True
 
 
 def planned_poses(
@@ -63,6 +74,8 @@ def planned_poses(
     ConflictError
         If too little is known of tool and sphere, or the limits leave too few poses.
     """
+    if _as_solved(session.cell, results, step):
+        return _of_solved(session, measured, results, captures, step)
     if step == "turntable":
         return _for_table(session, measured, results, captures)
     situation = situation_of(session, measured, results, step)
@@ -87,6 +100,71 @@ def planned_poses(
         return found
     reached = message("{note} The arm's joints reach each of them.", note=found.note)
     return found.model_copy(update={"note": reached})
+
+
+def _as_solved(cell: Cell, results: ResultsData, step: PlannedStep) -> bool:
+    """Return whether poses follow from the solution: of named axes, a still scanner's table, or few motions.
+
+    Also of several scanners, and of a robot on axes, once these are solved.
+    """
+    if step == "turntable" and (names_axes(cell) or ball_on_flange(cell)):
+        return True
+    solved = [results[stage] for stage in (*tool_stages(), *table_stages()) if results.get(stage)]
+    several = len(scanner_names(cell)) > 1 or any(axis.carries == "robot" for axis in cell.axes or ())
+    return (several and bool(solved)) or any(map(turns_little, solved))
+
+
+def _of_solved(
+    session: Session, measured: Sequence[Measured], results: ResultsData, captures: int, step: PlannedStep
+) -> PoseList:
+    """Return further captures of a cell whose edges are solved, whatever they are."""
+    known = solved_cell(session, measured, results)
+    if known is None:
+        to_do = message("Take the captures that the guide asks for, and solve them.")
+        raise ConflictError("a cell that is solved, its axes too", "one that is not", to_do, "captures")
+    if step == "turntable" and not any(known.rides(place) for place in range(len(known.layout.places))):
+        to_do = message("Take one round of captures of it as the guide says, or ask for step 'tcp'.")
+        raise ConflictError("a sphere on an axis that was captured", "none", to_do, "captures")
+    shots = planned_captures(known, captures, on_axes=step == "turntable", verifying=step == "verify")
+    if len(shots) < captures:
+        raise _too_few(
+            captures, message("{count} allowed poses, {captures} wanted", count=len(shots), captures=captures)
+        )
+    kinds = {axis.name: axis.kind for axis in known.layout.axes}
+    several = len(known.layout.mounts) > 1
+    poses = [_of_shot(session, shot, kinds, several) for shot in shots]
+    found = _list_of(session, step, poses, all(shot.approach is not None for shot in shots))
+    by_robot = any(shot.by_robot for shot in shots)
+    return found.model_copy(update={"note": _note_of_solved(shots, by_robot), "by_robot": by_robot})
+
+
+def _of_shot(session: Session, shot: Shot, kinds: Mapping[str, str], several: bool) -> PoseOfSet:
+    convention, named = session.cell.pose_convention, names_axes(session.cell)
+    degrees = {n: float(np.rad2deg(v)) for n, v in shot.readings.items() if kinds[n] == "rotary"}
+    return PoseOfSet(
+        base_from_tool0=shot.pose.to_rows(),
+        numbers=to_pose(convention, shot.pose),
+        approach_numbers=None if shot.approach is None else to_pose(convention, shot.approach),
+        uncertainty_mm=COVERAGE * shot.after_mm if shot.after_mm < 20.0 else None,
+        table_deg=None if named else degrees.get(TABLE),
+        mount=shot.mount or None,
+        axes_deg=(degrees or None) if named else None,
+        axes_mm={n: v for n, v in shot.readings.items() if kinds[n] == "linear"} or None,
+        scanner=shot.scanner if several else None,
+    )
+
+
+def _note_of_solved(shots: Sequence[Shot], by_robot: bool) -> Message:
+    if not by_robot:
+        return message(
+            "Move the axes alone: neither scanner nor sphere is on the robot, and its pose does not matter."
+        )
+    if any(shot.readings for shot in shots):
+        first = message("Move the axes first, with the scanner away from what they carry.")
+        return message("{note} Each ± is of where a sphere is seen, at worst.", note=first)
+    return message(
+        "Only orientations that the machine took before. Each ± is of where the sphere is seen, at worst."
+    )
 
 
 def _for_table(session: Session, measured: Sequence[Measured], results: ResultsData, captures: int) -> PoseList:

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from server.console.axes import where_axes
 from server.console.command import OK, Command, session_argument
 from server.console.output import print_result, remark, write_out
 
@@ -109,6 +110,8 @@ def _listed(plan: "PoseList") -> str:
         after = "not determined yet" if pose.uncertainty_mm is None else f"± {pose.uncertainty_mm:.3f} mm"
         table = "" if pose.table_deg is None else f"  table {pose.table_deg:.0f}°"
         table += f", fix the sphere {pose.higher_mm:+.0f} mm higher first ({pose.mount})" if pose.higher_mm else ""
+        table += where_axes(pose)
+        table += f"  ({pose.mount})" if pose.mount and not pose.higher_mm else ""
         numbers = " ".join(f"{value:10.4f}" for value in pose.numbers)
         lines.append(f"  {number:>2}  {numbers}  {after}{table}")
     return "\n".join(lines)

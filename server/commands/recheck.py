@@ -3,6 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
+from server.console.axes import where_axes
 from server.console.command import NOT_ACCEPTED, OK, Command, session_argument
 from server.console.output import print_result
 
@@ -47,7 +48,10 @@ def _text(plan: "RecheckPlan") -> str:
 
     lines = [
         message("Leave the sphere in its place, drive to these poses and capture it with step 'recheck':"),
-        *(f"  {p.capture:>8}  " + " ".join(f"{value:10.4f}" for value in p.pose) for p in plan.poses),
+        *(
+            f"  {p.capture:>8}  " + " ".join(f"{value:10.4f}" for value in p.pose) + where_axes(p)
+            for p in plan.poses
+        ),
         message(
             "These are poses of the flange in base ({convention}). Then run this command again.",
             convention=plan.pose_convention,

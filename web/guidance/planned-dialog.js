@@ -51,8 +51,19 @@ export async function plannedDialog(sessionId) {
 function listed(plan) {
   const rows = plan.poses.map((pose, index) => [
     String(index + 1), pose.numbers.map((one) => forController(one, 3)).join(" "),
-    [pose.table_deg == null ? "" : `${fixed(pose.table_deg, 1)}°`, pose.higher_mm ? `${fixed(pose.higher_mm, 0)} mm` : ""].filter(Boolean).join(", ") || "–",
+    axesOf(pose),
     pose.uncertainty_mm === null ? "–" : plusMinus(pose.uncertainty_mm, "mm"),
   ]);
   return [h("p", {}, plan.note), tableOf(["#", t("planned.pose", { convention: plan.pose_convention }), t("column.table"), t("plan.then")], rows, t("planned.title"))];
+}
+
+/**
+ * @param {PoseList["poses"][number]} pose
+ * @returns {string} where table and axes are to stand, and whose capture of which sphere it is
+ */
+function axesOf(pose) {
+  const turns = Object.entries(pose.axes_deg ?? {}).map(([name, value]) => `${name} ${fixed(value, 1)}°`);
+  const shifts = Object.entries(pose.axes_mm ?? {}).map(([name, value]) => `${name} ${fixed(value, 1)} mm`);
+  const table = [pose.table_deg == null ? "" : `${fixed(pose.table_deg, 1)}°`, pose.higher_mm ? `${fixed(pose.higher_mm, 0)} mm` : ""];
+  return [...table, ...turns, ...shifts, pose.scanner ?? "", pose.mount ?? ""].filter(Boolean).join(", ") || "–";
 }

@@ -18,12 +18,18 @@ _EXIT = message("{enough} poses of the calibration were captured again.", enough
 
 
 class RepeatedPose(Record):
-    """A pose of the calibration to capture again, as the controller wrote it; `captured` names who did."""
+    """A pose of the calibration to capture again, as the controller wrote it; `captured` names who did.
+
+    `axes_deg` and `axes_mm` are where the cell's named axes stood, `scanner` is whose capture it was.
+    """
 
     capture: str
     pose: list[Finite]
     base_from_tool0: Matrix4
     captured: str | None = None
+    axes_deg: dict[str, Finite] | None = None
+    axes_mm: dict[str, Finite] | None = None
+    scanner: str | None = None
 
 
 class RecheckPlan(Record):
@@ -60,6 +66,9 @@ def recheck_plan(session: Session, results: ResultsData) -> RecheckPlan:
             pose=list(c.pose or []),
             base_from_tool0=poses[c.id].to_rows(),
             captured=next((a.id for a in reversed(again) if is_repeated(poses[a.id], poses[c.id])), None),
+            axes_deg=c.axes_deg,
+            axes_mm=c.axes_mm,
+            scanner=c.scanner,
         )
         for c in (candidates[k] for k in chosen)
     ]
