@@ -154,6 +154,11 @@ def moves_object(cell: Cell) -> bool:
     return any(axis.carries == "object" for axis in cell.axes or ())
 
 
+def robot_on_axes(cell: Cell) -> bool:
+    """Return whether a cell names an axis that carries the robot."""
+    return any(axis.carries == "robot" for axis in cell.axes or ())
+
+
 def names_axes(cell: Cell) -> bool:
     """Return whether a cell names its axes, beside or in place of the one turntable."""
     return bool(cell.axes)

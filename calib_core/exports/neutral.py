@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calib_core.exports.answer import Answer
+from calib_core.exports.axis_frames import other_axes
 from calib_core.exports.entry import Settings
 from calib_core.exports.writing import Part, wanted
 from calib_core.frames import FloatArray, RigidTransform
@@ -58,11 +59,8 @@ def edges_known(
         yield names[frame.into], child, frame, covariance
     if with_table and answer.base_from_turntable is not None:
         yield settings.base, settings.turntable, answer.base_from_turntable, answer.table_covariance
-    for found in answer.frames if settings.part != "tool" else ():
-        if found.into in names and found.outof not in ("laser", "turntable"):
-            frame = RigidTransform.from_rounded(found.matrix, "base", "turntable")
-            covariance = None if found.covariance is None else np.array(found.covariance, dtype=float)
-            yield names[found.into], found.outof, frame, covariance
+    for axis in other_axes(answer) if settings.part != "tool" else ():
+        yield settings.base, axis.name, axis.frame, axis.covariance
 
 
 def position_and_quaternion(frame: RigidTransform) -> tuple[list[str], list[str]]:

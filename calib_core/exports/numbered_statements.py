@@ -4,14 +4,8 @@ from dataclasses import dataclass
 
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export
-from calib_core.exports.writing import (
-    NumberedSettings,
-    Written,
-    frames_written,
-    listed,
-    patched_line,
-    program_export,
-)
+from calib_core.exports.patching import patched_line
+from calib_core.exports.writing import NumberedSettings, Written, frames_written, listed, program_export
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, StringConstraints
 
-from calib_core.errors import ConflictError, InputError
+from calib_core.errors import ConflictError
 from calib_core.exports.answer import Answer
+from calib_core.exports.axis_frames import other_axes, table_axis
 from calib_core.exports.entry import Export, Patch, Settings
 from calib_core.frames import RigidTransform
 from calib_core.messages import message
@@ -18,6 +19,7 @@ from calib_core.records.faults import FAULTS
 Part = Literal["tool", "table", "both"]
 DottedName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][\w.]{0,31}(\[\d{1,4}\])?$")]
 """A name as Kawasaki's variables have it."""
+_LONGEST: Final = 32
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w{0,31}(\[\d{1,4}\])?$")]
 
 
@@ -25,11 +27,20 @@ class ControllerSettings(Settings):
     """What of the answer is written; of a backup, the scanner alone unless `part` says otherwise.
 
     A scanner that stands still is written as a user frame: `scanner_frame`, or `frame` where there is no table.
-    `of_scanner` names the scanner of a cell that has several.
+    `of_scanner` names the scanner of a cell that has several; left out, a file of its own has all of them.
     """
 
     part: Part | None = None
     of_scanner: str | None = None
+
+    def of_one(self, which: int, name: str) -> Self:
+        """Return them with the tool of one of several scanners; raises ConflictError where a program has one."""
+        need = message("one scanner by `of_scanner`: a program of this brand has one tool")
+        raise ConflictError(need, "several", "Export each with its own `of_scanner`.", "of_scanner")
+
+    def of_axis(self, which: int, name: str) -> Self | None:
+        """Return them with the user frame of another axis than the table; None where a program has one."""
+        return None
 
 
 class NumberedSettings(ControllerSettings):
@@ -44,6 +55,15 @@ class NumberedSettings(ControllerSettings):
         number = self.frame + with_table if self.scanner_frame is None else self.scanner_frame
         return self.model_copy(update={"frame": number})
 
+    def of_one(self, which: int, name: str) -> Self:
+        """Return them with the next tool, and user frame, of one of several scanners."""
+        frame = None if self.scanner_frame is None else self.scanner_frame + which
+        return self.model_copy(update={"tool": self.tool + which, "scanner_frame": frame})
+
+    def of_axis(self, which: int, name: str) -> Self:
+        """Return them with the next user frame after those of the table and of scanners."""
+        return self.model_copy(update={"frame": self.frame + which})
+
 
 class NamedSettings(ControllerSettings):
     """What tool and user frames are called."""
@@ -56,6 +76,21 @@ class NamedSettings(ControllerSettings):
         """Return them with the user frame of a scanner that stands still."""
         named = "frame" in self.model_fields_set and "scanner_frame" not in self.model_fields_set
         return self if named and not with_table else self.model_copy(update={"frame": self.scanner_frame})
+
+    def of_one(self, which: int, name: str) -> Self:
+        """Return them with the tool, and user frame, that are called after one of several scanners."""
+        update = {"tool": _called(self.tool, name), "scanner_frame": _called(self.scanner_frame, name)}
+        return self.model_copy(update=update)
+
+    def of_axis(self, which: int, name: str) -> Self:
+        """Return them with a user frame that is called after another axis."""
+        return self.model_copy(update={"frame": _called(self.frame, name)})
+
+
+def _called(name: str, of: str) -> str:
+    """Return a name with that of what it belongs to, as controllers take it."""
+    plain, bracket, rest = name.partition("[")
+    return f"{plain}_{re.sub(r'[^A-Za-z0-9]+', '_', of)}"[:_LONGEST] + bracket + rest
 
 
 @dataclass(frozen=True)
@@ -70,7 +105,7 @@ class Written:
     settings : Settings
         Whose `tool` or `frame` is its own.
     note : str
-        What it is, of a user frame.
+        What it is, of a user frame, and of one of several tools.
     """
 
     kind: Literal["tool", "frame"]
@@ -88,15 +123,37 @@ def frames_written(answer: Answer, settings: Any, convention: str, default: Part
         If the table is asked for and there is none.
     """
     with_scanner, with_table = wanted(answer, settings.part, default)
-    scanner = to_pose(convention, RigidTransform(answer.mount_from_laser.matrix, "base", "tool0"))
-    if with_scanner and answer.mount_from_laser.into == "tool0":
-        yield Written("tool", scanner, settings)
-    elif with_scanner:
-        own = settings.of_fixed_scanner(with_table)
-        yield Written("frame", scanner, own, "the scanner, which stands still: its frame in base")
+    whole, frames = default == "both", int(with_table)
+    several = answer.scanners() if whole and settings.of_scanner is None else {}
+    scanners = {name: frame for name, (frame, _) in several.items()} if len(several) > 1 else {}
+    for which, (name, frame) in enumerate((scanners or {"": answer.mount_from_laser}).items()):
+        if not with_scanner:
+            break
+        pose = to_pose(convention, RigidTransform(frame.matrix, "base", "tool0"))
+        own = settings.of_one(which, name) if scanners else settings
+        called = f"the scanner {ascii_of(name)}" if name else "the scanner"
+        if frame.into == "tool0":
+            yield Written("tool", pose, own, called if name else "")
+        else:
+            own = own.of_fixed_scanner(with_table)
+            frames += 1
+            yield Written("frame", pose, own, f"{called}, which stands still: its frame in base")
     if with_table:
-        note = "the turntable at 0 deg: z is its axis"
-        yield Written("frame", table_pose(answer, convention), settings, note)
+        yield Written("frame", table_pose(answer, convention), settings, _note_of(answer, table_axis(answer)))
+    others = [axis for axis in other_axes(answer) if axis.carries == "object"] if whole and with_table else []
+    for which, axis in enumerate(others, frames):
+        if (own := settings.of_axis(which, axis.name)) is not None:
+            pose = to_pose(convention, RigidTransform(axis.frame.matrix, "base", "tool0"))
+            yield Written("frame", pose, own, _note_of(answer, axis.name))
+
+
+def _note_of(answer: Answer, axis: str) -> str:
+    """Return what the frame of an axis is, in ASCII."""
+    named = {one.name: one for one in answer.session.cell.axes or ()}
+    if axis not in named:
+        return "the turntable at 0 deg: z is its axis"
+    along = "z is along it" if named[axis].kind == "linear" else "z is its axis"
+    return f"the axis {ascii_of(axis)}, all axes at 0: {along}"
 
 
 def wanted(answer: Answer, part: Part | None, default: Part) -> tuple[bool, bool]:
@@ -222,91 +279,6 @@ def ascii_of(text: str) -> str:
     """Return a text as controllers' editors take it: one line of ASCII, without quotes."""
     plain = text.encode("ascii", "replace").decode()
     return re.sub(r"[\x00-\x1f\"'*/\\<>{};!]+", " ", plain).strip()[:60]
-
-
-def as_bytes_kept(backup: bytes) -> tuple[str, str]:
-    """Return a backup's text and the encoding that turns it back into the very same bytes."""
-    for mark_of, encoding in ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be")):
-        if backup.startswith(mark_of) and len(backup) % 2 == 0:
-            return backup.decode(encoding, errors="surrogatepass"), encoding
-    return backup.decode("latin-1"), "latin-1"
-
-
-def put_back(text: str, encoding: str) -> bytes:
-    """Return the bytes of a text that `as_bytes_kept` gave."""
-    return text.encode(encoding, errors="surrogatepass" if encoding != "latin-1" else "strict")
-
-
-def only_match(pattern: str, text: str, what: str, flags: int = re.MULTILINE | re.IGNORECASE) -> re.Match[str]:
-    """Return the one match of an entry in a backup.
-
-    Raises
-    ------
-    InputError
-        If the entry is not there, or more than once.
-    """
-    found = list(re.finditer(pattern, text, flags))
-    if len(found) != 1:
-        got = message("{count} of them", count=len(found)) if found else message("none")
-        to_do = message("Give the file that defines it, or name another with --tool or --frame.")
-        raise InputError("one {what} in the backup", got, to_do, "into", what=what)
-    return found[0]
-
-
-def replaced(text: str, begin: int, end: int, new: str) -> str:
-    """Return a text with one stretch of it replaced."""
-    return text[:begin] + new + text[end:]
-
-
-def patched_line(backup: bytes, answer: Answer, comment: str, entries: Iterable[tuple[str, str, str]]) -> bytes:
-    """Return a program with the numbers of some entries changed; every other line stays byte for byte.
-
-    Parameters
-    ----------
-    backup : bytes
-    answer : Answer
-        For the short note at the line's end (lines are limited there); it takes the place of an earlier one.
-    comment : str
-        What a comment begins with.
-    entries : iterable of tuple
-        (what the entry is called, a pattern of its line up to and with the bracket, its six numbers); what stands
-        behind six numbers in the bracket stays.
-
-    Raises
-    ------
-    InputError
-        If an entry is not there, or more than once.
-    """
-    text, encoding = as_bytes_kept(backup)
-    number = r"[ \t]*[-+.\deE]+[ \t]*"
-    note = f"{comment}{mark(answer)} {answer.date[:10] or 'without date'}, {answer.position_sigma_mm:.3f} mm"
-    for what, before, numbers in entries:
-        found = only_match(rf"{before}({number}(?:,{number}){{5}})(?=[,)])([^\r\n]*)", text, what)
-        kept = re.sub(rf"[ \t]*{re.escape(comment)}(?:DO-NOT-USE|SCANCELL) .*", "", found[2]).rstrip()
-        text = replaced(text, found.start(1), found.end(2), f"{numbers}{kept} {note}")
-    return put_back(text, encoding)
-
-
-def patched_by(
-    convention: str, put: Callable[[str, Literal["tool", "frame"], list[float], Any, Answer], str]
-) -> Patch:
-    """Return what changes the tool of a backup, its user frame or both, and leaves every other byte as it is.
-
-    Parameters
-    ----------
-    convention : str
-        Of the brand's numbers.
-    put : callable
-        (text, which of the two, its numbers, settings, answer) to the text with that entry changed.
-    """
-
-    def patch(backup: bytes, answer: Answer, settings: Any) -> bytes:
-        text, encoding = as_bytes_kept(backup)
-        for one in frames_written(answer, settings, convention, "tool"):
-            text = put(text, one.kind, one.pose, one.settings, answer)
-        return put_back(text, encoding)
-
-    return patch
 
 
 def remarks(line: str) -> list[str]:

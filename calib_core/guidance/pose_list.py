@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calib_core.cell.axes import TABLE, names_axes
+from calib_core.cell.axes import TABLE, names_axes, robot_on_axes
 from calib_core.cell.carriers import ball_on_flange, scanner_names
 from calib_core.cell.found import turns_little
 from calib_core.errors import ConflictError
@@ -110,7 +110,7 @@ def _as_solved(cell: Cell, results: ResultsData, step: PlannedStep) -> bool:
     if step == "turntable" and (names_axes(cell) or ball_on_flange(cell)):
         return True
     solved = [results[stage] for stage in (*tool_stages(), *table_stages()) if results.get(stage)]
-    several = len(scanner_names(cell)) > 1 or any(axis.carries == "robot" for axis in cell.axes or ())
+    several = len(scanner_names(cell)) > 1 or robot_on_axes(cell)
     return (several and bool(solved)) or any(map(turns_little, solved))
 
 

@@ -150,9 +150,28 @@ def test_the_spacing_of_a_ball_bars_spheres() -> None:
     assert len([row for row in bad.residuals if row.used]) == 14
 
 
-def test_one_capture_of_a_ball_bars_sphere_is_too_few() -> None:
+def test_one_capture_of_a_ball_bars_sphere_is_left_out_and_the_rest_judged() -> None:
+    result, whole = on_a_ball_bar(0.0, alone=True), on_a_ball_bar(0.0)
+    (said,) = (one for one in result.findings if one.code == "verify-seen-once")
+    (row,) = (row for row in result.residuals if not row.used)
+    assert said.captures == [row.capture]
+    assert "only capture of the sphere" in str(said.text)
+    assert "the only capture of" in str(row.reason)
+    tool, of_both = (next(c for c in one.checks if c.name == "tool") for one in (result, whole))
+    assert tool.value_mm == pytest.approx(of_both.value_mm, abs=2 * tool.uncertainty_mm)
+    assert not any(check.name == "spacing" for check in result.checks)  # of one sphere there is none
+
+
+def test_two_spheres_with_one_capture_each_are_too_few() -> None:
+    cell = simulate("tcp-centers", 4)
+    record = cell.session.to_json()
+    record["cell"] |= {"known": {"tool0_from_laser": cell.truth["tool0_from_laser"]}}
+    record["captures"] = [
+        {**capture, "step": "verify", "mount": mount}
+        for capture, mount in zip(record["captures"][:2], ("a", "b"), strict=True)
+    ]
     with pytest.raises(MotionError, match="captures of each sphere"):
-        on_a_ball_bar(0.0, alone=True)
+        run(Session.model_validate(record), cell.files.__getitem__, "verify")
 
 
 def test_a_limit_that_the_captures_cannot_be_held_to_is_no_pass() -> None:

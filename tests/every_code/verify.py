@@ -55,6 +55,19 @@ def brought(off_mm: float, *, shuffled: bool = False, seed: int = 5, some: Itera
     return case
 
 
+def of_mounts(most: str, last: str) -> Case:
+    """Return what the verification of a brought tool says whose last capture names a mounting of its own."""
+
+    def case() -> Iterable[Finding]:
+        cell = brought_tool(5, 0.3, False)
+        *others, one = (c.model_copy(update={"mount": most}) for c in cell.session.captures)
+        captures = [*others, one.model_copy(update={"mount": last})]
+        session = cell.session.model_copy(update={"captures": captures})
+        return solve_stage(session, "verify", cell.files.__getitem__).findings
+
+    return case
+
+
 def verify(session: Session, made: SimulatedSession) -> Iterable[Finding]:
     """Return what the verification of a session says, with the files of a simulated one."""
     return solve_stage(session, "verify", made.files.__getitem__).findings
@@ -151,6 +164,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "verify-undecided": (decision(0.5, count=3), decision(0.5)),
     "verify-not-held-out": (near_calibration(0.09), near_calibration(0.11)),
     "verify-captures-disagree": (beside(0.7), beside(0.0)),
+    "verify-seen-once": (of_mounts("ball", "other"), of_mounts("ball", "ball")),
     "verify-points-off-ball": (brought(0.3, shuffled=True), brought(1.6)),
     "verify-sides-open": (brought(0.3, seed=6, some=(3, 7)), brought(0.3, seed=6)),
     "verify-of-failed-answer": (after_poses(reverse=True), after_poses(reverse=False)),

@@ -100,6 +100,27 @@ CAPTURES_DISAGREE = Code(
     usual_causes="A pose that belongs to another capture, an arm still moving, or a sphere that was touched.",
 )
 
+SEEN_ONCE = Code(
+    "verify-seen-once",
+    "warning",
+    text={
+        "sphere": Plural(
+            "{captures} is the only capture of the sphere '{sphere}': the sphere is left out, the rest is judged.",
+            "{captures} are the only captures of their spheres: these are left out, the rest is judged.",
+        ),
+        "scanner": Plural(
+            "{captures} is the only capture by the scanner '{sphere}': it is left out, the rest is judged.",
+            "{captures} are the only captures by their scanners: these are left out, the rest is judged.",
+        ),
+    },
+    to_do="Capture it again, or give its capture the right `mount`.",
+    by="only",
+    reason="the only capture of '{sphere}'",
+    meaning="One capture of a sphere, or by a scanner, shows nothing of its own scatter and can disagree with nothing.",
+    decided="Fewer than two captures of a sphere by one scanner.",
+    usual_causes="A mistyped `mount`, or one of two captures that was excluded or did not show the sphere.",
+)
+
 POINTS_OFF_BALL = Code(
     "verify-points-off-ball",
     "warning",

@@ -4,15 +4,8 @@ import re
 
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
-from calib_core.exports.writing import (
-    NamedSettings,
-    fixed,
-    only_match,
-    patched_by,
-    program_export,
-    provenance,
-    replaced,
-)
+from calib_core.exports.patching import only_match, patched_by, replaced
+from calib_core.exports.writing import NamedSettings, fixed, program_export, provenance
 from calib_core.messages import message, plural
 from calib_core.robots.abb.literal import literal
 from calib_core.robots.text import without_comments

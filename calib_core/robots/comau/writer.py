@@ -4,7 +4,8 @@ from typing import Self
 
 from calib_core.errors import ConflictError
 from calib_core.exports.answer import Answer
-from calib_core.exports.writing import ControllerSettings, frames_written, listed, patched_line, program_export
+from calib_core.exports.patching import patched_line
+from calib_core.exports.writing import ControllerSettings, frames_written, listed, program_export
 
 
 class PlainSettings(ControllerSettings):

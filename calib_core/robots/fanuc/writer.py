@@ -7,15 +7,8 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export
-from calib_core.exports.writing import (
-    NumberedSettings,
-    fixed,
-    frames_written,
-    patched_by,
-    provenance,
-    remarks,
-    replaced,
-)
+from calib_core.exports.patching import patched_by, replaced
+from calib_core.exports.writing import NumberedSettings, fixed, frames_written, provenance, remarks
 from calib_core.messages import message
 
 _NAMES = "XYZWPR"

@@ -3,16 +3,8 @@
 import re
 
 from calib_core.exports.answer import Answer
-from calib_core.exports.writing import (
-    DottedName,
-    NamedSettings,
-    fixed,
-    listed,
-    only_match,
-    patched_by,
-    program_export,
-    replaced,
-)
+from calib_core.exports.patching import only_match, patched_by, replaced
+from calib_core.exports.writing import DottedName, NamedSettings, fixed, listed, program_export
 from calib_core.messages import message
 
 

@@ -4,16 +4,8 @@ import re
 
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
-from calib_core.exports.writing import (
-    NumberedSettings,
-    fixed,
-    mark,
-    only_match,
-    patched_by,
-    program_export,
-    provenance,
-    replaced,
-)
+from calib_core.exports.patching import only_match, patched_by, replaced
+from calib_core.exports.writing import NumberedSettings, fixed, mark, program_export, provenance
 from calib_core.messages import message
 
 _NAMES = "XYZABC"

@@ -4,7 +4,8 @@ from typing import Self
 
 from calib_core.errors import ConflictError
 from calib_core.exports.answer import Answer
-from calib_core.exports.writing import ControllerSettings, listed, patched_line, program_export, tool_pose
+from calib_core.exports.patching import patched_line
+from calib_core.exports.writing import ControllerSettings, listed, program_export, tool_pose
 from calib_core.messages import message
 
 

@@ -4,15 +4,8 @@ import re
 
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export
-from calib_core.exports.writing import (
-    NamedSettings,
-    fixed,
-    frames_written,
-    only_match,
-    patched_by,
-    provenance,
-    replaced,
-)
+from calib_core.exports.patching import only_match, patched_by, replaced
+from calib_core.exports.writing import NamedSettings, fixed, frames_written, provenance
 from calib_core.robots.staubli.units import require_millimetres
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")

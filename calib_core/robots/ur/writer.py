@@ -6,19 +6,8 @@ from pydantic import Field
 
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
-from calib_core.exports.writing import (
-    Name,
-    NamedSettings,
-    as_bytes_kept,
-    fixed,
-    only_match,
-    program_export,
-    provenance,
-    put_back,
-    replaced,
-    tool_pose,
-    wanted,
-)
+from calib_core.exports.patching import as_bytes_kept, only_match, put_back, replaced
+from calib_core.exports.writing import Name, NamedSettings, fixed, program_export, provenance, tool_pose, wanted
 from calib_core.formats.shared.xml_file import elements, gzipped_as, is_gzip, unzipped
 from calib_core.messages import message
 from calib_core.robots.ur.packed import tcps, with_tcp

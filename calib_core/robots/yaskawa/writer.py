@@ -4,16 +4,8 @@ import re
 
 from calib_core.exports.answer import Answer
 from calib_core.exports.entry import Export
-from calib_core.exports.writing import (
-    NumberedSettings,
-    as_bytes_kept,
-    frames_written,
-    listed,
-    mark,
-    only_match,
-    put_back,
-    replaced,
-)
+from calib_core.exports.patching import as_bytes_kept, only_match, put_back, replaced
+from calib_core.exports.writing import NumberedSettings, frames_written, listed, mark
 from calib_core.messages import message
 
 

@@ -42,7 +42,7 @@ from calib_core.stages.verify.joint_moved import joint_findings
 from calib_core.stages.verify.limits import LIMITS, limit_findings
 from calib_core.stages.verify.on_axes import axes_of_answer, axis_moves, on_axes
 from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
-from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, spacing
+from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, seen_once, spacing
 from calib_core.stages.verify.tool import Tool
 from calib_core.steps import steps_that_show
 
@@ -85,16 +85,17 @@ def solve(given: StageInput) -> VerifyResult:
         to_do = "Capture the sphere, standing still, from poses that were not used for the TCP."
         raise MotionError(need, f"{count}", to_do, "captures", least_captures=LEAST_CAPTURES)
     groups = by_sphere(observed.observations, of_sphere)
-    alone = [
-        mount or scanner
-        for (mount, scanner), seen in groups.items()
-        if len({o.capture for o in seen}) < LEAST_CAPTURES
-    ]
+    alone = seen_once(groups)
     if alone and count >= LEAST_CAPTURES:
-        to_do = message("Capture sphere '{alone}' again, or give its capture the right `mount`.", alone=alone[0])
+        observed, same = _without(observed, alone), [*same, *alone]
+        groups = by_sphere(observed.observations, of_sphere)
+        count = len({o.capture for o in observed.observations})
+    if not groups and alone:
+        names = [str(one.values["sphere"]) for one in alone]
+        to_do = message("Capture sphere '{alone}' again, or give its capture the right `mount`.", alone=names[0])
         need = "{least_captures} captures of each sphere"
         raise MotionError(
-            need, "one of '{alone}'", to_do, "captures", least_captures=LEAST_CAPTURES, alone=alone[0]
+            need, "one of '{alone}'", to_do, "captures", least_captures=LEAST_CAPTURES, alone=names[0]
         )
     flat = _plate(given, tool, axes)
     late = limit_findings(limits)

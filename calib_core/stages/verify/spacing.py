@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
+from calib_core.findings.codes import verify as codes
 from calib_core.frames import FloatArray
 from calib_core.records import Capture
+from calib_core.records.findings import Finding
 from calib_core.stages.verify.decision import Estimate
 from calib_core.stages.verify.held_out import HeldOut, held_out
 from calib_core.stages.verify.tool import Tool
@@ -25,6 +27,17 @@ def by_sphere(
     for observation in observations:
         found.setdefault((mounts[observation.capture], observation.scanner), []).append(observation)
     return dict(sorted(found.items(), key=lambda one: -len(one[1])))
+
+
+def seen_once(groups: Mapping[tuple[str, str], Observations]) -> list[Finding]:
+    """Return which spheres, or scanners, have a single capture: it is not judged."""
+    found = list[Finding]()
+    for (mount, scanner), seen in groups.items():
+        captures = list(dict.fromkeys(one.capture for one in seen))
+        if len(captures) < LEAST_CAPTURES:
+            only = "sphere" if mount or not scanner else "scanner"
+            found.append(codes.SEEN_ONCE(captures, sphere=mount or scanner, only=only))
+    return found
 
 
 def spacing(
