@@ -8,6 +8,7 @@ guesses are refined with their directions free.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import Final
 
 import numpy as np
 
@@ -16,12 +17,24 @@ from calib_core.cell.walk import Position, Walk, foot_moves
 from calib_core.chain.spread import AGREE_MM, robust_costs
 from calib_core.errors import MotionError
 from calib_core.frames import FloatArray, skew, with_third
+from calib_core.messages import templates
 
 _ROUNDS, _REFINED, _STEPS = 6, 8, 25
 _RIDGE = 1e-6
 _DAMPING = 1e-4
 _AT_REST = AxisState(np.eye(3), np.zeros(3), 0.0)
 _FAR_MM = 20.0  # a guess whose median misfit is more is none
+_FITS_MM = 2.0
+_UNITS: Final[Mapping[str, Mapping[str, float]]] = {
+    "linear": {"inches": 25.4, "metres": 1000.0},
+    "rotary": {"radians": float(np.rad2deg(1.0))},
+}
+"""By which readings in other units are to be multiplied."""
+_NAMES: Final = templates({"inches": "inches", "metres": "metres", "radians": "radians"})
+_IN_MM, _IN_DEGREES = templates((
+    "readings of the axis '{name}' in mm",
+    "readings of the axis '{name}' in degrees",
+))  # fmt: skip
 
 
 def axes_start(
@@ -47,6 +60,7 @@ def axes_start(
     """
     best = axes_guesses(walk, centers, mounts, known)[0]
     if np.median(best[1]) > _FAR_MM:
+        _require_units(walk, centers, mounts, known)
         raise MotionError(
             "captures that show how the axes {axes} move the ball",
             "no axes that fit better than {misfit:.0f} mm",
@@ -56,6 +70,27 @@ def axes_start(
             misfit=float(np.median(best[1])),
         )
     return best
+
+
+def _require_units(
+    walk: Walk, centers: FloatArray, mounts: tuple[FloatArray, FloatArray], known: Mapping[str, AxisState]
+) -> None:
+    """Raise MotionError where readings of an axis fit in another unit than that of the record."""
+    for a, axis in enumerate(walk.layout.axes):
+        for unit, factor in _UNITS[axis.kind].items():
+            readings = walk.readings.copy()
+            readings[:, a] *= factor
+            if axis.kind == "rotary" and np.ptp(readings[:, a]) > 2 * np.pi:
+                continue
+            misfits = axes_guesses(replace(walk, readings=readings), centers, mounts, known)[0][1]
+            if np.median(misfits) < _FITS_MM:
+                raise MotionError(
+                    _IN_MM if axis.kind == "linear" else _IN_DEGREES,
+                    "readings that fit in {unit}",
+                    "Multiply them by {factor:g}.",
+                    "cell.axes",
+                    name=axis.name, unit=_NAMES[unit], factor=factor,
+                )  # fmt: skip
 
 
 def axes_guesses(

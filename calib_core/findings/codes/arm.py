@@ -106,7 +106,7 @@ ARM_LESS_TRUE = Code(
     meaning="Makers tell how well an arm repeats; what it errs beyond that is estimated and counted.",
     decided="The estimated standard deviation is more than 1.5 times the one told.",
     usual_causes="A sigma from a data sheet.",
-    behind=("table-scatter-beyond-told",),
+    behind=("table-scatter-beyond-told", "balls-not-told-apart", "poses-do-not-fit"),
 )
 
 LAG_NOT_CHECKED = Code(

@@ -1,0 +1,38 @@
+"""Readings of an axis in another unit: one sentence that names the unit and by what to multiply."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calib_core.errors import InputError, MotionError
+from calib_core.library.opened import in_memory
+from calib_core.records import parse_session
+from calib_core.simulation import TOPOLOGY_SCENARIOS
+from calib_core.simulation.topology_cell import simulate_topology
+
+
+def solved_with(name: str, field: str, axis: str, factor: float) -> dict[str, Any]:
+    session, files, _ = simulate_topology(TOPOLOGY_SCENARIOS[name], name, 3)
+    record = session.to_json()
+    for capture in record["captures"]:
+        if axis in capture.get(field, {}):
+            capture[field][axis] *= factor
+    return in_memory(parse_session(record), files).run()
+
+
+def test_a_slide_in_metres_is_told_before_anything_is_solved() -> None:
+    with pytest.raises(InputError, match=r"'slide' in mm, got from 0 to .*, which looks like metres"):
+        solved_with("slide", "axes_mm", "slide", 1e-3)
+
+
+def test_a_slide_in_inches() -> None:
+    with pytest.raises(
+        MotionError, match=r"'slide' in mm, got readings that fit in inches\. Multiply them by 25\.4"
+    ):
+        solved_with("slide", "axes_mm", "slide", 1 / 25.4)
+
+
+def test_a_tilt_in_radians() -> None:
+    with pytest.raises(MotionError, match="axis 'tilt' in degrees, got readings that fit in radians"):
+        solved_with("positioner", "axes_deg", "tilt", float(np.deg2rad(1.0)))
