@@ -1,5 +1,6 @@
 """Cells whose edges contradict themselves, over REST: one sentence, and everything that was told stays."""
 
+import json
 from typing import Any
 
 import httpx
@@ -23,6 +24,11 @@ def capture(number: int, **told: Any) -> dict[str, Any]:
         "pose": pose,
         **told,
     }
+
+
+def stored(client: httpx.Client, session: str, record: dict[str, Any]) -> bool:
+    told = {"record": (None, json.dumps(record), "application/json")}
+    return client.post(f"{session}/captures", files=told).status_code == 201
 
 
 def test_a_cell_that_contradicts_itself_is_refused_and_the_old_one_stays(client: httpx.Client) -> None:
@@ -51,7 +57,7 @@ def test_readings_that_do_not_fit_the_axes_are_told_and_kept(
     session = f"/sessions/{client.post('/sessions', json={'name': 'axes', 'cell': cell}).json()['id']}"
     for number in range(2):
         own = {field: {name: number * value for name, value in read.items()} for field, read in readings.items()}
-        assert client.post(f"{session}/captures", json=capture(number, **own)).status_code == 201
+        assert stored(client, session, capture(number, **own))
     assert sentence in client.get(f"{session}/check").text
     assert sentence in client.post(f"{session}/solve/tcp?wait=60").text
     kept = client.get(session).json()
