@@ -104,16 +104,10 @@ SEEN_ONCE = Code(
     "verify-seen-once",
     "warning",
     text={
-        "sphere": Plural(
-            "{captures} is the only capture of the sphere '{sphere}': the sphere is left out, the rest is judged.",
-            "{captures} are the only captures of their spheres: these are left out, the rest is judged.",
-        ),
-        "scanner": Plural(
-            "{captures} is the only capture by the scanner '{sphere}': it is left out, the rest is judged.",
-            "{captures} are the only captures by their scanners: these are left out, the rest is judged.",
-        ),
+        "sphere": "{captures} is the only capture of the sphere '{sphere}': it is left out, the rest is judged.",
+        "scanner": "{captures} is the only capture by the scanner '{sphere}': it is left out, the rest is judged.",
     },
-    to_do="Capture it again, or give its capture the right `mount`.",
+    to_do="Capture it again, or give its capture the right mounting.",
     by="only",
     reason="the only capture of '{sphere}'",
     meaning="One capture of a sphere, or by a scanner, shows nothing of its own scatter and can disagree with nothing.",
