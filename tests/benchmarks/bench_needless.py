@@ -61,7 +61,7 @@ def of_real(name: str) -> Row:
     assert isinstance(before, TcpResult)
     assert isinstance(after, TcpResult)
     left_out = [one.leave_one_out_surface_rms_mm or float("nan") for one in (before, after)]
-    better = f"; scanner's errors applied: {left_out[1]:.2f} instead of {left_out[0]:.2f} mm on captures left out"
+    better = f"; errors applied, {left_out[1]:.2f} for {left_out[0]:.2f} mm left out"
     told_of_scanner = any(code.startswith("scanner-") for code in told)
     return Row(
         f"{name}: warnings",
