@@ -12,7 +12,7 @@ from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.planner import Situation, planned_set
 from calib_core.guidance.prior import situation_of
-from calib_core.guidance.solved_cell import solved_cell
+from calib_core.guidance.solved_cell import SolvedCell, solved_cell
 from calib_core.guidance.solved_plan import Shot, planned_captures
 from calib_core.guidance.table_advice import planned_shots, table_situation
 from calib_core.messages import Message, message
@@ -75,7 +75,9 @@ def planned_poses(
         If too little is known of tool and sphere, or the limits leave too few poses.
     """
     if _as_solved(session.cell, results, step):
-        return _of_solved(session, measured, results, captures, step)
+        known = solved_cell(session, measured, results)
+        if known is not None or step == "turntable":
+            return _of_solved(session, known, captures, step)
     if step == "turntable":
         return _for_table(session, measured, results, captures)
     situation = situation_of(session, measured, results, step)
@@ -114,11 +116,8 @@ def _as_solved(cell: Cell, results: ResultsData, step: PlannedStep) -> bool:
     return (several and bool(solved)) or any(map(turns_little, solved))
 
 
-def _of_solved(
-    session: Session, measured: Sequence[Measured], results: ResultsData, captures: int, step: PlannedStep
-) -> PoseList:
+def _of_solved(session: Session, known: SolvedCell | None, captures: int, step: PlannedStep) -> PoseList:
     """Return further captures of a cell whose edges are solved, whatever they are."""
-    known = solved_cell(session, measured, results)
     if known is None:
         to_do = message("Take the captures that the guide asks for, and solve them.")
         raise ConflictError("a cell that is solved, its axes too", "one that is not", to_do, "captures")
