@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.captures.measure import measure_capture
 from calib_core.errors import ConflictError
 from calib_core.graph.keys import Graph, stage_captures
 from calib_core.guidance.pose_list import planned_poses
@@ -209,10 +210,7 @@ def test_what_a_gantry_leaves_open_is_not_asked_for_beside_a_table() -> None:
 def test_a_set_of_poses_begins_with_what_several_scanners_or_balls_told(name: str) -> None:
     simulated = simulate(name, 4)
     session, truth = simulated.session, simulated.truth
-    measured = [
-        Measured(capture=c.id, kind=c.kind, verdict="pass", center_mm=[0.0, 190.0], radius_mm=17.0)
-        for c in session.captures
-    ]
+    measured = [measure_capture(session, c, simulated.files.__getitem__) for c in session.captures]
     balls = [{"name": one["name"], "in": "base"} for one in truth["spheres"]]
     told = {
         "tool0_from_laser": truth["tool0_from_laser"],
