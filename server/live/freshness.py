@@ -15,6 +15,7 @@ STANDS_S = 0.35
 """A clock that has not advanced for longer stands; poses further apart are not joined either (`Rules.gap_s`)."""
 
 _LAG_S = 0.25
+_OTHER_CLOCK_S = 20.0  # no stream is so late: a device that starts anew takes longer, and its clock begins anew
 _DRIFT = 2e-4  # of two clocks, seconds a second, some times over
 _FASTEST_MM_S = 20_000.0
 _LEAST_JUMP_MM = 1.0
@@ -40,15 +41,17 @@ class Freshness:
     ----------
     clock : Clock
         What the source's stamps mean.
+    before : Freshness, optional
+        Of the connection before to the same device: how soon its readings arrived at best is known from it.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, before: "Freshness | None" = None) -> None:
         self._clock = clock
         self._last: Reading | None = None
         self._before_last: Reading | None = None
         self._advanced_s = 0.0
-        self._least_apart_s = np.inf
-        self._least_at_s = 0.0
+        self._least_apart_s = before._least_apart_s if before else np.inf
+        self._least_at_s = before._least_at_s if before else 0.0
 
     @property
     def is_timed(self) -> bool:
@@ -88,7 +91,7 @@ class Freshness:
         assert sample.device_time_s is not None
         apart_s = sample.host_time_s - sample.device_time_s
         least_s = self._least_apart_s + _DRIFT * (sample.host_time_s - self._least_at_s)
-        if apart_s <= least_s:
+        if apart_s <= least_s or apart_s > least_s + _OTHER_CLOCK_S:  # or it was switched on anew
             self._least_apart_s, self._least_at_s = apart_s, sample.host_time_s
             return ""
         lag_s = apart_s - least_s

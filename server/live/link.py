@@ -149,7 +149,7 @@ class Link:
         assert connect is not None
         device = connect(self._settings)
         self._device, self._description = device, device.describe()
-        self._freshness, self._why = Freshness(self.source.clock), ""
+        self._freshness, self._why = Freshness(self.source.clock, self._freshness), ""
         self._last_s = self._new_s = self._read_s = host_now_s()
         self._in_stream = 0
         self._set("live", "")
