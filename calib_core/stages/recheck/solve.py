@@ -1,7 +1,7 @@
 """The recheck stage: repeated captures found by their poses and compared, round by round."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -67,7 +67,7 @@ def solve(given: StageInput) -> RecheckResult:
     used = {row.capture for row in answer.residuals if row.used}
     on = on_axes(observed.observations, given.captures, axes_of_answer(given.session.cell, answer))
     sphere = sphere_of(given.session.cell, [capture for capture in given.captures if not capture.excluded])
-    tool, center = replace(Tool.of(answer), covariance=np.zeros((6, 6))), np.array(answer.sphere_center_in_base_mm)
+    tool, center = Tool.of(answer).exact, np.array(answer.sphere_center_in_base_mm)
     on = tool.straightened(on, center, sphere.radius_mm)
     stops = [_Stop(seen, o.base_from_tool0) for seen, o in zip(on, observed.observations, strict=True)]
     then = [stop for stop in stops if stop.seen.capture not in own and stop.seen.capture in used]

@@ -1,7 +1,6 @@
 """A ball bar: the distance of its two spheres as the cell measures it, beside the calibrated one."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -57,8 +56,7 @@ def spacing(
     """
     if len(spheres) != 2 or any(len(seen) < LEAST_CAPTURES for seen in spheres.values()):
         return None
-    exact = replace(tool, covariance=np.zeros((6, 6)))
-    one, other = (held_out(seen, seen[0].size(sphere), exact) for seen in spheres.values())
+    one, other = (held_out(seen, seen[0].size(sphere), tool.exact) for seen in spheres.values())
     between = one.center_mm - other.center_mm
     length = float(np.linalg.norm(between))
     way = between / length

@@ -72,6 +72,11 @@ class Tool:
         ])  # fmt: skip
         return in_one_plane(observations, self.sheet_per_mm, seen, radius_mm)
 
+    @property
+    def exact(self) -> "Tool":
+        """The same taken as exact: nothing of the arm's errors cancels with its own."""
+        return replace(self, covariance=np.zeros((6, 6)), arm=self.arm and self.arm.of_other())
+
     def of_scanner(self, name: str) -> "Tool":
         """Return the same for another scanner's own mount; the first one's where that is not known."""
         if name not in self.others:
