@@ -174,6 +174,14 @@ def test_two_spheres_with_one_capture_each_are_too_few() -> None:
         run(Session.model_validate(record), cell.files.__getitem__, "verify")
 
 
+def test_the_spacing_takes_nothing_of_the_arm_for_what_an_exact_tool_has_swallowed() -> None:
+    cell = simulate("verify", 7)  # its covariance had negative eigenvalues
+    result = run(cell.session, cell.files.__getitem__, "verify")["verify"]
+    assert isinstance(result, VerifyResult)
+    spacing = next(check for check in result.checks if check.name == "spacing")
+    assert abs(spacing.value_mm) < 1.5 * spacing.uncertainty_mm
+
+
 def test_a_limit_that_the_captures_cannot_be_held_to_is_no_pass() -> None:
     cell = simulate("tcp-centers", 4)  # centres: no points of the surface, and one sphere
     record = cell.session.to_json()
