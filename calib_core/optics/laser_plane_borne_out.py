@@ -15,7 +15,7 @@ from calib_core.optics.adjust import Adjusted, Adjustment, LaserLines, State, fi
 _FIRST_PX, _DOUBLINGS, _HALVINGS = 0.01, 10, 6
 _LINE_TERMS, _PLANE_TERMS = 2, 3
 _MEANS_ALONE = np.sqrt(2.0)  # slopes may be right, and then half of what the boards tell says nothing
-_BELIEVED = 2  # degrees of freedom that the stated ± are worth before any board: those of one
+_BELIEVED = 4  # degrees of freedom that the stated ± are worth before any board: those of two
 
 
 def borne_out(problem: Adjustment, adjusted: Adjusted, start: State) -> tuple[Adjustment, Adjusted, float]:
