@@ -3,7 +3,8 @@
 Each board gives a line with its own ±.  What lies alike in all of one board's corners and centres (a sheet that is
 not flat, light that bleeds at edges) is in none of these: it shows in how the boards' lines miss one plane, and
 nowhere else.  So much is added to each line that the boards disagree as they state; boards whose own ± is smallest
-then no longer lay the plane alone.
+then no longer lay the plane alone.  A board left out because it disagrees is part of that evidence, unless it lies
+far beyond what scatters the others.
 """
 
 from dataclasses import replace
@@ -11,14 +12,26 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.optics.adjust import Adjusted, Adjustment, LaserLines, State, fit_poses
+from calib_core.optics.laser_plane import BoardLine, PlaneFit
 
 _FIRST_PX, _DOUBLINGS, _HALVINGS = 0.01, 10, 6
 _LINE_TERMS, _PLANE_TERMS = 2, 3
 _MEANS_ALONE = np.sqrt(2.0)  # slopes may be right, and then half of what the boards tell says nothing
 _BELIEVED = 4  # degrees of freedom that the stated ± are worth before any board: those of two
 
+_GROSS_RATIO = 20.0  # no board lies so far off by what scatters the others: it was moved, or its line is another
 
-def borne_out(problem: Adjustment, adjusted: Adjusted, start: State) -> tuple[Adjustment, Adjusted, float]:
+
+def tells_of_scatter(line: BoardLine, fit: PlaneFit) -> bool:
+    """Return whether a line left out as off the plane of the others tells how boards' lines scatter."""
+    off = line.points_in_camera_mm @ fit.normal - fit.distance_mm
+    usual = float(np.sqrt(np.mean(np.square(fit.line_rms_mm))))
+    return float(np.sqrt(np.mean(off**2))) < _GROSS_RATIO * usual
+
+
+def borne_out(
+    problem: Adjustment, adjusted: Adjusted, start: State, least_px: float = 0.0
+) -> tuple[Adjustment, Adjusted, float]:
     """Return the problem whose boards disagree as they state, its solution, and what it adds to each line, px.
 
     Parameters
@@ -29,10 +42,20 @@ def borne_out(problem: Adjustment, adjusted: Adjusted, start: State) -> tuple[Ad
         Its solution.
     start : State
         Where the boards' poses begin.
+    least_px : float
+        What is added at least, as boards that were left out tell.
     """
+    excess_px = max(_excess_px(problem, adjusted, start), least_px)
+    if excess_px == 0:
+        return problem, adjusted, 0.0
+    return *_with_excess(problem, adjusted, excess_px), excess_px
+
+
+def _excess_px(problem: Adjustment, adjusted: Adjusted, start: State) -> float:
+    """Return what is to be added to each line for its boards to disagree as they state, px."""
     excess_px, most_px = 0.0, _FIRST_PX
     if tension(problem, adjusted, start) <= 1:
-        return problem, adjusted, 0.0
+        return 0.0
     for _ in range(_DOUBLINGS):
         if tension(*_with_excess(problem, adjusted, most_px), start) <= 1:
             break
@@ -43,8 +66,7 @@ def borne_out(problem: Adjustment, adjusted: Adjusted, start: State) -> tuple[Ad
             most_px = middle_px
         else:
             excess_px = middle_px
-    excess_px = _MEANS_ALONE * most_px
-    return *_with_excess(problem, adjusted, excess_px), excess_px
+    return _MEANS_ALONE * most_px
 
 
 def student(problem: Adjustment) -> float:

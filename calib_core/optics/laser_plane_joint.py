@@ -113,6 +113,7 @@ def refine_together(
     start: State,
     inverse_plane: FloatArray,
     uncertainty: CameraUncertainty | None,
+    least_excess_px: float = 0.0,
 ) -> Joint:
     """Return camera, plane and boards that fit corners and stripes best, with their covariance.
 
@@ -131,6 +132,8 @@ def refine_together(
         Where to begin.
     uncertainty : CameraUncertainty, optional
         Left out, the camera counts as exact.
+    least_excess_px : float
+        By how much more than stated the boards' lines are taken to lie off the plane at least.
     """
     bands, near, far = camera.bands
     first = plane_start(len(bands))
@@ -143,7 +146,7 @@ def refine_together(
     problem = Adjustment(fine, near, far, free, HUBER, lines)
     state = replace(start, shared=shared_vector(camera.camera_matrix, bands, inverse_plane, shape))
     problem, adjusted, factor = _with_stripe_noise(problem, state)
-    problem, adjusted, excess_px = borne_out(problem, adjusted, start)
+    problem, adjusted, excess_px = borne_out(problem, adjusted, start, least_excess_px)
     shared = adjusted.state.shared
     covariance = adjusted.covariance * _correlation(problem, adjusted) * student(problem)
     if uncertainty is not None and not with_camera:

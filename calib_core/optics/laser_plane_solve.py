@@ -30,6 +30,7 @@ from calib_core.optics.laser_plane import (
     plane_covariance_from_inverse,
     points_on_board,
 )
+from calib_core.optics.laser_plane_borne_out import tells_of_scatter
 from calib_core.optics.laser_plane_joint import CameraUncertainty, Joint, refine_together
 from calib_core.optics.line_choice import PlacedTrace, choose_traces
 from calib_core.optics.stripe import StripeCenters
@@ -178,16 +179,24 @@ def solve_plane(
         fit = fit_plane([lines[i] for i in used])
     inliers = [kept[i].selected(mask) for i, mask in zip(used, fit.inliers, strict=True)]
     progress(0.7, "refining plane and boards together")
-    adjusted = [*used, *range(len(views), corners.views)]
-    weighted = corners.weighted(1.0 / corner_sigma[corners.view_of_each]).take(adjusted)
-    inverse_plane = _inverse(fit)
-    places = [_on_board(camera, s, poses[i], shape) for i, s in zip(used, inliers, strict=True)]
-    begin = posed.take(adjusted)
-    joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty)
+    weighted = corners.weighted(1.0 / corner_sigma[corners.view_of_each])
+
+    def refined(
+        boards: Sequence[int], stripes: Sequence[StripeCenters], known: CameraUncertainty | None, least_px: float
+    ) -> Joint:
+        places = [_on_board(camera, s, poses[i], shape) for i, s in zip(boards, stripes, strict=True)]
+        every = [*boards, *range(len(views), corners.views)]
+        return refine_together(
+            camera, weighted.take(every), stripes, places, posed.take(every), _inverse(fit), known, least_px
+        )
+
+    excess_px, still = 0.0, camera_uncertainty and replace(camera_uncertainty, boards=None)
+    if near := [i for i, why in enumerate(reasons) if why == "off-plane" and tells_of_scatter(lines[i], fit)]:
+        excess_px = refined([*used, *near], [*inliers, *(kept[i] for i in near)], still, 0.0).excess_px
+    joint = refined(used, inliers, camera_uncertainty, excess_px)
     held = why_held(joint)
-    if camera_uncertainty is not None and held:
-        camera_uncertainty = replace(camera_uncertainty, boards=None)
-        joint = refine_together(camera, weighted, inliers, places, begin, inverse_plane, camera_uncertainty)
+    if held:
+        joint = refined(used, inliers, still, excess_px)
     doubted = [
         _line(camera, views[i].name, s.shifted(drawn_px(s, views[i].squares, camera).doubt_px), poses[i], shape)
         for i, s in zip(used, inliers, strict=True)

@@ -193,7 +193,9 @@ def test_stripes_that_make_other_boards_corners_worse_leave_the_camera_as_it_is(
     def as_stated(problem: Adjustment, state: State) -> tuple[Adjustment, Adjusted, float]:
         return problem, problem.solve(state), 1.0
 
-    def as_agreeing(problem: Adjustment, adjusted: Adjusted, _: State) -> tuple[Adjustment, Adjusted, float]:
+    def as_agreeing(
+        problem: Adjustment, adjusted: Adjusted, *_: State | float
+    ) -> tuple[Adjustment, Adjusted, float]:
         return problem, adjusted, 0.0
 
     # Bent lines weigh less as soon as they are seen to be: here they keep the weight that their centres state.
