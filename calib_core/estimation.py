@@ -25,6 +25,8 @@ def chance_of(chi_squared: float, degrees_of_freedom: float) -> float:
 
 def f_chance_of(chi_squared: float, degrees_of_freedom: float, left: float) -> float:
     """Return how often noise alone gives as large a χ², its unit known from what is left, of so many degrees."""
+    if np.isinf(left):
+        return chance_of(chi_squared, degrees_of_freedom)
     from scipy.special import fdtrc  # scipy.stats has it too, but takes a second to import
 
     return float(fdtrc(degrees_of_freedom, left, max(chi_squared, 0.0) / degrees_of_freedom))

@@ -306,6 +306,31 @@ def later_on_an_arm(
     return Session.model_validate(data)
 
 
+def later_before_a_tracker(
+    kind: str | ArmKind,
+    seed: int,
+    captures: int,
+    *,
+    swing: str = "usual",
+    errors: str | None = None,
+    mm: float = 0.0,
+) -> Session:
+    """Return a session of `simulate_arm` and 30 captures of other poses since, to verify; it moved by `mm`."""
+    cell = simulate_arm(kind, seed, captures, swing=swing, errors=errors, held=30)
+    data = cell.session.to_json()
+    if errors is None:
+        data["cell"]["robot"] = {}
+    others = zip(cell.held_joints_deg.tolist(), cell.held_poses, cell.held_centers, strict=True)
+    data["captures"] += [
+        {
+            **data["captures"][0], "id": f"v{k:02d}", "step": "verify", "joints_deg": joints,
+            "pose": pose.ravel().tolist(), "center_mm": (seen + np.array([mm, 0.0, 0.0])).tolist(),
+        }
+        for k, (joints, pose, seen) in enumerate(others)
+    ]  # fmt: skip
+    return Session.model_validate(data)
+
+
 def _rotation(q: FloatArray) -> FloatArray:
     w, x, y, z = q
     return np.array(

@@ -23,8 +23,11 @@ class ArmScatter:
         Of errors that are alike where poses are alike.
     reach : float
         See `arms.alike`.
+    lengths_sigma, middle_mm : float, (3,)
+        By what share the arm's lengths are off, and from where in base they are compared.
     share : ArmShare or None
-        How the tool erred with them: what it has swallowed cancels. The terms count in full.
+        How a tool on the flange erred with them: what it has swallowed cancels. The terms count in full, and so
+        does all where the ball is on the flange.
     terms : (p, p) or None
         Covariance of the arm's terms by which poses are corrected, in their own units.
     """
@@ -32,6 +35,8 @@ class ArmScatter:
     position_sigma_mm: float
     orientation_sigma_rad: float
     reach: float
+    lengths_sigma: float
+    middle_mm: FloatArray
     share: ArmShare | None
     terms: FloatArray | None
 
@@ -50,6 +55,8 @@ class ArmScatter:
             parts.alike_position_sigma_mm if told is None else told.position_sigma_mm,
             parts.alike_orientation_sigma_rad if told is None else told.orientation_sigma_rad,
             (parts.reach_mm or REACH_MM) / REACH_MM,
+            0.0 if told is None else told.lengths_sigma,
+            np.zeros(3) if told is None else np.array(told.middle_mm),
             replace(share, terms=None) if of_flange and share is not None else None,
             known,
         )
@@ -87,16 +94,16 @@ class ArmScatter:
         sized = moves * ([self.position_sigma_mm] * 3 + [self.orientation_sigma_rad] * 3)
         among = alike_correlation((rotations, places), self.reach)
         found = np.einsum("kia,lja,kl->kilj", sized, sized, among).reshape(3 * count, 3 * count)
+        longer = self.lengths_sigma * (turns @ (places - self.middle_mm)[:, :, None]).reshape(-1, 1)
+        found = found + longer @ longer.T
         if self.share is not None:
-            away = places - self.share.middle_mm
-            longer = self.share.lengths_sigma * (turns @ away[:, :, None]).reshape(-1, 1)
             levers = (rotations @ mount.apply(centers)[:, :, None])[:, :, 0]
             each = zip(rotations, places, levers, turns, strict=True)
             with_tool = [
                 self.share.with_answer(r, place[None], lever)[0, :6] @ turn.T for r, place, lever, turn in each
             ]
             both = by_tool @ np.hstack(with_tool)
-            found = found + longer @ longer.T - both - both.T
+            found = found - both - both.T
         if self.terms is not None and all(one.arm_moves is not None for one in seen):
             there = moves * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]
             own = np.concatenate([m @ one.arm_moves for m, one in zip(there, seen, strict=True)])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
-from calib_core.estimation import chance_of, covariance_of
+from calib_core.estimation import covariance_of, f_chance_of
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.stages.verify.sides import likeliest_sides
 from calib_core.stages.verify.tool import Tool
@@ -45,6 +45,8 @@ class HeldOut:
         Whether other sides of the plane of light are nearly as likely and ask for another tool.
     spread : (3K, 3K)
         The covariance of all figures together; of several spheres the first one's.
+    scatter_freedom : float
+        See `Tool`.
     """
 
     center_mm: FloatArray
@@ -59,6 +61,7 @@ class HeldOut:
     asked: "Asked"
     sides_open: bool = False
     spread: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    scatter_freedom: float = np.inf
 
     @property
     def scatter_rms_mm(self) -> float:
@@ -73,7 +76,8 @@ class HeldOut:
     @property
     def chance(self) -> float:
         """How often a right answer shows as large a chi-squared."""
-        return chance_of(self.chi_squared, self.degrees_of_freedom)
+        # Few captures know the robot's scatter roughly: 15 to an eighth, which is a quarter of a chi-squared.
+        return f_chance_of(self.chi_squared, self.degrees_of_freedom, self.scatter_freedom)
 
 
 def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> HeldOut:
@@ -107,6 +111,7 @@ def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> Held
         asked=asked_with_scatter(observations, sphere.radius_mm, chosen.mount_from_laser, center_as_asked, tool),
         sides_open=chosen.open,
         spread=joint.covariance,
+        scatter_freedom=tool.scatter_freedom,
     )
 
 
@@ -132,6 +137,7 @@ def together(parts: Sequence[HeldOut]) -> HeldOut:
         asked=parts[0].asked,
         sides_open=any(part.sides_open for part in parts),
         spread=parts[0].spread,
+        scatter_freedom=parts[0].scatter_freedom,
     )
 
 

@@ -13,6 +13,8 @@ from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.verify.arm_scatter import ArmScatter
 
+_SOUGHT = 9  # tool and ball
+
 
 @dataclass(frozen=True, eq=False)
 class Tool:
@@ -34,6 +36,8 @@ class Tool:
         How far the light lies off its plane along y, over the square of x.
     arm : ArmScatter or None
         What the arm's errors put into captures together.
+    scatter_freedom : float
+        From how many degrees of freedom the robot's scatter was found; infinite where it was told.
     """
 
     mount_from_laser: RigidTransform
@@ -46,6 +50,7 @@ class Tool:
     )
     sheet_per_mm: float = 0.0
     arm: ArmScatter | None = None
+    scatter_freedom: float = np.inf
 
     @classmethod
     def of(cls, answer: ToolResult) -> "Tool":
@@ -59,6 +64,7 @@ class Tool:
             others=mounts_of(answer.frames),
             sheet_per_mm=sheet_per_mm_of(used),
             arm=ArmScatter.of(answer),
+            scatter_freedom=_freedom_of(answer),
         )
 
     def straightened(
@@ -83,3 +89,11 @@ class Tool:
             return self
         mount, covariance = self.others[name]
         return replace(self, mount_from_laser=mount, covariance=covariance, arm=self.arm and self.arm.of_other())
+
+
+def _freedom_of(answer: ToolResult) -> float:
+    """Return from how many degrees of freedom an answer knows how its robot scatters."""
+    if "position_sigma_mm" not in answer.variance_components.estimated:
+        return np.inf
+    rows = answer.model_dump(include={"residuals"})["residuals"]
+    return float(max(3 * sum(row["used"] for row in rows) - _SOUGHT, 1))
