@@ -79,7 +79,8 @@ export function maybe(key, otherwise, values) {
  * @param {number} count
  * @param {Text} one
  * @param {Text} many
+ * @param {Record<string, string | number>} [others] values
  */
-export function plural(count, one, many) {
-  return t(count === 1 ? one : many, { count });
+export function plural(count, one, many, others) {
+  return t(count === 1 ? one : many, { count, ...others });
 }

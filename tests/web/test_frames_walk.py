@@ -17,7 +17,7 @@ FRAMES = 36  # boards, boards with the stripe, and the sphere
 def seen_so_far(page: Page) -> tuple[int, int]:
     """How many frames count, and what share of the image they cover, %."""
     words = page.locator("sc-quality .seen-so-far figcaption").inner_text()
-    found = re.search(r"(\d+) frames cover (\d+)\s%", words)
+    found = re.search(r"(\d+) frames? covers? (\d+)\s%", words)
     assert found, words
     return int(found[1]), int(found[2])
 

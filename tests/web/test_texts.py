@@ -4,7 +4,9 @@ import gzip
 import json
 import re
 from collections import Counter
+from importlib import import_module
 from pathlib import Path
+from typing import get_args, get_origin
 from zipfile import ZipFile
 
 import pytest
@@ -14,6 +16,7 @@ from calib_core.errors import CalibrationError
 from calib_core.findings.catalogues import LANGUAGES, catalogue, entries
 from calib_core.findings.telling import told as said
 from calib_core.poses.numbers import parse_pose
+from calib_core.records.results import Result
 from calib_core.robots.backup import read_controller_files
 from server.http.page_texts import english, plural_of, served, translations
 
@@ -156,3 +159,23 @@ def test_what_bad_files_are_refused_for_is_said(tmp_path: Path) -> None:
     left = re.compile(r"\b(the|of|and|is|are|with|need|got|which|its|a|no|not)\b")
     for text in [*answers["de"], *answers["zh"]]:
         assert not left.search(text.removeprefix(f"{tmp_path}/")), text
+
+
+def test_every_figure_of_a_result_has_words_where_two_are_compared() -> None:
+    """The comparison shows each number of a result by its field's name."""
+    numbers = {
+        name
+        for record in every_result(Result)
+        for name, field in record.model_fields.items()
+        if {field.annotation, *get_args(field.annotation)} & {int, float}
+        and get_origin(field.annotation) not in (list, tuple, dict)
+    }
+    assert {"method_revision", "corner_sigma_px", "chi_squared"} <= numbers
+    assert {f"figure.{name}" for name in numbers} <= english(TEXTS).keys()
+
+
+def every_result(record: type[Result]) -> list[type[Result]]:
+    """Return a kind of result and all that are made of it, once each stage's is there."""
+    for file in (WEB.parent / "calib_core/stages").glob("*/record.py"):
+        import_module(f"calib_core.stages.{file.parent.name}.record")
+    return [record, *(one for made in record.__subclasses__() for one in every_result(made))]

@@ -2,7 +2,7 @@
 
 import { h, s } from "../dom.js";
 import { fixed } from "../format.js";
-import { t } from "../texts.js";
+import { plural, t } from "../texts.js";
 
 /** @import {CaptureOut} from "../state/model.js" */
 /** @import {SessionState} from "../state/session.js" */
@@ -22,7 +22,8 @@ export function frameCoverage({ captures, guide }, shown) {
   if (!seen || !shown.measured.image_size) return [];
   const views = captures.filter((one) => one.step === shown.step && !one.excluded && one.measured.verdict !== "fail");
   const [width = 1, height = 1] = shown.measured.image_size.map(Number);
-  const words = t(seen.one_distance ? "coverage.shallow" : "coverage.words", { frames: seen.frames, share: fixed(100 * seen.covered, 0), depth: fixed(seen.depth_ratio, 1) });
+  const [one, many] = seen.one_distance ? /** @type {const} */ (["coverage.shallow_one", "coverage.shallow_many"]) : /** @type {const} */ (["coverage.words_one", "coverage.words_many"]);
+  const words = plural(seen.frames, one, many, { share: fixed(100 * seen.covered, 0), depth: fixed(seen.depth_ratio, 1) });
   return [h(
     "figure", { class: "seen-so-far" },
     s("svg", { class: "frame-plot", viewBox: `-0.5 -0.5 ${width} ${height}`, role: "img", "aria-label": words },
