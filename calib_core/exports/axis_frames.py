@@ -34,12 +34,11 @@ def other_axes(answer: Answer) -> Iterator[AxisFrame]:
     edges = {axis.name: axis for axis in answer.session.cell.axes or ()}
     given, table = set[str](), table_axis(answer)
     for found in answer.frames:
-        if found.into == "base" and found.outof not in ("laser", frame_of(TABLE), *given):
+        if found.into == "base" and found.outof in edges and found.outof not in given:
             given.add(found.outof)
             frame = RigidTransform.from_rounded(found.matrix, "base", "turntable")
             covariance = None if found.covariance is None else np.array(found.covariance, dtype=float)
-            carries = edges[found.outof].carries if found.outof in edges else "object"
-            yield AxisFrame(found.outof, frame, covariance, carries)
+            yield AxisFrame(found.outof, frame, covariance, edges[found.outof].carries)
     for result in answer.results.values():
         for axis in result.get("axes") or ():
             name = axis["name"]

@@ -59,8 +59,16 @@ def edges_known(
         yield names[frame.into], child, frame, covariance
     if with_table and answer.base_from_turntable is not None:
         yield settings.base, settings.turntable, answer.base_from_turntable, answer.table_covariance
-    for axis in other_axes(answer) if settings.part != "tool" else ():
+    if settings.part == "tool":
+        return
+    axes = {axis.name: axis for axis in other_axes(answer)}
+    for axis in axes.values():
         yield settings.base, axis.name, axis.frame, axis.covariance
+    for found in answer.frames:  # camera and board
+        if found.into in names and found.outof not in ("laser", "turntable", *axes):
+            frame = RigidTransform.from_rounded(found.matrix, "base", "turntable")
+            covariance = None if found.covariance is None else np.array(found.covariance, dtype=float)
+            yield names[found.into], found.outof, frame, covariance
 
 
 def position_and_quaternion(frame: RigidTransform) -> tuple[list[str], list[str]]:
