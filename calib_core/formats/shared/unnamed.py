@@ -141,7 +141,7 @@ def _may_be_index(values: FloatArray, place: int, columns: list[Column]) -> bool
     steps = np.diff(column)
     if len(column) < _RISES or not _is_whole(column) or not (column >= 0).all() or not (steps > 0).all():
         return False
-    return not any(map(_is_whole, others)) and (len(columns) > 2 or np.ptp(steps) > 0)
+    return not any(map(_is_whole, others)) and (len(columns) > 2 or bool(np.ptp(steps) > 0))
 
 
 def _is_whole(values: FloatArray) -> bool:
