@@ -6,6 +6,9 @@
     cp tests/oracle/answers.py ../then/tests/
     cd ../then && python tests/answers.py OUT/answers.json.gz SEEDS [PROCESSES]
 
+The one of the wobbling table is of 29 November 2026: since then what repeats widens the stated ±, and one cause of
+two that look alike is named.
+
 Solving anew must give the same verdict and numbers: `largest_difference` says how they differ, in stated sigmas.
 """
 

@@ -8,6 +8,7 @@ import socket
 import struct
 import time
 from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,8 @@ def test_a_reader_who_hangs_up_while_events_wait_to_be_sent_is_no_failure() -> N
             await asyncio.Event().wait()  # it reads no more
 
     scope = {"type": "http", "method": "GET", "path": "/events", "query_string": b"", "headers": [], "asgi": {}}
-    asyncio.run(events(scope, receive, send))  # pyright: ignore[reportArgumentType]
+    with ThreadPoolExecutor() as pool:  # here a browser's loop may be running
+        pool.submit(lambda: asyncio.run(events(scope, receive, send))).result()  # pyright: ignore[reportArgumentType]
     assert full.is_set()
 
 
