@@ -67,7 +67,7 @@ class Moves:
 
 Program = Callable[[Moves, Any], Sequence[str] | bytes]
 
-UNTRIED = "EXPERIMENTAL: written after the manual, no controller has run it: read it before it runs"
+UNTRIED = "EXPERIMENTAL: no controller has run this program: read it before it runs"
 """What every program says of itself."""
 
 

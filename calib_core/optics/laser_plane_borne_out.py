@@ -18,7 +18,6 @@ _FIRST_PX, _DOUBLINGS, _HALVINGS = 0.01, 10, 6
 _LINE_TERMS, _PLANE_TERMS = 2, 3
 _MEANS_ALONE = np.sqrt(2.0)  # slopes may be right, and then half of what the boards tell says nothing
 _BELIEVED = 4  # degrees of freedom that the stated ± are worth before any board: those of two
-
 _GROSS_RATIO = 20.0  # no board lies so far off by what scatters the others: it was moved, or its line is another
 
 
