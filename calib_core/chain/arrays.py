@@ -219,29 +219,44 @@ def _quadratic(
     distances = np.linalg.norm(offsets, axis=1)
     normals = offsets / distances[:, None]
     moved = np.einsum("ni,nij->nj", normals, scanner.displacements(points, scanner.bow_of(points, half_width_mm)))
-    shapes = scanner.incidence_shapes(np.abs(normals[:, 2]))
+    # By x and y alone, in which a scanner's noise does not act, as for a profile.
+    cosine = np.sqrt(np.maximum(1 - np.sum(offsets[:, :2] ** 2, axis=1) / radius_mm**2, 0.0))
+    shapes = scanner.incidence_shapes(cosine)
     jacobian = np.column_stack([-normals, -np.ones(len(points)), moved, -shapes])
     weight = 1 / (observation.point_sigma_mm**2 * observation.points_per_independent)
     gradient = weight * jacobian.T @ (distances - radius_mm)
-    return weight * jacobian.T @ jacobian, gradient + _density_slope(observation, normals, distances)
+    return weight * jacobian.T @ jacobian, gradient + _density_slope(
+        observation, normals, distances, radius_mm, half_width_mm
+    )
 
 
-def _density_slope(observation: SphereObservation, normals: FloatArray, distances: FloatArray) -> FloatArray:
-    """Return the gradient (11,) of the part of a cloud's density that `sphere_information` has of a profile's."""
+def _density_slope(
+    observation: SphereObservation,
+    normals: FloatArray,
+    distances: FloatArray,
+    radius_mm: float,
+    half_width_mm: float,
+) -> FloatArray:
+    """Return the gradient (11,) of the part of a cloud's density that `sphere_information` has of a profile's.
+
+    Each point counts by its own squared distance: what a distance and its own derivative share of one point's
+    noise, whether that is alike along the normal or along the ray.
+    """
     from calib_core.kernels.chain import FLATTEST
 
     points = observation.points_in_laser_mm
     steep = np.abs(normals[:, 2]) > FLATTEST
     points, normals, distances = points[steep], normals[steep], distances[steep]
-    by_point = normals / distances[:, None]
-    by_point[:, 2] = -(1 / normals[:, 2] - normals[:, 2]) / distances
+    weight = ((distances - radius_mm) / observation.point_sigma_mm) ** 2 / observation.points_per_independent
+    by_point = weight[:, None] * normals / distances[:, None]
+    by_point[:, 2] = -weight * (1 / normals[:, 2] - normals[:, 2]) / distances
     slope = np.zeros(11)
     slope[:3] = -by_point.sum(axis=0)
-    moved = scanner.displacements(points, np.zeros(len(points)))
+    moved = scanner.displacements(points, scanner.bow_of(points, half_width_mm))
     slope[4:8] = np.einsum("ni,nij->j", by_point, moved)
-    slope[5] -= len(points)
-    slope[6] -= float(np.sum(normals[:, 0] / normals[:, 2]))
-    return slope / observation.points_per_independent
+    slope[5] -= weight.sum()
+    slope[6] -= float(np.sum(weight * normals[:, 0] / normals[:, 2]))
+    return slope
 
 
 def visits_of(data: ChainData) -> FloatArray:

@@ -7,7 +7,8 @@
     cd ../then && python tests/answers.py OUT/answers.json.gz SEEDS [PROCESSES]
 
 The one of the wobbling table is of 29 November 2026: since then what repeats widens the stated ±, and one cause of
-two that look alike is named.
+two that look alike is named.  So are those of clouds (40010, 40017), whose noise entered the shape of their
+scanner's errors, and of rotations alone (40016), which tells each direction that is open.
 
 Solving anew must give the same verdict and numbers: `largest_difference` says how they differ, in stated sigmas.
 """

@@ -154,6 +154,7 @@ SIDE_OPEN = Code(
     meaning="A profile shows a circle; the sphere's centre may lie on either side of the plane of light.",
     decided="The other choice of sides is less than 150 times less likely.",
     usual_causes="Profiles through the sphere's middle, few captures.",
+    behind=("tool-rotation-undetermined", "tool-position-undetermined"),
 )
 
 FEW_CAPTURES = Code(

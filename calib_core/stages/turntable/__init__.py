@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 10  # a table that wobbles or moved widens the ±; wobbles about any pivot
+    method_revision = 11  # a cloud's noise enters no shape of its scanner's errors
     step = CaptureStep(
         "turntable",
         "Turntable",
