@@ -35,8 +35,7 @@ class ControllerSettings(Settings):
 
     def of_one(self, which: int, name: str) -> Self:
         """Return them with the tool of one of several scanners; raises ConflictError where a program has one."""
-        need = message("one scanner by `of_scanner`: a program of this brand has one tool")
-        raise ConflictError(need, "several", "Export each with its own `of_scanner`.", "of_scanner")
+        raise _several()
 
     def of_axis(self, which: int, name: str) -> Self | None:
         """Return them with the user frame of another axis than the table; None where a program has one."""
@@ -87,6 +86,17 @@ class NamedSettings(ControllerSettings):
         return self.model_copy(update={"frame": _called(self.frame, name)})
 
 
+def require_one_scanner(answer: Answer, settings: ControllerSettings) -> None:
+    """Raise ConflictError where one entry of a backup would be any of several scanners."""
+    if settings.of_scanner is None and len(answer.scanners()) > 1:
+        raise _several()
+
+
+def _several() -> ConflictError:
+    need = message("the name of one scanner in `of_scanner`: one tool is written")
+    return ConflictError(need, "several scanners", "Export each with its own `of_scanner`.", "of_scanner")
+
+
 def _called(name: str, of: str) -> str:
     """Return a name with that of what it belongs to, as controllers take it."""
     plain, bracket, rest = name.partition("[")
@@ -120,10 +130,12 @@ def frames_written(answer: Answer, settings: Any, convention: str, default: Part
     Raises
     ------
     ConflictError
-        If the table is asked for and there is none.
+        If the table is asked for and there is none, or one of several scanners is to be named.
     """
     with_scanner, with_table = wanted(answer, settings.part, default)
     whole, frames = default == "both", int(with_table)
+    if with_scanner and not whole:
+        require_one_scanner(answer, settings)
     several = answer.scanners() if whole and settings.of_scanner is None else {}
     scanners = {name: frame for name, (frame, _) in several.items()} if len(several) > 1 else {}
     for which, (name, frame) in enumerate((scanners or {"": answer.mount_from_laser}).items()):

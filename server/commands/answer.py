@@ -52,10 +52,10 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
     from calib_core.findings.judgement import judgement
     from calib_core.findings.telling import block_in
     from calib_core.frames import Frame, RigidTransform
-    from calib_core.graph.registry import STAGES
     from calib_core.messages import message
     from calib_core.records.decided_before import DECISIONS
     from calib_core.records.evidence import AnyBlock, Figure, Note
+    from calib_core.stages.evidence import title_of
     from calib_core.stages.evidence_parts import frame_block
 
     seen = answer.laser_from_turntable
@@ -91,7 +91,8 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
             frame = RigidTransform.from_rounded(found.matrix, into, outof)
             covariance = found.covariance if believed else None
             blocks.append(frame_block(answer.pose_convention, frame, covariance, title=title))
-    title = said.say(STAGES.get(answer.stage, "stage").title)
+    fixed = answer.base_from_laser is not None and answer.tool is None
+    title = said.say(title_of(answer.stage, fixed=fixed))
     told = {**answer.to_json(), "warnings": judgement(answer.findings, said)["warnings"]}  # its faults, too
     return result_text(title, told, [block_in(block, said) for block in blocks], said)
 

@@ -7,7 +7,7 @@ from server.console.command import OK, Command, session_argument
 from server.console.output import print_result
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from calib_core.review.cell_frames import ListedFrame, SessionFrames
 
@@ -37,15 +37,15 @@ def _run(options: argparse.Namespace) -> int:
         results = stored_results(folder)
         stale = Graph.stale_of(session, read, results)
         frames = session_frames(session, results, stale, asked, options.capture)
-    print_result(options, _text(frames), frames.to_json())
+    print_result(options, _text(frames, results), frames.to_json())
     return OK
 
 
-def _text(frames: "SessionFrames") -> str:
+def _text(frames: "SessionFrames", solved: "Collection[str]") -> str:
     from calib_core.messages import message
 
     if frames.asked is None:
-        return "\n".join(_edge(edge) for edge in frames.edges)
+        return "\n".join(_edge(edge, edge.source in solved) for edge in frames.edges)
     asked = frames.asked
     name, through = asked.name, " · ".join(asked.through)
     lines: list[str] = [message("{name}, through {through}", name=name, through=through) if through else name]
@@ -61,8 +61,8 @@ def _text(frames: "SessionFrames") -> str:
     return "\n".join(lines)
 
 
-def _edge(edge: "ListedFrame") -> str:
-    """Return where a transform of the cell comes from."""
+def _edge(edge: "ListedFrame", solved: bool) -> str:
+    """Return where a transform of the cell comes from; what its stage has `solved`, and has not, stays open."""
     from calib_core.messages import message
 
     name = message("{name} of {scanner}", name=edge.name, scanner=edge.scanner) if edge.scanner else edge.name
@@ -75,6 +75,8 @@ def _edge(edge: "ListedFrame") -> str:
             told = message("{name}: known, {source}", name=name, source=edge.source)
         case "solved":
             told = message("{name}: solved by {stage}", name=name, stage=edge.source)
+        case "sought" if solved:
+            told = message("{name}: left open by the motions in {stage}", name=name, stage=edge.source)
         case "sought":
             told = message("{name}: not solved yet, {stage} will", name=name, stage=edge.source)
     return message("{said}; out of date: its inputs have changed since", said=told) if edge.stale else told

@@ -15,6 +15,7 @@ from calib_core.errors import ConflictError
 from calib_core.review.answer import answer_of_folder
 from calib_core.simulation import TOPOLOGY_SCENARIOS
 from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.stages.guide import guide
 from calib_core.stages.pipeline import solve_stage
 from server.cli import main
 from tests.topology_errors import distances
@@ -118,9 +119,15 @@ def simulated_orientation(simulated: cc.OpenSession) -> np.ndarray:
     return pose_of(simulated.record.cell, simulated.record.captures[0]).rotation
 
 
-def test_an_open_position_is_no_tool_of_a_controller() -> None:
+def test_an_open_position_is_no_tool_of_a_controller_and_no_tilt_is_asked_for() -> None:
     simulated, _ = cc.simulate("scara", 1)
+    asked = guide(simulated.record, [], {}).current
+    assert asked.action == "solve"
+    assert "cannot" in asked.why
     result = simulated.run()["tcp"]
+    asked = guide(simulated.record, [], {"tcp": result}).current
+    assert asked.action == "review"
+    assert "tilt the flange if the machine can" in asked.why
     assert result.tool0_from_laser is not None
     assert sum(np.isnan(row[3]) for row in result.tool0_from_laser) == 2
     with pytest.raises(ConflictError, match="motions leave open"):

@@ -125,3 +125,29 @@ def test_of_several_scanners_one_is_chosen_and_all_are_frames() -> None:
     ]  # fmt: skip
     with pytest.raises(InputError, match=r"a scanner that was solved, got 'right'. Name one of these: left, gate"):
         export(SESSION, {"tcp": told["tcp"]}, "kuka", settings={"of_scanner": "right"})
+
+
+@pytest.mark.parametrize(
+    ("brand", "backup"),
+    [
+        ("kuka", CONFIG), ("denso", "Tool 1, P(1,2,3,4,5,6)\n"), ("ur", "set_tcp(p[0.1,0.2,0.3,0,0,0])\n"),
+        ("comau", "PROGRAM a NOHOLD\nBEGIN\n  $TOOL := POS(1,2,3,4,5,6,'')\nEND a\n"),
+        ("mitsubishi", "10 Tool (1,2,3,4,5,6)\n"),
+    ],
+)  # fmt: skip
+def test_a_backups_one_tool_is_that_of_a_named_scanner(brand: str, backup: str) -> None:
+    told = results()["tcp"]
+    other = RigidTransform.of([0.3, -1.1, 0.7], [30.0, -150.0, 70.0], "tool0", "laser")
+    told["frames"] = [
+        {"into": "tool0", "outof": "laser", "scanner": name, "matrix": matrix, "covariance": COVARIANCE}
+        for name, matrix in (("left", told["tool0_from_laser"]), ("right", other.to_rows()))
+    ]
+    with pytest.raises(ConflictError, match="the name of one scanner in `of_scanner`"):
+        export(SESSION, {"tcp": told}, brand, backup=backup.encode())
+    chosen = {"of_scanner": "right"}
+    content, _ = export(SESSION, {"tcp": told}, brand, settings=chosen, backup=backup.encode())
+    tools = read_controller_files({"b.script" if brand == "ur" else "b": content}, brand).tools
+    found = [parse_pose(one.convention, one.pose) for one in tools]
+    near(
+        min(found, key=lambda one: float(np.linalg.norm(one.translation_mm - other.translation_mm))), other, brand
+    )

@@ -165,7 +165,7 @@ TOO_FEW_TILTS = Code(
         "needed: they fix the scanner's position.",
         by="count",
     ),
-    to_do="Tilt the flange and capture the sphere again.",
+    to_do="Tilt the flange, if the machine can, and capture the sphere again.",
     meaning="Poses of one orientation leave the scanner's place on the flange open.",
     decided="Orientations that differ by 5° or more are counted.",
     usual_causes="A robot that was only shifted, or a machine of few axes, which cannot tilt.",

@@ -5,7 +5,7 @@ from typing import Self
 from calib_core.errors import ConflictError
 from calib_core.exports.answer import Answer
 from calib_core.exports.patching import patched_line
-from calib_core.exports.writing import ControllerSettings, listed, program_export, tool_pose
+from calib_core.exports.writing import ControllerSettings, listed, program_export, require_one_scanner, tool_pose
 from calib_core.messages import message
 
 
@@ -31,6 +31,7 @@ def patch(backup: bytes, answer: Answer, settings: PlainSettings) -> bytes:
     if settings.part in ("table", "both"):
         to_do = message("Set the work coordinate on the teaching box, by three points of the table.")
         raise ConflictError("part tool", settings.part, to_do, "part")
+    require_one_scanner(answer, settings)
     before = r"^[ \t]*(?:\d+[ \t]+)?Tool[ \t]*\("
     numbers = listed(tool_pose(answer, "mitsubishi"), 6, 8)
     return patched_line(backup, answer, "' ", [("Tool (…)", before, numbers)])

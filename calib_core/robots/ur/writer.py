@@ -7,7 +7,16 @@ from pydantic import Field
 from calib_core.errors import InputError
 from calib_core.exports.answer import Answer
 from calib_core.exports.patching import as_bytes_kept, only_match, put_back, replaced
-from calib_core.exports.writing import Name, NamedSettings, fixed, program_export, provenance, tool_pose, wanted
+from calib_core.exports.writing import (
+    Name,
+    NamedSettings,
+    fixed,
+    program_export,
+    provenance,
+    require_one_scanner,
+    tool_pose,
+    wanted,
+)
 from calib_core.formats.shared.xml_file import elements, gzipped_as, is_gzip, unzipped
 from calib_core.messages import message
 from calib_core.robots.ur.packed import tcps, with_tcp
@@ -36,6 +45,7 @@ def _table(pose: list[float], settings: UrSettings, answer: Answer) -> list[str]
 def patch(backup: bytes, answer: Answer, settings: UrSettings) -> bytes:
     """Return a script or an installation with its TCP changed; an installation stays packed as it was."""
     wanted(answer, settings.part, "tool")
+    require_one_scanner(answer, settings)
     plain = unzipped(backup, "into")
     numbers = _list(tool_pose(answer, "ur"))
     if plain.lstrip()[:1] == b"<":

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib_core.captures.content import pose_of
 from calib_core.cell.carriers import ball_on_flange, stands_apart
-from calib_core.cell.found import carriers_found
+from calib_core.cell.found import carriers_found, turns_little
 from calib_core.chain.two_step import EQUAL_ORIENTATION_RAD
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
@@ -76,13 +76,17 @@ def _guide(view: GuideView) -> GuideNow | None:
     if fresh and fresh.get("up_to_shift") and wants_turntable(session):
         return None  # what the machine's motions leave open does not matter for a part on the table
     advice = tcp_advice(session, measured, view.results)
+    if fresh is not None and turns_little(fresh):
+        return _reviewed_of_few_axes(fresh)
     if fresh is not None:
         return _reviewed(session.cell, review(fresh), advice)
     if advice is not None and (advice.contradicted or advice.apart):
         return _contradicted(advice)
+    motion = motion_of(usable)
+    if len(usable) >= _MANY and len(motion.shifts_mm) >= LEAST_SHIFTS and not motion.turns_differ:
+        return _solve_of_few_axes(again=result is not None)
     if advice is not None:
         return _by_worth(session.cell, advice, again=result is not None)
-    motion = motion_of(usable)
     home = usable[motion.reference]
     shifts, turns = len(motion.shifts_mm), len(motion.turns_rad)
     turned = turns >= WANTED_TURNS and motion.turns_differ
@@ -93,6 +97,28 @@ def _guide(view: GuideView) -> GuideNow | None:
         return _shift(session.cell, motion, home)
     names = [name for name in poses if verdicts.get(name) != "fail"]
     return _turn(session.cell, motion, home, _sphere(session.cell, names, poses, measured, motion, result))
+
+
+def _reviewed_of_few_axes(result: Mapping[str, Any]) -> GuideNow:
+    """Return the look at a result of a machine that does not turn: a tilt that it cannot make is not asked for."""
+    now = review({**result, "undetermined": []})
+    if result.get("verdict") == "fail":
+        return now
+    why = message(
+        "What the machine's motions leave open moves all scans alike: they are merged without it. Where the place "
+        "in base matters, tilt the flange if the machine can, or measure that place."
+    )
+    count = len(result.get("undetermined", []))
+    return now.model_copy(update={"why": why, "progress": message("solved; {count} left open", count=count)})
+
+
+def _solve_of_few_axes(*, again: bool) -> GuideNow:
+    """Return the solve of many captures that are not turned about two axes, as of a machine that cannot tilt."""
+    why = message(
+        "No captures differ by turns about two axes. If the machine can tilt the flange, capture such poses "
+        "first; if it cannot, all else is solved."
+    )
+    return _solve(GOOD_TURNS, again=again).model_copy(update={"why": why})
 
 
 def _reviewed(cell: Cell, now: GuideNow, advice: Advice | None) -> GuideNow:
