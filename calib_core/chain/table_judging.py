@@ -3,6 +3,9 @@
 An encoder that counts three parts in a thousand too much moves a sphere 90 mm off the axis by more than a
 millimetre after most of a turn: that is no fault of the captures that show it.  So where captures are rejected, or
 the scale is doubtful, they are judged once more with the scale as an unknown.
+
+Nor is it their fault that a table was pushed in between: the few before or after it would be left out, and the
+answer would be sure of where the table stood for the others.  Where a push explains every one, all are heard.
 """
 
 from collections.abc import Callable
@@ -14,13 +17,17 @@ from calib_core.chain.likelihood import fit
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged, judge_from, judge_these
-from calib_core.chain.variance import GivenSigmas
+from calib_core.chain.score import Scores
+from calib_core.chain.table_moves import FAR_MM, table_move_of
+from calib_core.chain.variance import GivenSigmas, with_averaged_covariance
 from calib_core.estimation import covariance_of
 
 SCALE_SIGMAS = 4.0
 """From so many standard deviations on an encoder's scale error is believed."""
 
 _WORTH_SAYING = 1e-4
+_PUSHED = 1e-4
+"""So far below what may be said falsely: that a capture is wrong is likelier before any capture than a push."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,26 @@ def judge_table(
             judged = judge_these(observations, data, state, free.used, sigmas)
             return judged, {**found, axis: replace(found[axis], applied=False)}
         data, judged, scales = opened, free, found
-    return judged, scales
+    return _heard_where_pushed(observations, data, judged), scales
+
+
+def _heard_where_pushed(observations: list[SphereObservation], data: ChainData, judged: Judged) -> Judged:
+    """Return the fit to all captures of tables where one table's push explains each that was left out, else as is."""
+    layout = data.walk.layout
+    on_tables = np.isin(data.walk.place, [place for a in layout.carrying for place in layout.on_axis(a)])
+    left_out = np.flatnonzero(on_tables & ~judged.used)
+    if len(left_out) == 0:
+        return judged
+    before = int(np.argmax(on_tables))
+    every = judge_these(observations, data, judged.fit.state, judged.used | on_tables, judged.given, judged.fit)
+    move = table_move_of(every, data.count - before, Scores.of(every))
+    if move is None or move.kind != "table-pushed" or move.rarity > _PUSHED or move.shift_mm > FAR_MM:
+        return judged
+    after = np.isin(left_out, np.array(move.captures) + before)
+    if after.any() and not after.all():
+        return judged
+    averaged = with_averaged_covariance(every.data, every.fit, every.given)
+    return replace(every, fit=averaged, excess=judged.excess, inflation=every.excess)
 
 
 def encoder_scales(judged: Judged) -> EncoderScales:

@@ -27,7 +27,8 @@ _CODES: Final[dict[Moved, Code]] = {
     "sphere-reseated": codes.SPHERE_RESEATED,
     "clamp-gives": codes.CLAMP_GIVES,
 }
-_FAR_MM: Final = 5.0
+FAR_MM: Final = 5.0
+"""How far a table, or a ball on it, is believed to move by mishap."""
 _LEAST_MM: Final = 0.05
 _LEAST_BESIDE: Final = 2  # captures on either side of a change: one alone is told by rejection
 _RARE: Final[dict[Moved, float]] = {
@@ -92,7 +93,7 @@ def table_move_of(judged: Judged, count: int, scores: Scores) -> TableMove | Non
     found: list[TableMove] = []
     for trial in (trial for a in tables for trial in _trials(judged, a, before)):
         width = trial.rows.shape[2]
-        gain, size, step = scores.gained(trial.rows, _FAR_MM)
+        gain, size, step = scores.gained(trial.rows, FAR_MM)
         rarity = scores.chance(gain, width) * len(tables) / trial.rare
         some, shift_mm = tuple((trial.captures - before).tolist()), float(np.linalg.norm(size))
         share = more_than_chance(gain, width)

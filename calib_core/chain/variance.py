@@ -28,7 +28,7 @@ _READING = {"rotary": (1e-4, 3.0, 1e-6, 2e-2), "linear": (0.03, 3.0, 0.001, 50.0
 _ALIKE = ((0.03, 3.0, 1e-3, 50.0), (7e-5, 3.0, 1e-6, 2e-2), (1.0, 1.6, 0.3, 3.0))
 _IMPOSSIBLE = -1e12
 _SETTLED = 0.5  # of the log-likelihood
-_MOST_CAPTURES = 60  # from so many the amplitudes are known well enough
+_MOST_CAPTURES = 120  # from so many the amplitudes are known well enough
 
 _TIED = np.linalg.inv([[1.0, 0.8], [0.8, 1.0]])  # inverse of the prior's correlation
 

@@ -14,7 +14,7 @@ class Turntable(Stage):
     """The turntable's axis, from the sphere on it."""
 
     name, title, place = "turntable", "Turntable", 40
-    method_revision = 11  # a cloud's noise enters no shape of its scanner's errors
+    method_revision = 12  # captures before or after a push of the table are heard
     step = CaptureStep(
         "turntable",
         "Turntable",
