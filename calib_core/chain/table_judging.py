@@ -93,7 +93,7 @@ def judge_table(
 
 
 def _heard_where_pushed(observations: list[SphereObservation], data: ChainData, judged: Judged) -> Judged:
-    """Return the fit to all captures of tables where one table's push explains each that was left out, else as is."""
+    """Return the fit to all captures of tables where a push explains each that was left out, else as it was."""
     layout = data.walk.layout
     on_tables = np.isin(data.walk.place, [place for a in layout.carrying for place in layout.on_axis(a)])
     left_out = np.flatnonzero(on_tables & ~judged.used)
