@@ -75,6 +75,8 @@ def test_a_folder_is_fresh_and_solved_anew_gives_the_same(folder: Path) -> None:
         for name, covariance in FRAMES.get(stage, {}).items():
             # What is not determined may lie anywhere within its ±: since revision 2 of tcp it lies elsewhere.
             limit = SIGMAS if now["verdict"] != "fail" else 3.0
+            if folder.name == "tcp-mixed":  # noise of its clouds was taken for their scanner's error by a quarter
+                limit = 0.3
             assert apart(before[name], now[name], before[covariance]) < limit, (stage, name)
 
 
