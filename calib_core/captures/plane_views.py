@@ -18,6 +18,7 @@ from calib_core.captures.content import pose_of, shows_board
 from calib_core.cell.carriers import ball_on_flange
 from calib_core.errors import InputError, MeasurementError, MotionError
 from calib_core.frames import RigidTransform
+from calib_core.messages import message
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_refusal import BRING_WHOLE, grey_eight_bit
 from calib_core.optics.camera_model import CameraModel
@@ -159,13 +160,11 @@ class PlaneViews:
         if self._camera.image_size[0] and self._camera.image_size != size:
             raise InputError(
                 "a frame of {width}×{height} pixels, as the camera was calibrated with",
-                "{width_other}×{height_other} pixels",
+                message("{width}×{height} pixels", width=size[0], height=size[1]),
                 "Take all frames with one camera and one setting, or remove this capture.",
                 capture.id,
                 width=self._camera.image_size[0],
                 height=self._camera.image_size[1],
-                width_other=size[0],
-                height_other=size[1],
             )
         try:
             return stripe_of(capture, self._read)

@@ -153,9 +153,8 @@ def _rows(section: _Section, place: int, header: list[str], where: str) -> list[
             text = fields[header.index(named)] if named in header[:axis_at] else "0"
             value = number_of(text)
             if value is None:
-                need = "a number under {named}"
-                to_do = "Correct it."
-                raise InputError(need, "{bad!r} in line {line}", to_do, where, named=named, bad=text, line=number)
+                got = message("{word} in line {number}", word=repr(text), number=number)
+                raise InputError("a number under {named}", got, "Correct it.", where, named=named)
             row[named] = value
         rows.append(row)
     return rows
@@ -195,7 +194,8 @@ def _numbers(fields: list[str], line: int, where: str) -> FloatArray:
     found = [np.nan if not field or field.lower() == "nan" else number_of(field) for field in fields]
     bad = next((field for field, number in zip(fields, found, strict=True) if number is None), None)
     if bad is not None:
-        raise InputError("numbers", "{bad!r} in line {line}", "Correct this line.", where, bad=bad[:40], line=line)
+        got = message("{word} in line {number}", word=repr(bad[:40]), number=line)
+        raise InputError("numbers", got, "Correct this line.", where)
     return np.array(found, dtype=float)
 
 

@@ -100,7 +100,7 @@ def read_file(
         raise InputError(_WITH_POINTS[kind or "file"], "an empty file", to_do, name)
     if entry.read is None:
         to_do = "Export its points."
-        raise InputError("a file of points", "a file of the format '{entry}'", to_do, name, entry=entry.name)
+        raise InputError(_WITH_POINTS["file"], "a file of the format '{entry}'", to_do, name, entry=entry.name)
     told = _settings(entry, settings or {}, name)
     try:
         reading = entry.read(data, name, told, kind)
@@ -110,7 +110,7 @@ def read_file(
         if not entry.read.__module__.startswith("calib_core."):
             got = f"{type(error).__name__}: {error}"[:200]
             to_do = "Tell the makers of that format."
-            raise InputError("a file as '{entry}'", got, to_do, name, entry=entry.name) from error
+            raise InputError("a file of the format '{entry}'", got, to_do, name, entry=entry.name) from error
         raise
     require_kind(reading.kind, kind, name, message("the axes {axes}", axes=", ".join(reading.axes)))
     reading = reading.scaled(told)

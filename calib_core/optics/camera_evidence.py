@@ -1,6 +1,6 @@
 """What a camera's solution says about itself: covariance, correlations, coverage, and what is noticed."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from calib_core.findings import Finding
 from calib_core.findings.codes import camera as codes
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.kernels.bundle import SHAPE_TERMS
+from calib_core.messages import message, templates
 from calib_core.optics.adjust import Adjustment
 from calib_core.optics.camera_choice import Candidate
 from calib_core.optics.camera_model import CameraModel
@@ -27,7 +28,13 @@ _LARGE_RMS_PX, _FAIL_RMS_PX = 1.0, 3.0
 _UNSURE_FOCAL = 0.005
 _NOTABLE_BEND_GAIN = 0.15
 _ADVISED_TILT_RAD = 0.26
-_BENDS = {3: " + bend", SHAPE_TERMS: " + cubic bend"}
+MODELS: Final = templates({
+    "plain": "plain",
+    "rational": "rational",
+    "tilted": "tilted sensor",
+    "segmental": "segments over depth",
+})  # fmt: skip
+_BENDS: Final = templates({0: "{model}", 3: "{model} + bend", SHAPE_TERMS: "{model} + cubic bend"})
 
 
 def coverage(fit: "Fit", layout: "Layout", image_size: tuple[int, int], inflation: float) -> Coverage:
@@ -203,15 +210,21 @@ def _of_lens(solution: "CameraSolution") -> list[Finding]:
     return found
 
 
+def _named(candidate: Candidate) -> str:
+    return message(_BENDS.get(candidate.shape_terms, _BENDS[0]), model=MODELS[candidate.model])
+
+
 def _of_model(solution: "CameraSolution") -> list[Finding]:
     found: list[Finding] = []
     chosen = solution.camera.model
     if solution.candidates:
-        errors = ", ".join(
-            f"{c.model}{_BENDS.get(c.shape_terms, '')} {c.held_out_rms_px:.3f} px" for c in solution.candidates
-        )
+        errors = [
+            message("{what}: {off_px:.3f} px", what=_named(one), off_px=one.held_out_rms_px)
+            for one in solution.candidates
+        ]
         than = "plain" if chosen == "plain" else "other"
-        found.append(codes.CAMERA_MODEL(than=than, model=chosen, errors=errors))
+        told = message("{errors:,}", errors=errors)
+        found.append(codes.CAMERA_MODEL(than=than, model=MODELS[chosen], errors=told))
     if chosen in ("plain", "tilted") and "k3" not in solution.parameters:
         found.append(codes.TERMS_AT_ZERO(terms=[k for k in ("k2", "k3") if k not in solution.parameters]))
     if solution.tilt_correlation is not None and solution.tilt_correlation > 0.9:

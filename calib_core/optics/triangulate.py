@@ -181,12 +181,10 @@ def stripe_in_frame(
     if width and (image.shape[1], image.shape[0]) != (width, height):
         raise InputError(
             "a frame of {width}×{height} pixels, as the camera was calibrated with",
-            "{width_other}×{height_other} pixels",
+            message("{width}×{height} pixels", width=image.shape[1], height=image.shape[0]),
             "Record with the same camera settings, without cropping or binning.",
             width=width,
             height=height,
-            width_other=image.shape[1],
-            height_other=image.shape[0],
         )
     found = triangulate_stripe(calibration, find_stripe(image, options))
     if not len(found.points_in_laser_mm):

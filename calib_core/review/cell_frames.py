@@ -184,10 +184,10 @@ def _of_one_scanner(session: Session, into: str, outof: str) -> tuple[str, str, 
     if len(named) > 1:
         raise InputError(
             "scanners that one thing carries, and that saw one sphere",
-            "{into} and {outof}",
+            "{other} and {name}",
             "Ask for each of them in base.",
-            into=into,
-            outof=outof,
+            other=into,
+            name=outof,
         )
     plain = ["laser" if name in known else name for name in (into, outof)]
     return plain[0], plain[1], next(iter(named), None)

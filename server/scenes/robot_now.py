@@ -21,7 +21,7 @@ def robot_now(facts: SceneFacts, look: Look) -> Iterator[Node]:
         return
     flange = now.base_from_tool0
     yield nodes.axes("/live/flange", flange, _FLANGE_MM, LASER)
-    yield nodes.label("/live/name", flange.translation_mm, "robot now", 1.2)
+    yield nodes.label("/live/name", flange.translation_mm, "Robot now", 1.2)
     if facts.mount_from_laser is None:
         return
     laser = flange @ facts.mount_from_laser

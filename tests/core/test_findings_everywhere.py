@@ -17,7 +17,7 @@ PEEKS = {"startswith", "endswith", "partition", "rpartition", "find", "index", "
 
 
 MAY_SET = re.compile(r"""["'](warn|fail)["']""")
-MAY_LOOK = re.compile(r"warning|note|sentence|reason|doubt|cause|\.text|\" in |' in ")
+MAY_LOOK = re.compile(r"warning|note|sentence|reason|doubt|cause|\.text|\" in |' in |\(\"[a-z]+ [a-z]")
 
 
 def parents(tree: ast.AST) -> dict[ast.AST, ast.AST]:
@@ -66,7 +66,7 @@ def _searched(tree: ast.AST, said: frozenset[str]) -> Iterator[int]:
             if named - said:
                 yield from _searched(node, said | named)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in PEEKS:
-            if any(is_said(one) for one in [node.func.value, *node.args]):
+            if any(is_said(one) or _is_words(one) for one in [node.func.value, *node.args]):
                 yield node.lineno
         elif isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn):
             text = (
@@ -77,6 +77,14 @@ def _searched(tree: ast.AST, said: frozenset[str]) -> Iterator[int]:
             looped = word and isinstance(node.comparators[0], ast.Name) and node.comparators[0].id in said
             if text or within or looped or re.search(r"\.(sentence|text)$", ast.unparse(node.left)):
                 yield node.lineno
+
+
+def _is_words(part: ast.expr) -> bool:
+    return (
+        isinstance(part, ast.Constant)
+        and isinstance(part.value, str)
+        and bool(re.search("[a-z] [a-z]", part.value))
+    )
 
 
 def files_where(rule: Callable[[ast.AST], Iterator[int]], worth_a_look: re.Pattern[str]) -> set[str]:
@@ -97,3 +105,4 @@ def test_nobody_looks_into_a_sentence() -> None:
     assert list(looks_into_sentences(ast.parse("any(one.startswith('A') for one in result.warnings)"))) == [1]
     assert list(looks_into_sentences(ast.parse("for one in notes:\n    found = 'moved' in one"))) == [2]
     assert list(looks_into_sentences(ast.parse("moved = 'moved' in warning"))) == [1]
+    assert list(looks_into_sentences(ast.parse("said.startswith('two ways')"))) == [1]

@@ -63,7 +63,8 @@ export class CapturesElement extends StateElement {
     const { undo, redo } = next();
     for (const [button, what] of /** @type {const} */ ([[this.#undo, undo], [this.#redo, redo]])) {
       button.hidden = what === null;
-      const words = t(button === this.#undo ? "undo.what" : "redo.what", { what: what ?? "" });
+      if (what === null) continue;
+      const words = t(button === this.#undo ? "undo.what" : "redo.what", { what });
       button.setAttribute("aria-label", words);
       button.title = `${words} (${button === this.#undo ? "Ctrl+Z" : "Ctrl+Shift+Z"})`;
     }

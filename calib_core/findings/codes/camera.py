@@ -237,7 +237,7 @@ CAMERA_MODEL = Code(
     "note",
     text={
         "plain": "The plain model was chosen: no other is significantly better on held-out views ({errors}).",
-        "other": "The {model} model was chosen: it is significantly better on held-out views ({errors}).",
+        "other": "The model chosen is '{model}': it is significantly better on held-out views ({errors}).",
     },
     by="than",
     meaning="The model was not told, so the views decided.",

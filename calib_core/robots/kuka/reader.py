@@ -44,6 +44,7 @@ class _Program:
         self._source = source_of(data, name)
         self._found = Found(name)
         self._motion: dict[str, tuple[int, int, str, int]] = {}
+        self._two_ways: dict[str, str] = {}
         self._names: dict[tuple[str, int], str] = {}
         self._types: dict[tuple[str, int], str] = {}
         self._system = False
@@ -125,25 +126,21 @@ class _Program:
         tool, base = int(number(fields["TOOL_NO"])), int(number(fields["BASE_NO"]))
         known = self._motion.setdefault(name.upper(), (tool, base, fields.get("IPO_FRAME", "#BASE"), line))
         if known[:2] != (tool, base):
-            self._motion[name.upper()] = (
-                tool,
-                base,
-                message("two ways in lines {known} and {line}", known=known[3], line=line),
-                line,
+            self._two_ways[name.upper()] = message(
+                "its FDAT names two tools or bases, in lines {known} and {line}", known=known[3], line=line
             )
 
     def _with_motion(self, taught: Taught) -> Taught:
         """Return a point with the tool and base that its FDAT names."""
         if not taught.name.upper().startswith("X") or taught.tool is not None:
             return taught
-        motion = self._motion.get("F" + taught.name.upper()[1:])
+        named = "F" + taught.name.upper()[1:]
+        motion = self._motion.get(named)
         if motion is None:
             return taught
         tool, base, interpolation, line = motion
-        refused = ""
-        if interpolation.startswith("two ways"):
-            refused = message("its FDAT names tool and base in {interpolation}", interpolation=interpolation)
-        elif interpolation.upper().strip() == "#TCP":
+        refused = self._two_ways.get(named, "")
+        if not refused and interpolation.upper().strip() == "#TCP":
             refused = message(
                 "its tool stands still and the robot holds the workpiece (IPO_FRAME is #TCP, line {line})",
                 line=line,

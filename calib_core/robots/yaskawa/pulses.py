@@ -54,7 +54,7 @@ def with_joints(found: Sequence[Found]) -> Sequence[Found]:
             pulses, each = taught.joints_deg or (), known.get(part.group)
             if each is None or len(pulses) != _SIX:
                 why = _ALONE if each is None else message("pulses of six axes are supported")
-                part.skip(taught.line, message("{name}: {why}", name=taught.name, why=why), taught.name)
+                part.skip(taught.line, message("{what}: {why}", what=taught.name, why=why), taught.name)
             else:
                 joints = tuple(value / one for value, one in zip(pulses, each, strict=True))
                 part.poses.append(replace(taught, joints_deg=joints))

@@ -8,7 +8,8 @@ import numpy as np
 
 from calib_core.evidence.numbers import number_text, quantity, rms
 from calib_core.frames import FloatArray
-from calib_core.messages import message, templates
+from calib_core.messages import message
+from calib_core.optics.camera_evidence import MODELS
 from calib_core.records import Session
 from calib_core.records.camera_result import CameraResult
 from calib_core.records.evidence import (
@@ -27,12 +28,6 @@ from calib_core.records.evidence import (
 from calib_core.stages.evidence_parts import capture_series, captures_used, provenance, residual_table
 from calib_core.stages.frames_left_out import frames_left_out
 
-MODELS: Final = templates({
-    "plain": "plain",
-    "rational": "rational",
-    "tilted": "tilted sensor",
-    "segmental": "segments over depth",
-})  # fmt: skip
 _COLUMNS: Final = (("corners", "Corners", ""), ("rms_px", "RMS", "px"), ("edge_width_px", "Edge width", "px"))
 _LABELS: Final = {
     "fx": "Focal length x",
@@ -75,7 +70,7 @@ def _model(result: CameraResult) -> str:
     """Return the model with the members that the views determined."""
     members = " ".join(name for name in result.distortion if name in result.parameters)
     model = MODELS[result.model]
-    return message("{model}: {members}", model=model, members=members) if members else model
+    return message("{what}: {why}", what=model, why=members) if members else model
 
 
 def _sigma(result: CameraResult, name: str) -> float | None:
@@ -100,7 +95,7 @@ def _parameters(result: CameraResult) -> list[AnyBlock]:
         rows.append(Row(cells=[_LABELS.get(name, name), shown]))
     heads = [Column(label="Parameter", align="left"), Column(label="Value")]
     figures: list[AnyBlock] = [
-        Table(id="camera", title="Camera", caption="± at k = 2.", columns=heads, rows=rows),
+        Table(id="camera", title="Camera", caption="± at k = 2", columns=heads, rows=rows),
         Figure(label="Noise of a corner", quantity=quantity(result.corner_sigma_px, "px")),
     ]
     if result.tilt_correlation is not None:
@@ -154,7 +149,7 @@ def _views(result: CameraResult) -> list[AnyBlock]:
             x=Axis(label="View"),
             y=Axis(label="RMS", unit="px", low=0.0),
             series=[capture_series(rows, [row.rms_px for row in rows])],
-            band=Band(low=0.0, high=math.sqrt(2) * result.corner_sigma_px, label="corner noise"),
+            band=Band(low=0.0, high=math.sqrt(2) * result.corner_sigma_px, label="Corner noise"),
         )
     ]
 

@@ -5,7 +5,6 @@ from typing import Final
 
 from calib_core.evidence.numbers import plus_minus, quantity, rms
 from calib_core.frames import RigidTransform
-from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot
 from calib_core.records.laser_plane_result import LaserPlaneResidual, LaserPlaneResult
@@ -72,7 +71,7 @@ def _stripes(rows: list[LaserPlaneResidual]) -> Plot:
         x=Axis(label="Board's distance", unit="mm"),
         y=Axis(label="Off the plane", unit="mm"),
         series=[
-            capture_series(rows, [row.line_mean_mm for row in rows], message("mean"), _distances(rows)),
+            capture_series(rows, [row.line_mean_mm for row in rows], "Mean", _distances(rows)),
             capture_series(rows, [row.line_rms_mm for row in rows], "RMS", _distances(rows)),
         ],
     )

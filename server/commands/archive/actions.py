@@ -160,7 +160,7 @@ def _scene(
 def _print_facts(
     options: argparse.Namespace, where: str, facts: ArchiveFacts, said: str = "", with_seal: bool = False
 ) -> None:
-    lines = [message("{where}: {facts}", where=where, facts=_facts(facts))]
+    lines = [message("{what}: {why}", what=where, why=_facts(facts))]
     if with_seal:
         lines = [message("{where}: {seal} {facts}", where=where, seal=_seal(facts), facts=_facts(facts))]
     lines += [f"  {stage} ← {hashed}" for stage, hashed in facts.inputs_sha256.items()]

@@ -18,7 +18,7 @@ WORDS: Final = templates({
     "clock_device": "the device's clock",
     "clock_program": "told by the program that sent them",
     "clock_received": "when the server received them",
-    "solved": "Computed",
+    "solved": "Solved",
     "date unsigned": "{moment}, as told: nobody who is trusted here has signed this date",
     "captures": "Captures",
     "operator": "Operator",
