@@ -93,13 +93,13 @@ def blocks_html(blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH, address: 
 
 def _section(blocks: Sequence[AnyBlock], said: Catalogue, address: Address | None) -> Iterator[str]:
     for run in runs(blocks):
-        yield _figures(run) if isinstance(run, list) else _block(run, said, address)
+        yield _figures(run, said) if isinstance(run, list) else _block(run, said, address)
 
 
 def _block(block: AnyBlock, said: Catalogue, address: Address | None) -> str:
     match block:
         case Figure():
-            return _figures([block])
+            return _figures([block], said)
         case Frame():
             return _frame(block, said)
         case Table():
@@ -115,14 +115,14 @@ def _block(block: AnyBlock, said: Catalogue, address: Address | None) -> str:
             return f'<p class="{level}">{escape(block.text)}</p>'
 
 
-def _figures(figures: Sequence[Figure]) -> str:
-    return f"<table>{''.join(map(_figure, figures))}</table>"
+def _figures(figures: Sequence[Figure], said: Catalogue) -> str:
+    return f"<table>{''.join(_figure(one, said) for one in figures)}</table>"
 
 
-def _figure(figure: Figure) -> str:
+def _figure(figure: Figure, said: Catalogue) -> str:
     css = ' class="headline"' if figure.headline else ""
     css_of_value = "n" if figure.quantity else "n words"
-    value = f'<td class="{css_of_value}">{escape(figure_text(figure))}</td>'
+    value = f'<td class="{css_of_value}">{escape(figure_text(figure, said))}</td>'
     return f'<tr{css}><th scope="row">{escape(figure.label)}</th>{value}</tr>'
 
 

@@ -1,7 +1,7 @@
 """Blocks as text for a terminal."""
 
 import math
-import textwrap
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, Final
@@ -37,6 +37,8 @@ _WIDTH: Final = 100
 _BARS: Final = "▁▂▃▄▅▆▇█"
 _SHADES: Final = " ░▒▓█"
 _MOST_BARS: Final = 60
+_STAYS: Final = re.compile(r"(?<=\w) (?=[=%])|(?<=[=±]) (?=\d)|(?<=\d) (?=(?:mm|px|σ)\b)")
+_PIECES: Final = re.compile(r"[ \n]+|[（“《]*(?:[^ \n\u2e80-\uffff]+|[\u2e80-\uffff])[）”》，。：；、！？]*")
 _WORDS: Final = templates({
     "pass": "OK",
     "warn": "Warning",
@@ -112,7 +114,7 @@ def blocks_text(blocks: Sequence[AnyBlock], detail: bool = False, said: Catalogu
     for section in sections([block for block in blocks if detail or not block.detail]):
         lines += ["", section[0].title] if section[0].title else []
         for run in runs(section):
-            lines += _figures(run) if isinstance(run, list) else _lines(run, said)
+            lines += _figures(run, said) if isinstance(run, list) else _lines(run, said)
     return plain("\n".join(lines).strip("\n"))
 
 
@@ -123,12 +125,25 @@ def plain(text: str) -> str:
 
 def _wrapped(label: str, text: str) -> list[str]:
     """Return a sentence after its label, broken into lines that begin below each other."""
-    return _broken(padded(label, 10) + text, subsequent_indent=" " * 10, break_on_hyphens=False)
+    return _broken(text, padded(label, 10), " " * 10)
 
 
-def _broken(text: str, **how: Any) -> list[str]:
-    """Return text in lines, each as wide as the terminal allows; Chinese characters are two columns wide."""
-    return textwrap.wrap(text, _WIDTH * len(text) // max(_columns(text), 1), **how) if text else []
+def _broken(text: str, first: str, others: str) -> list[str]:
+    """Return text in lines, each as wide as the terminal allows, that begin as told.
+
+    A line may end between any two Chinese characters, which are two columns wide; numbers stay with their signs
+    and units, and no line begins with what closes a sentence.
+    """
+    lines, end = [first], True
+    for piece in _PIECES.findall(_STAYS.sub("\u00a0", text)):
+        if piece.isspace() and piece != "\u00a0":
+            lines[-1] += "" if end else " "
+        elif not end and _columns(lines[-1] + piece) > _WIDTH:
+            lines[-1:] = [lines[-1].rstrip(), others + piece]
+        else:
+            lines[-1] += piece
+        end = end and piece.isspace()
+    return [line.rstrip() for line in lines] if text else []
 
 
 def _columns(text: str) -> int:
@@ -144,7 +159,7 @@ def padded(text: str, width: int, right: bool = False) -> str:
 def _lines(block: AnyBlock, said: Catalogue) -> list[str]:
     match block:
         case Figure():
-            return _figures([block])
+            return _figures([block], said)
         case Frame():
             return _frame(block, said)
         case Table():
@@ -157,16 +172,16 @@ def _lines(block: AnyBlock, said: Catalogue) -> list[str]:
             return _wrapped(said.say(_WORDS[block.level]), block.text)
 
 
-def _figures(figures: Sequence[Figure]) -> list[str]:
+def _figures(figures: Sequence[Figure], said: Catalogue) -> list[str]:
     width = max(_columns(figure.label) for figure in figures)
-    return [f"  {padded(figure.label, width)}  {figure_text(figure)}" for figure in figures]
+    return [f"  {padded(figure.label, width)}  {figure_text(figure, said)}" for figure in figures]
 
 
-def figure_text(figure: Figure) -> str:
+def figure_text(figure: Figure, said: Catalogue = ENGLISH) -> str:
     """Return what stands beside a figure's label: number, limit and remark."""
     parts = [figure.text] if figure.text else [quantity_text(figure.quantity)]
     if figure.limit is not None:
-        parts.append(f"({figure.limit_label or 'limit'} {quantity_text(figure.limit)})")
+        parts.append(f"({figure.limit_label or said.say('Limit')} {quantity_text(figure.limit)})")
     if figure.remark:
         parts.append(f"({figure.remark})")
     return " ".join(parts)
@@ -202,7 +217,7 @@ def head_text(column: Column) -> str:
 
 
 def _caption(text: str) -> list[str]:
-    return _broken(text, initial_indent="  ", subsequent_indent="  ")
+    return _broken(text, "  ", "  ")
 
 
 def _table(table: Table) -> list[str]:
@@ -240,7 +255,8 @@ def _plot(plot: Plot, said: Catalogue) -> list[str]:
         lines.append(f"  {_bars(series.y)}  {_range(series, plot, said)}".rstrip())
     if plot.band is not None:
         low, high = number_text(plot.band.low, 1), number_text(plot.band.high, 1)
-        lines.append(f"  {plot.band.label}: {low} … {with_unit(high, plot.y.unit)}")
+        band = message("{what}: {why}", what=plot.band.label, why=f"{low} … {with_unit(high, plot.y.unit)}")
+        lines.append("  " + said.say(band))
     return lines
 
 
@@ -252,8 +268,8 @@ def _range(series: Series, plot: Plot, said: Catalogue) -> str:
     largest = max(known)[1]
     where = f" ({series.captures[largest]})" if series.captures else ""
     value = with_unit(number_text(series.y[largest], 2), plot.y.unit)
-    label = f"{series.label}: " if series.label else ""
-    return label + said.say(message("largest {value}", value=value)) + where
+    told = message("largest {value}", value=value + where)
+    return said.say(message("{what}: {why}", what=series.label, why=told) if series.label else told)
 
 
 def _bars(values: Sequence[float | None]) -> str:

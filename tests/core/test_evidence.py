@@ -5,6 +5,7 @@ import json
 import re
 import xml.etree.ElementTree as ET
 from typing import Any
+from unicodedata import east_asian_width
 
 import numpy as np
 import pytest
@@ -364,3 +365,13 @@ def test_how_well_the_nominal_lies_is_said_with_its_place_and_its_turn() -> None
     assert (place.uncertainty, place.unit) == (pytest.approx(2 * 0.03), "mm")
     assert (turn.uncertainty, turn.unit) == (pytest.approx(2 * np.rad2deg(0.003)), "°")
     assert len(_laid(laid, False)) == 2
+
+
+def test_lines_of_a_terminal_break_between_chinese_characters_and_keep_numbers_with_their_signs() -> None:
+    text = "仅由本标定造成的点位偏差（k = 2）：扫描仪沿其各轴，其余沿转台各轴。色带包含 95 % 的合格采集。"
+    lines = blocks_text([Note(level="info", text=text * 3)], said=catalogue("zh")).splitlines()
+    columns = [sum(2 if east_asian_width(one) in "WF" else 1 for one in line) for line in lines]
+    assert max(columns) <= 100
+    assert min(columns[:-1]) > 94, "a line is filled before the next one begins"
+    assert not [line for line in lines if line.strip()[0] in "）：，。；%="]
+    assert "".join(line.strip() for line in lines).count("k = 2") == 3

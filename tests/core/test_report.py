@@ -98,7 +98,7 @@ def test_it_says_what_the_records_say(solved: Solved) -> None:
     assert tcp["inputs_sha256"] in page.text
     assert tcp["software"] in page.text
     dated = report_html(session, results, circumstances=Circumstances(solved="2026-11-03T07:16:34.521Z"))
-    assert Page(dated).row("Computed") == ["Computed", "2026-11-03 07:16 UTC"]
+    assert Page(dated).row("Solved") == ["Solved", "2026-11-03 07:16 UTC"]
     assert tcp["method"] in page.text
     for warning in tcp["warnings"]:
         assert warning in page.text
