@@ -21,7 +21,7 @@ _MOST_ALIKE = 0.95  # of neighbours: beyond it an arc says nothing of itself
 _BEYOND_DOUBT_EXTENT_RAD = np.deg2rad(75.0)
 _BEYOND_DOUBT_RMS = 0.015  # of the radius
 _SMALL_PIECE = 0.05  # of the inliers: pieces beyond a gap that are smaller than this are left out
-LEAST_TOLD = 0.005
+LEAST_TOLD = 0.01
 """A share of the radius: a narrower arc is used where it tells its radius so well, correlation counted."""
 
 LEAST_POINTS = 12

@@ -19,7 +19,7 @@ _CERTIFIED_MM = 0.002
 
 def run(full: bool) -> list[Row]:
     """Return the rows; `full` takes ten seeds of every kind and 150 of clean cells, otherwise two and 24."""
-    rows = sharp(range(10 if full else 2))
+    rows = [*sharp(range(10 if full else 2)), *narrow(range(18 if full else 4))]
     return [*rows, *(row for count in (14, 30, 100) for row in clean(count, range(150 if full else 24)))]
 
 
@@ -56,6 +56,23 @@ def sharpened(kind: Trouble) -> Trouble:
         kind.change(plan, rng)
 
     return Trouble(kind.name, change, kind.clean, kind.hidden)
+
+
+def narrow(seeds: range) -> list[Row]:
+    """Return how cells end whose arcs are narrow: balls of 150 and 80 mm seen over 31°."""
+    ends = all_kept({f"narrow-{mm}-{seed}": partial(_narrow, mm, seed) for mm in (75, 40) for seed in seeds})
+    solved = [worst for verdict, worst in ends if verdict in ("pass", "warn")]
+    what = f"{len(ends)} cells, balls of 150 and 80 mm seen over 31°: solved; worst error / stated"
+    told = f"{len(solved)}; {max(solved, default=0.0):.1f}"
+    return [Row(what, "all; ≤ 2", told, len(solved) == len(ends) and max(solved) <= 2)] if ends else []
+
+
+def _narrow(radius_mm: float, seed: int) -> tuple[str, float]:
+    def change(plan: Plan, rng: np.random.Generator) -> None:
+        plan.radius_mm, plan.arc_deg = float(radius_mm), 15.5
+
+    found = outcome(Trouble("narrow", change), seed)
+    return found.verdict, found.worst
 
 
 def clean(count: int, seeds: range) -> list[Row]:

@@ -14,7 +14,7 @@ class Recheck(Stage):
     """Whether a calibration still holds: some of its poses captured again, the sphere still in its place."""
 
     name, title, place = "recheck", "Recheck", 65
-    method_revision = 4  # a sphere's rim in a camera's frame counts no more
+    method_revision = 5  # narrow arcs that tell their radius to 1 % count
     step = CaptureStep(
         "recheck",
         "Recheck",

@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 11  # an arm's lengths count with the ball on it; few captures know its scatter roughly
+    method_revision = 12  # narrow arcs that tell their radius to 1 % count
     step = CaptureStep(
         "verify",
         "Verification",
