@@ -18,6 +18,7 @@ CODES = ("table-pushed", "table-creeps", "sphere-reseated", "sphere-remounted", 
 SOUGHT = (
     ("pushed by 1 mm between the mountings", 0.95),
     ("pushed by 0.3 mm between the mountings", 0.60),
+    ("pushed by 1 mm within a mounting", 0.95),
     ("creeps by 0.3 mm", 0.50),
     ("sphere slips by 0.5 mm", 0.90),
     ("a clamp gives by 0.5 mm", 0.50),
@@ -36,16 +37,20 @@ def run(full: bool) -> list[Row]:
 
 
 def found(name: str, least: float, seeds: Iterable[int]) -> list[Row]:
-    """Return how often each stage tells by its code that something moved, and its worst `pass`, in stated 95 %."""
+    """Return how often each stage tells by its code that something moved, and its worst, in stated 95 %."""
     tables = all_kept(steps((name, seed) for seed in seeds))
     rows: list[Row] = []
     for stage, ends in _by_stage(tables):
         said = sum(any(code in CODES for code in codes) for _, codes, _ in ends)
         worst = max((off for verdict, _, off in ends if verdict == "pass"), default=0.0)
-        share = said / len(ends)
+        share, worst_warned = (
+            said / len(ends),
+            max((off for verdict, _, off in ends if verdict == "warn"), default=0.0),
+        )
         rows += [
             Row(f"{stage}, {name}: told", f"≥ {least:.0%}", f"{said} of {len(ends)}", share >= least),
             Row(f"{stage}, {name}: worst `pass` over its stated 95 %", "≤ 3 ×", f"{worst:.1f} ×", worst <= 3),
+            Row(f"{stage}, {name}: worst `warn` over its stated 95 %", "–", f"{worst_warned:.1f} ×"),
         ]
     return rows
 
