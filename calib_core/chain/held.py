@@ -62,11 +62,12 @@ class Held:
         How the unknowns and the nuisances err together with the arm.
     left : (P,) or None
         By how much they are off, as far as that is known: for errors of the scanner that were found and stay in
-        its files. Its square is in the covariance.
+        its files, with what the poses as told take back of it. Its square is in the covariance.
     by_lengths : (P,) or None
         What lengths of the arm that are off do to the unknowns. Its square is in the covariance.
     by_poses : (P,) or None
-        What errors of the arm that captures share did to the unknowns (`chain.held_poses`). The same.
+        What errors of the arm that captures share did to the unknowns (`chain.held_poses`). The same, as a part
+        of `left` where there is one: errors that stay in the files look like the arm's until these are held.
     with_lengths : (P,) or None
         Covariance with the share by which the arm's lengths are off, where the scanner's errors are sought.
     """
@@ -98,14 +99,26 @@ class Held:
 
         A scanner that stands still may stand metres away: its shift is that of what it sees.
         """
-        off = [row for row in (self.by_lengths, self.by_poses) if row is not None]
-        every = self.covariance - sum((np.outer(row, row) for row in off), np.zeros_like(self.covariance))
+        by_arm = np.outer(self.known_off, self.known_off) - np.outer(self._by_files, self._by_files)
+        if self.by_lengths is not None:
+            by_arm = by_arm + np.outer(self.by_lengths, self.by_lengths)
+        every = self.covariance - by_arm
         found = every[:6, :6].copy()
         if self.state.walk.layout.mounts[0][1] != "tool0":
             rows, some = self._rows_at(seen_in_laser_mm, self.half_width_mm), self.tool_and_scanner
             found[3:], found[:, 3:] = 0.0, 0.0
             found[3:, 3:] = rows @ every[np.ix_(some, some)] @ rows.T
         return found
+
+    @property
+    def known_off(self) -> FloatArray:
+        """By how much the unknowns (P,) are off for files and poses as they are; the covariance has its square."""
+        known = self.by_poses if self.left is None else self.left
+        return np.zeros(len(self.covariance)) if known is None else known
+
+    @property
+    def _by_files(self) -> FloatArray:
+        return self.known_off if self.by_poses is None else self.known_off - self.by_poses
 
     @property
     def tool_and_scanner(self) -> np.ndarray:
@@ -155,7 +168,7 @@ class Held:
         rows, some = self._rows_at(point_in_laser_mm, half_width_mm), self.tool_and_scanner
         way = self.lengths_sigma * self.state.mount(0).apply(point_in_laser_mm)
         swallowed = rows @ self.with_lengths[some] / self.lengths_sigma
-        step = np.zeros(3) if self.by_poses is None else rows @ self.by_poses[some]
+        step = rows @ self.known_off[some]
         variances, axes = np.linalg.eigh(found - np.outer(step, step) - np.outer(swallowed, swallowed))
         left, offset = swallowed - way, step - shared[0] * way
         return (axes * np.maximum(variances, 0.0)) @ axes.T + np.outer(left, left) + np.outer(offset, offset)
@@ -203,11 +216,14 @@ def _with_poses_as_told(held: Held) -> Held:
     state, step = told
     by_poses = np.zeros(len(held.covariance))
     by_poses[: len(step)] = step
+    before = held.known_off
+    off = before + by_poses
     return replace(
         held,
         state=state,
         at=linearised_at(held.data, state, held.sigmas),
-        covariance=held.covariance + np.outer(by_poses, by_poses),
+        covariance=held.covariance + np.outer(off, off) - np.outer(before, before),
+        left=None if held.left is None else off,
         by_poses=by_poses,
     )
 
