@@ -1,6 +1,7 @@
 """What the answer of a table has no room for: a pattern in its angle, or a move in the course of the captures.
 
-Both look like each other; the one that chance explains less is named.  The answer is less sure by what it did,
+Both look like each other; the one that chance explains less is named, unless a way that is an oval explains more:
+seven real positioners were "pushed" at the same angle.  The answer is less sure by what it did,
 also where so much is not rare enough to be said.
 """
 
@@ -11,7 +12,7 @@ import numpy as np
 from calib_core.chain.rejection import Judged
 from calib_core.chain.score import Scores
 from calib_core.chain.table_moves import TableMove, table_move_of
-from calib_core.chain.table_patterns import Pattern, pattern_of
+from calib_core.chain.table_patterns import Pattern, oval_of, pattern_of
 from calib_core.frames import FloatArray
 
 _DOUBTED = 50.0
@@ -36,6 +37,9 @@ def table_errors_of(judged: Judged, count: int, known: Pattern | None = None) ->
     pattern, move = pattern_of(judged, scores, known), table_move_of(judged, count, scores)
     some = [one for one in (pattern, move) if one is not None]
     likeliest = min(some, key=lambda one: (not one.said, one.rarity), default=None)
+    oval = oval_of(judged, scores)
+    if oval is not None and (likeliest is None or oval.rarity < likeliest.rarity):
+        likeliest = oval
     if likeliest is None or likeliest.rarity > _DOUBTED:
         return TableErrors(None, None, np.zeros((judged.data.width, judged.data.width)))
     return TableErrors(

@@ -17,8 +17,8 @@ from calib_core.chain.likelihood import fit
 from calib_core.chain.model import ChainData, ChainState
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged, judge_from, judge_these
-from calib_core.chain.score import Scores
-from calib_core.chain.table_moves import FAR_MM, table_move_of
+from calib_core.chain.table_errors import table_errors_of
+from calib_core.chain.table_moves import FAR_MM
 from calib_core.chain.variance import GivenSigmas, with_averaged_covariance
 from calib_core.estimation import covariance_of
 
@@ -101,7 +101,7 @@ def _heard_where_pushed(observations: list[SphereObservation], data: ChainData, 
         return judged
     before = int(np.argmax(on_tables))
     every = judge_these(observations, data, judged.fit.state, judged.used | on_tables, judged.given, judged.fit)
-    move = table_move_of(every, data.count - before, Scores.of(every))
+    move = table_errors_of(every, data.count - before).move
     if move is None or move.kind != "table-pushed" or move.rarity > _PUSHED or move.shift_mm > FAR_MM:
         return judged
     after = np.isin(left_out, np.array(move.captures) + before)

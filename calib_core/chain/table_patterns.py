@@ -3,6 +3,9 @@
 Once a turn, an axis that leans with the table is part of the mounting, and one that leans in base is the axis;
 twice and three times a turn are the bearing's.  Each adds unknowns to the normal equations at the answer; how much
 likelier all captures get with them, and how large they are, follows from those (a score test).
+
+A way that is an oval is no circle by a shift that turns against the table: an arm or a tracker whose scale differs
+by direction draws it as well as a bearing, so it is not named; nor is what it looks like half a turn long, a push.
 """
 
 from collections.abc import Iterator
@@ -18,6 +21,7 @@ from calib_core.findings.codes.turntable import AXIS_WOBBLES, ENCODER_ECCENTRIC
 from calib_core.frames import FloatArray
 
 _FAR_RAD = 5e-3
+_FAR_MM = 1.0
 _RARE = 0.0005  # of three patterns: one sound table in 700 is doubted
 _LEAST_LEAN_RAD = 2e-4
 _LEAST_ECCENTRIC_RAD = np.deg2rad(0.02)
@@ -44,7 +48,9 @@ class Pattern:
 
     @property
     def said(self) -> bool:
-        """Whether chance does not explain it and it is large enough to matter."""
+        """Whether chance does not explain it, one cause alone does, and it is large enough to matter."""
+        if self.kind == "oval":
+            return False
         least = _LEAST_LEAN_RAD if self.kind == "wobble" else _LEAST_ECCENTRIC_RAD
         return self.chance < _RARE and self.size_rad > least
 
@@ -87,6 +93,25 @@ def pattern_of(judged: Judged, scores: Scores, known: Pattern | None) -> Pattern
             for one in each
         ]
     return min(each, key=lambda one: one.rarity, default=None)
+
+
+def oval_of(judged: Judged, scores: Scores) -> Pattern | None:
+    """Return the oval way of a ball on a table that chance explains least, None where captures are too few."""
+    layout, walk, at = judged.data.walk.layout, judged.data.walk, judged.fit.minimum.at
+    tables = [axis for axis in layout.carrying if layout.axes[axis].kind == "rotary"]
+    found: list[Pattern] = []
+    for table in tables:
+        on_table = layout.rides[walk.place, table] & judged.used
+        if np.count_nonzero(on_table) < 2 + _LEAST_SPARE:
+            continue
+        first, angle = layout.axis(table).start, walk.readings[:, table]
+        x, y = at.jacobian[:, :, first + 2], at.jacobian[:, :, first + 3]
+        cosine, sine = (np.cos(angle) * on_table)[:, None], (np.sin(angle) * on_table)[:, None]
+        gain, _, step = scores.gained(np.stack([x * cosine - y * sine, x * sine + y * cosine], axis=2), _FAR_MM)
+        chance = scores.chance(gain, 2) * len(tables)
+        share = more_than_chance(gain, 2)
+        found.append(Pattern("oval", 1, 0.0, chance / _RARE, chance, step[: judged.data.width], share))
+    return min(found, key=lambda one: one.rarity, default=None)
 
 
 def _patterns(judged: Judged, table: int, scores: Scores, tables: int) -> Iterator[Pattern]:

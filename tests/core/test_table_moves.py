@@ -46,6 +46,19 @@ def test_a_sphere_that_slips_far_is_left_out_as_before() -> None:
     assert "table-pushed" not in {f.code for f in result.findings}
 
 
+def test_a_way_that_is_an_oval_is_no_push() -> None:
+    simulated = simulate("turntable", 1)
+    captures = list(simulated.session.captures)
+    for k, one in enumerate(captures):
+        if one.table_deg is not None:  # an arm or tracker whose scale differs by direction tells it so
+            angle, (x_mm, y_mm, *rest) = np.deg2rad(one.table_deg), one.pose or []
+            moved = [x_mm + 0.3 * np.cos(angle), y_mm - 0.3 * np.sin(angle), *rest]
+            captures[k] = one.model_copy(update={"pose": moved})
+    session = simulated.session.model_copy(update={"captures": captures})
+    result = solve_stage(session, "turntable", simulated.files.__getitem__)
+    assert [f.code for f in result.findings if f.code in MOVES] == []
+
+
 @pytest.mark.thorough
 def test_of_two_tables_the_one_that_was_pushed_is_said() -> None:
     simulated = simulate("two-tables", 1)

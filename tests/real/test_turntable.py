@@ -52,7 +52,8 @@ def test_the_axis_is_that_of_a_plain_fit(data_folder, tilt):
     assert np.std((off - off.mean()) * result.direction - ours) < 0.02
     assert result.circles[0].radius_mm == pytest.approx(radius, abs=0.02)
     assert all(row.used for row in result.residuals)
-    assert any(warning.startswith("One height only") for warning in result.warnings)
+    # Its way is an oval, by 0.25 mm at every tilt: four of the seven were said to be pushed.
+    assert {finding.code for finding in result.findings if finding.severity != "note"} == {"one-height"}
 
 
 def test_level_table_has_the_published_figures(data_folder):
