@@ -7,7 +7,8 @@ from calib_core.frames import RigidTransform
 from calib_core.simulation import simulate
 from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.turntable.record import TurntableResult
-from tests.trouble import all_table_troubles, troubled_table
+from tests.trouble import TableTrouble, all_table_troubles, troubled_table
+from tests.trouble.table_cell import TablePlan
 
 MOVES = {"table-pushed", "table-creeps", "sphere-reseated", "clamp-gives"}
 
@@ -46,17 +47,24 @@ def test_a_sphere_that_slips_far_is_left_out_as_before() -> None:
     assert "table-pushed" not in {f.code for f in result.findings}
 
 
-def test_a_way_that_is_an_oval_is_no_push() -> None:
-    simulated = simulate("turntable", 1)
-    captures = list(simulated.session.captures)
-    for k, one in enumerate(captures):
-        if one.table_deg is not None:  # an arm or tracker whose scale differs by direction tells it so
-            angle, (x_mm, y_mm, *rest) = np.deg2rad(one.table_deg), one.pose or []
-            moved = [x_mm + 0.3 * np.cos(angle), y_mm - 0.3 * np.sin(angle), *rest]
-            captures[k] = one.model_copy(update={"pose": moved})
-    session = simulated.session.model_copy(update={"captures": captures})
-    result = solve_stage(session, "turntable", simulated.files.__getitem__)
-    assert [f.code for f in result.findings if f.code in MOVES] == []
+TURNS_DEG = tuple(22.5 * k for k in range(16))
+
+
+@pytest.mark.parametrize(("of", "said"), [("oval", []), ("push", ["table-pushed"])])
+def test_a_way_that_is_an_oval_is_no_push(of: str, said: list[str]) -> None:
+    """One turn at one height, as four of seven real positioners were captured that were said to be pushed."""
+
+    def at(k: int, mount: int, count: int) -> np.ndarray:
+        angle = np.deg2rad(TURNS_DEG[k])  # an arm or tracker whose scale differs by direction tells it so
+        return np.array([np.cos(angle), -np.sin(angle), 0.0]) if of == "oval" else np.array([k >= 10, 0.0, 0.0])
+
+    def change(plan: TablePlan, rng: np.random.Generator) -> None:
+        plan.heights_mm, plan.angles_deg = (0.0,), TURNS_DEG
+        plan.table_at = lambda k, mount, count: 0.6 * at(k, mount, count)
+
+    cell = troubled_table(TableTrouble(of, change), 0)
+    result = solve_stage(cell.session, "turntable", cell.files.__getitem__)
+    assert [f.code for f in result.findings if f.code in MOVES] == said
 
 
 @pytest.mark.thorough
