@@ -10,6 +10,7 @@ from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
+from server.live.departures import Departures
 from server.live.exposures import Exposure
 from server.live.late_angle import STRIPE_STOOD_MM, LateAngle
 from server.live.standstill import Rest, Rules, is_new_place
@@ -35,6 +36,7 @@ class Agreement:
     def __init__(self, rules: Rules) -> None:
         self._rules = rules
         self.late_angle = LateAngle(rules.latency_s)
+        self.departures = Departures(rules.latency_s)
         self.forget(is_remounted=True)
 
     def forget(self, *, is_remounted: bool) -> None:
@@ -52,6 +54,7 @@ class Agreement:
             None  # the last stand: since when, where, what was seen
         )
         self.late_angle.forget()
+        self.departures.forget()
         if is_remounted:
             self._on_table: Rest | None = None
 
@@ -78,6 +81,7 @@ class Agreement:
         seen_s = exposure.frame.host_time_s
         if is_on_table and exposure.arc is not None and self.late_angle.see(exposure.arc, seen_s, self._table_deg):
             self.doubted_since_s, self.moved_after_s = self._left_since_s, np.inf
+        self.departures.see(exposure.arc, seen_s)
         late = seen_s <= self.stands_since_s + self._rules.latency_s
         if exposure.arc is None or not exposure.frame.fresh or late:
             return
@@ -197,6 +201,8 @@ class Agreement:
             self._former = self.stands_since_s, self._stands, self._arcs[-1][1]
         if self._arcs:
             self.late_angle.leave(self._table_deg, self._arcs[-1][1])
+            if self._arcs[0][1].apart_mm(self._arcs[-1][1]) <= _STRIPE_MOVED_MM:
+                self.departures.leave(sample, *self._arcs[-1])
             self._left_since_s = self.stands_since_s
         self.stands_since_s = sample.host_time_s
         self._arcs.clear()

@@ -52,6 +52,8 @@ class Freshness:
         self._advanced_s = 0.0
         self._least_apart_s = before._least_apart_s if before else np.inf
         self._least_at_s = before._least_at_s if before else 0.0
+        self.baseline: object = before.baseline if before else object()
+        """Another one with each clock that begins anew: whether it was late from then on, it cannot tell."""
 
     @property
     def is_timed(self) -> bool:
@@ -72,7 +74,7 @@ class Freshness:
             return Judged(not why, why)
         if self._clock == "on-change":
             self._advanced_s = sample.host_time_s
-            changed = _differ(before, sample)
+            changed = differ(before, sample)
             return Judged(
                 not changed, "Not fresh: its values change and their time stamp does not." if changed else ""
             )
@@ -91,7 +93,9 @@ class Freshness:
         assert sample.device_time_s is not None
         apart_s = sample.host_time_s - sample.device_time_s
         least_s = self._least_apart_s + _DRIFT * (sample.host_time_s - self._least_at_s)
-        if apart_s <= least_s or apart_s > least_s + _OTHER_CLOCK_S:  # or it was switched on anew
+        is_other = np.isfinite(least_s) and abs(apart_s - least_s) > _OTHER_CLOCK_S  # it was switched on anew
+        if apart_s <= least_s or is_other:
+            self.baseline = object() if is_other else self.baseline
             self._least_apart_s, self._least_at_s = apart_s, sample.host_time_s
             return ""
         lag_s = apart_s - least_s
@@ -102,7 +106,7 @@ class Freshness:
         )
 
 
-def _differ(one: Reading, other: Reading) -> bool:
+def differ(one: Reading, other: Reading) -> bool:
     """Return whether two readings tell another pose or angle."""
     if not isinstance(one, Sample) or not isinstance(other, Sample):
         return False

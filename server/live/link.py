@@ -11,6 +11,7 @@ from calib_core.errors import CalibrationError
 from calib_core.messages import Message, message
 from server.live.freshness import STANDS_S, Freshness
 from server.live.plausibility import nonsense
+from server.live.stream_order import StreamOrder
 from server.sources.device import Description, Device, Frame, Reading, Sample, Triggered, host_now_s
 from server.sources.source import Source
 
@@ -33,7 +34,8 @@ _TELL_AGAIN_S = 10.0
 class LinkState:
     """How a link stands: its status, since when (`host_now_s`), what is wrong, and how much came over it.
 
-    `fresh` is whether what it tells is new; `why` says why not; `heard_s` is its last sign of life.
+    `fresh` is whether what it tells is new; `why` says why not, or what else is odd about the stream; `heard_s` is
+    its last sign of life.
     """
 
     status: Status
@@ -81,7 +83,7 @@ class Link:
         self._since_s = self._last_s = self._read_s = self._rate_from_s = host_now_s()
         self._problem = self._why = ""
         self._new_s, self._told_s = self._last_s, -_TELL_AGAIN_S
-        self._freshness = Freshness(source.clock)
+        self._freshness, self._order = Freshness(source.clock), StreamOrder()
         self._readings = self._refused = self._rate_from = self._in_a_row = self._in_stream = 0
         self._rate_hz = 0.0
         self._thread = threading.Thread(target=self._run, name=f"device {name}", daemon=True)
@@ -90,6 +92,11 @@ class Link:
     def is_timed(self) -> bool:
         """Whether every reading tells when it was made."""
         return self._freshness.is_timed
+
+    @property
+    def baseline(self) -> object:
+        """Another one with each clock that begins anew."""
+        return self._freshness.baseline
 
     def start(self) -> None:
         """Connect, and read from now on."""
@@ -121,7 +128,8 @@ class Link:
         if not why and host_now_s() - self._new_s > STANDS_S + SILENT_S:
             why = message("Nothing new came for {host_now_s:.1f} s.", host_now_s=host_now_s() - self._new_s)
         counts = self._readings, self._refused, self._rate_hz
-        return LinkState(status, since_s, why or problem, *counts, self._description, not why, why, self._last_s)
+        told = why or self._order.said(host_now_s())
+        return LinkState(status, since_s, told or problem, *counts, self._description, not why, told, self._last_s)
 
     def _run(self) -> None:
         failures = 0
@@ -149,7 +157,8 @@ class Link:
         assert connect is not None
         device = connect(self._settings)
         self._device, self._description = device, device.describe()
-        self._freshness, self._why = Freshness(self.source.clock, self._freshness), ""
+        self._freshness, self._order = Freshness(self.source.clock, self._freshness), StreamOrder()
+        self._why = ""
         self._last_s = self._new_s = self._read_s = host_now_s()
         self._in_stream = 0
         self._set("live", "")
@@ -197,6 +206,7 @@ class Link:
 
     def _is_new(self, reading: Sample) -> bool:
         """Return whether a reading tells something new; what is not fresh ends what came before it."""
+        self._order.take(reading)
         judged = self._freshness.judge(reading)
         if judged.why:
             self._warn(judged.why)

@@ -85,6 +85,7 @@ class LiveCell:
         self._stopped = False
         self._taken_at: tuple[Sample | None, float | None] | None = None
         self._agreement = Agreement(self.rules)
+        self._believed: set[object] = set()  # clocks of devices that were seen to leave a place with the others
         self._taken_here: tuple[str, float] | None = None  # the last capture, and since when the pose had stood
         self.last: Taken | None = None
         self.waits_for = ""
@@ -265,7 +266,7 @@ class LiveCell:
         with self._arrived:
             self.recording, ended_s = None, host_now_s()
             table = [sample for sample in self._table if sample.host_time_s >= began_s]
-            against = self._agreement.contradicted_since(began_s, self._is_timed("scanner"))
+            against = self._agreement.contradicted_since(began_s, self._is_stamped("scanner"))
         recorded = recording.end()
         require_undisturbed(against, self.turned_s >= began_s)
         cell, taken, _ = self._load()
@@ -302,6 +303,7 @@ class LiveCell:
         with self._arrived:
             self._exposures.append(exposure)
             self._agreement.see(exposure, is_on_table=self._is_on_table)
+            self._believe()
             if exposure.arc is not None:
                 moment_s = frame.device_time_s
                 arc = np.array([*exposure.arc.center_mm, exposure.arc.radius_mm])
@@ -389,10 +391,23 @@ class LiveCell:
         """Whether the sphere that is captured is on the table."""
         return self.settings.step in steps_that_show("sphere-on-table")
 
-    def _is_timed(self, *delivered: str) -> bool:
+    def _believe(self) -> None:
+        """Believe the clocks of what just left a place together: neither was late from its start on."""
+        together, self._agreement.departures.together = self._agreement.departures.together, None
+        if together is not None:
+            self._believed |= {link.baseline for link in self._links_of(together, "scanner")}
+
+    def _links_of(self, *delivered: str) -> list[Link]:
+        return [link for link in list(self.links.values()) if set(delivered) & set(link.source.delivers)]
+
+    def _is_stamped(self, *delivered: str) -> bool:
         """Return whether every reading of such devices tells its time."""
-        links = list(self.links.values())
-        return all(link.is_timed for link in links if set(delivered) & set(link.source.delivers))
+        return all(link.is_timed for link in self._links_of(*delivered))
+
+    def _is_timed(self, *delivered: str) -> bool:
+        """Return whether such devices' times tell how late their readings are."""
+        known = {link.baseline for link in self._links_of(*delivered)}
+        return self._is_stamped(*delivered) and known <= self._believed
 
     def _expire(self) -> None:
         while self._shots and host_now_s() - self._shots[0].asked_s > SHOT_WAITS_S:

@@ -60,7 +60,7 @@ class DeviceEntry(BaseModel):
     connected_for: str | None = Field(description="The session that it is connected for.")
     status: Literal["off", "connecting", "live", "silent", "nonsense", "lost"]
     problem: str
-    fresh: bool = Field(description="Whether what it tells is new; `why` says why not.")
+    fresh: bool = Field(description="Whether what it tells is new; `why` says why not, or what else is odd.")
     why: str
     since: str | None
     readings: int

@@ -74,10 +74,10 @@ class FaultyStream:
                 case "late":
                     due_s = fresh.host_time_s - min(_LATE_S, fresh.host_time_s - self._began_s)
                     yield next((s for s in reversed(self._told) if s.host_time_s <= due_s), kept)
-                case "reordered":
-                    later = self._fresh()
-                    yield later
+                case "reordered":  # the third comes before the second
                     yield fresh
+                    self._fresh()
+                    yield self._told[-3] if len(self._told) > 2 else kept
                 case "duplicated":
                     yield fresh
                     yield fresh
