@@ -5,15 +5,15 @@ from typing import Final, Literal
 from calib_core.messages import Message, message
 
 Proof = Literal["controller", "real files", "manual only"]
-"""A controller took or gave its files; files of real controllers, scanners or programs; its manual alone."""
+"""A controller took or gave its files; files of real controllers, scanners or programs; at best its manual."""
 
 WORDS: Final[dict[Proof, Message]] = {
     "controller": message("proved on a controller"),
     "real files": message("proved by real files"),
-    "manual only": message("experimental: written after the manual, proved by no controller and no real file"),
+    "manual only": message("experimental: no controller and no real file has proved it"),
 }
 
 
 def is_experimental(proof: Proof | None) -> bool:
-    """Return whether nothing but a manual stands behind it; what is the project's own needs no proof."""
+    """Return whether at best a manual stands behind it; what is the project's own needs no proof."""
     return proof == "manual only"

@@ -10,13 +10,12 @@ from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
-from server.live.departures import Departures
+from server.live.departures import STRIPE_MOVED_MM, Departures
 from server.live.exposures import Exposure
 from server.live.late_angle import STRIPE_STOOD_MM, LateAngle
 from server.live.standstill import Rest, Rules, is_new_place
 from server.sources.device import Sample
 
-_STRIPE_MOVED_MM = 0.5
 _ROBOT_MOVED_MM, _JOINT_TURNED_DEG = 3.0, 0.5
 _BALL_MOVED_MM = 8.0  # more than a tool is off by that was solved, less than a ball moves by with its table
 _MOST_ARCS = 2000
@@ -169,7 +168,7 @@ class Agreement:
         """Return by how much the stripe moved in this stand, "" where it stood."""
         seen = (other for seen_s, other in self._arcs if seen_s < before_s)
         moved_mm = max((arc.apart_mm(other) for other in seen), default=0.0)
-        if moved_mm <= _STRIPE_MOVED_MM:
+        if moved_mm <= STRIPE_MOVED_MM:
             return ""
         return self._doubt(
             message(
@@ -184,7 +183,7 @@ class Agreement:
         """Remember a stand in which pose and stripe told of two places, and when the stripe left the first."""
         self._doubted = self._told_s, why
         self.doubted_since_s = self.stands_since_s
-        left_s = (seen_s for seen_s, arc in self._arcs if self._arcs[0][1].apart_mm(arc) > _STRIPE_MOVED_MM)
+        left_s = (seen_s for seen_s, arc in self._arcs if self._arcs[0][1].apart_mm(arc) > STRIPE_MOVED_MM)
         self.moved_after_s = next(left_s, np.inf) - self.stands_since_s
         return why
 
@@ -201,7 +200,7 @@ class Agreement:
             self._former = self.stands_since_s, self._stands, self._arcs[-1][1]
         if self._arcs:
             self.late_angle.leave(self._table_deg, self._arcs[-1][1])
-            if self._arcs[0][1].apart_mm(self._arcs[-1][1]) <= _STRIPE_MOVED_MM:
+            if self._arcs[0][1].apart_mm(self._arcs[-1][1]) <= STRIPE_MOVED_MM:
                 self.departures.leave(sample, *self._arcs[-1])
             self._left_since_s = self.stands_since_s
         self.stands_since_s = sample.host_time_s

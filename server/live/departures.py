@@ -1,10 +1,11 @@
 """Whether pose and stripe leave a place together: no clock tells that a device was late from its start on."""
 
 from calib_core.sphere.arc import ArcFit
-from server.live.late_angle import STRIPE_STOOD_MM
 from server.sources.device import Role, Sample
 
 _TOGETHER_S = 0.35
+STRIPE_MOVED_MM = 0.5
+"""A stripe that moved by more did not stand."""
 
 
 class Departures:
@@ -35,5 +36,5 @@ class Departures:
         if self._left is None or seen_s <= self._left[0].host_time_s + self._latency_s:
             return
         (sample, left), self._left = self._left, None
-        if arc is None or left.apart_mm(arc) > STRIPE_STOOD_MM:
+        if arc is None or left.apart_mm(arc) > STRIPE_MOVED_MM:
             self.together = "robot" if sample.base_from_tool0 is not None else "table"

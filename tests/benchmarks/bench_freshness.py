@@ -20,12 +20,13 @@ from dataclasses import dataclass, field
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from faulty_robot import FAULTS, Fault, FaultyStream, Wire, samples, source_of
 from faulty_wires import ROBOTS, SCANNERS, TABLES, device
 from harness import Row, all_kept, kept
+from late_start import connect_late
 
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.triangulate import ProfileCalibration
@@ -47,6 +48,7 @@ PARTS = (3, 25, 25, 25, 25)
 """How many places the parts of a full bench go to."""
 AT_THE_END: tuple[Clock, ...] = ("none", "on-change")
 """Clocks of streams that freeze as a move ends."""
+LATE: tuple[Literal["robot", "scanner"], ...] = ("robot", "scanner")
 _ALONE = "genicam"  # the loopback network has one place for a camera
 _WRONG_MM, _WRONG_DEG = 0.5, 0.05
 _STAY_S, _TRAVEL_S = 2.0, 0.4
@@ -130,6 +132,15 @@ def run(full: bool) -> Iterator[Row]:
             yield Row(
                 f"{clock}, frozen in the last 0.3 s of a move: wrong poses that count", "0", measured, not wrong
             )
+
+    late = all_kept({f"late-{which}": partial(_told_late, which, 12 if full else 2) for which in LATE})
+    measured = f"{sum(one['wrong'] for one in late)} of {sum(one['taken'] for one in late)} captures"
+    yield Row(
+        "a timed robot or scanner, a second late before it is connected: wrong poses that count",
+        "0",
+        measured,
+        not any(one["wrong"] for one in late),
+    )
 
 
 def _places(found: list[dict[str, Any]]) -> int:
@@ -218,6 +229,37 @@ def frozen_at_the_end(clock: Clock, moves: int, seed: int = 3) -> Trial:
                 time.sleep(_TRAVEL_S + _STAY_S)  # seen there, then it is heard again
                 wire.fault = None
                 time.sleep(_STAY_S)
+        finally:
+            live.stop()
+            rig.stop()
+    return found
+
+
+def _told_late(which: Literal["robot", "scanner"], moves: int) -> dict[str, Any]:
+    found = late_from_the_start(which, moves)
+    return {"taken": found.taken, "wrong": found.wrong}
+
+
+def late_from_the_start(which: Literal["robot", "scanner"], moves: int) -> Trial:
+    """Return how captures went of a robot or scanner that was a second late before it was connected."""
+    wire, found = Wire(), Trial()
+    with tempfile.TemporaryDirectory() as folder:
+        rig = Rig(Path(folder) / "scanner")
+        counted, (cell, rig_optics) = set[str](), _cell(rig, "none")
+        live = LiveCell(
+            lambda: (cell, found.names, rig_optics),
+            _taken(rig, found, wire),
+            CaptureSettings(automatic=True),
+            leave_out=found.leave_out,
+        )
+        try:
+            connect_late(live, rig, wire, which, 1.0)
+            time.sleep(_STAY_S)
+            for number in range(moves + 1):
+                counted = set(found.names)  # what was wrong comes out when the robot goes on
+                rig.go(rig.good[number % len(rig.good)])
+                time.sleep(_TRAVEL_S + _STAY_S + 1.0)
+            found.off &= counted
         finally:
             live.stop()
             rig.stop()

@@ -15,8 +15,9 @@ from calib_core.exports.export import export
 from calib_core.exports.registry import all_exports
 from calib_core.frames import RigidTransform
 from calib_core.records import Session, parse_session
-from calib_core.robots import BRANDS, parse_pose
+from calib_core.robots import BRANDS, parse_pose, to_pose
 from calib_core.robots.backup import read_controller_files
+from calib_core.robots.fanuc.check import _tool_check
 from tests.core.robot_dialects import AS, CONFIG, DTX, RAPID, SCRIPT, TOOL_CND, UFRAME_CND, VA
 
 TOOL = RigidTransform.of([0.3, -1.1, 0.7], [149.61234567891, -709.5, 487.25], "tool0", "laser")
@@ -345,6 +346,40 @@ def test_a_check_move_ends_where_the_controllers_tool_is_another(
     tool_mm = np.array(solved["chain" if "chain" in solved else "tcp"]["tool0_from_laser"])[:3, 3]
     scale = 1e-3 if name.startswith("ur") else 1.0
     assert all(np.abs(numbers - scale * place).min() < 1e-6 for place in tool_mm)  # it is held against the answer
+
+
+def test_fanucs_check_move_ends_at_another_tool(turntable_results: Any) -> None:
+    """Its conditions are worked out here for the tool as entered, and for others that are off by a little."""
+    session, solved = turntable_results
+    program = export(session, solved, "fanuc-check-move")[0].decode()
+    before = program[: re.search(r"^ *\d+:L ", program, re.MULTILINE).start()]  # type: ignore[union-attr]
+    assert "PR[100]=UTOOL[1]" in before
+    conditions = re.findall(r"IF \((.*)\),JMP LBL\[99\]", before)
+    label = program.index("LBL[99] ;", len(before))
+    assert program.index("ABORT", label) < program.index("/POS")
+    tool = RigidTransform.from_rounded(
+        solved["chain" if "chain" in solved else "tcp"]["tool0_from_laser"], "tool0", "laser"
+    )
+    entered = np.round(to_pose("fanuc", tool), 3)
+
+    def ends(numbers: np.ndarray) -> bool:
+        values = {f"PR[100,{axis}]": f"({number})" for axis, number in enumerate(numbers, start=1)}
+        said = [re.sub(r"PR\[100,\d\]", lambda found: values[found[0]], one) for one in conditions]
+        return any(eval(one.replace("AND", "and")) for one in said)
+
+    assert not ends(entered)
+    for axis in range(6):
+        for by in (-0.1, 0.1):
+            off = entered + by * np.eye(6)[axis]
+            off[3:] = (off[3:] + 180.0) % 360.0 - 180.0
+            assert ends(off)
+    for turned in (179.999, -179.999, 180.0, -180.0):
+        lines = _tool_check(1, 100, [1.0, 2.0, 3.0, turned, 0.0, 0.0])
+        conditions = [one for line in lines for one in re.findall(r"IF \((.*)\),JMP", line)]
+        assert not any(ends(np.array([1.0, 2.0, 3.0, other, 0.0, 0.0])) for other in (179.99, -179.99))
+        assert ends(np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))
+        assert ends(np.array([1.0, 2.0, 3.0, -179.9, 0.0, 0.0]))
+        assert ends(np.array([1.0, 2.0, 3.0, 179.9, 0.0, 0.0]))
 
 
 def test_a_check_move_is_refused_for_what_nobody_should_move_by(turntable_results: Any) -> None:

@@ -1,7 +1,7 @@
 """A stream that goes on while what it tells stands still: told within two seconds, and no capture is taken."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Literal
 
 import bench_freshness
 import numpy as np
@@ -17,6 +17,7 @@ from server.live.exposures import Exposure
 from server.live.freshness import Freshness
 from server.live.recording import table_fields
 from server.live.standstill import Rest, Rules
+from server.live.stream_order import StreamOrder
 from server.sources.device import Clock, Frame, Sample
 from server.sources.rosbridge import TfChain
 from tests.server.connected_device import connected
@@ -110,6 +111,28 @@ def test_two_publishers_and_a_change_without_a_stamp_are_told() -> None:
     assert "time stamp does not" in found[-1]
 
 
+def test_streams_that_are_doubled_or_out_of_order_are_told_and_others_not() -> None:
+    host_s = at_50_hz(1.0)
+    x_mm = 200.0 * np.sin(3.0 * host_s)
+    swapped = np.arange(len(x_mm))
+    swapped[1:-1:2], swapped[2::2] = np.arange(2, len(x_mm), 2), np.arange(1, len(x_mm) - 1, 2)
+    shaking = x_mm * 0.0 + 0.4 * (-1.0) ** np.arange(len(x_mm))
+
+    def said(places_mm: np.ndarray, table: bool = False) -> str:
+        order = StreamOrder()
+        for at_s, place_mm in zip(host_s, places_mm, strict=True):
+            angle, frame = (float(place_mm), None) if table else (None, pose(float(place_mm)))
+            order.take(Sample(float(at_s), None, frame, table_deg=angle))
+        assert order.said(float(host_s[-1]) + 60.0) == ""
+        return order.said(float(host_s[-1]))
+
+    for table in (False, True):
+        assert said(x_mm, table) == said(x_mm * 0.0, table) == said(np.repeat(x_mm[::5], 5)) == ""
+        assert "twice" in said(np.repeat(x_mm[::2], 2), table)
+        assert "out of order" in said(x_mm[swapped], table)
+    assert said(shaking) == ""
+
+
 EACH: dict[str, Fault] = {
     "every-reading": "freeze",
     "on-change": "freeze",
@@ -155,6 +178,12 @@ def test_what_fell_silent_at_the_end_of_a_move_counts_no_longer_once_the_robot_g
     assert "perhaps was not sent any more" in found.said[0]
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("which", bench_freshness.LATE)
+def test_what_was_late_before_it_was_connected_takes_no_wrong_capture(which: Literal["robot", "scanner"]) -> None:
+    assert bench_freshness.late_from_the_start(which, 3).wrong == 0
+
+
 def test_an_exposure_that_arrives_late_is_marked() -> None:
     watch = Freshness("every-reading")
     told = [Frame(host_s, "a.csv", b"", host_s - (1.0 if host_s > 101.0 else 0.0)) for host_s in at_50_hz(3.0)]
@@ -179,6 +208,24 @@ def test_joints_that_turn_while_the_pose_stands_contradict_it() -> None:
     assert agreement.contradiction(rest(0.0)) == ""
     assert agreement.contradiction(rest(0.1)) == ""
     assert "a joint turned by 20.0°" in agreement.contradiction(rest(20.0))
+
+
+@pytest.mark.parametrize(
+    ("robot_s", "scanner_s", "together"), [(0.0, 0.0, True), (1.0, 0.0, False), (0.0, 1.0, False)]
+)
+def test_pose_and_stripe_leave_together_only_where_neither_is_late(
+    robot_s: float, scanner_s: float, together: bool
+) -> None:
+    """What is late from its start on has no clock that tells it."""
+    x, agreement = np.linspace(-12.0, 12.0, 60), Agreement(Rules())
+    for moment_s in np.arange(100.0, 104.0, 0.05):
+        pose_mm, seen_mm = (
+            float(np.clip(100.0 * (moment_s - by_s - 102.0), 0.0, 40.0)) for by_s in (robot_s, scanner_s)
+        )
+        points = np.column_stack([x + seen_mm, 200.0 - np.sqrt(20.0**2 - x**2)])
+        agreement.tell(Sample(moment_s, None, pose(pose_mm)))
+        agreement.see(Exposure(Frame(moment_s + 0.01, "a.csv", b""), points, fit_arc(points, 80.0, "away")))
+    assert agreement.departures.together == ("robot" if together else None)
 
 
 def test_a_pose_that_moves_while_the_stripe_stands_was_not_where_it_stood_before() -> None:

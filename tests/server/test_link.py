@@ -122,6 +122,29 @@ def test_a_cell_forgets_where_its_robot_was_when_the_link_loses_it(
     np.testing.assert_allclose(again.base_from_tool0.translation_mm, AT_REST.translation_mm)
 
 
+def test_a_clock_that_begins_anew_is_another_one() -> None:
+    """Whether a device that was switched on anew is late, its new clock cannot tell."""
+    device = Told(stamped)
+    source = source_of(device)
+    link = Link("robot", source, source.settings(), lambda _, __: None, device.heard.append)
+    link.start()
+    try:
+        until(lambda: link.state().readings > 25)
+        first = link.baseline
+        device.now = gone()
+        until(lambda: link.state().status == "lost")
+        device.now = stamped
+        until(lambda: link.state().status == "live")
+        until(lambda: link.state().fresh)
+        assert link.baseline is first
+        device.now = gone()
+        until(lambda: link.state().status == "lost")
+        device.now = lambda: Sample(host_now_s(), host_now_s() - 500.0, AT_REST)
+        until(lambda: link.baseline is not first)
+    finally:
+        link.stop()
+
+
 def test_a_device_that_is_late_from_its_reconnection_on_is_not_believed() -> None:
     """What was known of its clock was forgotten with the connection: late images were taken with new poses."""
     device = Told(stamped)

@@ -15,7 +15,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
     proved = ", ".join(export.name for export in all_exports() if not is_experimental(export.proof))
     others = ", ".join(export.name for export in all_exports() if is_experimental(export.proof))
     formats = f"tool and table: {proved}; the merged cloud or its mesh: {', '.join(media_types())}"
-    formats += f"; experimental, written after their makers' manuals alone: {others}"
+    formats += f"; experimental, proved by no controller and no real file: {others}"
     parser.add_argument("--format", required=True, metavar="NAME", help=formats)
     parser.add_argument("--tool", metavar="N", help="the tool's number or name in the controller")
     parser.add_argument("--frame", metavar="N", help="the user frame's number or name, for the turntable")
