@@ -17,7 +17,7 @@ from calib_core.frames import RigidTransform
 from calib_core.records import Session, parse_session
 from calib_core.robots import BRANDS, parse_pose, to_pose
 from calib_core.robots.backup import read_controller_files
-from calib_core.robots.fanuc.check import _tool_check
+from calib_core.robots.fanuc.check import tool_check
 from tests.core.robot_dialects import AS, CONFIG, DTX, RAPID, SCRIPT, TOOL_CND, UFRAME_CND, VA
 
 TOOL = RigidTransform.of([0.3, -1.1, 0.7], [149.61234567891, -709.5, 487.25], "tool0", "laser")
@@ -374,7 +374,7 @@ def test_fanucs_check_move_ends_at_another_tool(turntable_results: Any) -> None:
             off[3:] = (off[3:] + 180.0) % 360.0 - 180.0
             assert ends(off)
     for turned in (179.999, -179.999, 180.0, -180.0):
-        lines = _tool_check(1, 100, [1.0, 2.0, 3.0, turned, 0.0, 0.0])
+        lines = tool_check(1, 100, [1.0, 2.0, 3.0, turned, 0.0, 0.0])
         conditions = [one for line in lines for one in re.findall(r"IF \((.*)\),JMP", line)]
         assert not any(ends(np.array([1.0, 2.0, 3.0, other, 0.0, 0.0])) for other in (179.99, -179.99))
         assert ends(np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))

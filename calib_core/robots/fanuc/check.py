@@ -18,7 +18,7 @@ class _Check(NumberedCheck):
     position_register: int = Field(default=100, ge=1, le=9999)
 
 
-def _tool_check(tool: int, register: int, answer: list[float]) -> list[str]:
+def tool_check(tool: int, register: int, answer: list[float]) -> list[str]:
     """Return the lines that go to the end where the controller's tool is not the answer."""
     wrong = chain.from_iterable(
         _wrong(f"PR[{register},{axis}]", value, 0.05 if axis <= 3 else 0.03, is_angle=axis > 3)
@@ -55,7 +55,7 @@ def _program(moves: Moves, settings: _Check) -> list[str]:
     if moves.tool is not None:
         said = f"PR[{settings.position_register}] is overwritten with the tool: its numbers are held against these"
         steps += [f"  !{piece}" for piece in remarks(said)]
-        steps += _tool_check(tool, settings.position_register, moves.tool)
+        steps += tool_check(tool, settings.position_register, moves.tool)
     steps += ["  UFRAME_NUM=0", f"  UTOOL_NUM={tool}"]
     positions: list[str] = []
     for number, stop in enumerate(moves.stops, start=1):
