@@ -140,6 +140,11 @@ def _judged(text: str, style: Style) -> np.ndarray | None:
     return points * _UNITS[style.unit]
 
 
+def _is_header_alone(text: str, style: Style) -> bool:
+    """Return whether a text has no line of numbers, which is what a scanner writes that saw nothing."""
+    return not any(row and np.isfinite(row).any() for line in text.splitlines() if (row := _numbers(line, style)))
+
+
 def _numbers(line: str, style: Style) -> list[float] | None:
     fields = line.split(style.separator) if style.separator != " " else line.split()
     row: list[float] = []
@@ -177,6 +182,8 @@ def verdict_of(chance: random.Random) -> tuple[str, str]:
         return "refused", f"{error}\n{story}"
     if reading.doubts and said is not None and len(reading.points) == len(said):
         return "refused", f"asked: {reading.doubts}\n{story}"
+    if not len(reading.points) and _is_header_alone(text, style):
+        return "refused", f"nothing came back: {story}"  # whoever measures in it is told so
     if said is None:
         return "wrong", f"read though damaged: {reading.sentence()}\n{story}"
     points, expected = reading.points[reading.known], said[np.isfinite(said).all(axis=1)]
