@@ -1081,6 +1081,7 @@ class VerifyResult(Record):
     chi_squared: float | None
     degrees_of_freedom: int
     chance: float | None
+    moved_chance: float | None = None
     checks: list[VerifyCheck] | None = None
     decision: Literal['pass', 'conditional-pass', 'undecided', 'conditional-fail', 'fail'] | None = None
     limits_changed: list[str] | None = None
@@ -1216,6 +1217,7 @@ class VarianceComponents(Record):
     reach_mm: float | None = None
     reach_rad: float | None = None
     points_per_independent: float | None = None
+    degrees_of_freedom: float | None = None
 
 
 class VerifyCheck(Record):

@@ -373,6 +373,12 @@ class NoiseShapes:
         together.insert(1, self._drawn(sigmas.alike_position_mm, sigmas.alike_orientation_rad, factor))
         return Noise(spread, np.concatenate(together, axis=2))
 
+    def mean_square(self, sigmas: Sigmas) -> float:
+        """Return the mean square, mm², of what poses' own errors and those that are alike do to captures."""
+        own = self._by_pose(sigmas.position_mm, sigmas.orientation_rad)
+        alike = self._by_pose(sigmas.alike_position_mm, sigmas.alike_orientation_rad)
+        return float(np.trace(own + alike, axis1=1, axis2=2).mean())
+
     def _drawn(self, position_mm: float, orientation_rad: float, factor: FloatArray) -> FloatArray:
         """Return how captures move by errors of unit variance that they have by a factor (K, m), (K, 3, 6 m)."""
         moves = self.moves * np.repeat([position_mm, orientation_rad], 3)

@@ -32,7 +32,8 @@ class Sigmas:
     """Standard deviations, per axis, of a robot pose's position and orientation, and of the readings of axes.
 
     `axes` are in rad or mm, as the cell lists them.  `alike` are those of the part that captures share where their
-    poses are alike; `reach` is a factor on the distances over which they are.
+    poses are alike; `reach` is a factor on the distances over which they are.  `freedom` says how well a pose's
+    whole scatter is known: as well as from so many degrees of freedom.
     """
 
     position_mm: float
@@ -41,6 +42,7 @@ class Sigmas:
     alike_position_mm: float = 0.0
     alike_orientation_rad: float = 0.0
     reach: float = 1.0
+    freedom: float = np.inf
 
     @property
     def angle_rad(self) -> float:

@@ -5,6 +5,7 @@ reach are estimated from the captures themselves, with weak priors for an indust
 answer's covariance is averaged over what they may be: few captures know them only roughly.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -161,7 +162,8 @@ def with_averaged_covariance(data: ChainData, found: ChainFit, given: GivenSigma
     by_terms = spread[:, spread.shape[1] - shares.terms :]
     terms = np.einsum("n,nij->ij", weights, own) + np.einsum("n,ni,nj->ij", weights, by_terms, spread[:, size:])
     arm = shares.errors(covariance[:, size:], terms, every, weights)
-    return replace(found, covariance=covariance[:, :size], arm=arm)
+    sigmas = replace(found.sigmas, freedom=whole.freedom(every, weights))
+    return replace(found, sigmas=sigmas, covariance=covariance[:, :size], arm=arm)
 
 
 def mean_sigmas(data: ChainData, found: ChainFit, given: GivenSigmas) -> Sigmas:
@@ -301,6 +303,13 @@ class _Restricted:
         known_gradient, known_hessian = self._prior_of(many)
         hessian += known_hessian
         return hessian, gradient + known_gradient, value - 0.5 * logarithm
+
+    def freedom(self, every: Sequence[Sigmas], weights: FloatArray) -> float:
+        """Return from how many degrees of freedom one knows how far poses scatter, by what the sigmas may be."""
+        logarithms = np.log([self._shapes.mean_square(one) for one in every])
+        variance = float(weights @ (logarithms - weights @ logarithms) ** 2)
+        # A variance known from n degrees of freedom: its logarithm's variance is trigamma(n / 2), 2 / n + 2 / n².
+        return 2 / variance + 1 if variance > 2e-6 else np.inf
 
     def value(self, sigmas: Sigmas) -> float:
         """Return the restricted log-likelihood: the unknowns maximised out and their loss of freedom counted."""

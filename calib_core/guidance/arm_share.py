@@ -118,6 +118,12 @@ class ArmShare:
             found = found + at_pose[:, :, :3] + at_pose[:, :, 3:] @ skew(arm_in_base_mm).T
         return found
 
+    def of_terms(self, rotation: FloatArray, places_mm: FloatArray, arm_in_base_mm: FloatArray) -> FloatArray:
+        """Return how the open terms err together with points by the arm's other errors, (P, p, 3)."""
+        assert self.terms is not None
+        pose = rotation, places_mm, arm_in_base_mm
+        return self._with_errors(self.terms.with_lengths, self.terms.with_poses, *pose)
+
     def by_terms(self, rotation: FloatArray, places_mm: FloatArray, arm_in_base_mm: FloatArray) -> FloatArray:
         """Return what is open of the errors by which the arm is corrected puts into points, (P, 3, 3), mm².
 
@@ -126,8 +132,7 @@ class ArmShare:
         if self.terms is None:
             return np.zeros((len(places_mm), 3, 3))
         points = self.term_moves(rotation, places_mm, arm_in_base_mm)
-        pose = rotation, places_mm, arm_in_base_mm
-        half = points @ self._with_errors(self.terms.with_lengths, self.terms.with_poses, *pose)
+        half = points @ self.of_terms(rotation, places_mm, arm_in_base_mm)
         own = points @ self.terms.covariance @ np.swapaxes(points, 1, 2)
         return np.asarray(own + half + np.swapaxes(half, 1, 2))
 

@@ -75,6 +75,7 @@ class VarianceComponents(Record):
 
     Of the latter one part is each pose's own; the `alike` part is shared where poses are alike, within about
     `reach_mm` and `reach_rad`.  So many neighbouring points as `points_per_independent` say what one alone would.
+    The robot's scatter is known as well as from `degrees_of_freedom`; null where it was told.
     """
 
     point_sigma_mm: float | None
@@ -87,6 +88,7 @@ class VarianceComponents(Record):
     reach_mm: float = 0.0
     reach_rad: float = 0.0
     points_per_independent: float = 1.0
+    degrees_of_freedom: float | None = None
 
 
 class LeftInFiles(Record):

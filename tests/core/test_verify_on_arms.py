@@ -3,11 +3,13 @@
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 from calib_core.stages.pipeline import solve_stage
+from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.verify.record import VerifyResult
-from tests.arm_cell import ARM_KINDS, later_before_a_tracker, later_on_an_arm
+from tests.arm_cell import ARM_KINDS, later_before_a_tracker, later_on_an_arm, simulate_arm
 
 RIGHT = [("small", 8000), ("cobot", 8001), ("medium", 8002)]
 
@@ -56,6 +58,24 @@ def test_the_scatter_that_is_expected_is_that_which_such_arms_show() -> None:
 @pytest.mark.parametrize("errors", [None, "apply"])
 def test_a_scanner_that_moved_is_told_on_such_an_arm(errors: str | None, tool_mm: float, chance: float) -> None:
     result = verified("small", 8000, errors, tool_mm=tool_mm)
-    assert result.chance is not None
-    assert result.chance < chance
+    assert result.moved_chance is not None
+    assert result.moved_chance < chance
     assert result.verdict in ("warn", "fail")
+    assert "verify-tool-moved" in {finding.code for finding in result.findings}
+
+
+@pytest.mark.parametrize(("kind", "errors"), [("small", "apply"), ("desktop", "apply"), ("medium", None)])
+def test_a_tracker_that_moved_is_told_and_one_that_stood_still_is_not(kind: str, errors: str | None) -> None:
+    for mm in (0.0, 0.6):
+        session = later_before_a_tracker(kind, 97000, 30, errors=errors, mm=mm)
+        result = solve_stage(session, "verify", lambda _name: b"")
+        codes = {finding.code for finding in result.findings}
+        assert ("verify-tool-moved" in codes) == (mm > 0)
+
+
+def test_what_a_few_captures_know_of_the_scatter_is_told() -> None:
+    few, many = (simulate_arm("small", 8000, count, held=0).session for count in (8, 60))
+    known = [solve_stage(session, "tcp", lambda _name: b"") for session in (few, many)]
+    degrees = [one.variance_components.degrees_of_freedom or np.inf for one in known if isinstance(one, TcpResult)]
+    assert degrees[0] < 3 * 8
+    assert degrees[0] < degrees[1]

@@ -17,7 +17,8 @@ from calib_core.stages.verify.flatness import Plate
 from calib_core.stages.verify.held_out import HeldOut
 from calib_core.stages.verify.limits import limit_findings
 from calib_core.stages.verify.record import Decision
-from calib_core.stages.verify.solve import scatter_findings, unchecked_limits
+from calib_core.stages.verify.scattered import scatter_findings
+from calib_core.stages.verify.solve import unchecked_limits
 from tests.arm_cell import later_on_an_arm
 from tests.every_code.made import Case
 from tests.verified import brought_tool, shifted, verified_session
@@ -170,6 +171,7 @@ CASES: dict[str, tuple[Case, Case]] = {
     "verify-of-failed-answer": (after_poses(reverse=True), after_poses(reverse=False)),
     "verify-tool-without-uncertainty": (scatter(1.0, knows=False), scatter(1.0)),
     "verify-scatter-large": (scatter(1.4), scatter(1.3)),
+    "verify-tool-moved": (on_an_arm(tool_mm=0.6), on_an_arm()),
     "joint-zero-moved": (on_an_arm(bumped_deg=[0.0, 0.0, 0.15, 0.0, 0.0, 0.0]), on_an_arm(tool_mm=1.0)),
     "verify-scatter-fails": (scatter(3.1), scatter(2.9)),
     "verify-limit-not-checked": (unchecked(0.5), unchecked(None)),

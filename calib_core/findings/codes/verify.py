@@ -181,6 +181,19 @@ SCATTER_LARGE = Code(
     usual_causes="A robot less accurate than told, a scanner that moved a little after the calibration.",
 )
 
+TOOL_MOVED = Code(
+    "verify-tool-moved",
+    "warning",
+    text="The held-out captures ask for the scanner at another place: {off_mm:.2f} ± {uncertainty_mm:.2f} mm off where it "
+    "saw the sphere, more than the answer's uncertainty allows.",
+    to_do="Look whether the scanner or its mount was touched; calibrate again.",
+    meaning="Another pose of the scanner explains these captures better than chance would, whatever the sphere's place.",
+    decided="By the covariance of answer, captures and arm together a right answer shows as much once in 200 cells. A limit "
+    "of the tool's error decides instead where one is set.",
+    usual_causes="A scanner, its mount or a tracker's tripod that was moved a little after the calibration.",
+    since="0.2",
+)
+
 SCATTER_FAILS = Code(
     "verify-scatter-fails",
     "error",

@@ -13,8 +13,8 @@ from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.estimation import chance_of, covariance_of
 from calib_core.frames import FloatArray
 from calib_core.stages.recheck.record import Changed
-from calib_core.stages.verify.held_out import block_diagonal, linearised
 from calib_core.stages.verify.joint_moved import SHIFTED_MM, TURNED_RAD, Bump, bumped, by_errors_of_arm
+from calib_core.stages.verify.seen import block_diagonal, linearised
 from calib_core.stages.verify.tool import Tool
 
 _FALSE_ALARM = 0.005  # of each of the three tests; together they stay below 2 %

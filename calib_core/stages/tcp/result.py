@@ -230,6 +230,7 @@ def components(
         reach_mm=REACH_MM * sigmas.reach,
         reach_rad=REACH_RAD * sigmas.reach,
         points_per_independent=points_per_independent,
+        degrees_of_freedom=sigmas.freedom if np.isfinite(sigmas.freedom) else None,
     )
 
 

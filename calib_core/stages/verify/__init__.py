@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 12  # narrow arcs that tell their radius to 1 % count
+    method_revision = 13  # what the tool has swallowed of scanner and arm cancels; a tool that moved is told
     step = CaptureStep(
         "verify",
         "Verification",

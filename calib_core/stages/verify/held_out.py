@@ -1,13 +1,14 @@
 """Held-out captures of a still sphere, seen with a tool that they did not help to find."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.estimation import covariance_of, f_chance_of
-from calib_core.frames import FloatArray, RigidTransform, skew
+from calib_core.frames import FloatArray, RigidTransform
+from calib_core.stages.verify.seen import Seen, block_diagonal, linearised
 from calib_core.stages.verify.sides import likeliest_sides
 from calib_core.stages.verify.tool import Tool
 
@@ -16,6 +17,8 @@ _CONVERGED_MM = 1e-6
 _BELIEVED_MM, _RAD_PER_MM = 0.1, 1.5e-3  # of a robot of which nothing is told
 _SCATTER_ROUNDS = 4
 _MEDIAN_CHI2_3 = 2.366
+_TOOL_STEPS, _OPEN = np.array([*[0.01] * 3, *[1.0] * 3]), 1e-4  # rad, mm; of what captures hardly see
+_MOST_EXPLAINED = 0.95  # of the variance of an answer along any direction, by the arm at the captures
 _PRIOR_RAD, _PRIOR_MM = 0.5, 300.0  # of the tool's error: only so that motions that leave it open have a large U
 
 
@@ -47,6 +50,8 @@ class HeldOut:
         The covariance of all figures together; of several spheres the first one's.
     scatter_freedom : float
         See `Tool`.
+    moved_squared, moved_freedom : float, int
+        How much of χ² goes where the tool is another one, and of how many degrees of freedom that is.
     """
 
     center_mm: FloatArray
@@ -62,6 +67,8 @@ class HeldOut:
     sides_open: bool = False
     spread: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     scatter_freedom: float = np.inf
+    moved_squared: float = 0.0
+    moved_freedom: int = 0
 
     @property
     def scatter_rms_mm(self) -> float:
@@ -79,6 +86,17 @@ class HeldOut:
         # Few captures know the robot's scatter roughly: 15 to an eighth, which is a quarter of a chi-squared.
         return f_chance_of(self.chi_squared, self.degrees_of_freedom, self.scatter_freedom)
 
+    @property
+    def rest_chance(self) -> float:
+        """The same of what no other tool explains."""
+        left = self.chi_squared - self.moved_squared
+        return f_chance_of(left, max(self.degrees_of_freedom - self.moved_freedom, 1), self.scatter_freedom)
+
+    @property
+    def moved_chance(self) -> float:
+        """How often a right answer lets another tool explain as much."""
+        return f_chance_of(self.moved_squared, self.moved_freedom, self.scatter_freedom)
+
 
 def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> HeldOut:
     """Return where held-out captures (at least two) see one still sphere.
@@ -89,7 +107,7 @@ def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> Held
     """
     chosen = likeliest_sides(observations, sphere, tool)
     each = zip(observations, chosen.sides.tolist(), strict=True)
-    seen = [_Seen(observation, sphere, tool, side) for observation, side in each]
+    seen = [Seen(observation, sphere, tool, side) for observation, side in each]
     center = center_as_asked = chosen.center_mm
     for _ in range(_STEPS):
         joint = _Joint(seen, center, tool)
@@ -98,6 +116,7 @@ def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> Held
             break
     joint = _Joint(seen, center, tool)
     residuals = joint.residuals.reshape(-1, 3)
+    moved_squared, moved_freedom = joint.by_another_tool()
     return HeldOut(
         center_mm=center,
         covariance=joint.covariance_of_center,
@@ -112,6 +131,8 @@ def held_out(observations: Observations, sphere: SphereSize, tool: Tool) -> Held
         sides_open=chosen.open,
         spread=joint.covariance,
         scatter_freedom=tool.scatter_freedom,
+        moved_squared=moved_squared,
+        moved_freedom=moved_freedom,
     )
 
 
@@ -138,29 +159,8 @@ def together(parts: Sequence[HeldOut]) -> HeldOut:
         sides_open=any(part.sides_open for part in parts),
         spread=parts[0].spread,
         scatter_freedom=parts[0].scatter_freedom,
-    )
-
-
-def linearised(
-    observations: Observations, radius_mm: float, center: FloatArray, tool: Tool
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return K captures' figures at a centre on what carries the ball, and how they follow it and the tool.
-
-    Returns
-    -------
-    residuals, covariances : (K, 3), (K, 3, 3)
-        Measured minus predicted, and the captures' and the robot's noise in them.
-    by_center, by_tool : (K, 3, 3), (K, 3, 6)
-    points : (K, 3)
-        The centre in L.
-    """
-    seen = [_Seen(observation, SphereSize(2 * radius_mm), tool) for observation in observations]
-    return (
-        np.array([one.residual(center) for one in seen]),
-        np.array([one.covariance(center) for one in seen]),
-        np.array([one.slope(center) @ one.moved_by_ball() for one in seen]),
-        np.array([one.slope(center) @ one.moved_by_tool(center) for one in seen]),
-        np.array([one.center_in_laser_mm(center) for one in seen]),
+        moved_squared=sum(part.moved_squared for part in parts),
+        moved_freedom=sum(part.moved_freedom for part in parts),
     )
 
 
@@ -205,7 +205,7 @@ class Asked:
     def surface_rms_mm(self, observations: Observations, radius_mm: float) -> FloatArray:
         """Return how far each capture's points (K,) lie off the ball that all ask for; NaN without points."""
         tool, sphere = Tool(self.mount_from_laser, np.zeros((6, 6))), SphereSize(2 * radius_mm)
-        return np.array([_Seen(o, sphere, tool).surface_rms_mm(self.center_mm) for o in observations])
+        return np.array([Seen(o, sphere, tool).surface_rms_mm(self.center_mm) for o in observations])
 
 
 def asked_by(
@@ -271,117 +271,31 @@ def asked_with_scatter(
     return asked
 
 
-class _Seen:
-    """One capture: what it measured (3,), and how that depends on the sphere's centre, the tool and the pose."""
-
-    def __init__(self, observation: SphereObservation, sphere: SphereSize, tool: Tool, side: int = 0) -> None:
-        self.observation, self._sphere, self._tool, self._side = observation, sphere, tool, side
-        self._ball_from_laser = observation.ball_from_scanner @ tool.mount_from_laser
-        self._laser_from_ball = self._ball_from_laser.inverse()
-        center = observation.center_in_laser_mm
-        radius = observation.circle_radius_mm
-        self.measured = center if radius is None else np.array([center[0], center[2], radius])
-        self.noise = observation.center_covariance
-
-    def residual(self, center: FloatArray) -> FloatArray:
-        """Return measured minus predicted."""
-        center = self._laser_from_ball.apply(center)
-        if self.observation.circle_radius_mm is None:
-            return self.measured - center
-        return self.measured - np.array([center[0], center[2], self._circle_radius_mm(center)])
-
-    def slope(self, center: FloatArray) -> FloatArray:
-        """Return how the prediction follows the sphere's centre in L (3, 3)."""
-        if self.observation.circle_radius_mm is None:
-            return np.eye(3)
-        center = self._laser_from_ball.apply(center)
-        slope = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
-        slope[2, 1] = -center[1] / self._circle_radius_mm(center)
-        return slope
-
-    def moved_by_ball(self) -> FloatArray:
-        """Return how the centre in L follows that on what carries the ball (3, 3)."""
-        return self._laser_from_ball.rotation
-
-    def moved_by_tool(self, center: FloatArray) -> FloatArray:
-        """Return how the centre in L follows the tool (3, 6): q turns by −r × q, and shifts by −Rᵀδ."""
-        center = self._laser_from_ball.apply(center)
-        return np.hstack([skew(center), -self._tool.mount_from_laser.rotation.T])
-
-    def pose_covariance(self, center: FloatArray) -> FloatArray:
-        """Return the covariance (3, 3) of the centre in L by the errors of the robot's pose and of the axes."""
-        over, base_from_tool0 = self.observation.carriers.over_robot, self.observation.base_from_tool0
-        if over == 0:
-            return np.zeros((3, 3))
-        by_axes = np.zeros((3, 0))
-        if (moves := self._tool.axis_moves.get(self.observation.capture)) is not None:
-            in_base = center if over > 0 else base_from_tool0.apply(center)
-            seen = self._laser_from_ball if over > 0 else self._tool.mount_from_laser.inverse()
-            by_axes = seen.rotation @ (moves[3:] - skew(in_base) @ moves[:3])
-        arm = skew(base_from_tool0.inverse().apply(center) if over > 0 else center)  # from the flange to the ball
-        turning, shifting = self._tool.orientation_sigma_rad**2, self._tool.position_sigma_mm**2
-        turned = self._tool.mount_from_laser.rotation.T if over > 0 else self._laser_from_ball.rotation
-        return turned @ (turning * arm @ arm.T + shifting * np.eye(3)) @ turned.T + by_axes @ by_axes.T
-
-    def covariance(self, center: FloatArray) -> FloatArray:
-        """Return the covariance of what was measured, the pose's error with it."""
-        slope = self.slope(center)
-        return self.noise + slope @ self.pose_covariance(center) @ slope.T
-
-    def center_in_laser_mm(self, center: FloatArray) -> FloatArray:
-        """Return where the capture should see the centre in L."""
-        return self._laser_from_ball.apply(center)
-
-    def center_covariance(self, center: FloatArray) -> FloatArray:
-        """Return the covariance (3, 3) of the capture's own centre in L; the radius bounds what is open."""
-        slope = self.slope(center)
-        known = slope.T @ np.linalg.solve(self.noise, slope) + np.eye(3) / self._sphere.radius_mm**2
-        return np.linalg.inv(known) + self.pose_covariance(center)
-
-    def center_mm(self, center: FloatArray) -> FloatArray:
-        """Return the capture's own centre on what carries the ball, on the side where the common one is."""
-        return self._in_carrier(int(self.side(center)) or 1)
-
-    def side(self, center: FloatArray) -> float:
-        """Return the sign of the centre's y in L, as it was chosen or as the centre says."""
-        return self._side or float(np.sign(self._laser_from_ball.apply(center)[1]))
-
-    def surface_rms_mm(self, center: FloatArray) -> float:
-        """Return the root mean square distance of the points to the sphere; NaN without points."""
-        points = self.observation.points_in_laser_mm
-        if not len(points):
-            return float("nan")
-        off = points - self._laser_from_ball.apply(center)
-        return float(np.sqrt(np.mean((np.linalg.norm(off, axis=1) - self._sphere.radius_mm) ** 2)))
-
-    def _in_carrier(self, side: int) -> FloatArray:
-        return self._ball_from_laser.apply(self.observation.sphere_center_in_laser_mm(self._sphere, side))
-
-    def _circle_radius_mm(self, center: FloatArray) -> float:
-        least = 0.05 * self._sphere.radius_mm  # beyond the sphere's edge there is no circle; near it no slope
-        return float(np.sqrt(max(self._sphere.radius_mm**2 - center[1] ** 2, least**2)))
-
-
 class _Joint:
     """All captures together, linearised at one centre of the sphere."""
 
-    def __init__(self, seen: Sequence[_Seen], center: FloatArray, tool: Tool) -> None:
+    def __init__(self, seen: Sequence[Seen], center: FloatArray, tool: Tool) -> None:
         self._seen, self._center = seen, center
         self.residuals = np.concatenate([one.residual(center) for one in seen])
         self._slope = block_diagonal(one.slope(center) for one in seen)
         self._by_tool = np.concatenate([one.moved_by_tool(center) for one in seen])
         self._by_ball = np.concatenate([one.moved_by_ball() for one in seen])
-        own = block_diagonal(one.covariance(center) for one in seen)
-        self._together = self._by_tool @ tool.covariance @ self._by_tool.T
-        if tool.arm is not None:
-            places = np.array([one.center_in_laser_mm(center) for one in seen])
-            several = [one.observation for one in seen]
-            self._together += tool.arm.covariance(several, tool.mount_from_laser, places, self._by_tool)
-        self.covariance: FloatArray = own + self._slope @ self._together @ self._slope.T
+        self._together, self.covariance = _by_answer(seen, center, tool, self._slope, self._by_tool)
         design = self._slope @ self._by_ball
         self._weighted = np.linalg.solve(self.covariance, design)
         self.covariance_of_center = np.asarray(np.linalg.inv(design.T @ self._weighted), dtype=np.float64)
         self.step = self.covariance_of_center @ self._weighted.T @ self.residuals
+
+    def by_another_tool(self) -> tuple[float, int]:
+        """Return how much of χ² another tool explains, wherever the sphere is, and its degrees of freedom."""
+        low = np.linalg.cholesky(self.covariance)
+        both = np.hstack([self._slope @ self._by_ball, self._slope @ self._by_tool * _TOOL_STEPS])
+        white = np.linalg.solve(low, np.column_stack([both, self.residuals]))
+        by_center = np.linalg.qr(white[:, :3])[0]
+        rest = white[:, 3:] - by_center @ (by_center.T @ white[:, 3:])
+        along, sizes, _ = np.linalg.svd(rest[:, :6], full_matrices=False)
+        seen = along[:, sizes > _OPEN * max(float(sizes[0]), 1.0)]
+        return float(np.sum((seen.T @ rest[:, 6]) ** 2)), seen.shape[1]
 
     def block(self, capture: int) -> FloatArray:
         """Return the covariance (3, 3) of one capture's figures."""
@@ -399,8 +313,51 @@ class _Joint:
         return np.sqrt(np.diag(apart @ spread @ apart.T).reshape(-1, 3).sum(axis=1))
 
 
-def block_diagonal(blocks: Iterable[FloatArray]) -> FloatArray:
-    """Return blocks (n, m) on the diagonal of one matrix."""
-    from scipy.linalg import block_diag
+def _by_answer(
+    seen: Sequence[Seen], center: FloatArray, tool: Tool, slope: FloatArray, by_tool: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance of where captures see the centre, without their own noise, and of their figures.
 
-    return np.asarray(block_diag(*blocks), dtype=float)
+    Parameters
+    ----------
+    seen, center, tool
+    slope, by_tool : (3K, 3K), (3K, 6)
+        How figures follow the centre in L, and how that follows the tool.
+
+    Returns
+    -------
+    (3K, 3K), (3K, 3K)
+    """
+    observations = [one.observation for one in seen]
+    own = block_diagonal(one.covariance(center) for one in seen)
+    known, centers, figures = tool.covariance, -by_tool, -slope @ by_tool
+    columns = np.arange(6)
+    if (errors := tool.scanner) is not None and len(errors.kinds):
+        moved, moved_centers = errors.moved(observations, np.array([one.radius_mm for one in seen]))
+        known = np.block([[known, errors.with_tool], [errors.with_tool.T, errors.covariance]])
+        centers, figures = np.hstack([centers, moved_centers]), np.hstack([figures, moved])
+        columns = np.concatenate([columns, 6 + errors.columns])
+    together, whole = centers @ known @ centers.T, own + figures @ known @ figures.T
+    if tool.arm is None:
+        return together, whole
+    places = np.array([one.center_in_laser_mm(center) for one in seen])
+    by_arm, with_answer = tool.arm.covariance(observations, tool.mount_from_laser, places)
+    together, whole = together + by_arm, whole + slope @ by_arm @ slope.T
+    if len(with_answer):
+        common = with_answer[columns]
+        common = common * _believable(known, common @ slope.T, own + slope @ by_arm @ slope.T)
+        both = centers @ common, figures @ common @ slope.T
+        together, whole = together + both[0] + both[0].T, whole + both[1] + both[1].T
+    return together, whole
+
+
+def _believable(first: FloatArray, common: FloatArray, second: FloatArray) -> float:
+    """Return by what a covariance between two is to be taken less, 1 or a little less, so that both have one.
+
+    It is told of poses that stand for all, and averaged over what the sigmas may be.
+    """
+    sizes, along = np.linalg.eigh(first)
+    good = sizes > 1e-12 * sizes[-1]
+    white = (along[:, good] / np.sqrt(sizes[good])).T @ common
+    explained = float(np.linalg.eigvalsh(white @ np.linalg.solve(second, white.T))[-1])
+    return min(1.0, float(np.sqrt(_MOST_EXPLAINED / max(explained, 1e-12))))

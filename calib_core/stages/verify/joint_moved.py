@@ -14,7 +14,8 @@ from calib_core.frames import FloatArray, skew
 from calib_core.records import Cell
 from calib_core.records.findings import Finding
 from calib_core.records.results import ArmModelFound
-from calib_core.stages.verify.held_out import HeldOut, linearised
+from calib_core.stages.verify.held_out import HeldOut
+from calib_core.stages.verify.seen import linearised
 from calib_core.stages.verify.tool import Tool
 
 _EXPLAINED = 0.01

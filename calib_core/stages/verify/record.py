@@ -51,7 +51,8 @@ class VerifyResult(Result, ScannerPlaced):
     `held_out_scatter_rms_mm` is the root mean square of the captures' distances to the sphere's centre, which is
     in tool0 where the flange carries it, the other field null; `expected_scatter_rms_mm` follows from their own
     uncertainty, the robot's and the answer's, and is null where the tool was brought without any.  `chi_squared`
-    has `degrees_of_freedom`; `chance` is how often a right answer shows as large a one.  Where a flat plate alone
+    has `degrees_of_freedom`; `chance` is how often a right answer shows as large a one, and
+    `moved_chance` how often it lets another tool explain as much of it.  Where a flat plate alone
     was captured, what is of the sphere is null.  `verified` names the stage whose answer it is, or "known".
 
     `checks` are the figures that limits may be set for (`cell.verification`), 2634-style; `decision` is the worst
@@ -71,6 +72,7 @@ class VerifyResult(Result, ScannerPlaced):
     chi_squared: float | None
     degrees_of_freedom: int
     chance: float | None
+    moved_chance: float | None = None
     checks: list[VerifyCheck] = Field(default_factory=list[VerifyCheck])
     decision: Decision | None = None
     limits_changed: list[str] = Field(default_factory=list[str])

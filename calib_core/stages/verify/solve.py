@@ -41,15 +41,14 @@ from calib_core.stages.verify.held_out import HeldOut, held_out, in_one_plane, t
 from calib_core.stages.verify.joint_moved import joint_findings
 from calib_core.stages.verify.limits import LIMITS, limit_findings
 from calib_core.stages.verify.on_axes import axes_of_answer, axis_moves, on_axes
-from calib_core.stages.verify.record import Decision, VerifyCheck, VerifyResidual, VerifyResult
+from calib_core.stages.verify.record import VerifyCheck, VerifyResidual, VerifyResult
+from calib_core.stages.verify.scattered import moved_findings, scatter_findings
 from calib_core.stages.verify.spacing import LEAST_CAPTURES, by_sphere, seen_once, spacing
 from calib_core.stages.verify.tool import Tool
 from calib_core.steps import steps_that_show
 
 _ANSWER_SHARE = 0.6
 _LEAST_PROBED = 4
-_DOUBTFUL_CHANCE = 0.01
-_FAILING_FACTOR = 3.0  # of the scatter over the expected one
 
 
 def solve(given: StageInput) -> VerifyResult:
@@ -125,8 +124,11 @@ def solve(given: StageInput) -> VerifyResult:
             *_spacing(given, spheres, sphere, own),
             *checks,
         ]
-        findings += [*doubtful, *_disagreeing(first, size, found)]
+        wrong = [*doubtful, *_disagreeing(first, size, found)]
+        findings += wrong
         moved = joint_findings(given.session.cell, arm, first, size, own, parts[0])
+        if not (moved or wrong) and knows_uncertainty:
+            moved = moved_findings(found, checks)
     unchecked = unchecked_limits(limits, checks, flat)
     decision = overall(checks, len(unchecked))
     findings += [
@@ -136,7 +138,7 @@ def solve(given: StageInput) -> VerifyResult:
         *late,
         *unchecked,
     ]
-    scattered = scatter_findings(found, knows_uncertainty, decision) if found is not None else []
+    scattered = scatter_findings(found, knows_uncertainty, decision, moved) if found is not None else []
     findings += [*scattered, *moved]
     surfaces = np.empty(0) if found is None else found.surface_rms_mm[np.isfinite(found.surface_rms_mm)]
     return VerifyResult(
@@ -169,6 +171,7 @@ def _figures(found: HeldOut | None, knows_uncertainty: bool, ball: str) -> dict[
         "chi_squared": found.chi_squared if found and knows else None,
         "degrees_of_freedom": 0 if found is None else found.degrees_of_freedom,
         "chance": found.chance if found and knows else None,
+        "moved_chance": found.moved_chance if found and knows else None,
     }
 
 
@@ -335,17 +338,6 @@ def _tool(given: StageInput) -> tuple[Tool, Placement | None, str, list[Finding]
     failed = answer.verdict == "fail"
     doubts = [codes.VERIFIED_ANSWER_FAILS(stage=stage)] if failed else []
     return Tool.of(answer), axes_of_answer(cell, answer), stage, doubts, answer.arm_model
-
-
-def scatter_findings(found: HeldOut, knows_uncertainty: bool, decision: Decision | None) -> list[Finding]:
-    """Return what is said of the scatter; where limits were set, these decide."""
-    if not knows_uncertainty:
-        return [codes.TOOL_WITHOUT_UNCERTAINTY()] if decision is None else []
-    if found.chance >= _DOUBTFUL_CHANCE:
-        return []
-    factor = float(np.sqrt(found.chi_squared / found.degrees_of_freedom))
-    code = codes.SCATTER_FAILS if factor > _FAILING_FACTOR and decision is None else codes.SCATTER_LARGE
-    return [code(factor=factor, scatter_mm=found.scatter_rms_mm, expected_mm=found.expected_scatter_rms_mm)]
 
 
 def _rows(

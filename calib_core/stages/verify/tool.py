@@ -12,8 +12,7 @@ from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.verify.arm_scatter import ArmScatter
-
-_SOUGHT = 9  # tool and ball
+from calib_core.stages.verify.scanner_scatter import ScannerScatter
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +36,11 @@ class Tool:
     arm : ArmScatter or None
         What the arm's errors put into captures together.
     scatter_freedom : float
-        From how many degrees of freedom the robot's scatter was found; infinite where it was told.
+        From how many degrees of freedom the robot's scatter is known; infinite where nothing of it is open.
+    scanner : ScannerScatter or None
+        What the scanner's own errors put into captures together.
+    others_scatter : mapping
+        The same of several scanners by their names.
     """
 
     mount_from_laser: RigidTransform
@@ -51,6 +54,8 @@ class Tool:
     sheet_per_mm: float = 0.0
     arm: ArmScatter | None = None
     scatter_freedom: float = np.inf
+    scanner: ScannerScatter | None = None
+    others_scatter: Mapping[str, ScannerScatter] = field(default_factory=dict[str, ScannerScatter])
 
     @classmethod
     def of(cls, answer: ToolResult) -> "Tool":
@@ -64,7 +69,9 @@ class Tool:
             others=mounts_of(answer.frames),
             sheet_per_mm=sheet_per_mm_of(used),
             arm=ArmScatter.of(answer),
-            scatter_freedom=_freedom_of(answer),
+            scanner=None if isinstance(answer.scanner, str | None) else ScannerScatter.of(answer.scanner),
+            others_scatter={name: ScannerScatter.of(one) for name, one in (answer.scanner_errors or {}).items()},
+            scatter_freedom=np.inf if parts.degrees_of_freedom is None else parts.degrees_of_freedom,
         )
 
     def straightened(
@@ -81,19 +88,17 @@ class Tool:
     @property
     def exact(self) -> "Tool":
         """The same taken as exact: nothing of the arm's errors cancels with its own."""
-        return replace(self, covariance=np.zeros((6, 6)), arm=self.arm and self.arm.of_other())
+        return replace(self, covariance=np.zeros((6, 6)), scanner=None, arm=self.arm and self.arm.of_other())
 
     def of_scanner(self, name: str) -> "Tool":
         """Return the same for another scanner's own mount; the first one's where that is not known."""
         if name not in self.others:
             return self
         mount, covariance = self.others[name]
-        return replace(self, mount_from_laser=mount, covariance=covariance, arm=self.arm and self.arm.of_other())
-
-
-def _freedom_of(answer: ToolResult) -> float:
-    """Return from how many degrees of freedom an answer knows how its robot scatters."""
-    if "position_sigma_mm" not in answer.variance_components.estimated:
-        return np.inf
-    rows = answer.model_dump(include={"residuals"})["residuals"]
-    return float(max(3 * sum(row["used"] for row in rows) - _SOUGHT, 1))
+        return replace(
+            self,
+            mount_from_laser=mount,
+            covariance=covariance,
+            scanner=self.others_scatter.get(name),
+            arm=self.arm and self.arm.of_other(),
+        )
