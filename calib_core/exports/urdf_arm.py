@@ -13,7 +13,7 @@ from calib_core.exports.entry import Export, Settings
 from calib_core.exports.neutral import position_and_quaternion, roll_pitch_yaw
 from calib_core.exports.writing import provenance
 from calib_core.frames import RigidTransform
-from calib_core.records import ArmJoint
+from calib_core.records import ArmJoint, ArmTable
 from calib_core.records.base import Matrix4
 from calib_core.records.results import ArmModelFound
 
@@ -26,7 +26,14 @@ class ArmSettings(Settings):
     flange: str = "tool0"
 
 
-def _write(answer: Answer, settings: ArmSettings) -> str:
+def arm_and_errors(answer: Answer) -> tuple[str | ArmTable, dict[str, float]]:
+    """Return a session's arm and the errors that an answer knows of it, by the names of its terms.
+
+    Raises
+    ------
+    ConflictError
+        If it knows none.
+    """
     found, arm = answer.results.get(answer.stage, {}).get("arm_model"), answer.session.cell.robot.arm
     if arm is None or found is None:
         raise ConflictError(
@@ -34,7 +41,11 @@ def _write(answer: Answer, settings: ArmSettings) -> str:
             "Give cell.robot.arm and the captures' joints, and solve.", answer.stage,
         )  # fmt: skip
     model = ArmModelFound.model_validate(found)
-    errors = dict(zip(model.names, model.values, strict=True))
+    return arm, dict(zip(model.names, model.values, strict=True))
+
+
+def _write(answer: Answer, settings: ArmSettings) -> str:
+    arm, errors = arm_and_errors(answer)
     table, left_out = corrected_arm(arm_of(arm), errors)
     told = [
         *provenance(answer, of_arm=True),

@@ -34,13 +34,20 @@ def read_poses(
     InputError
         If no file is of a known brand, or what is told is unknown.
     """
+    from calib_core.recognition.tracker_points import file_of_tracker
     from calib_core.robots.backup import read_controller_files
     from calib_core.robots.file_hints import Told
 
     files: dict[str, bytes] = {}
     for path in paths:
         files |= files_of(Path(path))
-    return read_controller_files(files, brand, as_written, Told.of(told or {}))
+    try:
+        return read_controller_files(files, brand, as_written, Told.of(told or {}))
+    except InputError:
+        if (name := file_of_tracker(files)) is None:
+            raise
+        to_do = message("Lay it beside the robot's poses in a folder, and make a session of both: scancell new.")
+        raise InputError("a robot's poses", "a laser tracker's points", to_do, name) from None
 
 
 def files_of(path: Path) -> dict[str, bytes]:

@@ -6,9 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.arms.kinematics import arm_of, flange_of_joints
 from calib_core.causes.likely import spreads_mm
-from calib_core.causes.readings import Reading
+from calib_core.causes.readings import Reading, poses_of, readings
+from calib_core.frames import RigidTransform
 from calib_core.messages import message
+from calib_core.poses.convention import Convention
 from calib_core.poses.conventions import CONVENTIONS
 from calib_core.recognition.taken import PoseRow
 from calib_core.records import Cell
@@ -19,6 +22,8 @@ _FEWEST_ANGLES = 3
 _ALL_BUT_STRAIGHT, _HALF_TURN = 0.05, 3.2
 _TRAVELS = 100.0  # as far as a flange goes for a calibration, in mm
 _CLEARLY = 1.8  # as for a convention that is told and wrong
+_JOINTS_MM, _A_TURN_MM = 10.0, 300.0  # arms err less; their base, tool or flange is another beyond that
+_MOST_WITH_JOINTS = 60
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,9 @@ class Choice:
         return {"name": self.convention, "sure": self.sure, "why": self.why}
 
 
-def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str | None) -> Choice | None:
+def chosen_convention(
+    rows: Sequence[PoseRow], fitting: Sequence[str], told: str | None, arm: str | None = None
+) -> Choice | None:
     """Return the convention of poses, None where there are none and nobody tells one.
 
     Parameters
@@ -57,6 +64,8 @@ def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str
         Conventions in which they can be written, the commonest first; one where the file says which.
     told : str, optional
         The one that the user says.
+    arm : str, optional
+        The robot's arm by its name: joints beside poses then say where the flange is.
     """
     if told is not None:
         return Choice(told, True, message("As told."), Reading.told(CONVENTIONS[told]))
@@ -65,6 +74,8 @@ def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str
     first = CONVENTIONS[fitting[0]]
     if len(fitting) == 1:
         return Choice(first.name, True, message("As the file says."), Reading.told(first))
+    if arm is not None and (by_joints := _by_joints(rows, fitting, arm)) is not None:
+        return by_joints
     found = _spreads(rows, first.name, fitting)
     likely = list(fitting)
     if not found:
@@ -86,6 +97,40 @@ def chosen_convention(rows: Sequence[PoseRow], fitting: Sequence[str], told: str
             rival_mm=others[0][0],
         )
     return Choice(name, True, why, reading, True)
+
+
+def _by_joints(rows: Sequence[PoseRow], fitting: Sequence[str], arm: str) -> Choice | None:
+    """Return the convention in which joints give the poses, None where no joints say so, or several do."""
+    own = [row for row in rows if row.joints_deg is not None][:_MOST_WITH_JOINTS]
+    if len(own) < _FEWEST:
+        return None
+    table = arm_of(arm)
+    if any(len(row.joints_deg or ()) != len(table.joints) for row in own):
+        return None
+    flanges = [flange_of_joints(table, row.joints_deg or ()) for row in own]
+    numbers, agreeing = [row.numbers for row in own], list[Reading]()
+    cell, alike = Cell(pose_convention=fitting[0]), {_kind(CONVENTIONS[name]) for name in fitting}
+    for reading in readings(cell, numbers) if len({len(row) for row in numbers}) == 1 else []:
+        same = _kind(reading.convention) in alike and reading.way == "as-written"
+        poses = poses_of(reading, numbers) if same else None
+        if (
+            poses is not None
+            and np.median([_apart(*both) for both in zip(poses, flanges, strict=True)]) < _JOINTS_MM
+        ):
+            agreeing.append(reading)
+    if len({_kind(one.convention) for one in agreeing}) != 1:
+        return None
+    name = _named(agreeing[0], fitting)
+    return Choice(name, True, message("Read so, the joints of {arm} give the poses.", arm=arm), agreeing[0], True)
+
+
+def _kind(convention: Convention) -> tuple[str, str]:
+    return convention.form, convention.listed
+
+
+def _apart(pose: RigidTransform, other: RigidTransform) -> float:
+    turned = float(np.linalg.norm(pose.rotation - other.rotation))
+    return max(float(np.linalg.norm(pose.translation_mm - other.translation_mm)), _A_TURN_MM * turned)
 
 
 def may_be_radians(rows: Sequence[PoseRow], choice: Choice) -> bool:

@@ -151,7 +151,7 @@ def recognise(
     looks, spare = with_copies(looks, copy_of, {measured[place][0] for place in pairs})
     measured_of = {place: at for place, at in enumerate(measured) if at[0] not in spare}
     known = {name for poses in lists for name in poses.conventions}
-    choice = chosen_convention(rows, lists[0].conventions if known else (), convention)
+    choice = chosen_convention(rows, lists[0].conventions if known else (), convention, arm)
     if choice is not None:
         rows = [replace(row, numbers=choice.rewritten(row.numbers)) for row in rows]
     told_spheres = {look.sphere_mm: look.file.name for look in looks if look.sphere_mm is not None}

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from calib_core.errors import InputError
@@ -11,6 +11,7 @@ from calib_core.formats.shared.names import axis_of, unit_in, unit_of
 from calib_core.formats.shared.text_head import is_comment, shown_line
 from calib_core.formats.shared.text_style import NUMBER, style_of
 from calib_core.messages import message
+from calib_core.robots.text import decoded
 
 _TOLD = re.compile(r"spatial ?analyzer|\b(?:laser)?tracker\b", re.IGNORECASE)
 _BY_PLACE = re.compile(r"spatial ?analyzer|\w::\w", re.IGNORECASE)
@@ -20,6 +21,7 @@ HINT = re.compile(r"spatial ?analyzer|tracker|\w::\w|95", re.IGNORECASE)
 _PATH = "::"  # between collection, group and target
 _MOST_POINTS = 5000  # more are a surface that was scanned
 _HEADER_WITHIN = 200
+_BEGINNING = 65_536
 _NAMES = {"name", "point", "pointname", "pointid", "target", "targetname", "id", "pointno", "punkt", "punktname"}
 _TURNS = {"a", "b", "c", "w", "p", "r", "rx", "ry", "rz", "qx", "qy", "qz", "qw", "q1", "roll", "pitch", "yaw"}
 _UNIT_END = "(?:mm|um|m|in)?"
@@ -113,6 +115,18 @@ def centers_in(text: str, where: str, told: Unit | None = None) -> Centers | Non
     unit = None if None in of_axes else ", ".join(sorted(filter(None, of_axes)))
     sigma = math.sqrt(sum(squares) / len(squares)) if squares else 0.0
     return Centers(tuple(points), unit, sigma or None)
+
+
+def file_of_tracker(files: Mapping[str, bytes]) -> str | None:
+    """Return the first file that holds a laser tracker's points, None where none does."""
+    for name, data in files.items():
+        try:
+            text = decoded(data)
+            if HINT.search(text[:_BEGINNING]) and centers_in(text, name) is not None:
+                return name
+        except InputError:
+            continue
+    return None
 
 
 def _header(lines: Sequence[tuple[int, str]]) -> tuple[int, _Columns] | None:

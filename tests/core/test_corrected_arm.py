@@ -6,10 +6,11 @@ import pytest
 from calib_core.arms.corrected import corrected_arm
 from calib_core.arms.errors import arm_moves, arm_terms, corrected_pose
 from calib_core.arms.kinematics import NAMED_ARMS, flange_of_joints
+from calib_core.arms.ur_calibration import calibration_frames
 from calib_core.arms.urdf import arm_from_urdf
 from calib_core.errors import ConflictError
 from calib_core.exports.export import export
-from calib_core.records import ArmTable
+from calib_core.records import ArmJoint, ArmTable
 from tests.arm_cell import simulate_arm
 from tests.benchmarks.bench_arm import solved
 
@@ -59,6 +60,37 @@ def test_the_urdf_of_an_answer_is_the_arm_of_its_errors() -> None:
     assert all(name in content.decode() for name in beyond)
     read = arm_from_urdf(content, "arm.urdf")
     assert farthest_mm(arm, read, {name: value for name, value in errors.items() if name not in beyond}) < 0.05
+
+
+def test_a_calibration_of_a_ur_with_its_errors_is_that_arm() -> None:
+    rng = np.random.default_rng(7)
+    for name in ("ur10e", "ur3e"):
+        arm = NAMED_ARMS[name]
+        terms = [term for term in arm_terms(arm) if term.member in ("offsets", "links")]
+        none, _ = calibration_frames(arm, {})
+        assert np.allclose(none[0][:3, 3], [0, 0, arm.joints[0].d_mm], atol=1e-6)
+        assert np.allclose(none[2][:3, 3], [arm.joints[1].a_mm, 0, 0], atol=1e-6)
+        errors = {term.name: float(rng.normal(0, term.sigma)) for term in terms}
+        frames, left_out = calibration_frames(arm, errors)
+        joints = [ArmJoint(previous_from_joint=frame.tolist()) for frame in frames]
+        assert farthest_mm(arm, ArmTable(joints=joints), errors) < 0.02  # errors of errors
+        assert left_out == ()
+    with pytest.raises(ConflictError, match="an arm of Universal Robots"):
+        calibration_frames(NAMED_ARMS["irb120"], {})
+
+
+@pytest.mark.thorough
+def test_the_calibration_of_an_answer_is_read_as_the_arm_of_its_errors() -> None:
+    cell = simulate_arm("cobot", 3, 30, errors="apply")
+    result = solved(cell.session)
+    content, _ = export(cell.session, {"tcp": result.to_json()}, "ur-calibration")
+    model, arm = result.arm_model, cell.session.cell.robot.arm
+    assert model is not None
+    assert isinstance(arm, ArmTable)
+    assert b"the controller does not take it" in content
+    errors = dict(zip(model.names, model.values, strict=True))
+    within = {name: value for name, value in errors.items() if "_by_" not in name and "_sag_" not in name}
+    assert farthest_mm(arm, arm_from_urdf(content, "ur.yaml"), within) < 0.05
 
 
 def test_an_arm_that_is_not_known_or_whose_joints_move_together_has_none() -> None:

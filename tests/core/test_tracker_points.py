@@ -1,5 +1,6 @@
 """A laser tracker's points become `center` captures of a scanner that stands still, and solve to the truth."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -247,3 +248,31 @@ def test_a_page_is_shown_the_file_and_offered_no_file_a_point() -> None:
     shown = recognise(files, convention="kuka").to_json()
     assert shown["files"][0]["reason"] == "centers-sure"
     assert shown["pairs"] == [{"file": None, "pose": pose} for pose in reversed(range(16))]
+
+
+def test_joints_beside_poses_tell_the_convention(tmp_path: Path) -> None:
+    """Two conventions that list rx ry rz look alike to a tracker's points; the arm's joints tell them apart."""
+    joints = np.random.default_rng(3).uniform(-100, 100, (12, 6)).round(4)
+    lines = ["name,x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg," + ",".join(f"j{n}_deg" for n in range(1, 7))]
+    points = ["Name,X [mm],Y [mm],Z [mm],U95 [mm]"]
+    for k, row in enumerate(joints.tolist()):
+        flange = flange_of_joints(arm_of("ur10e"), row)
+        numbers = [*to_pose("yaskawa", flange), *row]
+        lines.append(f"P{k}," + ",".join(f"{value:.4f}" for value in numbers))
+        seen = TRACKER_FROM_BASE @ flange.matrix @ [*TARGET_IN_TOOL0_MM, 1]
+        points.append(f"P{k}," + ",".join(f"{value:.4f}" for value in seen[:3]) + ",0.03")
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in/poses.csv").write_text("\n".join(lines) + "\n")
+    (tmp_path / "in/leica.csv").write_text("\n".join(points) + "\n")
+    made = new_session(tmp_path / "in", tmp_path / "without")
+    assert any("not certain" in one for one in made.missing)
+    made = new_session(tmp_path / "in", tmp_path / "with", arm="ur10e")
+    assert made.missing == ()
+    record = parse_session(json.loads((tmp_path / "with/session.json").read_text()), "session.json")
+    assert record.cell.pose_convention == "yaskawa"
+
+
+def test_poses_of_a_tracker_s_file_are_refused_with_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "leica.csv").write_text(leica())
+    with pytest.raises(InputError, match="a laser tracker"):
+        cc.read_poses(tmp_path / "leica.csv")
