@@ -638,6 +638,7 @@ class SessionAnswer(Record):
     budget: Any = None
     decision: str | None = None
     limits_changed: list[str] | None = None
+    frames: list[FoundFrame] | None = None
     workpiece_sigma_mm: float | None = None
     verified: str | None = None
     decided_before: list[DecidedBefore] | None = None

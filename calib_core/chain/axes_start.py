@@ -5,14 +5,14 @@ So directions are tried from everywhere, each profile on the side that is nearer
 guesses are refined with their directions free.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Final
 
 import numpy as np
 
-from calib_core.cell.layout import AxisState
+from calib_core.cell.layout import AxisState, MovedAxis
 from calib_core.cell.walk import Position, Walk, foot_moves
 from calib_core.chain.spread import AGREE_MM, robust_costs
 from calib_core.errors import MotionError
@@ -24,7 +24,8 @@ _RIDGE = 1e-6
 _DAMPING = 1e-4
 _AT_REST = AxisState(np.eye(3), np.zeros(3), 0.0)
 _FAR_MM = 20.0  # a guess whose median misfit is more is none
-_FITS_MM = 2.0
+FITS_MM: Final = 2.0
+"""A guess by readings in another unit whose misfit is less tells that unit."""
 _UNITS: Final[Mapping[str, Mapping[str, float]]] = {
     "linear": {"inches": 25.4, "metres": 1000.0},
     "rotary": {"radians": float(np.rad2deg(1.0))},
@@ -76,21 +77,30 @@ def _require_units(
     walk: Walk, centers: FloatArray, mounts: tuple[FloatArray, FloatArray], known: Mapping[str, AxisState]
 ) -> None:
     """Raise MotionError where readings of an axis fit in another unit than that of the record."""
-    for a, axis in enumerate(walk.layout.axes):
+    for readings, error in in_other_units(walk.layout.axes, walk.readings):
+        misfits = axes_guesses(replace(walk, readings=readings), centers, mounts, known)[0][1]
+        if np.median(misfits) < FITS_MM:
+            raise error
+
+
+def in_other_units(axes: Sequence[MovedAxis], readings: FloatArray) -> Iterator[tuple[FloatArray, MotionError]]:
+    """Give readings (K, A) with those of one axis in another unit, and what to say where they fit so."""
+    for a, axis in enumerate(axes):
         for unit, factor in _UNITS[axis.kind].items():
-            readings = walk.readings.copy()
-            readings[:, a] *= factor
-            if axis.kind == "rotary" and np.ptp(readings[:, a]) > 2 * np.pi:
+            other = readings.copy()
+            other[:, a] *= factor
+            if axis.kind == "rotary" and np.ptp(other[:, a]) > 2 * np.pi:
                 continue
-            misfits = axes_guesses(replace(walk, readings=readings), centers, mounts, known)[0][1]
-            if np.median(misfits) < _FITS_MM:
-                raise MotionError(
+            yield (
+                other,
+                MotionError(
                     _IN_MM if axis.kind == "linear" else _IN_DEGREES,
                     "readings that fit in {unit}",
                     "Multiply them by {factor:g}.",
                     "cell.axes",
                     name=axis.name, unit=_NAMES[unit], factor=factor,
-                )  # fmt: skip
+                ),
+            )  # fmt: skip
 
 
 def axes_guesses(

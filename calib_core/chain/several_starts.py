@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import Position
+from calib_core.chain.axes_start import FITS_MM, in_other_units
 from calib_core.chain.balls import candidates, middle_of
 from calib_core.chain.foot_start import feet_of, on_foot
 from calib_core.chain.model import ChainData, ChainState
@@ -56,12 +57,35 @@ def moving_axes(observations: Observations, axes: Sequence[MovedAxis]) -> tuple[
 def starts_of(
     observations: Observations, sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
 ) -> tuple[tuple[AxisState, ...], list[list[Start]]]:
-    """Return the axes under the robot, and each scanner's starts, the likeliest first."""
+    """Return the axes under the robot, and each scanner's starts, the likeliest first.
+
+    Raises
+    ------
+    MotionError
+        If readings of such an axis fit in another unit than that of the record.
+    """
     if not layout.axes:
         return (), [_with_others(observations, sphere, some) for some in groups]
-    axes, _ = feet_of(observations, sphere, layout, groups)
+    axes, scatter_mm = feet_of(observations, sphere, layout, groups)
+    if scatter_mm > FITS_MM:
+        _require_units(observations, sphere, layout, groups)
     standing = on_foot(observations, layout, axes)
     return axes, [_with_others(standing, sphere, some) for some in groups]
+
+
+def _require_units(
+    observations: Observations, sphere: SphereSize, layout: Layout, groups: Sequence[np.ndarray]
+) -> None:
+    """Raise MotionError where readings of an axis under the robot fit in another unit."""
+    told = np.array([[o.readings.get(axis.name, 0.0) for axis in layout.axes] for o in observations])
+    for readings, error in in_other_units(layout.axes, told):
+        names = [axis.name for axis in layout.axes]
+        read = [
+            replace(o, readings={**o.readings, **dict(zip(names, row, strict=True))})
+            for o, row in zip(observations, readings.tolist(), strict=True)
+        ]
+        if feet_of(read, sphere, layout, groups)[1] < FITS_MM:
+            raise error
 
 
 def _with_others(observations: Observations, sphere: SphereSize, some: np.ndarray) -> list[Start]:

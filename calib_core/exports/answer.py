@@ -101,9 +101,12 @@ class Answer:
 
     @property
     def frames(self) -> tuple[FoundFrame, ...]:
-        """All transforms that its stages found, those of every scanner and axis."""
-        found = [frame for result in self.results.values() for frame in result.get("frames") or ()]
-        return tuple(FoundFrame.model_validate(frame) for frame in found)
+        """All transforms that its stages found, of every scanner and axis: each by the stage that answers."""
+        found: dict[tuple[str, str, str | None], FoundFrame] = {}
+        for result in self.results.values():
+            for one in map(FoundFrame.model_validate, result.get("frames") or ()):
+                found.setdefault((one.into, one.outof, one.scanner), one)
+        return tuple(found.values())
 
     def scanners(self) -> dict[str, tuple[RigidTransform, FloatArray]]:
         """Return by name where each scanner of a cell that names them is, with its covariance (6, 6)."""
@@ -239,9 +242,10 @@ def answer_of(
         turntable = placed_table(table)
     decided = decision if "verify" not in stale or decision in NOT_CONFIRMED else decision and "undecided"
     of_others = [*parts, *(["verify"] if decided == decision is not None else [])]
+    others = [name for name in data if name not in parts and name not in stale]
     return Answer(
         session=_as_solved(session, result),
-        results={name: record for name, record in data.items() if name in parts or name not in stale},
+        results={name: data[name] for name in (*parts, *others)},
         stage=stage,
         mount_from_laser=scanner,
         tool_covariance=(np.array(seen.covariance, dtype=float) if seen else covariance)[:6, :6],

@@ -23,6 +23,7 @@ from calib_core.steps import table_stages, tool_stages
 
 APPROACH_MM = 150.0
 SPEED_MM_S = 50.0
+_LITTLE = 0.98  # of the ± after the first of a set: a set that leaves more changes nothing
 _WELL_KNOWN_MM = 10.0  # ± of the tool's place beyond which no approach is given: the scanner could touch
 
 
@@ -154,6 +155,16 @@ def _of_shot(session: Session, shot: Shot, kinds: Mapping[str, str], several: bo
 
 
 def _note_of_solved(shots: Sequence[Shot], by_robot: bool) -> Message:
+    note = _how_to_take(shots, by_robot)
+    if len(shots) > 1 and shots[-1].after_mm > _LITTLE * shots[0].after_mm:
+        return message(
+            "{note} They change it little: what is left is what all captures share, as errors of the scanner.",
+            note=note,
+        )
+    return note
+
+
+def _how_to_take(shots: Sequence[Shot], by_robot: bool) -> Message:
     if not by_robot:
         return message(
             "Move the axes alone: neither scanner nor sphere is on the robot, and its pose does not matter."

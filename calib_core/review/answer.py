@@ -24,6 +24,7 @@ from calib_core.records.base import Open, Rows
 from calib_core.records.callbacks import ReadFile
 from calib_core.records.decided_before import DecidedBefore
 from calib_core.records.policy import Equipment
+from calib_core.records.results import FoundFrame
 
 _FORMAT: Final = "scancell-answer/1"
 
@@ -48,7 +49,8 @@ class SessionAnswer(Record):
     `findings` the same, and what its results notice; `inputs_sha256` are the hashes of what its stages were
     solved from; `solved` is when, ISO 8601, where that is known; `budget` what each source of error contributes,
     where the stage says it; `decision` that of the latest verification, `limits_changed` which of its limits were
-    changed after its first capture; `workpiece_sigma_mm` how well a point at the workpiece is known in its worst
+    changed after its first capture; `frames` are all transforms of a cell of several scanners or named axes;
+    `workpiece_sigma_mm` how well a point at the workpiece is known in its worst
     direction (one sigma); `verified` is when the latest verification was solved, `equipment` what it was found
     with; `decided_before` tells decisions after which captures were left out or added, or limits changed.
     """
@@ -78,6 +80,7 @@ class SessionAnswer(Record):
     budget: Any = None
     decision: str | None = None
     limits_changed: list[str] = Field(default_factory=list[str])
+    frames: list[FoundFrame] = Field(default_factory=list[FoundFrame])
     workpiece_sigma_mm: float | None = None
     verified: str | None = None
     decided_before: list[DecidedBefore] = Field(default_factory=list[DecidedBefore])
@@ -106,7 +109,7 @@ def answer_record(answer: Answer) -> SessionAnswer:
     stages = [answer.stage]
     if answer.stage == "tcp" and answer.base_from_turntable is not None:
         stages.append("turntable")
-    return SessionAnswer(
+    record = SessionAnswer(
         session=session.name,
         cell=cell_id(session),
         stage=answer.stage,
@@ -136,6 +139,8 @@ def answer_record(answer: Answer) -> SessionAnswer:
         equipment=session.cell.equipment or [],
         decided_before=list(answer.decided_before),
     )
+    several = len(answer.scanners()) > 1 or session.cell.axes
+    return record.model_copy(update={"frames": list(answer.frames)}) if several else record
 
 
 def answer_as_read(

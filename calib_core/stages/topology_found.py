@@ -26,7 +26,7 @@ def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
         matrix = np.array(frame.matrix, dtype=float)
         if not np.isfinite(matrix).all() or not frame.outof.startswith("laser"):
             continue  # a table has a block of its own
-        title = _title(frame)
+        title = scanner_title(frame)
         placed = RigidTransform(matrix, frame.into if frame.scanner else "laser", "laser")
         if result.up_to_shift is not None and frame.scanner is not None:
             found.append(open_frame(session, placed, title, result.up_to_shift))
@@ -39,7 +39,8 @@ def scanner_frames(session: Session, result: Any) -> list[AnyBlock]:
     return found
 
 
-def _title(frame: FoundFrame) -> Message:
+def scanner_title(frame: FoundFrame) -> Message:
+    """Return what a scanner's frame is called, on its mount or before another scanner."""
     if frame.scanner is None:
         one, other = (name.partition(":")[2] for name in (frame.outof, frame.into))
         return message("Scanner {scanner} seen from {other}", scanner=one, other=other)

@@ -8,6 +8,7 @@ from server.console.output import print_result
 
 if TYPE_CHECKING:
     from calib_core.messages import Catalogue
+    from calib_core.records.evidence import AnyBlock
     from calib_core.review.answer import AnsweredFrame, SessionAnswer
 
 
@@ -80,9 +81,10 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
         *([Figure(label="Verification", text=DECISIONS[answer.decision])] if answer.decision else []),
         *(Note(text=str(one.said())) for one in answer.decided_before),
     ]
+    several = {one.scanner: one for one in answer.frames if one.outof == "laser" and one.scanner}
     frames: tuple[tuple[AnsweredFrame | None, Frame, Frame, str], ...] = (
-        (answer.tool, "tool0", "laser", "Scanner on the flange"),
-        (answer.base_from_laser, "base", "laser", "Scanner in the robot's base"),
+        (None if several else answer.tool, "tool0", "laser", "Scanner on the flange"),
+        (None if several else answer.base_from_laser, "base", "laser", "Scanner in the robot's base"),
         (answer.base_from_turntable, "base", "turntable", "Turntable in the robot's base"),
         (seen, "laser", "turntable", "Turntable seen from the scanner"),
     )
@@ -92,9 +94,28 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
             covariance = found.covariance if believed else None
             blocks.append(frame_block(answer.pose_convention, frame, covariance, title=title))
     fixed = answer.base_from_laser is not None and answer.tool is None
+    blocks += _scanners(answer, believed=believed)
     title = said.say(title_of(answer.stage, fixed=fixed))
     told = {**answer.to_json(), "warnings": judgement(answer.findings, said)["warnings"]}  # its faults, too
     return result_text(title, told, [block_in(block, said) for block in blocks], said)
+
+
+def _scanners(answer: "SessionAnswer", *, believed: bool) -> "list[AnyBlock]":
+    """Return each scanner of a cell of several."""
+    import numpy as np
+
+    from calib_core.frames import RigidTransform
+    from calib_core.stages.evidence_parts import frame_block
+    from calib_core.stages.topology_found import scanner_title
+
+    found: list[AnyBlock] = []
+    for one in answer.frames:
+        known = bool(np.isfinite(np.array(one.matrix, dtype=float)).all())
+        if one.outof == "laser" and one.scanner and known:
+            frame = RigidTransform.from_rounded(one.matrix, "tool0" if one.into == "tool0" else "base", "laser")
+            covariance = one.covariance if believed else None
+            found.append(frame_block(answer.pose_convention, frame, covariance, title=scanner_title(one)))
+    return found
 
 
 COMMAND = Command(

@@ -36,3 +36,10 @@ def test_a_slide_in_inches() -> None:
 def test_a_tilt_in_radians() -> None:
     with pytest.raises(MotionError, match="axis 'tilt' in degrees, got readings that fit in radians"):
         solved_with("positioner", "axes_deg", "tilt", float(np.deg2rad(1.0)))
+
+
+def test_a_rail_in_inches() -> None:
+    with pytest.raises(
+        MotionError, match=r"'rail' in mm, got readings that fit in inches\. Multiply them by 25\.4"
+    ):
+        solved_with("rail", "axes_mm", "rail", 1 / 25.4)

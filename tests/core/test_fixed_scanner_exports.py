@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from calib_core.errors import ConflictError, InputError
+from calib_core.exports.answer import answer_of
 from calib_core.exports.export import export
 from calib_core.frames import RigidTransform
+from calib_core.review.answer import answer_record
 from calib_core.robots import parse_pose
 from calib_core.robots.backup import read_controller_files
 from tests.core.robot_dialects import AS, CONFIG, DTX, RAPID, UFRAME_CND, VA
@@ -151,3 +153,25 @@ def test_a_backups_one_tool_is_that_of_a_named_scanner(brand: str, backup: str) 
     near(
         min(found, key=lambda one: float(np.linalg.norm(one.translation_mm - other.translation_mm))), other, brand
     )
+
+
+def test_scanners_are_told_by_the_stage_that_answers_whatever_was_solved_first() -> None:
+    shown = [results()["tcp"], results()["tcp"]]
+    for result, right in zip(shown, (FIXED, TABLE), strict=True):
+        frames = [("left", "tool0", result["tool0_from_laser"]), ("right", "base", right.to_rows())]
+        result["frames"] = [
+            {"into": into, "outof": "laser", "scanner": name, "matrix": matrix, "covariance": COVARIANCE}
+            for name, into, matrix in frames
+        ]
+    chain = {
+        **results()["turntable"],
+        **shown[1],
+        "stage": "chain",
+        "turntable_covariance": COVARIANCE,
+        "cross_covariance": COVARIANCE,
+    }
+    both = {"tcp": shown[0], "chain": chain}
+    content, entry = export(SESSION, both, "kuka", settings={"of_scanner": "right"})
+    near(frames_in(content, entry.suffix, "kuka")[0], TABLE, "kuka")
+    told = answer_record(answer_of(SESSION, both)).to_json()
+    assert [frame["matrix"] for frame in told["frames"]] == [frame["matrix"] for frame in chain["frames"]]

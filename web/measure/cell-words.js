@@ -4,6 +4,16 @@ import { maybe, t } from "../texts.js";
 
 /** @import {SessionSummary} from "../state/model.js" */
 
+/**
+ * What a text is called of a cell whose scanner stands still: nothing there is a tool.
+ * @param {string} name @param {import("../state/session.js").SessionState} state
+ */
+export function ofCell(name, { session }) {
+  const scanners = /** @type {{on?: string}[]} */ (Object.values(session?.cell.scanners ?? {}));
+  const still = scanners.length ? scanners.every(({ on }) => on === "base") : session?.cell.arrangement === "sphere-on-robot";
+  return still ? `${name}_still` : name;
+}
+
 /** @param {SessionSummary["cell"]} cell */
 export function cellWords(cell) {
   const parts = [maybe(`convention.${cell.pose_convention}`, cell.pose_convention)];

@@ -5,6 +5,7 @@ import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
 import { figureWords } from "../blocks/figure.js";
 import { StateElement } from "../components/base.js";
+import { ofCell } from "./cell-words.js";
 import { isRefuted } from "../state/standing.js";
 
 /** @import {FigureBlock, StageResult} from "../state/model.js" */
@@ -54,7 +55,7 @@ export class RailElement extends StateElement {
 
 /** @param {import("../state/session.js").SessionState} state @param {string} step */
 export function stepName(state, step) {
-  return maybe(`step.${step}`, state.stages.find(({ name }) => name === step)?.title ?? step);
+  return maybe(ofCell(`step.${step}`, state), "") || maybe(`step.${step}`, state.stages.find(({ name }) => name === step)?.title ?? step);
 }
 
 /** @param {StageResult} result */

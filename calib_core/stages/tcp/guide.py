@@ -43,6 +43,7 @@ _SHIFTS = {
     ),
 }
 """What is asked for, by whether the flange carries the ball, and whether the shifts so far are parallel."""
+_SOLVE = message("Solve the TCP.")
 _OF_BALL = {"tcp-first": "ball-first", "tcp-shift": "ball-shift", "tcp-turn": "ball-turn"}
 """Drawings of a ball that the flange carries."""
 _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
@@ -52,9 +53,11 @@ _MANY = 12  # so many captures of different orientations do without pure transla
 def guide(view: GuideView) -> GuideNow | None:
     """Return the instruction of the TCP step, None where the tool is given with the cell."""
     now = _guide(view)
-    if now is None or not ball_on_flange(view.session.cell) or now.drawing not in _OF_BALL:
+    if now is None or not ball_on_flange(view.session.cell):
         return now
-    return now.model_copy(update={"drawing": _OF_BALL[now.drawing]})
+    drawing = _OF_BALL.get(now.drawing, now.drawing)
+    words = "Solve where the scanner stands." if now.instruction == _SOLVE else now.instruction
+    return now.model_copy(update={"drawing": drawing, "instruction": words})
 
 
 def _guide(view: GuideView) -> GuideNow | None:
@@ -426,7 +429,7 @@ def _solve(turns: int, *, again: bool) -> GuideNow:
         step="tcp",
         stage="tcp",
         action="solve",
-        instruction="Solve again: the captures have changed." if again else "Solve the TCP.",
+        instruction="Solve again: the captures have changed." if again else _SOLVE,
         why=sentences(["The shifts and turns determine all of it.", more if turns < GOOD_TURNS else ""]),
         exit="Every capture fits the sphere within its noise, and no direction is left open.",
         drawing="tcp-solve",
