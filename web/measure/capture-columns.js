@@ -31,7 +31,9 @@ const plain = (name, value, words) => ({
 const COLUMNS = [
   { name: "id", title: t("column.id"), value: ({ id }) => id, cell: ({ id }) => id },
   { name: "state", title: t("column.state"), value: (capture, residual) => statusOf(capture, residual)[1], cell: (capture, residual) => status(capture, residual) },
-  { name: "table", title: t("column.table"), right: true, value: ({ mount, table_deg }) => number(table_deg) ?? (mount ? "" : null), cell: place },
+  { name: "scanner", title: t("chain.scanner"), value: ({ scanner }) => scanner ?? null, cell: ({ scanner }) => scanner ?? "–" },
+  { name: "table", title: t("column.table"), right: true, value: (capture) => number(capture.table_deg) ?? (capture.mount && axes(capture) === null ? "" : null), cell: place },
+  { name: "axes", title: t("column.axes"), value: axes, cell: (capture) => axes(capture) ?? "–" },
   { name: "pose", title: t("column.pose"), value: ({ pose, measured }) => pose?.join(" ") ?? (measured.image_size ? null : ""), cell: (capture, residual) => poseCell(capture, residual) },
   { ...plain("zone", ({ measured }) => number(measured.zone), (value) => fixed(value, 2)), hint: t("glossary.words_zone") },
   plain("extent", ({ measured }) => number(measured.extent_deg), (value) => `${fixed(value, 0)}°`),
@@ -53,6 +55,13 @@ export function columnsFor(captures, residuals) {
 
 /** @param {CaptureOut} capture */
 columnsFor.picture = (capture) => (capture.measured.preview ?? []).length > 0 && thumbnail(capture);
+
+/** Where axes stood that the cell names, and which ball they carried. @param {CaptureOut} capture */
+function axes({ axes_deg, axes_mm, mount }) {
+  const turns = Object.entries(axes_deg ?? {}).map(([name, value]) => `${name} ${fixed(value, 3)}°`);
+  const shifts = Object.entries(axes_mm ?? {}).map(([name, value]) => `${name} ${fixed(value, 2)} mm`);
+  return turns.length + shifts.length ? [...turns, ...shifts, mount].filter(Boolean).join(" · ") : null;
+}
 
 /** @param {CaptureOut} capture */
 function place({ table_deg, mount }) {
