@@ -58,8 +58,8 @@ columnsFor.picture = (capture) => (capture.measured.preview ?? []).length > 0 &&
 
 /** Where axes stood that the cell names, and which ball they carried. @param {CaptureOut} capture */
 function axes({ axes_deg, axes_mm, mount }) {
-  const turns = Object.entries(axes_deg ?? {}).map(([name, value]) => `${name} ${fixed(value, 3)}°`);
-  const shifts = Object.entries(axes_mm ?? {}).map(([name, value]) => `${name} ${fixed(value, 2)} mm`);
+  const turns = Object.entries(axes_deg ?? {}).map(([name, value]) => `${name} ${fixed(Number(value), 2)}°`);
+  const shifts = Object.entries(axes_mm ?? {}).map(([name, value]) => `${name} ${fixed(Number(value), 2)} mm`);
   return turns.length + shifts.length ? [...turns, ...shifts, mount].filter(Boolean).join(" · ") : null;
 }
 
