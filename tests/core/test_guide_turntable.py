@@ -10,7 +10,8 @@ from calib_core.errors import ConflictError
 from calib_core.graph.keys import Graph, stage_captures
 from calib_core.guidance.pose_list import planned_poses
 from calib_core.records import Guide, Measured, Session
-from calib_core.simulation import simulate
+from calib_core.simulation import TOPOLOGY_SCENARIOS, simulate
+from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.guide import guide
 from calib_core.stages.turntable.guide import _has_tcp, _suggested_deg
 
@@ -243,3 +244,8 @@ def test_a_chain_is_solved_with_the_table_where_captures_of_the_tool_are_there(s
     session = simulate("turntable", 4).session
     captures = [c.model_copy(update={"step": step if c.step == "tcp" else c.step}) for c in session.captures]
     assert _has_tcp(session.model_copy(update={"captures": captures})) == chained
+
+
+def test_a_rail_under_the_robot_asks_for_no_table() -> None:
+    session = simulate_topology(TOPOLOGY_SCENARIOS["rail"], "rail", 3)[0]
+    assert next(one for one in guide(session, [], {}).steps if one.step == "turntable").status == "not-needed"

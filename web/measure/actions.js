@@ -11,6 +11,7 @@ import { nextStep } from "../state/next-step.js";
 import { StateElement } from "../components/base.js";
 import { decisionOf } from "./exclude.js";
 import { keep } from "./removed-captures.js";
+import { isToImprove } from "../state/standing.js";
 import { ofCell } from "./cell-words.js";
 import { stepName } from "./rail.js";
 import { mendable, remedies } from "../result/remedy.js";
@@ -78,7 +79,7 @@ export class ActionsElement extends StateElement {
     const solved = now?.action === "review";
     // What is not accepted is mended by captures; where all is well, the way leads on.
     const result = this.state.resultOf(this.state.step);
-    const mends = (solved || !now) && result !== null && !result.stale && result.verdict !== "pass";
+    const mends = (solved || !now) && result !== null && !result.stale && (result.verdict === "fail" || isToImprove(result));
     this.#next = nextStep(this.state);
     const onward = this.#next !== null && !mends;
     this.#onWords.textContent = t("guide.go_on", { step: stepName(this.state, this.#next ?? "") });

@@ -4,15 +4,14 @@ import { maybe, t } from "../texts.js";
 
 /** @import {SessionSummary} from "../state/model.js" */
 
-/**
- * What a text is called of a cell whose scanner stands still: nothing there is a tool.
- * @param {string} name @param {import("../state/session.js").SessionState} state
- */
-export function ofCell(name, { session }) {
+/** Whether a cell's scanners stand still: nothing there is a tool. @param {import("../state/session.js").SessionState} state */
+export function standsStill({ session }) {
   const scanners = /** @type {{on?: string}[]} */ (Object.values(session?.cell.scanners ?? {}));
-  const still = scanners.length ? scanners.every(({ on }) => on === "base") : session?.cell.arrangement === "sphere-on-robot";
-  return still ? `${name}_still` : name;
+  return scanners.length ? scanners.every(({ on }) => on === "base") : session?.cell.arrangement === "sphere-on-robot";
 }
+
+/** What a text is called of such a cell. @param {string} name @param {import("../state/session.js").SessionState} state */
+export const ofCell = (name, state) => (standsStill(state) ? `${name}_still` : name);
 
 /** @param {SessionSummary["cell"]} cell */
 export function cellWords(cell) {

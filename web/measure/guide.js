@@ -9,6 +9,8 @@ import { StateElement } from "../components/base.js";
 import { copyButton } from "../components/copy.js";
 import { DrawingElement } from "./drawing.js";
 import { meterSection } from "./meter.js";
+import { standsStill } from "./cell-words.js";
+import { isToImprove } from "../state/standing.js";
 import { stepName } from "./rail.js";
 import { mendable } from "../result/remedy.js";
 import { attempt } from "../components/toasts.js";
@@ -29,7 +31,7 @@ export class GuideElement extends StateElement {
   update() {
     const { guide, now, step } = this.state;
     if (!guide) return this.#words.replaceChildren(h("p", { class: "soft" }, t("history.wait")));
-    this.#drawing.name = now?.drawing ?? "cell";
+    this.#drawing.name = now?.drawing ?? (standsStill(this.state) ? "ball-first" : "cell");
     // What mends a failed result comes before more captures, here as at the result and on the main button.
     const [cause] = mendable(this.state.resultOf(step) ?? {});
     const name = stepName(this.state, step);
@@ -49,7 +51,7 @@ export class GuideElement extends StateElement {
     const told = state.guide?.steps.find((one) => one.step === state.step);
     const current = state.guide?.current.step ?? "";
     const open = said(this.#open(told?.status) ?? "") || undefined;
-    const usable = told?.status === "done" && state.resultOf(state.step)?.verdict === "warn";
+    const usable = told?.status === "done" && isToImprove(state.resultOf(state.step));
     // Back to what is done nobody is sent.
     const asks = state.guide?.steps.find((one) => one.step === current)?.status !== "done";
     return [
@@ -81,7 +83,7 @@ const remedy = (cause, name) => [h("p", { class: "guide-progress" }, name), h("h
 
 /** @param {GuideNow} now @param {string} name of the step @param {SessionState} state */
 function words(now, name, state) {
-  const mends = now.action === "review" && state.resultOf(state.step)?.verdict === "warn";
+  const mends = now.action === "review" && isToImprove(state.resultOf(state.step));
   return [
     h("p", { class: "guide-progress" }, name, now.meter ? null : rest(now)),
     h("h1", {}, mends ? t("guide.mend") : said(now.instruction)),

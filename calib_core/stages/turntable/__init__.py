@@ -38,11 +38,11 @@ class Turntable(Stage):
     layers = ("turntable",)
 
     def is_wanted(self, session: "Session") -> bool:
-        """Return whether the cell tells of a table or an axis, or has captures of one."""
-        from calib_core.cell.axes import moved_axes
+        """Return whether the cell tells of a table or an axis that carries the object, or has captures of one."""
+        from calib_core.cell.axes import moves_object
         from calib_core.stages.turntable.guide import wants_turntable
 
-        return bool(moved_axes(session.cell)) or wants_turntable(session)
+        return moves_object(session.cell) or wants_turntable(session)
 
     def rests_on(self, session: "Session") -> tuple[str, ...]:
         """Return the stages that it rests on: the tool, and what turns raw frames into points."""
