@@ -1,4 +1,4 @@
-"""The solvers answer as those of 2026-11 did; `scancell bench oracle --full` asks a thousand cells."""
+"""The solvers answer as those of 2026-11 did; `scancell bench oracle --full` asks eighty cells."""
 
 import pytest
 
