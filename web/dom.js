@@ -48,6 +48,9 @@ export function h(tag, props = {}, ...children) {
   return element;
 }
 
+/** A text in which `what is typed` stands as such. @param {string} text */
+export const coded = (text) => text.split(/`([^`]*)`/).map((part, place) => (place % 2 ? h("code", {}, part) : part));
+
 /** A control with its label, and what is said of it below. @param {string} id @param {string} label @param {HTMLElement} control @param {string} [hint] */
 export function field(id, label, control, hint) {
   control.id = id;

@@ -3,11 +3,12 @@
 `STYLE` (in `style`) goes with it, once a page; all that it styles is within an element of class ``scancell``.
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 from typing import Any, Final
 
-from calib_core.evidence.numbers import number_text, quantity_text, with_unit
+from calib_core.evidence.numbers import number_text, pointed, quantity_text, with_unit
 from calib_core.evidence.svg import plot_svg
 from calib_core.evidence.text import (
     MOST_IN_SIGHT,
@@ -38,6 +39,7 @@ _WORDS: Final = templates({
     "numbers": "The plot's numbers",
     "series": "Series",
 })  # fmt: skip
+_TAGS: Final = re.compile(r"(<[^>]*>)")
 _MARKS: Final = ("●", "■", "▲")
 _MATRIX_DECIMALS: Final = (6, 6, 6, 4)
 
@@ -66,7 +68,20 @@ def result_html(
         blocks_html(rest, said, address),
         f"<h3>{_word('notes', said)}</h3>{_list(result['notes'])}" if result.get("notes") else "",
     ]
-    return "".join(parts)
+    return _pointed("".join(parts), said)
+
+
+def _pointed(page: str, said: Catalogue) -> str:
+    """Return HTML whose texts have the decimal sign of a language; tags, and points that are written so, stay."""
+    if said.language != "de":
+        return page
+    parts = _TAGS.split(page)
+    return "".join(part if place % 2 else pointed(part, said.language) for place, part in enumerate(parts))
+
+
+def _as_typed(text: str, said: Catalogue) -> str:
+    """Return a number that is typed elsewhere, or a word of somebody's own: its points stay in every language."""
+    return text.replace(".", "&#46;") if said.language == "de" else text
 
 
 def _word(name: str, said: Catalogue) -> str:
@@ -88,7 +103,7 @@ def blocks_html(blocks: Sequence[AnyBlock], said: Catalogue = ENGLISH, address: 
             parts.append(f"<details><summary>{title}</summary>{body}</details>")
         else:
             parts.append((f"<h3>{escape(first.title)}</h3>" if first.title else "") + body)
-    return "".join(parts)
+    return _pointed("".join(parts), said)
 
 
 def _section(blocks: Sequence[AnyBlock], said: Catalogue, address: Address | None) -> Iterator[str]:
@@ -129,15 +144,14 @@ def _figure(figure: Figure, said: Catalogue) -> str:
 def _frame(frame: Frame, said: Catalogue) -> str:
     as_units = said.say(message("{frame} as {units}", frame=frame.name, units=frame.convention))
     rows_in_mm = said.say(message("{frame}, rows, mm", frame=frame.name))
-    matrix = "".join(f"<tr>{''.join(map(_number, row, _MATRIX_DECIMALS))}</tr>" for row in frame.matrix)
+    cells = ("".join(map(_number, row, _MATRIX_DECIMALS)) for row in frame.matrix)
+    matrix = _as_typed("".join(f"<tr>{row}</tr>" for row in cells), said)
     matrix_of = f'<p class="soft">{escape(rows_in_mm)}</p><div class="wide"><table>{matrix}</table></div>'
     if not frame.numbers:
         return matrix_of
     opened = " open" if frame.convention == "matrix" else ""
-    rows = "".join(
-        f'<tr><th scope="row">{escape(number.label)}</th><td class="n">{quantity_text(number.quantity)}</td></tr>'
-        for number in frame.numbers
-    )
+    numbers = ((escape(one.label), _as_typed(quantity_text(one.quantity), said)) for one in frame.numbers)
+    rows = "".join(f'<tr><th scope="row">{name}</th><td class="n">{told}</td></tr>' for name, told in numbers)
     return (
         f'<p class="soft">{escape(as_units)}; {escape(frame.formula)}; {_word("expanded", said)}</p>'
         f'<table class="frame">{rows}</table>'
@@ -163,8 +177,10 @@ def _table(table: Table, said: Catalogue) -> str:
 
 
 def _row(row: Row, table: Table, css: Sequence[str], judged: bool, said: Catalogue) -> str:
-    texts = [escape(cell_text(cell, column)) for cell, column in zip(row.cells, table.columns, strict=True)]
-    cells = "".join(
+    cells = zip(row.cells, table.columns, strict=True)
+    shown = ((escape(cell_text(cell, column)), column.own) for cell, column in cells)
+    texts = [_as_typed(text, said) if own else text for text, own in shown]
+    made = "".join(
         f'<th scope="row">{text}</th>' if not k else f"<td{c}>{text}</td>"
         for k, (c, text) in enumerate(zip(css, texts, strict=True))
     )
@@ -172,8 +188,8 @@ def _row(row: Row, table: Table, css: Sequence[str], judged: bool, said: Catalog
         used = _word("yes" if row.used else "no", said) + (
             f": {escape(row.reason)}" if row.reason and not row.used else ""
         )
-        cells += f'<td class="words">{used}</td>'
-    return f"<tr>{cells}</tr>" if row.used else f'<tr class="out">{cells}</tr>'
+        made += f'<td class="words">{used}</td>'
+    return f"<tr>{made}</tr>" if row.used else f'<tr class="out">{made}</tr>'
 
 
 def _plot(plot: Plot, said: Catalogue) -> str:

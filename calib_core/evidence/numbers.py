@@ -1,6 +1,7 @@
 """Numbers as they are shown: with unit, expanded uncertainty, and no more digits than that allows."""
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
 from typing import Final
@@ -10,6 +11,8 @@ from calib_core.records.evidence import Quantity
 COVERAGE: Final = 2.0
 """The factor k between standard and expanded uncertainty: about 95 %."""
 
+_DECIMAL: Final = re.compile(r"(?<![\w./\\])(?<!\w-)\d[\d\u202f]*\.\d+(?![\w/\\]|\.\w)")
+_VERBATIM: Final = re.compile(r"(`[^`]*`|„[^“]*“|'[^']*'|\"[^\"]*\"|&quot;.*?&quot;|&#x27;.*?&#x27;)")
 _MOST_DECIMALS: Final = 9
 _NOTHING: Final = "–"
 _SIGNIFICANT: Final = 3
@@ -105,3 +108,17 @@ def quantity_text(shown: Quantity | None) -> str:
 def with_unit(text: str, unit: str) -> str:
     """Return a number's text with its unit; degrees follow without a space."""
     return text + unit if unit in ("", "°") else f"{text}\u202f{unit}"
+
+
+def pointed(text: str, language: str) -> str:
+    """Return text with the decimal sign of a language; what is quoted, versions and names keep their points.
+
+    Numbers in a row are then apart by semicolons.
+    """
+    if language != "de" or "." not in text:
+        return text
+    parts = _VERBATIM.split(text)
+    for place in range(0, len(parts), 2):
+        told = _DECIMAL.sub(lambda found: found[0].replace(".", ","), parts[place])
+        parts[place] = re.sub(r"(\d,\d+), (?=[−±-]?\d+(?:,\d|$))", r"\1; ", told)
+    return "".join(parts)

@@ -7,7 +7,7 @@ from itertools import groupby
 from typing import Any, Final
 from unicodedata import east_asian_width
 
-from calib_core.evidence.numbers import number_text, quantity_text, with_unit
+from calib_core.evidence.numbers import number_text, pointed, quantity_text, with_unit
 from calib_core.messages import ENGLISH, Catalogue, message, templates
 from calib_core.records.evidence import (
     AnyBlock,
@@ -79,7 +79,8 @@ def verdict_words(verdict: str, said: Catalogue = ENGLISH) -> tuple[str, str]:
 
 def _sentences(label: str, texts: Sequence[str], said: Catalogue) -> str:
     """Return sentences, each after the same label."""
-    return "\n".join(line for text in texts for line in _wrapped(said.say(label), text))
+    shown = (pointed(text, said.language) for text in texts)
+    return "\n".join(line for text in shown for line in _wrapped(said.say(label), text))
 
 
 def split_headline(blocks: Sequence[AnyBlock]) -> tuple[list[AnyBlock], list[AnyBlock]]:
@@ -114,7 +115,8 @@ def blocks_text(blocks: Sequence[AnyBlock], detail: bool = False, said: Catalogu
     for section in sections([block for block in blocks if detail or not block.detail]):
         lines += ["", section[0].title] if section[0].title else []
         for run in runs(section):
-            lines += _figures(run, said) if isinstance(run, list) else _lines(run, said)
+            told = _figures(run, said) if isinstance(run, list) else _lines(run, said)
+            lines += told if isinstance(run, Frame | Table) else [pointed(line, said.language) for line in told]
     return plain("\n".join(lines).strip("\n"))
 
 
@@ -163,7 +165,7 @@ def _lines(block: AnyBlock, said: Catalogue) -> list[str]:
         case Frame():
             return _frame(block, said)
         case Table():
-            return _table(block)
+            return _table(block, said)
         case Plot():
             return _plot(block, said)
         case Picture():
@@ -220,10 +222,12 @@ def _caption(text: str) -> list[str]:
     return _broken(text, "  ", "  ")
 
 
-def _table(table: Table) -> list[str]:
-    rows = [
-        [cell_text(c, column) for c, column in zip(row.cells, table.columns, strict=True)] for row in table.rows
-    ]
+def _table(table: Table, said: Catalogue) -> list[str]:
+    def shown(cell: str | float | Quantity | None, column: Column) -> str:
+        text = cell_text(cell, column)
+        return text if column.own else pointed(text, said.language)
+
+    rows = [[shown(c, column) for c, column in zip(row.cells, table.columns, strict=True)] for row in table.rows]
     heads = [head_text(column) for column in table.columns]
     widths = [max(_columns(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
     marks = [" " if row.used else "×" for row in table.rows]
@@ -236,8 +240,8 @@ def _table(table: Table) -> list[str]:
         return f"{mark} {'  '.join(placed)}".rstrip()
 
     lines = [line(heads), *map(line, rows, marks)]
-    lines += _reasons(table.rows)
-    return [*_caption(table.caption), *lines]
+    lines += [pointed(line, said.language) for line in _reasons(table.rows)]
+    return [*_caption(pointed(table.caption, said.language)), *lines]
 
 
 def _reasons(rows: Sequence[Row]) -> Iterator[str]:

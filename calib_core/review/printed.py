@@ -19,6 +19,7 @@ from calib_core.stages.evidence import stored_evidence
 
 _Results = ResultsData
 _NUMBER: Final = re.compile(r"−?\d[\d\u202f]*(?:\.\d+)?")
+_GERMAN: Final = re.compile('<html lang="de">')
 _VERDICT: Final = re.compile(r'<(?:strong|span) class="verdict (\w+)">([^<]*)<')
 _ROW: Final = re.compile(r'<td class="(pass|warn|fail)">([^<]*)</td>')
 _DECIDED: Final = re.compile(r'<(?:span|td) class="decided ([\w-]*)">([^<]*)<')
@@ -48,6 +49,8 @@ def misprinted(
         The answer that they give, as JSON data.
     """
     page = content.decode(errors="replace")
+    if _GERMAN.search(page[:300]):
+        page = re.sub(r"(?<=\d),(?=\d)", ".", page)
     sections = [_NUMBER.findall(_text(part)) for part in _SECTION.split(_DRAWING.sub(" ", page))]
     if session.name and (head := _HEAD.search(page)) and _text(head[1]) != " ".join(session.name.split()):
         yield "session"

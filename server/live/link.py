@@ -1,6 +1,8 @@
 """The link to one device: a thread that connects, reads, and connects again whatever happens to it."""
 
+import errno
 import logging
+import socket
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -254,6 +256,18 @@ class Link:
         self._status, self._problem = status, problem
 
 
+def _of_network(error: OSError) -> str:
+    """Return why nothing came over a network, nothing where the system's own words have to do."""
+    if isinstance(error, ConnectionRefusedError):
+        return message("nothing answers at this address and port")
+    if isinstance(error, ConnectionResetError | ConnectionAbortedError | BrokenPipeError):
+        return message("the other side ended the connection")
+    if isinstance(error, socket.gaierror):
+        return message("this name is not known in the network")
+    unreached = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
+    return message("no way in the network leads to this address") if error.errno in unreached else ""
+
+
 def _sentence(error: Exception, source: Source) -> str:
     if isinstance(error, ImportError) and source.extra:
         return message(
@@ -264,6 +278,8 @@ def _sentence(error: Exception, source: Source) -> str:
     text: str = error.args[0] if error.args else ""
     if isinstance(error, TimeoutError):
         text = message("no answer in time")
+    elif not isinstance(text, Message) and isinstance(error, OSError) and (known := _of_network(error)):
+        text = known
     elif not isinstance(text, Message):
         text = (" ".join(str(error).split()) or type(error).__name__)[:200]
     return message("{text}.", text=text)

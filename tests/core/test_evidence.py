@@ -375,3 +375,27 @@ def test_lines_of_a_terminal_break_between_chinese_characters_and_keep_numbers_w
     assert min(columns[:-1]) > 94, "a line is filled before the next one begins"
     assert not [line for line in lines if line.strip()[0] in "）：，。；%="]
     assert "".join(line.strip() for line in lines).count("k = 2") == 3
+
+
+def test_german_has_decimal_commas_where_nothing_is_typed_in() -> None:
+    said = catalogue("de")
+    frame = Frame(
+        name="tool0_from_laser",
+        into="tool0",
+        outof="laser",
+        convention="abb",
+        numbers=[FrameNumber(label="x", quantity=quantity(36.26, "mm", 0.13))],
+        matrix=np.eye(4).tolist(),
+    )
+    columns = [Column(label="Name", own=True, align="left"), Column(label="Radius", unit="mm", decimals=3)]
+    table = Table(caption="± bei k = 2, 0.25 mm", columns=columns, rows=[Row(cells=["1.5", 90.025])])
+    place = Figure(label="Ort", text="(981.98, −306.21, 340.50) mm")
+    blocks = [place, frame, table, Note(level="info", text="scancell 0.1.0 liest „1.5“ und 0.12 bis 0.5 mm.")]
+    for words in (blocks_text(blocks, said=said), html.unescape(blocks_html(blocks, said))):
+        assert "(981,98; " in words, words
+        assert "90,025" in words
+        assert "0,25" in words
+        assert "scancell 0.1.0 liest „1.5“ und 0,12 bis 0,5" in words
+        assert "36.26 ± 0.26" in words
+        assert "1.5" in words.replace("„1.5“", ""), "a name of somebody's own keeps its point"
+    assert "36,26" not in blocks_text(blocks, said=catalogue("zh")) + blocks_html(blocks)

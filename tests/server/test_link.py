@@ -1,13 +1,16 @@
 """The link to a device: what comes after a loss, nonsense or what is not fresh is joined to nothing before it."""
 
+import errno
+import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 from calib_core.errors import InputError
+from calib_core.findings.catalogues import catalogue
 from calib_core.frames import RigidTransform
 from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import Capture, Measured
@@ -161,5 +164,31 @@ def test_a_device_that_is_late_from_its_reconnection_on_is_not_believed() -> Non
         until(lambda: link.state().status == "lost")
         device.now = lambda: Sample(host_now_s(), host_now_s() - 500.0, AT_REST)
         until(lambda: link.state().fresh, lambda: link.state())
+    finally:
+        link.stop()
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (
+            ConnectionRefusedError(111, "Connection refused"),
+            "unter dieser Adresse und diesem Port antwortet nichts",
+        ),
+        (ConnectionResetError(104, "Connection reset by peer"), "die Gegenseite hat die Verbindung beendet"),
+        (socket.gaierror(-2, "Name or service not known"), "dieser Name ist im Netz nicht bekannt"),
+        (OSError(errno.EHOSTUNREACH, "No route to host"), "zu dieser Adresse führt kein Weg im Netz"),
+    ],
+)
+def test_why_a_device_is_not_reached_is_said_in_every_language(error: OSError, said: str) -> None:
+    def unreached(_: object) -> Told:
+        raise error
+
+    source = replace(source_of(Told(stamped)), connect=unreached)
+    link = Link("robot", source, source.settings(), lambda _, __: None, lambda _: None)
+    link.start()
+    try:
+        until(lambda: link.state().status == "lost")
+        assert catalogue("de").say(link.state().problem) == f"Nicht erreichbar: {said}."
     finally:
         link.stop()

@@ -25,6 +25,10 @@ _LINES = {
     "Kurz: die Ebene liegt, soweit man das hier ansehen kann, quer zur Tafel und ist schlecht bestimmt": (
         "Kurz: die Ebene liegt, soweit man das hier ansehen kann"
     ),
+    # A German clause is not cut off before its verb.
+    "Gespeicherte Datensätze, auf denen dieses Ergebnis beruht, wurden in der Datenbank selbst geändert": (
+        "Gespeicherte Datensätze, auf denen dieses Ergebnis beruht, wurden in der …"
+    ),
     # A short clause says nothing, and what has none is cut.
     "Note, that the scanner and the sphere and the board and the table stand still": (
         "Note, that the scanner and the sphere and the board and the table stand …"

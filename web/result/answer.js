@@ -2,7 +2,7 @@
 
 import { figureWords } from "../blocks/figure.js";
 import { quantityWords } from "../blocks/quantity.js";
-import { h } from "../dom.js";
+import { coded, h } from "../dom.js";
 import { mark } from "../icons.js";
 import { maybe, said, t } from "../texts.js";
 import { brief } from "./brief.js";
@@ -101,11 +101,11 @@ function messages(result) {
 /** In one line, the whole on demand; what has a remedy by its title. @param {Finding} finding */
 function message(finding) {
   const short = brief(said(finding.remedy?.title || finding.text));
-  return h("li", {}, h("details", {}, h("summary", {}, short), whole(finding, short)));
+  return h("li", {}, h("details", {}, h("summary", {}, ...coded(short)), whole(finding, short)));
 }
 
 /** All that is said beyond what stands there already. @param {Finding} finding @param {string} [short] */
-const whole = ({ text, to_do, code }, short) => h("p", {}, said(text).replace(/[.。]$/u, "") === short ? "" : `${said(text)} `, said(to_do ?? ""), " ", explains(code));
+const whole = ({ text, to_do, code }, short) => h("p", {}, ...coded(said([said(text).replace(/[.。]$/u, "") === short ? "" : text, to_do].filter(Boolean).join(" "))), " ", explains(code));
 
 /** @param {string} title @param {readonly Finding[]} findings */
 function more(title, findings) {

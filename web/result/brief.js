@@ -9,6 +9,8 @@ const BRACKETS = /[ \u00a0]*[(（]([^()（）]*)[)）]/gu, DIRECTION = /^[\u2212
 /** What is left of a list whose last part stood in brackets. */
 const LIST_END = /[,、]?\s*(?:and|und|和)(?=[:：])/gu;
 const SENTENCE_END = /(?<=[.!?])\s+(?=[A-ZÄÖÜ])|[。！？]/u, CLAUSE_END = /[:;,](?=\s)(?![^(]*\))|[：；，]/gu;
+/** What goes on with the verb that a German clause before the comma still needs. */
+const LACKS_VERB = /^, (?:wird|werden|wurden?|ist|sind|war|waren|hat|haben|kann|können|darf|dürfen|muss|müssen|gibt|liegt|liegen|steht|stehen|passt|passen|zeigt|zeigen|ergibt|ergeben|weicht|weichen|widerspricht|widersprechen)\b/u;
 /** @param {string} text */
 const fits = (text) => letters(text) <= MOST_LETTERS;
 
@@ -20,7 +22,7 @@ export function brief(text) {
   const bare = text.replace(BRACKETS, (all, held) => (DIRECTION.test(held) ? all.replace(DECIMALS, (one, sign) => Number(one.replace(",", ".")).toFixed(1).replace(".", sign)) : "")).replace(LIST_END, "");
   const line = (bare.split(SENTENCE_END)[0] ?? "").replace(/[.。]$/u, "");
   if (fits(line.replace(BRACKETS, ""))) return line;
-  const clauses = [...line.matchAll(CLAUSE_END)].map(({ index }) => line.slice(0, index));
+  const clauses = [...line.matchAll(CLAUSE_END)].filter(({ index }) => !LACKS_VERB.test(line.slice(index))).map(({ index }) => line.slice(0, index));
   return clauses.findLast((one) => fits(one) && (letters(one) >= FEWEST_LETTERS || one.split(" ").length > FEWEST_WORDS)) ?? `${cut(line)} …`;
 }
 

@@ -1,6 +1,6 @@
 // What a finding means, how it is decided and what to do: the page of its code, one click from the message.
 
-import { h } from "../dom.js";
+import { coded, h } from "../dom.js";
 import { api } from "../state/api.js";
 import { t } from "../texts.js";
 import { closeButton, openDialog } from "../components/dialog.js";
@@ -14,8 +14,8 @@ const explain = (code) => attempt(async () => {
   const { text, to_do, meaning, decided, usual_causes, since } = await api.codeOfFinding(code);
   const parts = /** @type {const} */ ([["finding.means", [meaning]], ["finding.decided", [decided]], ["finding.causes", [usual_causes]], ["finding.to_do", to_do]]);
   openDialog("finding", code, [
-    ...text.map((one) => h("blockquote", {}, one)),
-    ...parts.filter(([, words]) => words.some(Boolean)).flatMap(([name, words]) => [h("h3", {}, t(name)), ...words.map((one) => h("p", {}, one))]),
+    ...text.map((one) => h("blockquote", {}, ...coded(one))),
+    ...parts.filter(([, words]) => words.some(Boolean)).flatMap(([name, words]) => [h("h3", {}, t(name)), ...words.map((one) => h("p", {}, ...coded(one)))]),
     h("p", { class: "small soft" }, t("finding.since", { version: since })),
     h("div", { class: "row end" }, closeButton(t("close"), { autofocus: true })),
   ]);

@@ -54,7 +54,7 @@ def environment_rows(session: Session, told: Circumstances) -> list[list[str]]:
     for step in dict.fromkeys(capture.step for capture in session.captures):
         own = [c.environment for c in session.captures if c.step == step and c.environment is not None]
         if own:
-            rows.append([step_title(step, told.language.say), *_temperatures(own)])
+            rows.append([step_title(step, told.language.say), *map(told.pointed, _temperatures(own))])
     return rows
 
 
@@ -95,7 +95,12 @@ def cell_rows(cell: Cell, told: Circumstances) -> Rows:
         (message("Turntable's angle (one sigma)"), _sigma(cell.turntable.angle_sigma_deg, "°")),
         (message("Board"), board and f"{say(KINDS[board.kind])}, {board.columns} × {board.rows}"),
     ]
-    return [(say(label), value) for label, value in rows if value is not None]
+    as_typed = message("Poses as")
+    return [
+        (say(label), value if label == as_typed else told.pointed(value))
+        for label, value in rows
+        if value is not None
+    ]
 
 
 def _sigma(sigma: float | None, unit: str) -> str | None:

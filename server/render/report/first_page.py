@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 from calib_core.captures.certificate_dates import overdue_certificates
 from calib_core.errors import ConflictError
 from calib_core.evidence.html import STALE
-from calib_core.evidence.numbers import limit_of, plus_minus, quantity, quantity_text
+from calib_core.evidence.numbers import limit_of, plus_minus, pointed, quantity, quantity_text
 from calib_core.evidence.text import MOST_IN_SIGHT, figure_text, verdict_words
 from calib_core.exports.answer import answer_of
 from calib_core.findings import in_language
@@ -78,6 +78,10 @@ class Circumstances:
     def say(self, name: str, **values: object) -> str:
         """Return one of the report's own texts."""
         return self.language.say(message(WORDS[name], **values)) if values else self.language.say(WORDS[name])
+
+    def pointed(self, text: str) -> str:
+        """Return a number with the decimal sign of the report's language."""
+        return pointed(text, self.language.language)
 
 
 def report_number(session: Session, results: Mapping[str, Data], about: Circumstances) -> str:
@@ -191,7 +195,7 @@ def outcome(
     decision = verify.get("decision")
     compared = results.get("merge", {}).get("deviation")
     figures = [
-        (block.label, _UNIT.sub("\N{NO-BREAK SPACE}", figure_text(block)))
+        (block.label, _UNIT.sub("\N{NO-BREAK SPACE}", told.pointed(figure_text(block, told.language))))
         for block in [*blocks[stage], *(blocks["merge"] if compared and stage != "merge" else [])]
         if isinstance(block, Figure) and block.headline
     ]
@@ -202,7 +206,7 @@ def outcome(
         "meaning": meaning,
         "figures": figures,
         "expanded": told.say("expanded") if any("±" in text for _, text in figures) else "",
-        "wanted": quantity_text(plus_minus(wanted / 2, "mm")) if wanted else "",
+        "wanted": told.pointed(quantity_text(plus_minus(wanted / 2, "mm"))) if wanted else "",
         "decision": decision or "",
         "decided": told.language.say(DECISIONS.get(str(decision), str(decision))) if decision else "",
         "undecided": "" if decision else told.say("no limits" if verify else "no verification"),
@@ -212,8 +216,8 @@ def outcome(
             *_overdue(session, told),
             *_limit_changes(session, told),
             *_remarks(faults, bool(stale), told),
-            *(results[stage].get("warnings") or ())[:MOST_IN_SIGHT],
-            *((verify.get("warnings") or ())[:MOST_IN_SIGHT] if stage != "verify" else ()),
+            *map(told.pointed, (results[stage].get("warnings") or ())[:MOST_IN_SIGHT]),
+            *map(told.pointed, (verify.get("warnings") or ())[:MOST_IN_SIGHT] if stage != "verify" else ()),
         ],
         "inputs_sha256": results[stage].get("inputs_sha256", ""),
     }
@@ -225,8 +229,10 @@ def _check(check: Data, told: Circumstances) -> Data:
     measured = quantity(check["value_mm"], "mm", (check["uncertainty_mm"] or 0.0) / 2 or None)
     return {
         "title": told.language.say(str(check["title"])),
-        "measured": quantity_text(measured),
-        "limit": told.say("not limited") if limit is None else quantity_text(limit_of(limit, measured)),
+        "measured": told.pointed(quantity_text(measured)),
+        "limit": told.say("not limited")
+        if limit is None
+        else told.pointed(quantity_text(limit_of(limit, measured))),
         "decision": decision or "",
         "decided": told.language.say(DECISIONS.get(str(decision), str(decision))) if decision else "–",
     }
