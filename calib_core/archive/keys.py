@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from calib_core.disk import remove_file, write_private
 from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.formats.shared.writing import write_atomically
+from calib_core.messages import message
 from calib_core.moment import now
 
 if TYPE_CHECKING:
@@ -226,7 +227,8 @@ def _own(file: Path, *, there: bool) -> "tuple[Ed25519PrivateKey | None, str]":
             write_private(file, made.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
         except OSError as error:
             why = (error.strerror or type(error).__name__).lower()
-            return made, f"the key for signing results cannot be written to {file} ({why})"
+            what = "the key for signing results cannot be written to {file} ({why})"
+            return made, message(what, file=file, why=why)
     try:
         loaded = load_pem_private_key(file.read_bytes(), None)
     except (OSError, ValueError, TypeError, UnsupportedAlgorithm) as error:

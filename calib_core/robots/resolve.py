@@ -158,9 +158,11 @@ def _unequivocal(what: str, entries: Sequence[Frame], skipped: list[Skipped]) ->
             )
             skipped.append(Skipped(other.line, reason, other.file))
         elif not same:
-            reason = (
-                f"{what} {entry.number} is defined in two ways, here and in line {before.line}"
-                f"{f' of {before.file}' if before.file != entry.file else ''}: neither is taken"
+            reason = message(
+                "{what} {number} is defined in two ways, here and in line {line}: neither is taken",
+                what=what,
+                number=entry.number,
+                line=before.line if before.file == entry.file else f"{before.line} ({before.file})",
             )
             skipped.append(Skipped(entry.line, reason, entry.file))
             contradicted.add(key)

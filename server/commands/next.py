@@ -107,13 +107,16 @@ def _listed(plan: "PoseList") -> str:
     )
     lines = [plan.note, f"  {head}"]
     for number, pose in enumerate(plan.poses, start=1):
-        after = "not determined yet" if pose.uncertainty_mm is None else f"± {pose.uncertainty_mm:.3f} mm"
-        table = "" if pose.table_deg is None else f"  table {pose.table_deg:.0f}°"
-        table += f", fix the sphere {pose.higher_mm:+.0f} mm higher first ({pose.mount})" if pose.higher_mm else ""
-        table += where_axes(pose)
-        table += f"  ({pose.mount})" if pose.mount and not pose.higher_mm else ""
+        known = f"± {pose.uncertainty_mm or 0.0:.3f} mm"
+        after = message("not determined yet") if pose.uncertainty_mm is None else known
+        table = "" if pose.table_deg is None else message("table {table_deg:.0f}°", table_deg=pose.table_deg)
+        higher = pose.higher_mm and message(
+            "first fix the sphere {higher_mm:+.0f} mm higher ({mount})", higher_mm=pose.higher_mm, mount=pose.mount
+        )
+        mount = f"({pose.mount})" if pose.mount and not pose.higher_mm else ""
         numbers = " ".join(f"{value:10.4f}" for value in pose.numbers)
-        lines.append(f"  {number:>2}  {numbers}  {after}{table}")
+        said = [part for part in (after, table, where_axes(pose).strip(), higher, mount) if part]
+        lines.append("  " + message("{place}  {told:,}", place=f"{number:>2}  {numbers}", told=said))
     return "\n".join(lines)
 
 

@@ -43,17 +43,23 @@ def _corrected(options: argparse.Namespace, told: dict[str, str]) -> int:
     """Print the poses of files as they truly are, by what a session found of its arm."""
     import calib_core as cc
     from calib_core.library.corrected_poses import corrected_poses
+    from calib_core.messages import message
 
     opened = cc.load(options.corrected)
     found = [corrected_poses(opened, path, options.brand, told) for path in options.files]
     poses = [one.to_json() for each in found for one in each.poses]
     skipped = [one for each in found for one in each.skipped]
     without, with_it = held_out = found[0].held_out_rms_mm
+    left_out = (
+        "the ball at poses left out lay {with_mm:.3f} mm off (RMS), {without_mm:.3f} mm without the correction"
+    )
     lines = [
-        f"{len(poses)} poses corrected ({opened.cell.pose_convention})",
-        f"  the ball at poses left out lay {with_it:.3f} mm off (RMS), without the correction {without:.3f} mm",
+        message(
+            "{count} poses corrected ({convention})", count=len(poses), convention=opened.cell.pose_convention
+        ),
+        "  " + message(left_out, with_mm=with_it, without_mm=without),
         *map(_corrected_line, poses),
-        *(f"  skipped: line {one['line']}: {one['reason']}" for one in skipped),
+        *("  " + message("skipped: line {line}: {why}", line=one["line"], why=one["reason"]) for one in skipped),
     ]
     data = {"brand": None, "poses": poses, "tools": [], "frames": [], "skipped": skipped}
     print_result(options, "\n".join(lines), {**data, "held_out_rms_mm": held_out})

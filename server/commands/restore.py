@@ -4,6 +4,7 @@ import argparse
 from dataclasses import asdict
 from pathlib import Path
 
+from calib_core.messages import message
 from server.console.command import OK, Command, data_argument
 from server.console.output import print_result, remark
 
@@ -25,7 +26,8 @@ def _run(options: argparse.Namespace) -> int:
     engine = engine_of(settings.sql_url)
     with engine.connect() as connection:
         for said in signed_elsewhere(connection):
-            remark(options, f"warning: {said}. `scancell trust add` that key, or `scancell doctor --accept`")
+            to_do = "Warning: {trouble}. `scancell trust add` that key, or `scancell doctor --accept`"
+            remark(options, message(to_do, trouble=said))
     engine.dispose()
     print_result(options, made.said_of(options.data), {"folder": str(options.data), **asdict(made)})
     return OK

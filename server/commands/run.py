@@ -85,9 +85,10 @@ def _run(options: argparse.Namespace) -> int:
             for name, stored in _store(options, results, target, session).items():
                 told[name]["solved"] = stored["solved"]
     finally:  # stored before it is printed, which may fail, and printed where it cannot be stored
-        print_result(options, text or "Nothing to solve: cell.known gives every result.", data)
+        print_result(options, text or message("Nothing to solve: cell.known gives every result."), data)
     if target is None:
-        remark(options, f"{path} stays as it is: --out DIR writes the results to a folder.")
+        kept = message("{path} stays as it is: --out DIR writes the results to a folder.", path=path)
+        remark(options, kept)
     return _status(failing, read_results)
 
 
@@ -116,10 +117,10 @@ def _remedied(
         return undone(folder, session)
     cause = cause_named(_causes(options, folder, session, read), options.apply)
     if cause.changes is None:
-        remark(options, f"nothing to apply: {cause.sentence}")
+        remark(options, message("nothing to apply: {sentence}", sentence=cause.sentence))
         return session
     changed, undo = applied(session, cause.changes)
-    remark(options, f"applied: {cause.title}. --undo undoes it.")
+    remark(options, message("applied: {title}. --undo undoes it.", title=cause.title))
     if in_place:
         note_applied(folder, changed, cause, undo)
     return changed
@@ -242,7 +243,7 @@ def _store(
     except InputError as error:
         if options.out is not None:
             raise
-        remark(options, f"warning: the results are not stored: {error} (or use --out DIR)")
+        remark(options, message("Warning: the results are not stored: {error} (or use --out DIR)", error=error))
     return stored
 
 

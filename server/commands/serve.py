@@ -37,7 +37,8 @@ def serve(options: argparse.Namespace) -> int:
         raise InputError("a port from 0 to 65535", str(port), "Name another.", "--port")
     if options.open and (running := _running(host, port)):
         _open(running)
-        print_result(options, f"The workbench runs already, at {running}", {"address": running})
+        told = message("The workbench runs already, at {address}", address=running)
+        print_result(options, told, {"address": running})
         return OK
     _require_free(host, port)
     gc.disable()  # until it serves: what is imported stays
@@ -74,7 +75,8 @@ def _announce(options: argparse.Namespace, server: "WorkbenchServer") -> None:
         time.sleep(0.05)
     with suppress(IndexError):  # it may be stopped just as it has started
         address = server.address
-        print_result(options, f"The workbench is at {address} (Ctrl-C ends it)", {"address": address})
+        told = message("The workbench is at {address} (Ctrl-C ends it)", address=address)
+        print_result(options, told, {"address": address})
         if options.open:
             _open(address)
     if server.is_in_the_clear:

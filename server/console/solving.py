@@ -5,6 +5,7 @@ from typing import Any
 
 from calib_core.archive.folder import result_data
 from calib_core.errors import CalibrationError
+from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.callbacks import ReadFile
 from calib_core.stages.pipeline import run as run_stages
@@ -18,6 +19,6 @@ def solved_if_possible(options: argparse.Namespace, session: Session, read: Read
         with progress_bar(options) as progress:
             results = run_stages(session, read, "all", progress)
     except CalibrationError as error:
-        remark(options, f"warning: nothing is solved: {error}")
+        remark(options, message("Warning: nothing is solved: {error}", error=error))
         return {}
     return {stage: result_data(result) for stage, result in results.items()}

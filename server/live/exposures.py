@@ -11,6 +11,7 @@ from calib_core.findings import Finding, has
 from calib_core.findings.codes.quality import STRIPE_GRAZES, STRIPE_IN_MIDDLE
 from calib_core.formats.points import usual_kind
 from calib_core.frames import FloatArray
+from calib_core.messages import message, sentences
 from calib_core.optics.triangulate import ProfileCalibration
 from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
@@ -53,7 +54,7 @@ def exposure_of(frame: Frame, cell: Cell, optics: Optics) -> Exposure:
             points = profile_of(frame)
         arc = fit_arc(points, cell.sphere_diameter_mm, cell.scanner.z_axis)
     except CalibrationError as error:
-        problem = f"Need {error.need}, got {error.got}. {error.to_do}"
+        problem = sentences([message("Need {need}, got {got}.", need=error.need, got=error.got), error.to_do])
         return Exposure(frame, points, None, problem, picture=picture)
     arc_px = None if calibration is None else pixels_of_arc(arc.center_mm, arc.radius_mm, calibration)
     diameter_mm = cell.sphere_diameter_mm
@@ -66,12 +67,17 @@ def in_short(weak: Finding) -> tuple[str, str]:
     """Return what is weak about an exposure and what to do, in a few words for a robot's panel."""
     told = weak.values
     if has([weak], STRIPE_IN_MIDDLE):
-        return "stripe through the middle of the sphere", f"move {told['step_mm']:.0f} mm across the stripe"
+        return "stripe through the middle of the sphere", message(
+            "move {move_mm:.0f} mm across the stripe", move_mm=told["step_mm"]
+        )
     if has([weak], STRIPE_GRAZES):
-        return "stripe grazes the sphere", f"move {told['step_mm']:.0f} mm across the stripe to its middle"
+        return "stripe grazes the sphere", message(
+            "move {move_mm:.0f} mm across the stripe to its middle", move_mm=told["step_mm"]
+        )
     if told["end"] == "covered":
         return "arc too short", "bring the whole sphere into view"
-    return "arc too short", f"move {told['move_mm']:.0f} mm to {'-' if told['end'] == 'minus' else '+'}x"
+    way = "-" if told["end"] == "minus" else "+"
+    return "arc too short", message("move {move_mm:.0f} mm to {way}x", move_mm=told["move_mm"], way=way)
 
 
 def profile_of(frame: Frame) -> FloatArray:

@@ -163,7 +163,7 @@ class LiveCell:
             return
         with self._arrived:
             if self.recording is not None and {"robot", "scanner", "table"} & set(link.source.delivers):
-                self.recording.fail(f"{name} was lost meanwhile")
+                self.recording.fail(message("{who} was lost meanwhile", who=name))
             if "robot" in link.source.delivers:
                 self._robot.clear()
                 self.clock_watch.robot.clear()

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib_core.findings import sentence_of
 from calib_core.frames import FloatArray
+from calib_core.messages import message
 from calib_core.moment import text_of_seconds
 from server.live.exposures import Exposure
 from server.live.link import LinkState
@@ -149,5 +150,7 @@ def _thinned(count: int, most: int) -> NDArray[np.intp]:
 
 def _problem(source: Source | None, row: DeviceRow, state: LinkState | None) -> str:
     if source is None:
-        return f"This server has no source '{row.source}': install the package that brings it."
+        return message(
+            "This server has no source '{source}': install the package that brings it.", source=row.source
+        )
     return state.problem if state else ""

@@ -70,9 +70,9 @@ class Recording:
         with self._lock:
             self._bytes += len(frame.content)
             if self._bytes > _MOST_WAITING:
-                self.fail("the disk is slower than the camera")
+                self.fail(message("the disk is slower than the camera"))
             if len(self._frames) >= _MOST_FRAMES:
-                self.fail(f"more than {_MOST_FRAMES} exposures")
+                self.fail(message("more than {count} exposures", count=_MOST_FRAMES))
             if self.problem:
                 return
             self._frames.append(Frame(frame.host_time_s, frame.name, b"", frame.device_time_s))
@@ -112,7 +112,7 @@ class Recording:
             try:
                 path.write_bytes(frame.content)
             except OSError as error:
-                self.fail(f"the disk: {error}")
+                self.fail(message("the disk took no more: {why}", why=error.strerror or str(error)))
                 continue
             with self._lock:
                 self._bytes -= len(frame.content)

@@ -87,7 +87,7 @@ def stood_still(
     if len({exposure.frame.content for exposure in newest}) < len(newest):
         return "the scanner repeats one exposure"
     if not all(exposure.frame.fresh for exposure in newest):
-        return "the scanner's exposures are not fresh"
+        return message("the scanner's exposures are not fresh")
     arcs = [exposure.arc for exposure in newest if exposure.arc is not None]
     if len(arcs) < len(newest):
         return next(exposure.problem for exposure in newest if exposure.arc is None)
@@ -95,11 +95,11 @@ def stood_still(
     since_s, until_s = newest[0].frame.host_time_s - latency_s, newest[-1].frame.host_time_s
     stood = _stood(robot, since_s, until_s, rules)
     if isinstance(stood, str):
-        return f"the robot {stood}"
+        return stood
     tables = [sample for sample in table or robot if sample.table_deg is not None]
     angle = _table_stood(tables, since_s, until_s, rules) if tables else None
     if isinstance(angle, str):
-        return f"the table {angle}"
+        return angle
     still = standstill([arcs])
     assert still is not None
     if not still.stands_still:
@@ -121,39 +121,42 @@ def is_new_place(rest: Rest, robot: Sample | None, table_deg: float | None) -> b
     return not is_resting(poses, _NEW_PLACE_MM, _NEW_PLACE_RAD)
 
 
-def _spanning(samples: Sequence[Sample], since_s: float, until_s: float, gap_s: float) -> list[Sample] | str:
-    """Return the samples from before a time to its end without a gap, or why there are none."""
+def _spanning(
+    samples: Sequence[Sample], device: str, since_s: float, until_s: float, gap_s: float
+) -> list[Sample] | str:
+    """Return a device's samples from before a time to its end without a gap, or why there are none."""
     if not samples:
-        return "has told nothing yet"
+        return message("{device} has told nothing yet", device=device)
     first = next((k for k in range(len(samples) - 1, -1, -1) if samples[k].host_time_s <= since_s), None)
     if first is None:
-        return "is connected for too short a time"
+        return message("{device} is connected for too short a time", device=device)
     spanning = list(samples[first:])
     times = [sample.host_time_s for sample in spanning]
     if until_s - times[-1] > gap_s:
-        return "has told nothing since the last exposure"
+        return message("{device} has told nothing since the last exposure", device=device)
     if any(later - earlier > gap_s for earlier, later in pairwise(times)):
-        return "left a gap between its poses"
+        return message("{device} left a gap between its readings", device=device)
     return spanning
 
 
 def _stood(robot: Sequence[Sample], since_s: float, until_s: float, rules: Rules) -> Sample | str:
-    spanning = _spanning([s for s in robot if s.base_from_tool0 is not None], since_s, until_s, rules.gap_s)
+    told = [sample for sample in robot if sample.base_from_tool0 is not None]
+    spanning = _spanning(told, message("the robot"), since_s, until_s, rules.gap_s)
     if isinstance(spanning, str):
         return spanning
     if any(sample.moving for sample in spanning):
-        return "says that it moves"
+        return message("the robot says that it moves")
     poses = [sample.base_from_tool0 for sample in spanning if sample.base_from_tool0 is not None]
     if not is_resting(poses, rules.position_mm, rules.orientation_rad):
-        return "moves"
+        return message("the robot moves")
     if len({(sample.active_tool, sample.active_frame) for sample in spanning}) > 1:
-        return "changed its tool or frame"
+        return message("the robot changed its tool or frame")
     return spanning[len(spanning) // 2]
 
 
 def _table_stood(table: Sequence[Sample], since_s: float, until_s: float, rules: Rules) -> float | str:
-    spanning = _spanning(table, since_s, until_s, rules.gap_s)
+    spanning = _spanning(table, message("the table"), since_s, until_s, rules.gap_s)
     if isinstance(spanning, str):
         return spanning
     angles: FloatArray = np.array([sample.table_deg for sample in spanning], dtype=float)
-    return float(np.median(angles)) if np.ptp(angles) <= rules.table_deg else "turns"
+    return float(np.median(angles)) if np.ptp(angles) <= rules.table_deg else message("the table turns")

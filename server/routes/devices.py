@@ -13,6 +13,7 @@ from starlette.concurrency import run_in_threadpool
 
 from calib_core.clock_offset import ClockOffset
 from calib_core.errors import NotFoundError
+from calib_core.messages import message
 from calib_core.records import Finite, Identifier, Record
 from calib_core.records.strict_fields import require_known_fields
 from server.http.api_router import API, api_router, of_app
@@ -250,7 +251,9 @@ def _drift(before: ClockOffset | None, now: ClockOffset) -> str:
     apart_s = abs(now.offset_s - before.offset_s)
     if apart_s <= max(_LEAST_DRIFT_S, 3 * (before.sigma_s**2 + now.sigma_s**2) ** 0.5):
         return ""
-    return f"The clocks have drifted by {apart_s * 1000:.1f} ms since the offset was last measured."
+    return message(
+        "The clocks have drifted by {drift_ms:.1f} ms since the offset was last measured.", drift_ms=apart_s * 1000
+    )
 
 
 def _shot(session_id: str, body: ShotRequest, store: StoreDep) -> Shot:

@@ -155,7 +155,7 @@ class Watcher:
             folder = self._inside(watch.folder)
             found = files_in(folder)
         except (OSError, InputError) as error:
-            watch.problem = f"{watch.folder} cannot be read: {error}"
+            watch.problem = message("{folder} cannot be read: {why}", folder=watch.folder, why=error)
             return
         watch.problem = ""
         rested = watch.resting.rested(found, now_s)

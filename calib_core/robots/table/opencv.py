@@ -7,7 +7,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.formats.opencv import storage_matrices
 from calib_core.frames import FloatArray, rotation_from_vector
-from calib_core.messages import explained, message
+from calib_core.messages import explained, message, sentences
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.file_hints import Told
@@ -64,10 +64,12 @@ def find(data: bytes, name: str, told: Told) -> Found:
             continue
         numbers = to_pose("matrix", pose.inverse() if _INVERSE.search(node) else pose)
         if _INVERSE.search(node):
-            doubt += f" Turned round: the name {node} says that it is the base in the flange."
+            said = message("Turned round: the name {node} says that it is the base in the flange.", node=node)
+            doubt = sentences([doubt, said])
         elif not _CERTAIN.search(node):
-            doubt += f" Taken as the flange in the base: {node} does not say so."
-        found.poses.append(Taught(node, tuple(numbers), "matrix", line, None, file=name, doubt=doubt.strip()))
+            said = message("Taken as the flange in the base: {node} does not say so.", node=node)
+            doubt = sentences([doubt, said])
+        found.poses.append(Taught(node, tuple(numbers), "matrix", line, None, file=name, doubt=doubt))
     return found
 
 
