@@ -35,6 +35,8 @@ _SHORTEST_RUN: Final = 3
 _MOST_NAMED: Final = 12
 _NUMBERED: Final = re.compile(r"^(.*?)(\d+)$")
 _SIGNIFICANT: Final = 3
+_BETWEEN_NAMES: Final = re.compile("(?<=[!-~])([和或])(?=[!-~])")
+"""Chinese writes no blanks but between its characters and Latin names."""
 
 
 class Message(str):
@@ -172,7 +174,8 @@ class Catalogue:
     def listed(self, parts: Sequence[str], last: str = "") -> str:
         """Return things as a sentence lists them: a, b and c."""
         said = [self.say(part) for part in parts]
-        return (last or self.and_).join([self.comma.join(said[:-1]), said[-1]] if len(said) > 1 else said)
+        listed = (last or self.and_).join([self.comma.join(said[:-1]), said[-1]] if len(said) > 1 else said)
+        return _BETWEEN_NAMES.sub(r" \1 ", listed) if self.language == "zh" else listed
 
     def captures(self, names: Sequence[str]) -> str:
         """Return captures as a sentence names them: ``p03, p07 and p09``, or ``f13–f24`` for a run."""

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from calib_core.messages import Message, Names, message, sentences, templates
 from calib_core.moment import said_moment
+from calib_core.records.acting import said_who
 from calib_core.records.base import Record
 from calib_core.records.policy import Excluded
 
@@ -114,7 +115,7 @@ def _said(what: str, captures: Sequence[LeftOut]) -> Message:
         return deed
     by = message(
         "By {who} ({when}), reason: {why}.",
-        who=because.who or message("nobody known"),
+        who=said_who(because.who),
         when=" – ".join(dict.fromkeys(said_moment(one.when) for one in (because, last))),
         why=because.why or message("none given"),
     )

@@ -7,6 +7,7 @@ from typing import Any
 
 from calib_core.messages import Message, message, sentences
 from calib_core.moment import said_moment
+from calib_core.records.acting import said_who
 from calib_core.records.faults import in_order
 from calib_core.records.policy import Equipment, Policy
 
@@ -104,7 +105,7 @@ def said_acknowledgement(told: Mapping[str, Any]) -> Message:
     return message(
         _ACKNOWLEDGED[told["fault"]],
         changes="; ".join(told["of"]),
-        who=str(told["who"]),
+        who=said_who(str(told["who"])),
         when=said_moment(str(told["created"])),
         why=str(told["why"]) or message("none given"),
     )
@@ -122,7 +123,7 @@ def said_release(release: Mapping[str, Any]) -> Message:
     return message(
         "Release {number} by {who}, {when}. Reason: {why}",
         number=int(release["number"]),
-        who=str(release["who"]),
+        who=said_who(str(release["who"])),
         when=said_moment(str(release["created"])),
         why=str(release["why"]) or message("none given"),
     )

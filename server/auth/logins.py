@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session as Transaction
 
 from calib_core.errors import InputError
 from calib_core.messages import message
+from calib_core.records.acting import THIS_MACHINE
 from server.auth.roles import ROLES, Role, to_role
 from server.http.errors import LoginError
 from server.settings import Settings
@@ -47,7 +48,7 @@ class Identity:
     token_id: str | None = None
 
 
-MACHINE = Identity("this machine", Role.ADMIN, "machine")
+MACHINE = Identity(THIS_MACHINE, Role.ADMIN, "machine")
 NOBODY = Identity("nobody", Role.NOBODY, "nothing")
 
 

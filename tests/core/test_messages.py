@@ -38,3 +38,9 @@ def test_what_somebody_named_is_said_as_it_stands() -> None:
     assert "none given" not in said[3]  # of ours, where nobody gave one
     assert told.rows[0].cells == ["linear", german.say("linear")]
     assert told.columns[0].label == german.say("Axis") != "Axis"
+
+
+def test_chinese_keeps_latin_names_apart() -> None:
+    said = catalogue("zh")
+    assert said.captures(["p03", "p05"]) == "p03 和 p05"
+    assert said.listed(["p03", "球"]) == "p03和球"

@@ -8,6 +8,7 @@ import { said, t } from "../texts.js";
 import { StateElement } from "../components/base.js";
 import { itemWords } from "./timeline.js";
 import { attempt } from "../components/toasts.js";
+import { named } from "../result/release-words.js";
 
 /** @import {TimelineItem} from "../state/model.js" */
 
@@ -49,7 +50,7 @@ export class ReviewLogElement extends StateElement {
 }
 
 /** @param {typeof DEEDS[number][0]} name @param {TimelineItem["excluded_because"]} because */
-const becauseWords = (name, because) => because && t(name, { who: because.who ?? "", when: because.when ? when(because.when) : "", why: because.why || t("timeline.no_reason") });
+const becauseWords = (name, because) => because && t(name, { who: named(because.who ?? ""), when: because.when ? when(because.when) : "", why: because.why || t("timeline.no_reason") });
 
 /** Of a long row of captures the first and the last, so that the log stays one to read. @param {TimelineItem[]} timeline */
 function shortened(timeline) {

@@ -9,9 +9,12 @@ import { maybe, t } from "../texts.js";
 
 const K = 2;
 
+/** A name as it stands; where nobody has to log in, what is kept instead. @param {string} who */
+export const named = (who) => (who === "this machine" ? t("release.machine") : who);
+
 /** Who put it in force, when and why. @param {Release} release */
 export function releaseWords({ action, who, why, created, in_spite_of: faults, signed }) {
-  const values = { who, when: when(created), why };
+  const values = { who: named(who), when: when(created), why };
   const name = action === "rollback" ? "rolled" : "who";
   const words = t(why ? `release.${name}_why` : `release.${name}`, values);
   const said = faults.length ? t("release.in_spite_of", { said: words, faults: faults.map(faultWords).join(" ") }) : words;

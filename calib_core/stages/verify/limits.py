@@ -12,6 +12,7 @@ from calib_core.findings import Code, Finding
 from calib_core.findings.codes.verify import LIMIT_CHANGED, LIMIT_EASED
 from calib_core.messages import Message, message, sentences
 from calib_core.records import LimitChange, Verification
+from calib_core.records.acting import said_who
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
 
 _NAMES: Final = {
@@ -79,8 +80,8 @@ def changes_table(limits: Verification) -> list[AnyBlock]:
 def said_change(change: LimitChange) -> Message:
     """Return one change with who made it and why, as sentences."""
     said = LIMIT_CHANGED.as_message(LIMIT_CHANGED.text, _values(change), ())
-    who, why = change.who or message("nobody known"), change.why or message("none given")
-    return sentences([said, message("By {who}, reason: {why}.", who=who, why=why)])
+    why = change.why or message("none given")
+    return sentences([said, message("By {who}, reason: {why}.", who=said_who(change.who), why=why)])
 
 
 def _is_easier(field: str, changes: Sequence[LimitChange]) -> bool:
