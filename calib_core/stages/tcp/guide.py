@@ -44,7 +44,13 @@ _SHIFTS = {
 }
 """What is asked for, by whether the flange carries the ball, and whether the shifts so far are parallel."""
 _SOLVE = message("Solve the TCP.")
-_OF_BALL = {"tcp-first": "ball-first", "tcp-shift": "ball-shift", "tcp-turn": "ball-turn"}
+_OF_BALL = {
+    "tcp-first": "ball-first",
+    "tcp-shift": "ball-shift",
+    "tcp-turn": "ball-turn",
+    "tcp-solve": "ball-turn",
+    "tcp-done": "ball-done",
+}
 """Drawings of a ball that the flange carries."""
 _PLACE_KNOWN_MM = 15.0  # a scanner's place known so well keeps the sphere in view while the flange turns
 _MANY = 12  # so many captures of different orientations do without pure translations
