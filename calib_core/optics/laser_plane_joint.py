@@ -25,7 +25,7 @@ from calib_core.optics.adjust import (
 from calib_core.optics.board import BoardView
 from calib_core.optics.board_shape import BoardShape, shape_basis
 from calib_core.optics.camera_model import CameraModel
-from calib_core.optics.laser_plane_borne_out import borne_out, student
+from calib_core.optics.laser_plane_borne_out import Boards, borne_out, student
 from calib_core.optics.laser_plane_held_out import stripes_worsen_corners
 from calib_core.optics.stripe import StripeCenters
 
@@ -105,17 +105,9 @@ class Joint:
         return replace(self, covariance=grown)
 
 
-def refine_together(
-    camera: CameraModel,
-    corners: Corners,
-    stripes: Sequence[StripeCenters],
-    places_mm: Sequence[FloatArray],
-    start: State,
-    inverse_plane: FloatArray,
-    uncertainty: CameraUncertainty | None,
-    least_excess_px: float = 0.0,
-) -> Joint:
-    """Return camera, plane and boards that fit corners and stripes best, with their covariance.
+@dataclass(frozen=True, eq=False)
+class Together:
+    """What is refined together.
 
     Parameters
     ----------
@@ -132,35 +124,56 @@ def refine_together(
         Where to begin.
     uncertainty : CameraUncertainty, optional
         Left out, the camera counts as exact.
-    least_excess_px : float
-        By how much more than stated the boards' lines are taken to lie off the plane at least.
     """
-    bands, near, far = camera.bands
-    first = plane_start(len(bands))
-    plane = np.arange(first, first + 3)
-    with_camera = uncertainty is not None and uncertainty.boards is not None
-    free = np.concatenate([uncertainty.free, plane]) if uncertainty is not None and with_camera else plane
-    lines = _lines(stripes, [shape_basis(p, corners.extent_mm) for p in places_mm], corners.views)
-    shape = None if uncertainty is None else uncertainty.shape
-    fine = _without_outliers(corners, start, (near, far))
-    problem = Adjustment(fine, near, far, free, HUBER, lines)
-    state = replace(start, shared=shared_vector(camera.camera_matrix, bands, inverse_plane, shape))
-    problem, adjusted, factor = _with_stripe_noise(problem, state)
-    problem, adjusted, excess_px = borne_out(problem, adjusted, start, least_excess_px)
-    shared = adjusted.state.shared
-    covariance = adjusted.covariance * _correlation(problem, adjusted) * student(problem)
-    if uncertainty is not None and not with_camera:
-        covariance = _carried_through(problem, adjusted, uncertainty, covariance)
-    moved, worsened, final = 0.0, None, camera
-    if uncertainty is not None and with_camera and np.any(uncertainty.free < shape_start(len(bands))):
-        moved = _moved_sigmas(camera, shared, uncertainty)
-        final = _camera_with(camera, shared)
-        worsened = stripes_worsen_corners(problem, adjusted)
-    if shape is not None:
-        at = shape_start(len(bands))
-        shape = BoardShape(shared[at : at + SHAPE_TERMS], corners.extent_mm)
-    covariance = _without_board(covariance, uncertainty, first)
-    return Joint(final, shared[plane], covariance, adjusted.state, shape, factor, moved, worsened, excess_px)
+
+    camera: CameraModel
+    corners: Corners
+    stripes: Sequence[StripeCenters]
+    places_mm: Sequence[FloatArray]
+    start: State
+    inverse_plane: FloatArray
+    uncertainty: CameraUncertainty | None
+
+    def boards(self) -> tuple[Boards, float]:
+        """Return camera, plane and boards fitted by what each line states, and the noise of `Joint`."""
+        uncertainty, corners = self.uncertainty, self.corners
+        bands, near, far = self.camera.bands
+        first = plane_start(len(bands))
+        plane = np.arange(first, first + 3)
+        with_camera = uncertainty is not None and uncertainty.boards is not None
+        free = np.concatenate([uncertainty.free, plane]) if uncertainty is not None and with_camera else plane
+        bases = [shape_basis(p, corners.extent_mm) for p in self.places_mm]
+        lines = _lines(self.stripes, bases, corners.views)
+        shape = None if uncertainty is None else uncertainty.shape
+        fine = _without_outliers(corners, self.start, (near, far))
+        problem = Adjustment(fine, near, far, free, HUBER, lines)
+        shared = shared_vector(self.camera.camera_matrix, bands, self.inverse_plane, shape)
+        problem, adjusted, factor = _with_stripe_noise(problem, replace(self.start, shared=shared))
+        return Boards(problem, adjusted, self.start), factor
+
+    def refined(self) -> Joint:
+        """Return camera, plane and boards that fit corners and stripes best, with their covariance."""
+        uncertainty = self.uncertainty
+        first, board = plane_start(len(self.camera.bands[0])), shape_start(len(self.camera.bands[0]))
+        fitted, factor = self.boards()
+        fitted, excess_px = borne_out(fitted)
+        problem, adjusted = fitted.problem, fitted.adjusted
+        shared = adjusted.state.shared
+        covariance = adjusted.covariance * _correlation(problem, adjusted) * student(fitted)
+        with_camera = uncertainty is not None and uncertainty.boards is not None
+        if uncertainty is not None and not with_camera:
+            covariance = _carried_through(problem, adjusted, uncertainty, covariance)
+        moved, worsened, final = 0.0, None, self.camera
+        if uncertainty is not None and with_camera and np.any(uncertainty.free < board):
+            moved = _moved_sigmas(self.camera, shared, uncertainty)
+            final = _camera_with(self.camera, shared)
+            worsened = stripes_worsen_corners(problem, adjusted)
+        shape = None if uncertainty is None else uncertainty.shape
+        if shape is not None:
+            shape = BoardShape(shared[board : board + SHAPE_TERMS], self.corners.extent_mm)
+        covariance = _without_board(covariance, uncertainty, first)
+        plane = shared[first : first + 3]
+        return Joint(final, plane, covariance, adjusted.state, shape, factor, moved, worsened, excess_px)
 
 
 def _without_board(covariance: FloatArray, uncertainty: CameraUncertainty | None, plane_at: int) -> FloatArray:

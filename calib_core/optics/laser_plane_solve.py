@@ -6,7 +6,6 @@ everything together, see `laser_plane_joint`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +29,8 @@ from calib_core.optics.laser_plane import (
     plane_covariance_from_inverse,
     points_on_board,
 )
-from calib_core.optics.laser_plane_borne_out import tells_of_scatter
-from calib_core.optics.laser_plane_joint import CameraUncertainty, Joint, refine_together
+from calib_core.optics.laser_plane_joint import CameraUncertainty, Joint, Together
+from calib_core.optics.laser_plane_members import LeftOut, members, on_own_line
 from calib_core.optics.line_choice import PlacedTrace, choose_traces
 from calib_core.optics.stripe import StripeCenters
 from calib_core.optics.stripe_light import drawn_px
@@ -42,11 +41,7 @@ FloatArray = NDArray[np.float64]
 _POSE_HUBER = 2.0
 _LEAST_CORNER_SIGMA_PX = 0.003
 _MOST_CAMERA_SIGMAS = 3.0
-LeftOut = Literal["no-line", "off-plane"]
-"""Why a view is left out: no line is seen on its board, or one off the plane of the others."""
-
 _PLAIN_SHARE = 0.8
-_SPOILED_RMS_RATIO = 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +106,8 @@ class PlaneSolution:
         How much larger the stripe's residuals are than its centres' own standard deviations.
     excess_px : float
         By how much more than stated the boards' lines lie off the plane; the covariance holds it.
+    shape : BoardShape or None
+        How the board is bent, where that was solved.
     camera_held : Finding or None
         That the camera stays as its boards gave it although the stripes were there to refine it.
     """
@@ -127,6 +124,7 @@ class PlaneSolution:
     views: tuple[ViewFigures, ...]
     noise_factor: float
     excess_px: float
+    shape: BoardShape | None = None
     camera_held: Finding | None = None
 
 
@@ -172,31 +170,23 @@ def solve_plane(
         for view, trace in zip(views, traces, strict=True)
     ]
     lines = [_line(camera, v.name, s, p, shape) for v, s, p in zip(views, kept, poses, strict=True)]
-    fit = fit_plane(lines, agreeing)
-    reasons = _reasons(lines, fit, agreeing or range(len(lines)))
-    used = [i for i, reason in enumerate(reasons) if reason is None]
-    if len(used) < len(lines):
-        fit = fit_plane([lines[i] for i in used])
-    inliers = [kept[i].selected(mask) for i, mask in zip(used, fit.inliers, strict=True)]
-    progress(0.7, "refining plane and boards together")
     weighted = corners.weighted(1.0 / corner_sigma[corners.view_of_each])
+    still = camera_uncertainty and replace(camera_uncertainty, boards=None)
 
-    def refined(
-        boards: Sequence[int], stripes: Sequence[StripeCenters], known: CameraUncertainty | None, least_px: float
-    ) -> Joint:
+    def together(boards: Sequence[int], about: PlaneFit, known: CameraUncertainty | None = still) -> Together:
+        stripes = [kept[i].selected(on_own_line(lines[i], about)) for i in boards]
         places = [_on_board(camera, s, poses[i], shape) for i, s in zip(boards, stripes, strict=True)]
         every = [*boards, *range(len(views), corners.views)]
-        return refine_together(
-            camera, weighted.take(every), stripes, places, posed.take(every), _inverse(fit), known, least_px
-        )
+        return Together(camera, weighted.take(every), stripes, places, posed.take(every), _inverse(about), known)
 
-    excess_px, still = 0.0, camera_uncertainty and replace(camera_uncertainty, boards=None)
-    if near := [i for i, why in enumerate(reasons) if why == "off-plane" and tells_of_scatter(lines[i], fit)]:
-        excess_px = refined([*used, *near], [*inliers, *(kept[i] for i in near)], still, 0.0).excess_px
-    joint = refined(used, inliers, camera_uncertainty, excess_px)
+    reasons, fit = members(lines, agreeing, lambda boards, about: together(boards, about).boards()[0])
+    used = [i for i, reason in enumerate(reasons) if reason is None]
+    progress(0.7, "refining plane and boards together")
+    both = together(used, fit, camera_uncertainty)
+    joint, inliers = both.refined(), both.stripes
     held = why_held(joint)
     if held:
-        joint = refined(used, inliers, still, excess_px)
+        joint = together(used, fit).refined()
     doubted = [
         _line(camera, views[i].name, s.shifted(drawn_px(s, views[i].squares, camera).doubt_px), poses[i], shape)
         for i, s in zip(used, inliers, strict=True)
@@ -226,6 +216,7 @@ def solve_plane(
         figures,
         joint.noise_factor,
         joint.excess_px,
+        shape,
         held,
     )
 
@@ -248,6 +239,16 @@ def posed_corners(camera: CameraModel, views: Sequence[BoardView]) -> tuple[Corn
     corners = _corners(views)
     posed, sigma = _fit_poses(camera, corners)
     return corners.weighted(1.0 / sigma[corners.view_of_each]), posed
+
+
+def posed_board(
+    camera: CameraModel, view: BoardView, shape: BoardShape | None
+) -> tuple[RigidTransform, FloatArray]:
+    """Return camera_from_board of one view of a board of some shape, and the covariance (6, 6) of its pose."""
+    corners = _corners([view], shape)
+    posed, sigma = _fit_poses(camera, corners, shape)
+    end = fit_poses(corners.weighted(1.0 / sigma[corners.view_of_each]), posed, camera.bands[1:], _POSE_HUBER)
+    return end.state.poses()[0], end.pose_covariances[0]
 
 
 def _corners(views: Sequence[BoardView], shape: BoardShape | None = None) -> Corners:
@@ -353,21 +354,6 @@ def _line(
     moved = points_on_board(camera, pixels + 0.1 * stripe.across, pose, shape)
     sigma = np.linalg.norm(moved - points, axis=1) * 10.0 * stripe.sigma_px
     return BoardLine(name, points, sigma, least_points(stripe))
-
-
-def _reasons(lines: Sequence[BoardLine], fit: PlaneFit, agreeing: Sequence[int]) -> list[LeftOut | None]:
-    """Return why a view is left out, or None; those that agree tell how far off the plane a line usually lies."""
-    usual = float(np.median([fit.line_rms_mm[i] for i in agreeing if lines[i].is_enough] or [np.inf]))
-    limit = _SPOILED_RMS_RATIO * max(usual, fit.rms_mm)
-    reasons: list[LeftOut | None] = []
-    for line, rms, inlier in zip(lines, fit.line_rms_mm, fit.inliers, strict=True):
-        reason: LeftOut | None = None
-        if not line.is_enough:
-            reason = "no-line"
-        elif rms > limit or inlier.mean() < 0.3:
-            reason = "off-plane"
-        reasons.append(reason)
-    return reasons
 
 
 def _figures(

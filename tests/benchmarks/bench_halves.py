@@ -6,9 +6,10 @@ Tools of spheres, cameras of boards, planes of light by boards.
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from harness import Row
@@ -24,7 +25,9 @@ from calib_core.records import Session, parse_session
 from calib_core.records.callbacks import ReadFile
 
 if TYPE_CHECKING:
+    from calib_core.optics.board import BoardView
     from calib_core.optics.camera_model import CameraModel
+    from calib_core.optics.laser_plane_joint import CameraUncertainty
     from calib_core.optics.laser_plane_solve import PlaneSolution, PlaneView
 
 T = TypeVar("T")
@@ -160,34 +163,55 @@ def camera_halves(name: str, count: int) -> Row:
     return factor_row(f"{name}: camera", squares, 4)
 
 
-def plane_views(name: str) -> "tuple[CameraModel, list[PlaneView]]":
-    """Return a set's camera and its boards that carry the line."""
+class PlaneSet(NamedTuple):
+    """A set's camera, its boards that carry the line, and what is known of camera and board besides."""
+
+    camera: "CameraModel"
+    views: "list[PlaneView]"
+    known: "CameraUncertainty | None"
+
+    def solved(self, views: "Sequence[PlaneView]", unlined: "Sequence[BoardView]" = ()) -> "PlaneSolution":
+        """Return the plane by some boards' lines, camera and board's shape by the corners of others too."""
+        from calib_core.optics.laser_plane_solve import solve_plane
+
+        known = self.known
+        if known is not None and known.boards is not None:
+            known = replace(known, boards=(*known.boards, *unlined))
+        return solve_plane(self.camera, views, known)
+
+
+@cache
+def plane_set(name: str) -> PlaneSet:
     from calib_core.captures.camera_source import camera_of
     from calib_core.captures.plane_views import PlaneViews
-    from calib_core.optics.laser_plane_solve import solve_plane
+    from calib_core.stages.laser_plane.solve import known_of
+    from calib_core.stages.pipeline import stage_input
 
     session, read = opened(name)
-    camera, _ = camera_of(session, read)
+    camera, result = camera_of(session, read)
     boards, views = PlaneViews(session, camera, read), list["PlaneView"]()
     for capture in session.captures:
         if capture.step == "laser-plane":
             with suppress(CalibrationError):
                 views.append(boards.of(capture))
-    used = {view.name for view in solve_plane(camera, views).views if view.left_out is None}
-    return camera, [view for view in views if view.name in used]
+    found = PlaneSet(camera, views, known_of(stage_input(session, "laser-plane", read), camera, result, views))
+    used = {view.name for view in found.solved(views).views if view.left_out is None}
+    return found._replace(views=[view for view in views if view.name in used])
 
 
 def lines_row(name: str) -> Row:
-    """How far each board's line lies beside the plane of the others on average, by what all of it states."""
-    from calib_core.optics.laser_plane_solve import solve_plane
+    """How far each board's line lies beside the plane of the others on average, by what all of it states.
 
-    camera, views = plane_views(name)
-    lines, off = solve_plane(camera, views).lines, dict[str, float]()
-    for place, (view, line) in enumerate(zip(views, lines, strict=True)):
-        pixels = camera.project(line.points_in_camera_mm)
+    Camera and board's shape are those that the product refines with the plane, by the corners of this board too.
+    """
+    whole = plane_set(name)
+    views = whole.views
+    solved, off = whole.solved(views), dict[str, float]()
+    for place, (view, line) in enumerate(zip(views, solved.lines, strict=True)):
+        pixels = solved.camera.project(line.points_in_camera_mm)
         with suppress(CalibrationError):  # lines of the others may lie too close to one another
-            others = solve_plane(camera, views[:place] + views[place + 1 :])
-            off[view.name] = _beside(camera, view, pixels, others)
+            others = whole.solved(views[:place] + views[place + 1 :], [view.board])
+            off[view.name] = _beside(view, pixels, others)
     worst = max(off, key=off.__getitem__)
     told = f"{off[worst]:.1f} ({worst}) of {len(off)}; next {sorted(off.values())[-2]:.1f}"
     return Row(
@@ -195,36 +219,29 @@ def lines_row(name: str) -> Row:
     )
 
 
-def _beside(camera: "CameraModel", view: "PlaneView", here: FloatArray, others: "PlaneSolution") -> float:
-    """Return how far a line lies off a plane on average, by the sigmas of centres, board's pose and plane.
+def _beside(view: "PlaneView", here: FloatArray, others: "PlaneSolution") -> float:
+    """Return how far a line lies off a plane on average, by the sigmas of its centres and of its board's pose.
 
-    The centres count with what boards' lines are off besides.
+    The centres count with what boards' lines are off besides. The plane's own ± is left out: most of it is the
+    camera's, which draws all lines alike.
     """
-    from calib_core.optics.adjust import fit_poses
     from calib_core.optics.laser_plane import points_on_board
-    from calib_core.optics.laser_plane_solve import posed_corners
+    from calib_core.optics.laser_plane_solve import posed_board
 
-    corners, state = posed_corners(camera, [view.board])
-    posed = fit_poses(corners, state, camera.bands[1:], 2.0)
-    (pose,) = posed.state.poses()
+    camera = others.camera
+    pose, covariance = posed_board(camera, view.board, others.shape)
 
     def off_mm(pixels: FloatArray, step: FloatArray) -> float:
         turned = Rotation.from_matrix(pose.rotation) * Rotation.from_rotvec(step[:3])
         there = RigidTransform.of(turned.as_matrix(), pose.translation_mm + step[3:], "camera", "board")
-        points = points_on_board(camera, pixels, there)
+        points = points_on_board(camera, pixels, there, others.shape)
         return float(np.mean(points @ others.normal)) - others.distance_mm
 
     none = np.zeros(6)
-    middle = np.mean(points_on_board(camera, here, pose), axis=0)
     slope = np.array([(off_mm(here, step) - off_mm(here, none)) / 1e-4 for step in 1e-4 * np.eye(6)])
     mm_per_px = off_mm(here + view.stripe.across, none) - off_mm(here, none)
     noise_px = others.noise_factor * float(np.median(view.stripe.sigma_px)) / np.sqrt(len(here))
-    of_plane = np.append(middle, -1.0)
-    variance = (
-        slope @ posed.pose_covariances[0] @ slope
-        + mm_per_px**2 * (noise_px**2 + others.excess_px**2)
-        + of_plane @ others.covariance @ of_plane
-    )
+    variance = slope @ covariance @ slope + mm_per_px**2 * (noise_px**2 + others.excess_px**2)
     return abs(off_mm(here, none)) / float(np.sqrt(variance))
 
 
@@ -232,7 +249,7 @@ def plane_halves(name: str, count: int) -> Row:
     """The same of the plane of light by halves of the boards that carry it, the camera being that of all."""
     from calib_core.optics.laser_plane_solve import solve_plane
 
-    camera, views = plane_views(name)
+    camera, views, _ = plane_set(name)
     squares: list[float] = []
     for pair in random_halves(views, count):
         with suppress(CalibrationError):  # lines of three boards may lie too close to one another

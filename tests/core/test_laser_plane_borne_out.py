@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.optics.adjust import Adjustment
+from calib_core.optics.laser_plane_borne_out import Boards
 from calib_core.optics.laser_plane_solve import PlaneSolution, PlaneView, solve_plane
 from tests.core.test_optics_plane import CAMERA, DISTANCE, NORMAL, views
 
@@ -20,7 +20,7 @@ def off_by(seen: list[PlaneView], means_px: np.ndarray, ends_px: np.ndarray) -> 
     ]
 
 
-def as_many(_: Adjustment) -> float:
+def as_many(_: Boards) -> float:
     """Tell what is said of boards without number."""
     return 1.0
 
@@ -52,17 +52,21 @@ def test_lines_that_are_each_off_as_a_whole_are_found_to_be_and_the_plane_says_s
 
 
 @pytest.mark.parametrize("seed", [15, 35, 46])
-def test_a_board_left_out_as_it_disagrees_tells_how_boards_scatter(seed: int) -> None:
-    """Of 48 sets these leave out a line; the rest alone told 0.03, 0.05 and 0.12 px."""
+def test_a_board_off_by_what_scatters_the_others_too_belongs_to_them(seed: int) -> None:
+    """Of 48 sets these left out a line: a robust plane rests on the few that happen to agree."""
     found = scattered(seed)
-    assert [view.left_out for view in found.views if view.left_out] == ["off-plane"]
+    assert not [view.left_out for view in found.views if view.left_out]
     assert 0.5 * EXCESS_PX < found.excess_px < 1.5 * EXCESS_PX
 
 
-def test_a_board_that_was_moved_tells_nothing_of_the_others() -> None:
-    moved = solve_plane(CAMERA, off_by(views(4), np.where(np.arange(8) == 2, 15.0, 0.0), np.zeros(8)))
-    assert [view.left_out for view in moved.views].count("off-plane") == 1
+@pytest.mark.parametrize("moved_px", [1.0, 2.0, 15.0])
+def test_a_board_that_was_moved_is_left_out_and_tells_nothing_of_the_others(moved_px: float) -> None:
+    moved = solve_plane(CAMERA, off_by(views(4), np.where(np.arange(8) == 2, moved_px, 0.0), np.zeros(8)))
+    assert [view.name for view in moved.views if view.left_out == "off-plane"] == ["l2"]
     assert moved.excess_px < 0.05
+    # Its ± is that of the seven others alone.
+    seven = solve_plane(CAMERA, [view for view in views(4) if view.name != "l2"])
+    np.testing.assert_allclose(moved.covariance, seven.covariance, rtol=1e-3, atol=1e-12)
 
 
 def test_one_board_that_is_sure_of_itself_and_wrong_no_longer_lays_the_plane_alone() -> None:

@@ -16,6 +16,7 @@ from calib_core.optics.camera import CameraOptions, calibrate_camera
 from calib_core.optics.camera_layout import parameter_places
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.laser_plane import BoardLine, fit_plane, plane_findings, rotation_sigma_deg
+from calib_core.optics.laser_plane_borne_out import Boards
 from calib_core.optics.laser_plane_joint import CameraUncertainty
 from calib_core.optics.laser_plane_solve import PlaneSolution, PlaneView, board_poses, solve_plane
 from calib_core.optics.stripe import StripeCenters
@@ -193,10 +194,8 @@ def test_stripes_that_make_other_boards_corners_worse_leave_the_camera_as_it_is(
     def as_stated(problem: Adjustment, state: State) -> tuple[Adjustment, Adjusted, float]:
         return problem, problem.solve(state), 1.0
 
-    def as_agreeing(
-        problem: Adjustment, adjusted: Adjusted, *_: State | float
-    ) -> tuple[Adjustment, Adjusted, float]:
-        return problem, adjusted, 0.0
+    def as_agreeing(boards: Boards) -> tuple[Boards, float]:
+        return boards, 0.0
 
     # Bent lines weigh less as soon as they are seen to be: here they keep the weight that their centres state.
     monkeypatch.setattr(laser_plane_joint, "_with_stripe_noise", as_stated)

@@ -15,7 +15,7 @@ class LaserPlane(Stage):
     """The plane of laser light, from frames of the board with the stripe on it."""
 
     name, title, place = "laser-plane", "Laser plane", 20
-    method_revision = 11  # boards that disagree beyond their ± are weighed and stated so
+    method_revision = 12  # a board left out widens no ±; one that scatters as the others do is not left out
     any_arrangement = True
     step = CaptureStep(
         "laser-plane",

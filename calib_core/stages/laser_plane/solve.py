@@ -1,5 +1,7 @@
 """The laser-plane stage: board and stripe found in every capture, the plane through them, one row a capture."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib_core.captures.boards import board_in, board_of, frames_not_used, likeliest_failure
@@ -79,10 +81,7 @@ def solve_laser_plane(
 
     try:
         board = board_of(given.session.cell)
-        if camera_result is None:
-            known = bend_of(camera, [view.board for view in views], board.flat)
-        else:
-            known = _uncertainty(given, camera_result)
+        known = known_of(given, camera, camera_result, views)
         solution = solve_plane(camera, views, known, tell, board.margin_mm)
     except MotionError as error:
         raise error.with_failures(failed) from None
@@ -107,6 +106,15 @@ def _find_all(given: StageInput, boards: PlaneViews) -> tuple[list[PlaneView], d
         except MeasurementError as error:
             failed[capture.id] = error
     return views, failed
+
+
+def known_of(
+    given: StageInput, camera: CameraModel, result: CameraResult | None, views: Sequence[PlaneView]
+) -> CameraUncertainty | None:
+    """Return what is known of camera and board besides, to be refined with the plane; None: both are exact."""
+    if result is not None:
+        return _uncertainty(given, result)
+    return bend_of(camera, [view.board for view in views], board_of(given.session.cell).flat)
 
 
 def _uncertainty(given: StageInput, result: CameraResult) -> CameraUncertainty:
