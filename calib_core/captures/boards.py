@@ -1,7 +1,7 @@
 """The board in a capture's frame, found once: as the frame comes in, for the camera and for the plane of light."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,7 @@ def board_in(capture: Capture, board: Board, read: ReadFile) -> BoardView:
     try:
         return seen_once(BoardView, [name], read, told, lambda: find_board(decode_image(read(name), name), board))
     except MeasurementError as error:
-        if _shows_stripe_alone(capture, read):
+        if error.where != CELL_BOARD and _shows_stripe_alone(capture, read):
             raise error.adding("Dark boards do not count any more: take a frame of the lit board, too.") from None
         raise
 
@@ -82,6 +82,11 @@ def frames_not_used(failed: Mapping[str, MeasurementError], used: int) -> list[F
         other = {}
     rest = {name: error for name, error in failed.items() if name not in other}
     return [*not_measured(other, codes.BOARD_NOT_AS_TOLD), *not_measured(rest, codes.FRAME_NOT_USED)]
+
+
+def board_first(found: Iterable[Finding]) -> list[Finding]:
+    """Return findings in their order, but that the board is not as told first: others may follow from it."""
+    return sorted(found, key=lambda one: one.code != codes.BOARD_NOT_AS_TOLD.name)
 
 
 def likeliest_failure(failed: Mapping[str, MeasurementError]) -> tuple[str, MeasurementError]:

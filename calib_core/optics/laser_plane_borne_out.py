@@ -8,6 +8,7 @@ others explains.
 """
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class Boards:
             alone += float(np.where(within < huber, within**2 / 2, huber * (within - huber / 2)).sum())
         return 2.0 * (adjusted.cost - alone)
 
-    def with_excess(self, excess_px: float) -> "Boards":
+    def with_excess(self, excess_px: float) -> Self:
         """Return the same, solved, where the mean of each line is off by so much besides, and its slope alike."""
         lines = self.problem.lines
         assert lines is not None
@@ -75,7 +76,7 @@ class Boards:
         growth = np.sqrt(1.0 + squares * excess_px**2)
         weights = lines.weights / np.repeat(growth, np.diff(lines.ends))
         looser = replace(self.problem, lines=replace(lines, weights=weights))
-        return Boards(looser, looser.solve(self.adjusted.state), self.start)
+        return replace(self, problem=looser, adjusted=looser.solve(self.adjusted.state))
 
     def excess_px(self) -> float:
         """Return what is to be added to each line for its boards to disagree as they state, px."""

@@ -179,6 +179,13 @@ def solve_plane(
         every = [*boards, *range(len(views), corners.views)]
         return Together(camera, weighted.take(every), stripes, places, posed.take(every), _inverse(about), known)
 
+    if not any(line.is_enough for line in lines):
+        raise MotionError(
+            "the laser's line on at least two boards",
+            "none on any of {count} boards",
+            "Switch the laser on and let its line cross the board.",
+            count=len(lines),
+        )
     reasons, fit = members(lines, agreeing, lambda boards, about: together(boards, about).boards()[0])
     used = [i for i, reason in enumerate(reasons) if reason is None]
     progress(0.7, "refining plane and boards together")

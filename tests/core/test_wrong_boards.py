@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from calib_core.captures.boards import frames_not_used, likeliest_failure
+from calib_core.captures.boards import board_first, frames_not_used, likeliest_failure
 from calib_core.errors import MeasurementError
-from calib_core.findings import has
+from calib_core.findings import has, judgement
 from calib_core.findings.codes import camera as codes
 from calib_core.optics.board import find_board
+from calib_core.optics.board_refusal import CELL_BOARD
 from calib_core.records import Board
 from tests.wrong_boards import RIGHT, Wrong, board_frames, wrong_descriptions
 
@@ -83,3 +84,15 @@ def test_what_frames_contradict_is_said_before_why_single_ones_are_not_used() ->
     assert name == "c2"
     assert "9 × 6" in str(error.got)
     assert not has(frames_not_used(failed, used=12), codes.BOARD_NOT_AS_TOLD)
+
+
+def test_a_board_that_is_not_as_told_stands_first_and_few_views_behind_it() -> None:
+    wrong = MeasurementError("the board", "one of 9 × 6", "Correct cell.board.", CELL_BOARD)
+    told = [
+        codes.FEW_VIEWS(count=2),
+        codes.BOARDS_NOT_TILTED(tilt_deg=9.0),
+        *frames_not_used({"c1": wrong}, used=2),
+    ]
+    found = judgement(board_first(told))
+    assert [one.code for one in found["findings"]][:1] == ["board-not-as-told"]
+    assert len(found["warnings"]) == 2  # few views follow from it

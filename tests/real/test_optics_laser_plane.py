@@ -56,5 +56,5 @@ def test_frames_without_a_laser_are_refused_as_such(data_folder: Path) -> None:
     record = json.loads((folder / "session.json").read_text())
     for number, capture in enumerate(record["captures"]):
         capture["step"] = "laser-plane" if number % 2 else "camera"
-    with pytest.raises(CalibrationError, match="0 with a measurable line on the board"):
+    with pytest.raises(CalibrationError, match="none on any of"):
         solve_stage(parse_session(record), "laser-plane", lambda name: (folder / name).read_bytes())

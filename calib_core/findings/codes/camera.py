@@ -73,6 +73,7 @@ BOARD_NOT_AS_TOLD = Code(
 FEW_FRAMES_USED = Code(
     "most-frames-not-used",
     "warning",
+    behind=("board-not-as-told",),
     text="Only {used} of {count} frames could be used.",
     to_do="Look at what is said of the others, and take them again.",
     meaning="Where most frames are of no use, something is wrong with all of them.",
@@ -93,6 +94,7 @@ CAMERA_NOT_CONVERGED = Code(
 FEW_VIEWS = Code(
     "few-views",
     "warning",
+    behind=("board-not-as-told",),
     text=Plural("Only {count} view is used.", "Only {count} views are used.", by="count"),
     to_do="Take at least 10, better 15 to 25.",
     meaning="With few views a wrong one is not found out, and the camera is known badly.",

@@ -13,7 +13,7 @@ LINE_OFF_PLANE = Code(
     ),
     reason="its line lies {off_mm:.2f} mm off the plane of the others: the board or the camera was moved",
     meaning="One line contradicts the plane that all others agree on; it is left out.",
-    decided="It lies several times as far off as the others, and beyond its own uncertainty.",
+    decided="It lies several times as far off as the others; by what scatters these it would in less than one of 10,000.",
     usual_causes="A board that moved between the lit frame and the one with the stripe.",
 )
 
@@ -61,6 +61,7 @@ PLANE_NORMAL_WEAK = Code(
 FEW_BOARDS = Code(
     "few-boards-carry-plane",
     "warning",
+    behind=("board-not-as-told",),
     text=Plural("Only {count} board carries the plane.", "Only {count} boards carry the plane.", by="count"),
     to_do="Take five or more: they let a bad one be found out.",
     meaning="With few boards a moved one is not found out.",

@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.captures.boards import board_in, board_of, frames_not_used, likeliest_failure, relative_pitch_sigma
+from calib_core.captures.boards import (
+    board_first,
+    board_in,
+    board_of,
+    frames_not_used,
+    likeliest_failure,
+    relative_pitch_sigma,
+)
 from calib_core.captures.contradictions import EXCLUDED, NOT_A_FRAME
 from calib_core.captures.plane_views import robot_pose
 from calib_core.captures.solved_optics import camera_segments, remembered
@@ -159,7 +166,7 @@ def _result(
         "model by held-out error",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        **judgement(found),
+        **judgement(board_first(found)),
         model=camera.model,
         image_size=image_size,
         camera_matrix=camera.camera_matrix.tolist(),

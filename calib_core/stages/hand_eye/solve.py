@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.captures.boards import frames_not_used
+from calib_core.captures.boards import board_first, frames_not_used
 from calib_core.captures.camera_source import camera_of
 from calib_core.captures.plane_views import PlaneViews
 from calib_core.cell.found import known_scanner
@@ -55,7 +55,7 @@ def solve(given: StageInput) -> HandEyeResult:
         method="A X = Z B in closed form, then by maximum likelihood of the robot's pose errors",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        **judgement([*hand_eye_findings(found, agreement), *unused]),
+        **judgement(board_first([*hand_eye_findings(found, agreement), *unused])),
         **by_name(found.mount_from_camera, found.holder_from_board),
         covariance=found.covariance[:6, :6].tolist(),
         board_covariance=found.covariance[6:12, 6:12].tolist(),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.captures.boards import board_in, board_of, frames_not_used, likeliest_failure
+from calib_core.captures.boards import board_first, board_in, board_of, frames_not_used, likeliest_failure
 from calib_core.captures.camera_source import camera_of
 from calib_core.captures.contradictions import EXCLUDED, NOT_A_FRAME
 from calib_core.captures.lost_rays import lost_rays
@@ -149,7 +149,7 @@ def _result(
         method="robust plane through the stripe's points on the boards, then plane and board poses together",
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
-        **judgement([*found, *unused]),
+        **judgement(board_first([*found, *unused])),
         plane_in_camera=PlaneInCamera(normal=normal.tolist(), distance_mm=distance),
         camera_from_laser=camera_from_laser_of(normal, distance).to_rows(),
         plane_rms_mm=solution.rms_mm,
