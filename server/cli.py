@@ -254,8 +254,9 @@ def _run(options: argparse.Namespace) -> int:
     except Exception as error:
         if options.debug:
             raise
-        what = f"a fault of the program ({type(error).__name__}: {error})"
-        return _refused(f"{what}. Add --debug for details.", "unexpected error, ")
+        what = message("a fault of the program ({name}: {why}). Add --debug for details.",
+                       name=type(error).__name__, why=str(error))  # fmt: skip
+        return _refused((_Parser.said or ENGLISH).say(what), "unexpected error, ")
     return status
 
 

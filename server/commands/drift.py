@@ -83,21 +83,27 @@ def _text(found: "CellDrift") -> str:
             )
         )
         for point in series.points:
-            limit = "" if point.limit is None else f"  limit {point.limit:.4f}"
-            mark = "  OUTLIER" if point.outlier else "  CHANGED" if point.flagged else ""
-            mark += _temperatures(point.environment)
-            lines.append(f"  {point.name:<24} {point.change:10.4f} ± {point.uncertainty:.4f}{limit}{mark}")
+            limit = "" if point.limit is None else message("limit {limit:.4f}", limit=point.limit)
+            mark = message("OUTLIER") if point.outlier else message("CHANGED") if point.flagged else ""
+            numbers = f"{point.name:<24} {point.change:10.4f} ± {point.uncertainty:.4f}"
+            lines.append("  " + _row(numbers, limit, mark, _temperatures(point.environment).strip()))
     if found.within:
         lines.append(message("Drift within each session, mm (first capture to last, k = 2)"))
     for one in found.within:
-        mark = ("  settled" if one.settled else "  NOT SETTLED") if one.found else ""
-        lines.append(f"  {one.name:<24} {one.drift_mm:10.4f} ± {one.uncertainty_mm:.4f}{mark}")
+        mark = (message("settled") if one.settled else message("NOT SETTLED")) if one.found else ""
+        lines.append("  " + _row(f"{one.name:<24} {one.drift_mm:10.4f} ± {one.uncertainty_mm:.4f}", mark))
     lines += [explained(one.name, one.sentence) for one in found.within if one.found]
     lines += found.flags or _unchanged(found)
     lines += found.trends
     lines += [said for series in found.series[:1] if (said := _found_at_once(series.points[-1]))]
     lines += [explained(session, why) for session, why in found.left_out.items()]
     return "\n".join(lines)
+
+
+def _row(numbers: str, *marks: str) -> str:
+    """Return a line of a table, numbers and what stands behind them, each where there is one."""
+    said = [mark for mark in marks if mark]
+    return message("{numbers}  {marks:,}", numbers=numbers, marks=said) if said else numbers
 
 
 def _found_at_once(newest: "DriftPoint") -> str:

@@ -159,7 +159,9 @@ def _tell_doubts(options: argparse.Namespace, session: "Session", read: "ReadFil
 
     for capture in session.captures:
         for doubt in doubts_of(capture, read):
-            remark(options, f"warning: {capture.files[0].partition('-')[2]}: {doubt}")
+            remark(
+                options, message("Warning: {file}: {doubt}", file=capture.files[0].partition("-")[2], doubt=doubt)
+            )
 
 
 COMMAND = Command("merge", "merge scans whose poses are known", "files", _arguments, _run)

@@ -67,10 +67,14 @@ def _corrected(options: argparse.Namespace, told: dict[str, str]) -> int:
 
 
 def _corrected_line(pose: dict[str, Any]) -> str:
+    from calib_core.messages import explained, message
+
     numbers = " ".join(f"{value:.6g}" for value in pose["pose"])
     beyond = pose["beyond_captures_deg"]
-    doubt = f"; a joint lies {beyond:.0f}° beyond the captures" if beyond >= 1 else ""
-    return f"  {pose['name']}: {numbers}; moved by {pose['moved_mm']:.3f} mm{doubt}"
+    parts = [explained(pose["name"], numbers), message("moved by {moved_mm:.3f} mm", moved_mm=pose["moved_mm"])]
+    if beyond >= 1:
+        parts.append(message("a joint lies {beyond_deg:.0f}° beyond the captures", beyond_deg=beyond))
+    return "  " + message("{parts:,}", parts=parts)
 
 
 def pairs_of(words: list[str]) -> dict[str, str]:
@@ -116,13 +120,16 @@ def _text(read: "ControllerFile") -> str:
 
 
 def _pose(pose: "FilePose") -> str:
-    numbers = " ".join(f"{v:g}" if v == 0 else f"{v:.6g}" for v in pose.pose) if pose.pose else "joints alone"
-    parts = [f"  {pose.name}: {numbers}"]
+    from calib_core.messages import explained, message
+
+    numbers = " ".join(f"{v:g}" if v == 0 else f"{v:.6g}" for v in pose.pose or ())
+    parts: list[str] = [explained(pose.name, numbers or message("joints alone"))]
     if pose.tool is not None or pose.frame is not None:
-        parts.append(f"taught with tool {_or_dash(pose.tool)}, frame {_or_dash(pose.frame)}")
+        tool, frame = _or_dash(pose.tool), _or_dash(pose.frame)
+        parts.append(message("taught with tool {tool}, frame {frame}", tool=tool, frame=frame))
     if pose.external:
         parts.append(", ".join(f"{axis} {value:g}" for axis, value in pose.external.items()))
-    return "; ".join([*parts, f"{pose.file}:{pose.line}"])
+    return "  " + message("{parts:,}", parts=[*parts, f"{pose.file}:{pose.line}"])
 
 
 def _frame(frame: "Frame") -> str:

@@ -64,7 +64,7 @@ def serve(options: argparse.Namespace) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C comes too late to hurry anything
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if not options.json:
-        print_result(options, "The workbench has stopped.", {})
+        print_result(options, message("The workbench has stopped."), {})
     return OK
 
 

@@ -4,6 +4,7 @@ import argparse
 import os
 import time
 
+from calib_core.messages import message
 from server.console.command import OK, Command
 from server.console.output import print_result
 from server.console.progress import progress_bar
@@ -25,17 +26,19 @@ def _run(options: argparse.Namespace) -> int:
     threads = ThreadPoolExecutor(count)
     try:
         with progress_bar(options, says_why=False) as progress:
-            progress(0.0, "compiling the kernels")
+            progress(0.0, message("compiling the kernels"))
             parts = as_completed([threads.submit(processes.ask, compiled_for, part) for part in PARTS])
             for done, part in enumerate(parts, 1):
                 compiled += part.result()
-                progress(done / len(PARTS), f"compiling the kernels, {compiled} done")
+                progress(done / len(PARTS), message("compiling the kernels, {count} done", count=compiled))
     finally:
         threads.shutdown(wait=False, cancel_futures=True)
         processes.stop()
     note_that_all_are_compiled(BASELINE if options.any_processor else None)
     seconds = time.monotonic() - started
-    text = f"{compiled} kernels compiled in {seconds:.0f} s" if compiled else "all kernels were compiled already"
+    text = message("all kernels were compiled already")
+    if compiled:
+        text = message("{count} kernels compiled in {seconds:.0f} s", count=compiled, seconds=seconds)
     print_result(options, text, {"compiled": compiled, "seconds": round(seconds, 1)})
     return OK
 
