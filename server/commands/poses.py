@@ -8,7 +8,7 @@ from server.console.command import OK, Command
 from server.console.output import print_result
 
 if TYPE_CHECKING:
-    from calib_core.robots.controller_file import ControllerFile, FilePose, Frame
+    from calib_core.robots.controller_file import ControllerFile, FilePose, Frame, Skipped
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -115,8 +115,14 @@ def _text(read: "ControllerFile") -> str:
     if doubts or read.notes:
         lines += ["", message("To make sure of"), *(f"  {text}" for text in (*doubts, *read.notes))]
     if read.skipped:
-        lines += ["", message("Skipped"), *(f"  {row.file}:{row.line}: {row.reason}" for row in read.skipped)]
+        lines += ["", message("Skipped"), *map(_skipped, read.skipped)]
     return "\n".join(lines)
+
+
+def _skipped(row: "Skipped") -> str:
+    from calib_core.messages import explained
+
+    return "  " + explained(f"{row.file}:{row.line}", row.reason)
 
 
 def _pose(pose: "FilePose") -> str:
