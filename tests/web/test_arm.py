@@ -10,7 +10,9 @@ import httpx
 import pytest
 from playwright.sync_api import expect
 
+from tests.arm_cell import simulate_arm
 from tests.core.test_urdf import UR5E
+from tests.server.live_server import wait_for
 from tests.web.browsing import Watch
 
 pytestmark = pytest.mark.browser
@@ -71,3 +73,23 @@ def test_a_cell_of_whole_centres_needs_no_diameter(open_page: Callable[..., Any]
         page.get_by_role("button", name="Save").click()
         expect(page.locator("dialog[open]")).to_have_count(0)
         assert client.get(f"/sessions/{session}").json()["cell"]["scanner"]["kind"] == "center"
+
+
+def test_what_was_found_of_the_arm_stands_on_the_page(open_page: Callable[..., Any], address: str) -> None:
+    """Its errors one by one with their ±, what they did at poses left out, and what is to do."""
+    record = simulate_arm("cobot", 3, 15, held=0).session.to_json()
+    with httpx.Client(base_url=f"{address}/api/v1", trust_env=False, timeout=60) as client:
+        session = client.post("/sessions", json={"name": "an arm", "cell": record["cell"]}).json()["id"]
+        for capture in record["captures"]:
+            told = {"record": (None, json.dumps(capture))}
+            client.post(f"/sessions/{session}/captures", files=told).raise_for_status()
+        wait_for(client, client.post(f"/sessions/{session}/solve/tcp").json()["id"], timeout_s=120)
+        page, _ = open_page(f"/sessions/{session}")
+        page.get_by_role("button", name="Show result").click()
+        table = page.locator("table", has_text="Zero of joint 3")
+        page.locator("summary", has_text="The arm's own errors").click()
+        expect(table.first).to_be_visible()
+        expect(table.first).to_contain_text(re.compile(r"Zero of joint 3\s*[−0-9.]+\s*±\s*[0-9.]+\s*°"))
+        page.locator("summary", has_text="Notes").first.click()
+        said = "With the arm's own errors solved, other poses are predicted to"
+        expect(page.get_by_text(said).locator("visible=true").first).to_be_visible()
