@@ -21,7 +21,15 @@ from calib_core.stages.pipeline import solve_stage
 from calib_core.stages.recheck.record import RecheckResult
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.verify.record import VerifyResult
-from tests.arm_cell import ARM_KINDS, ArmCell, ArmKind, held_out_rms_mm, later_on_an_arm, simulate_arm
+from tests.arm_cell import (
+    ARM_KINDS,
+    ArmCell,
+    ArmKind,
+    held_out_rms_mm,
+    later_before_a_tracker,
+    later_on_an_arm,
+    simulate_arm,
+)
 
 
 def solved(session: Session) -> TcpResult:
@@ -311,6 +319,40 @@ def of_captures_since(each: int, bump_deg: float = 0.15) -> list[Row]:
     return [*rows, Row(what, "≤ 2 %", f"{alarms}", alarms <= 0.02 * len(covered))]
 
 
+def _before_a_tracker(kind: str | ArmKind, seed: int, captures: int, errors: str | None, mm: float) -> bool:
+    """Return whether a verification at 30 other poses warns of the answer, the tracker moved by so much since."""
+    swing = "wide" if isinstance(kind, ArmKind) else "usual"
+    session = later_before_a_tracker(kind, seed, captures, swing=swing, errors=errors, mm=mm)
+    said = {one.code for one in solve_stage(session, "verify", lambda _name: b"").findings}
+    return bool(said & {"verify-scatter-large", "verify-scatter-fails", "verify-tool-moved"})
+
+
+def of_trackers(each: int, moved_mm: float = 0.6) -> list[Row]:
+    """Return how often a verification warns of a tracker that stood still, and of one that was moved."""
+    kinds: dict[str, str | ArmKind] = {**{name: name for name in ARM_KINDS}, "rough": ROUGH}
+    told: dict[tuple[str | None, float], list[bool]] = {}
+    for seed in range(99000, 99000 + each):
+        for name, kind in kinds.items():
+            for captures in (15, 30):
+                for errors, mm in ((None, 0.0), ("apply", 0.0), (None, moved_mm), ("apply", moved_mm)):
+                    step = f"arm tracker {name} {seed} {captures} {errors} {mm}"
+                    own = told.setdefault((errors, mm), [])
+                    own.append(
+                        kept(
+                            step,
+                            lambda k=kind, n=seed, c=captures, e=errors, mm=mm: _before_a_tracker(k, n, c, e, mm),
+                        )
+                    )
+    still = [*told[None, 0.0], *told["apply", 0.0]]
+    moved = told[None, moved_mm], told["apply", moved_mm]
+    what = f"arms before a tracker, {len(still)} verified at 30 other poses, nothing moved: alarms"
+    ours = f"{sum(moved[1])} of {len(moved[1])}; {sum(moved[0])} of {len(moved[0])}"
+    return [
+        Row(what, "≤ 2 %", f"{sum(still)}", sum(still) <= 0.02 * len(still)),
+        Row(f"the same, the tracker moved by {moved_mm} mm: told, the arm corrected; not", "–", ours),
+    ]
+
+
 def _classes(kind: str | ArmKind, seed: int, captures: int) -> tuple[float, bool]:
     """Return the error at other poses over that without the arm's errors, and whether it was told worth it."""
     cell = simulate_arm(kind, seed, captures, errors="apply")
@@ -393,6 +435,7 @@ def run(full: bool) -> list[Row]:
         of_wrong_joints(some),
         *of_later_sessions(min(each, 4)),
         *of_captures_since(some),
+        *of_trackers(min(each, 8)),
         *of_six_classes(each),
         of_errors_that_are_not_modelled(some),
         of_right_arms(some),
