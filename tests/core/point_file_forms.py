@@ -79,6 +79,11 @@ def named_by_unit() -> Iterator[Form]:
         head = f"Point ID,{east} [m],{north} [m],{height} [m]\n"
         body = rows([np.arange(len(CLOUD)), CLOUD / 1000], ",", ".7f")
         yield Form(f"surveyor's, {east}", "d.csv", (head + body).encode(), CLOUD)
+        named = "".join(
+            f"{'AB'[k % 2]}-{k:03d},{line}\n"
+            for k, line in enumerate(rows([CLOUD / 1000], ",", ".7f").splitlines())
+        )
+        yield Form(f"surveyor's labels, {east}", "d.csv", (head + named).encode(), CLOUD)
     for head in ("Index,X,Y,Z,I", "No,X,Y,Z,Q", "t,X,Y,Z,I"):
         columns = [np.arange(len(CLOUD)), CLOUD, np.full(len(CLOUD), 7.0)]
         yield Form(f"header {head}", "e.csv", f"{head}\n{rows(columns, ',')}".encode(), CLOUD)

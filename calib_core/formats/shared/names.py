@@ -26,6 +26,10 @@ _AFFIXES = (("", "coord"), ("", "pos"), ("", "axis"), ("", "mm"), ("pos", ""), (
 _ALIASES = {f"{before}{axis}{after}": axis for axis in "xyz" for before, after in _AFFIXES} | {
     "easting": "x", "east": "x", "northing": "y", "north": "y", "rechtswert": "x", "hochwert": "y"
 }  # fmt: skip
+_LABELS = {
+    "id", "point", "points", "pointid", "pointno", "pointname", "pointnumber", "name", "label", "code", "nr", "no",
+    "punkt", "punktid", "punktnr", "punktnummer", "punktname", "pt", "ptid", "description", "remark", "station",
+}  # fmt: skip
 _HEIGHTS = {"height", "höhe", "hoehe", "elevation"}
 _BRIGHTNESS = {"intensity", "intensities", "intensität", "intensitaet", "reflectance", "reflectivity"}
 
@@ -61,6 +65,11 @@ def axis_of(name: str) -> tuple[str | None, Unit | None]:
     if word in ("x", "y", "z"):
         return word, unit or ("mm" if words[0].endswith("mm") else None)
     return ("height" if word in _HEIGHTS else None), unit
+
+
+def is_label(name: str) -> bool:
+    """Return whether a column's name says that it has words: ``Point ID``, ``Name``."""
+    return re.sub(r"[^a-zäöüß]+", "", name.lower()) in _LABELS
 
 
 def place_of_intensity(names: Sequence[str]) -> int | None:

@@ -8,6 +8,7 @@ from itertools import chain, repeat
 import numpy as np
 
 from calib_core.errors import InputError
+from calib_core.formats.shared.names import is_label
 from calib_core.formats.shared.text_head import Head, head_of, header_of, is_comment, shown_line
 from calib_core.formats.shared.text_style import BLANK_WORDS, NUMBER, decode_text, first_lines
 from calib_core.frames import FloatArray
@@ -89,11 +90,12 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     body = text[offset:]
     if head.style.comma:
         _require_one_decimal_mark(body, where, first_line + head.start)
+    labels = frozenset(column for column, name in enumerate(header.names) if is_label(name))
     before = head.start + first_line - 1
     blocks: list[FloatArray] = [np.empty((0, head.width))]  # a header alone: nothing came back
     for block in _blocks(body):
         rows = block.removesuffix("\n").split("\n")
-        blocks.append(_parse_lines(rows, head, before, where, example))
+        blocks.append(_parse_lines(rows, head, labels, before, where, example))
         before += len(rows)
     values = np.concatenate(blocks)
     if len(header.names) == head.width - 1:
@@ -136,7 +138,9 @@ def _blocks(text: str) -> Iterator[str]:
         start = end
 
 
-def _parse_lines(lines: list[str], head: Head, before: int, where: str, example: str) -> FloatArray:
+def _parse_lines(
+    lines: list[str], head: Head, labels: frozenset[int], before: int, where: str, example: str
+) -> FloatArray:
     try:
         fields = _fields(lines, head)
         # Blank fields come often (",\n"): they are worth the quick way too.
@@ -144,7 +148,7 @@ def _parse_lines(lines: list[str], head: Head, before: int, where: str, example:
         numbers = [float(field) if field else np.nan for field in fields] if blanks else list(map(float, fields))
         values = np.array(numbers).reshape(-1, head.width)
     except ValueError:
-        values = _parse_with_care(lines, head, before, where, example)
+        values = _parse_with_care(lines, head, labels, before, where, example)
     values[~np.isfinite(values)] = np.nan
     return values
 
@@ -167,8 +171,13 @@ def _fields(lines: Sequence[str], head: Head) -> list[str]:
     return fields
 
 
-def _parse_with_care(lines: list[str], head: Head, before: int, where: str, example: str) -> FloatArray:
-    """Parse line by line: skips blank lines and comments, takes blanks for NaN, names the line that is wrong."""
+def _parse_with_care(
+    lines: list[str], head: Head, labels: frozenset[int], before: int, where: str, example: str
+) -> FloatArray:
+    """Parse line by line: skips blank lines and comments, takes blanks for NaN, names the line that is wrong.
+
+    Columns of labels, as surveyors' points have them, may have words.
+    """
     rows: list[list[float]] = []
     for number, line in enumerate(lines, start=before + 1):
         if not line.strip() or is_comment(line):
@@ -186,11 +195,11 @@ def _parse_with_care(lines: list[str], head: Head, before: int, where: str, exam
                 line=shown_line(line),
             )
         row: list[float] = []
-        for field in fields:
+        for column, field in enumerate(fields):
             word = field.strip()
             if NUMBER.match(word):
                 row.append(float(word))
-            elif word.lower() in BLANK_WORDS:
+            elif word.lower() in BLANK_WORDS or column in labels:
                 row.append(np.nan)
             else:
                 got = "{word} in line {number}"
