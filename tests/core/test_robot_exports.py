@@ -327,7 +327,7 @@ def test_a_check_move_brings_the_light_plane_to_the_sphere(name: str, turntable_
         ("denso-check-move", "PosX(ToolPos(1))"),
         ("epson-check-move", "CX(TLSet(1))"),
         ("kawasaki-check-move", "DECOMPOSE sc_off[0] = -tScanner+TRANS("),
-        ("mitsubishi-check-move", "Inv(P_Tool) * PTOOL"),
+        ("mitsubishi-check-move", "POFF = P_Tool\r\nPOFF = Inv(POFF)\r\nPOFF = POFF * PTOOL"),
     ],
 )
 def test_a_check_move_ends_where_the_controllers_tool_is_another(
