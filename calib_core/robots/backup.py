@@ -48,9 +48,9 @@ def read_controller_files(
             raise InputError("a controller's file", "damaged ones alone: {reason}", to_do, name, reason=reason)
         raise InputError("a controller's file", "none", to_do)
     where = next(iter(files))
-    _set_aside(opened, damaged, where)
+    aside = _set_aside(opened, damaged, where)
     named = brand or ("table" if told.columns or told.convention else None)
-    chosen = (BRANDS.get(named, "brand") if named else brand_of(opened, where)).telling(told)
+    chosen = (BRANDS.get(named, "brand") if named else brand_of(opened, where, aside)).telling(told)
     if not chosen.reads:
         need = "a brand with a reader: {readers}"
         raise InputError(need, f"'{chosen.name}'", "Name one of these.", "brand", readers=_readers())
@@ -78,8 +78,8 @@ def read_controller_files(
     return without_arm(read) if told.arm is None else asked(read, told.arm)
 
 
-def _set_aside(opened: dict[str, bytes], named: dict[str, str], where: str) -> None:
-    """Take out what is compiled; it is named unless a listing of the same stands beside it.
+def _set_aside(opened: dict[str, bytes], named: dict[str, str], where: str) -> str:
+    """Take out what is compiled, and return what it is; it is named unless a listing of the same stands beside it.
 
     Raises
     ------
@@ -96,6 +96,7 @@ def _set_aside(opened: dict[str, bytes], named: dict[str, str], where: str) -> N
                 named[name] = said
     if not opened:
         raise InputError("files in text (ASCII)", "what only the controller reads", said, where)
+    return said
 
 
 def _is_of(brand: Brand, data: bytes, name: str) -> bool:
@@ -105,8 +106,8 @@ def _is_of(brand: Brand, data: bytes, name: str) -> bool:
     return brand.recognises(text, name) or (bool(text.strip()) and name.lower().endswith(tuple(own)))
 
 
-def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
-    """Return the brand whose files these are.
+def brand_of(files: Mapping[str, bytes], where: str, aside: str = "") -> Brand:
+    """Return the brand whose files these are; `aside` says what was set aside as compiled.
 
     Raises
     ------
@@ -121,6 +122,8 @@ def brand_of(files: Mapping[str, bytes], where: str) -> Brand:
         by_ending = [brand for brand in know if ending in brand.endings]
         for brand in by_ending or know:
             counts[brand.name] = counts.get(brand.name, 0) + 1
+    if not counts and aside:
+        raise InputError("files in text (ASCII)", "what only the controller reads", aside, where)
     if not counts:
         to_do = message("Name the brand with --brand: {best:,}.", best=_readers())
         raise InputError("a file of a known controller", "one that no brand's reader knows", to_do, where)

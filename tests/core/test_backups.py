@@ -128,6 +128,8 @@ def test_what_is_compiled_is_named_with_what_to_do_unless_its_listing_stands_bes
     assert named.keys() & {"A.TP", "SYSVARS.VR"} == set()
     with pytest.raises(InputError, match=r"only the controller reads.*\.va"):
         read_controller_files({"POSREG.VR": binary})
+    with pytest.raises(InputError, match=r"only the controller reads.*\.va"):
+        read_controller_files({"POSREG.VR": binary, "readme.txt": b"hello\n"})
 
 
 def test_a_backup_without_positions_says_so_and_one_that_is_damaged_alone_says_what_is_wrong() -> None:
