@@ -4,9 +4,11 @@ from collections.abc import Callable, Iterable
 from functools import partial
 
 import numpy as np
+from bench_halves import DATA
 from bench_table_trouble import STAGES, errors_over_stated
 from harness import Row, all_kept
 
+from calib_core.archive.folder import load_session
 from calib_core.graph.stage_input import Kept
 from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.pipeline import solve_stage
@@ -33,7 +35,18 @@ def run(full: bool) -> list[Row]:
     """
     count = 100 if full else 12
     moves = [row for name, least in SOUGHT for row in found(name, least, range(count))]
-    return [*moves, *still(range(500, 500 + 3 * count))]
+    return [*moves, *still(range(500, 500 + 3 * count)), *real()]
+
+
+def real() -> list[Row]:
+    """Return how many real positioners, each of one turn at one height, are said to have moved."""
+    folders = sorted(DATA.glob("turntable-*"))
+    said: list[str] = []
+    for folder in folders:
+        session, read = load_session(folder)
+        said += {finding.code for finding in solve_stage(session, "turntable", read).findings} & set(CODES)
+    told = f"{len(said)} of {len(folders)}" + "".join(f", {code}" for code in sorted(set(said)))
+    return [Row("turntable, real positioners: said to move", "none", told, not said)] if folders else []
 
 
 def found(name: str, least: float, seeds: Iterable[int]) -> list[Row]:
