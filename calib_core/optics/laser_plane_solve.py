@@ -21,6 +21,7 @@ from calib_core.optics.board_lines import OnBoard, Trace, find_traces, least_poi
 from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_start import homographies, poses_from_homographies
+from calib_core.optics.focus_change import FocusChange, focus_change
 from calib_core.optics.laser_plane import (
     BoardLine,
     PlaneFit,
@@ -108,6 +109,8 @@ class PlaneSolution:
         By how much more than stated the boards' lines lie off the plane; the covariance holds it.
     shape : BoardShape or None
         How the board is bent, where that was solved.
+    focus : FocusChange or None
+        Of the boards with the stripe beside those without, where enough tell.
     camera_held : Finding or None
         That the camera stays as its boards gave it although the stripes were there to refine it.
     """
@@ -125,6 +128,7 @@ class PlaneSolution:
     noise_factor: float
     excess_px: float
     shape: BoardShape | None = None
+    focus: FocusChange | None = None
     camera_held: Finding | None = None
 
 
@@ -156,8 +160,9 @@ def solve_plane(
         need = "the stripe on at least two boards, better five at different distances"
         to_do = "Capture the board with the stripe on it at other distances and tilts."
         raise MotionError(need, f"{len(views)}", to_do)
-    others = () if camera_uncertainty is None else camera_uncertainty.boards or ()
-    shape = None if camera_uncertainty is None else camera_uncertainty.shape
+    known = camera_uncertainty
+    others = () if known is None else known.boards or ()
+    shape = None if known is None else known.shape
     corners = _corners([*(v.board for v in views), *others], shape)
     posed, corner_sigma = _fit_poses(camera, corners, shape)
     poses = posed.poses()[: len(views)]
@@ -224,6 +229,7 @@ def solve_plane(
         joint.noise_factor,
         joint.excess_px,
         shape,
+        None if known is None else focus_change(camera, weighted, posed, known.free, len(views)),
         held,
     )
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from calib_core.optics.focus_change import FocusChange
 from calib_core.optics.laser_plane import plane_findings
 from calib_core.optics.laser_plane_joint import Joint
 from calib_core.optics.laser_plane_solve import PlaneSolution, solve_plane, why_held
@@ -87,5 +88,6 @@ CASES: dict[str, tuple[Case, Case]] = {
     "plane-normal-open": (plane(2.1), plane(1.9)),
     "plane-through-camera": (near_camera(2.9), near_camera(3.1)),
     "most-lines-off-plane": (left_out(*["off-plane"] * 5), left_out(*["off-plane"] * 4)),
+    "focus-changed": (plane(focus=FocusChange(0.994, 0.0014)), plane(focus=FocusChange(0.994, 0.0016))),
     "camera-not-refined": (held(3.1), held(2.9)),
 }

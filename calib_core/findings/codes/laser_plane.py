@@ -128,6 +128,23 @@ CAMERA_HELD = Code(
     decided="The refined camera lies more than three standard deviations off, or foretells held-out corners worse.",
 )
 
+FOCUS_CHANGED = Code(
+    "focus-changed",
+    "warning",
+    text={
+        "longer": "The boards with the stripe were seen with a focal length that is {change:.1%} longer (± "
+        "{uncertainty:.1%}, k = 2) than that of the other boards: focus or zoom was changed between them.",
+        "shorter": "The boards with the stripe were seen with a focal length that is {change:.1%} shorter (± "
+        "{uncertainty:.1%}, k = 2) than that of the other boards: focus or zoom was changed between them.",
+    },
+    by="how",
+    to_do="Lock focus and zoom, and take all frames of boards again.",
+    meaning="Camera and plane of light are of two lenses: the plane is farther off than its ± says.",
+    decided="By their corners alone the focal lengths differ by more than four standard deviations and 0.5 %; four boards "
+    "or more of each are needed.",
+    usual_causes="Autofocus, a ring that was turned, images that were cropped or scaled.",
+)
+
 BOARD_PITCH_IN_OTHER_UNIT = Code(
     "board-pitch-unit",
     "warning",

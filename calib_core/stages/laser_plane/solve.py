@@ -23,6 +23,7 @@ from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera_evidence import coverage_findings
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.extrapolation import extrapolation, sigmas_in_light
+from calib_core.optics.focus_change import is_changed
 from calib_core.optics.laser_plane import (
     camera_from_laser_covariance,
     camera_from_laser_of,
@@ -186,6 +187,9 @@ def noticed(solution: PlaneSolution, normal_sigma_deg: float) -> list[Finding]:
         found.append(
             codes.PLANE_THROUGH_CAMERA(distance_mm=solution.distance_mm, uncertainty_mm=2 * distance_sigma_mm)
         )
+    if (focus := solution.focus) is not None and is_changed(focus):
+        how, change = "longer" if focus.factor > 1 else "shorter", abs(focus.factor - 1)
+        found.append(codes.FOCUS_CHANGED(how=how, change=change, uncertainty=2 * focus.sigma))
     length_mm = 4 * solution.fit.length_mm  # two standard deviations to either side
     if not _SMALLEST_MM < length_mm < _LARGEST_MM:
         unit = "m" if length_mm < _LARGEST_MM else "um"
