@@ -1,8 +1,8 @@
 """What the answer of a table has no room for: a pattern in its angle, or a move in the course of the captures.
 
 Both look like each other; the one that chance explains less is named, unless a way that is an oval explains more:
-seven real positioners were "pushed" at the same angle.  The answer is less sure by what it did,
-also where so much is not rare enough to be said.
+seven real positioners were "pushed" at the same angle.  The answer is less sure by what it did, also where so much
+is not rare enough to be said; the oval itself moves the answer no further than these.
 """
 
 from dataclasses import dataclass
@@ -37,13 +37,12 @@ def table_errors_of(judged: Judged, count: int, known: Pattern | None = None) ->
     pattern, move = pattern_of(judged, scores, known), table_move_of(judged, count, scores)
     some = [one for one in (pattern, move) if one is not None]
     likeliest = min(some, key=lambda one: (not one.said, one.rarity), default=None)
-    oval = oval_of(judged, scores)
-    if oval is not None and (likeliest is None or oval.rarity < likeliest.rarity):
-        likeliest = oval
     if likeliest is None or likeliest.rarity > _DOUBTED:
         return TableErrors(None, None, np.zeros((judged.data.width, judged.data.width)))
+    oval = oval_of(judged, scores)
+    named = likeliest.said and (oval is None or likeliest.rarity <= oval.rarity)
     return TableErrors(
-        pattern if likeliest is pattern and likeliest.said else None,
-        move if likeliest is move and likeliest.said else None,
+        pattern if likeliest is pattern and named else None,
+        move if likeliest is move and named else None,
         likeliest.share * np.outer(likeliest.step, likeliest.step),
     )

@@ -123,7 +123,8 @@ def test_a_service_of_the_compose_file_holds_together(name: str) -> None:
         if "command" in service:
             require_command(service["command"])
     else:
-        assert re.search(r":[\d.]+$", service["image"]), "an image is named with its version"
+        named = service["image"]
+        assert re.search(r":[\d.]+(@sha256:[0-9a-f]{64})?$", named), "an image is named with its version"
 
 
 def test_a_runtime_takes_the_compose_file_where_there_is_one() -> None:
