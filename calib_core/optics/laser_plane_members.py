@@ -15,6 +15,7 @@ LeftOut = Literal["no-line", "off-plane"]
 
 _SPOILED_RMS_RATIO = 6.0
 _RARE = 1e-4  # by what scatters the others no line lies farther off: it is another's, or its board moved
+_ANOTHERS = 100.0  # times what the others miss the plane by: no line of theirs lies so far off, a reflection does
 _STRAY_SIGMAS = 4.0
 _ROUNDS, _BISQUARE = 5, 4.685
 
@@ -40,7 +41,8 @@ def members(
     used = [i for i, reason in enumerate(reasons) if reason is None]
     if len(used) < len(lines):
         fit = fit_plane([lines[i] for i in used])
-    off = [i for i, reason in enumerate(reasons) if reason == "off-plane"]
+    far_mm = _ANOTHERS * fit.rms_mm
+    off = [i for i, reason in enumerate(reasons) if reason == "off-plane" and _rms(lines[i], fit) < far_mm]
     for nearest in sorted(off, key=lambda i: _rms(lines[i], fit)):
         every = sorted([*used, nearest])
         if chance_of_one_more(together(used, fit), together(every, fit)) < _RARE:

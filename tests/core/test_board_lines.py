@@ -63,6 +63,13 @@ def test_boards_without_the_laser_take_no_line() -> None:
 
 
 @pytest.mark.thorough
+def test_a_reflection_far_off_the_plane_of_few_boards_stays_out() -> None:
+    off = frozenset(number for number in range(12) if number % 3)
+    result = solved(stripe_set("reflections", 202, 12, off))
+    assert {row.capture for row in result.residuals if row.used} == {"l01", "l04", "l07", "l10"}
+    assert result.verdict == "warn"
+
+
 def test_the_line_beside_the_squares_is_found_on_the_sheet() -> None:
     one = stripe_set("beside", 2)
     result = solved(one)
