@@ -2,7 +2,7 @@
 
 Both look like each other; the one that chance explains less is named, unless a way that is an oval explains more:
 seven real positioners were "pushed" at the same angle.  The answer is less sure by what it did, also where so much
-is not rare enough to be said; the oval itself moves the answer no further than these.
+is not rare enough to be said.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ import numpy as np
 from calib_core.chain.rejection import Judged
 from calib_core.chain.score import Scores
 from calib_core.chain.table_moves import TableMove, table_move_of
-from calib_core.chain.table_patterns import Pattern, oval_of, pattern_of
+from calib_core.chain.table_patterns import Pattern, pattern_of, rarity_of_oval
 from calib_core.frames import FloatArray
 
 _DOUBTED = 50.0
@@ -39,8 +39,7 @@ def table_errors_of(judged: Judged, count: int, known: Pattern | None = None) ->
     likeliest = min(some, key=lambda one: (not one.said, one.rarity), default=None)
     if likeliest is None or likeliest.rarity > _DOUBTED:
         return TableErrors(None, None, np.zeros((judged.data.width, judged.data.width)))
-    oval = oval_of(judged, scores)
-    named = likeliest.said and (oval is None or likeliest.rarity <= oval.rarity)
+    named = likeliest.said and likeliest.rarity <= rarity_of_oval(judged, scores)
     return TableErrors(
         pattern if likeliest is pattern and named else None,
         move if likeliest is move and named else None,

@@ -48,9 +48,7 @@ class Pattern:
 
     @property
     def said(self) -> bool:
-        """Whether chance does not explain it, one cause alone does, and it is large enough to matter."""
-        if self.kind == "oval":
-            return False
+        """Whether chance does not explain it and it is large enough to matter."""
         least = _LEAST_LEAN_RAD if self.kind == "wobble" else _LEAST_ECCENTRIC_RAD
         return self.chance < _RARE and self.size_rad > least
 
@@ -95,11 +93,11 @@ def pattern_of(judged: Judged, scores: Scores, known: Pattern | None) -> Pattern
     return min(each, key=lambda one: one.rarity, default=None)
 
 
-def oval_of(judged: Judged, scores: Scores) -> Pattern | None:
-    """Return the oval way of a ball on a table that chance explains least, None where captures are too few."""
+def rarity_of_oval(judged: Judged, scores: Scores) -> float:
+    """Return how rare by chance a ball's way on a table is an oval, as `Pattern.rarity`; inf where none tells."""
     layout, walk, at = judged.data.walk.layout, judged.data.walk, judged.fit.minimum.at
     tables = [axis for axis in layout.carrying if layout.axes[axis].kind == "rotary"]
-    found: list[Pattern] = []
+    found: list[float] = []
     for table in tables:
         on_table = layout.rides[walk.place, table] & judged.used
         if np.count_nonzero(on_table) < 2 + _LEAST_SPARE:
@@ -107,11 +105,9 @@ def oval_of(judged: Judged, scores: Scores) -> Pattern | None:
         first, angle = layout.axis(table).start, walk.readings[:, table]
         x, y = at.jacobian[:, :, first + 2], at.jacobian[:, :, first + 3]
         cosine, sine = (np.cos(angle) * on_table)[:, None], (np.sin(angle) * on_table)[:, None]
-        gain, _, step = scores.gained(np.stack([x * cosine - y * sine, x * sine + y * cosine], axis=2), _FAR_MM)
-        chance = scores.chance(gain, 2) * len(tables)
-        share = more_than_chance(gain, 2)
-        found.append(Pattern("oval", 1, 0.0, chance / _RARE, chance, step[: judged.data.width], share))
-    return min(found, key=lambda one: one.rarity, default=None)
+        gain, _, _ = scores.gained(np.stack([x * cosine - y * sine, x * sine + y * cosine], axis=2), _FAR_MM)
+        found.append(scores.chance(gain, 2) * len(tables) / _RARE)
+    return min(found, default=np.inf)
 
 
 def _patterns(judged: Judged, table: int, scores: Scores, tables: int) -> Iterator[Pattern]:
