@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.cell.layout import Carrier
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.chain_data import ChainData
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.frames import FloatArray, RigidTransform
 

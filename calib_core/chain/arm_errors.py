@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.arms.alike import alike_factor
-from calib_core.chain.model import ChainData, Sigmas
+from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.frames import FloatArray
 
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.likelihood import fit
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import NAMES, ScannerPriors
 from calib_core.estimation import covariance_of

@@ -17,8 +17,9 @@ import numpy as np
 
 from calib_core.arms.alike import alike_correlation
 from calib_core.arms.errors import MEMBERS, ArmTerm, Member
+from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.likelihood import NoiseShapes, linearised_at
-from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction
+from calib_core.chain.model import ChainState, prediction
 from calib_core.chain.observations import Observations
 from calib_core.estimation import maximum
 from calib_core.frames import FloatArray

@@ -10,9 +10,10 @@ import numpy as np
 
 from calib_core.arms.errors import corrected_pose
 from calib_core.chain.arm_model import ArmInput, ArmModel, arm_columns
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import linearised_at
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.chain.rejection import Judged
 from calib_core.estimation import covariance_of

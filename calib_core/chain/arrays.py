@@ -8,7 +8,7 @@ from calib_core.arms.alike import visits
 from calib_core.cell.layout import Layout, MovedAxis, index_of
 from calib_core.cell.walk import Carrier, Walk, ways
 from calib_core.chain import scanner
-from calib_core.chain.model import ARM_SCALE_SIGMA, DRIFT_SIGMA_MM, ChainData
+from calib_core.chain.chain_data import ARM_SCALE_SIGMA, DRIFT_SIGMA_MM, ChainData
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.frames import FloatArray
 

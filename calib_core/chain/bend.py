@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 
 from calib_core.chain.answer import radii_of
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.likelihood import linearised_at
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations, SphereObservation
 from calib_core.chain.rejection import Judged, judge_from, with_more_spread
 from calib_core.chain.score import Scores

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.cell.walk import Position
-from calib_core.chain.model import ChainData, ChainState, Sigmas
+from calib_core.chain.chain_data import ChainData, Sigmas
+from calib_core.chain.model import ChainState
 from calib_core.estimation import Minimum, minimise
 from calib_core.frames import FloatArray, rotation_from_vector
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arm_lengths import ArmLengths, arm_lengths_error
+from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.held_poses import as_told
 from calib_core.chain.likelihood import ChainLinearisation, fit, linearised_at
-from calib_core.chain.model import ChainData, ChainState, Sigmas
+from calib_core.chain.model import ChainState
 from calib_core.chain.rejection import Judged
 from calib_core.chain.scanner import COUNT, NAMES, incidence_shapes
 from calib_core.chain.without_turns import without_exact

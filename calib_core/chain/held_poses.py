@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.likelihood import fit, linearised_at
-from calib_core.chain.model import ChainData, ChainState, Sigmas
+from calib_core.chain.model import ChainState
 from calib_core.frames import FloatArray
 
 _CHANCE = 0.8  # of χ² for each unknown: errors that are alike over some captures alone stay below

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.arms.alike import alike_factor
-from calib_core.chain.model import ChainData, ChainState, Sigmas, prediction, prior
+from calib_core.chain.chain_data import ChainData, Sigmas
+from calib_core.chain.model import ChainState, prediction, prior
 from calib_core.chain.scanner import COUNT
 from calib_core.estimation import Minimum, minimise
 from calib_core.frames import FloatArray

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.cell.layout import AxisState, MovedAxis
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.likelihood import fit
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import TABLE, Observations
 from calib_core.chain.rejection import Judged
 from calib_core.chain.table_frame import LEVEL

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.leave_one_out import without_each
 from calib_core.chain.likelihood import noise_of, spheres_of
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations
 from calib_core.chain.scanner import spheres_seen
 from calib_core.chain.sides import with_better_sides

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 from calib_core.cell.layout import MovedAxis
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.chain.table_given import TurntableOptions
 from calib_core.chain.tcp import TcpOptions, TcpSolution, solve_tcp
-from calib_core.chain.turntable import TurntableOptions
 
 
 def by_riding(

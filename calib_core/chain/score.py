@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.chain.likelihood import without_pose_errors
+from calib_core.chain.model import off_known_tool
 from calib_core.chain.rejection import Judged
 from calib_core.estimation import covariance_of, f_chance_of
 from calib_core.frames import FloatArray
@@ -51,7 +52,7 @@ class Scores:
         if data.tool_prior is None:
             misfit += float(np.sum((state.scanner[data.active] / data.nuisance_sigmas[data.active]) ** 2))
         else:
-            off = data.tool_prior.deviation(state)
+            off = off_known_tool(data.tool_prior, state)
             misfit += float(off @ data.tool_prior.information @ off)
         freedom = max(3 * int(judged.used.sum()) - data.free_unknowns, 1)
         return cls(reduced[:, :3, :3], own, by_all, covariance_of(at.hessian), misfit, freedom)

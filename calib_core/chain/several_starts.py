@@ -10,8 +10,9 @@ from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import Position
 from calib_core.chain.axes_start import FITS_MM, in_other_units
 from calib_core.chain.balls import candidates, middle_of
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.foot_start import feet_of, on_foot
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.rejection import core_of
 from calib_core.chain.sides import ChosenSides

@@ -10,9 +10,10 @@ from math import lgamma
 
 import numpy as np
 
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.leave_one_out import WithoutOne
 from calib_core.chain.likelihood import ChainLinearisation, fit, spheres_of, without_scanner_errors
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.start import Start
 from calib_core.chain.variance import ChainFit, GivenSigmas, fit_with_sigmas, is_settled, log_probability
 from calib_core.frames import FloatArray

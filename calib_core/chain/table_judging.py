@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.likelihood import fit
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation
 from calib_core.chain.rejection import Judged, judge_from, judge_these
 from calib_core.chain.table_errors import table_errors_of

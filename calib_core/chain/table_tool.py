@@ -11,6 +11,7 @@ import numpy as np
 
 from calib_core.chain.held import Held
 from calib_core.chain.likelihood import without_pose_errors
+from calib_core.chain.model import off_known_tool
 from calib_core.chain.rejection import Judged, estimated
 from calib_core.chain.variance import fit_with_sigmas
 from calib_core.estimation import covariance_of
@@ -79,7 +80,7 @@ def tool_move(judged: Judged) -> ToolMove | None:
     sigmas = estimated(judged.given) if judged.excess > 1 else judged.given  # what was told may not hold
     fitted = fit_with_sigmas(free, judged.fit.state, sigmas, judged.fit.sigmas)
     assert free.tool_prior is not None
-    off = free.tool_prior.deviation(fitted.state)
+    off = off_known_tool(free.tool_prior, fitted.state)
     some = data.known_columns
     left = covariance_of(fitted.minimum.at.hessian)[np.ix_(some, some)]
     squared, directions = _squared_distance(off[:count], known, wide, left)

@@ -16,13 +16,14 @@ from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
 from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of, visits_of
 from calib_core.chain.bend import Bend, doubted, straightened
+from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.foot_start import on_foot
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.incidents import Happened, named_causes
 from calib_core.chain.influence import Influence, influence_of
 from calib_core.chain.leave_one_out import WithoutOne, without_each
-from calib_core.chain.model import ChainData, ChainState, Sigmas
+from calib_core.chain.model import ChainState
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import (
     Observations,

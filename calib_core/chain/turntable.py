@@ -10,22 +10,14 @@ together and belong together, and its uncertainty is carried into the answer's. 
 the table see elsewhere, as far as that is more than chance: a scanner that was moved in between, by little.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.cell.layout import AxisState, KnownDistance, Layout, MovedAxis
-from calib_core.cell.walk import Position
-from calib_core.chain.arm_model import ArmModel
-from calib_core.chain.arrays import chain_data, layout_of
-from calib_core.chain.axes_balls import balls_on_axes
-from calib_core.chain.axes_start import axes_guesses, axes_start
-from calib_core.chain.bend import Bend, unbent
+from calib_core.chain.bend import unbent
+from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.circles import PaperAxis, paper_axis
-from calib_core.chain.effective import with_effective_points
-from calib_core.chain.held import Held, hold_files
-from calib_core.chain.likelihood import fit, linearised_at
 from calib_core.chain.mirrored import (
     JudgedTable,
     MirrorImage,
@@ -34,104 +26,39 @@ from calib_core.chain.mirrored import (
     told_directions,
     with_spread,
 )
-from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import (
     SphereObservation,
     SphereSize,
-    TableObservation,
     TableObservations,
     pooled_point_sigma,
-    with_own_sigmas,
 )
 from calib_core.chain.rejection import Judged, core_of
-from calib_core.chain.scanner import ScannerPriors, corrected
+from calib_core.chain.table_captures import (
+    corrected_table,
+    require_captures,
+    start_of,
+    start_state,
+    table_data,
+    table_with_effective_points,
+    with_table_sigmas,
+)
 from calib_core.chain.table_errors import table_errors_of
 from calib_core.chain.table_frame import TableCovariance, TableFrame, frame_by_rule, frame_covariance
+from calib_core.chain.table_given import KnownTool, TurntableOptions
+from calib_core.chain.table_held import with_tool_held
 from calib_core.chain.table_judging import EncoderScale, EncoderScales, judge_table
 from calib_core.chain.table_moves import TableMove
 from calib_core.chain.table_patterns import Pattern
 from calib_core.chain.table_residuals import TableResiduals, table_residuals
-from calib_core.chain.table_start import Mounts, TableStart, both_centers_in_base, find_table_start, readings_of
+from calib_core.chain.table_start import Mounts, both_centers_in_base, readings_of
 from calib_core.chain.table_tool import ToolMove, tool_move
-from calib_core.chain.tcp import TcpSolution, say_nothing
-from calib_core.chain.variance import GivenSigmas
-from calib_core.errors import MotionError
-from calib_core.estimation import covariance_of
+from calib_core.chain.tcp import say_nothing
 from calib_core.frames import FloatArray, RigidTransform
 
 Progress = Callable[[float, str], None]
-_LEAST_CAPTURES = 4
 _SAME_POSE_MM = 1e-6
 _LEANED_RAD = np.deg2rad(10.0)
-
-
-@dataclass(frozen=True)
-class KnownTool:
-    """The tool of the stage before, what was found of the scanner with it (None: both exact), and the two steps'.
-
-    `mount_from_laser` is the answer of that stage, `arm` what its poses were corrected by, `bend` its points.
-    Beside an exact one `late` has by name where others are about, whose places are sought with the table.  Where
-    nothing places any, all of it is sought, beginning with what balls on axes say of themselves.
-    """
-
-    mount_from_laser: RigidTransform
-    held: Held | None = None
-    two_step: RigidTransform | None = None
-    arm: ArmModel | None = None
-    bend: Bend | None = None
-    late: Mapping[str, RigidTransform] = field(default_factory=dict[str, RigidTransform])
-    sought: TcpSolution | None = None
-
-    @property
-    def state(self) -> ChainState | None:
-        """All that is known of scanners and of axes under the robot, or that a search begins with."""
-        known = self.held or (self.sought and self.sought.held)
-        return known and known.state
-
-    @property
-    def mounts(self) -> Mounts:
-        """The answer of that stage, of several scanners by their names."""
-        if self.late:
-            return self.late
-        state = self.state
-        if state is None or len(state.walk.layout.mounts) == 1:
-            return self.mount_from_laser
-        return {name: state.mount(n) for n, (name, _) in enumerate(state.walk.layout.mounts)}
-
-
-@dataclass(frozen=True)
-class TurntableOptions:
-    """Standard deviations that the user fixes (None: estimated), and what is asked of the encoder.
-
-    `direction` is the cell's; `encoder_scale` asks for the encoder's scale as an unknown (False: never; None: if
-    the captures leave no doubt that it is off).  `angles_unknown`: the angles were found from the captures.
-    `axes`: those of the cell where it names them, with the standard deviations of their readings, rad or mm, and
-    what is asked of each one's encoder.
-    `distances`: known ones of balls on them.
-    """
-
-    position_sigma_mm: float | None = None
-    orientation_sigma_rad: float | None = None
-    point_sigma_mm: float | None = None
-    angle_sigma_rad: float | None = None
-    direction: int | None = None
-    encoder_scale: bool | None = None
-    angles_unknown: bool = False
-    axes: tuple[MovedAxis, ...] = ()
-    axis_sigmas: tuple[float | None, ...] = ()
-    axis_scales: tuple[bool | None, ...] = ()
-    distances: tuple[KnownDistance, ...] = ()
-    priors: ScannerPriors = field(default_factory=ScannerPriors)
-
-    def scale_asked(self, axis: int) -> bool | None:
-        """Return what is asked of an axis's encoder, by the axis's number."""
-        return self.axis_scales[axis] if self.axes else self.encoder_scale
-
-    @property
-    def sigmas(self) -> GivenSigmas:
-        """Position, orientation, and the readings of all axes."""
-        readings = self.axis_sigmas if self.axes else (self.angle_sigma_rad,)
-        return self.position_sigma_mm, self.orientation_sigma_rad, *readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,21 +180,21 @@ def solve_turntable(
     """
     options = options or TurntableOptions()
     tell = progress or say_nothing
-    _require_captures(observations)
+    require_captures(observations)
     observations = table_with_effective_points(observations, sphere)
     if tool.held is not None and tool.held.applied:
         observations = corrected_table(observations, tool.held)
 
     tell(0.1, "Searching the axis and the sphere's sides")
-    start = _start(observations, sphere, tool, options)
+    start = start_of(observations, sphere, tool, options)
 
     tell(0.3, "Fitting all captures of the table jointly")
     options = _with_still_robot(observations, options)
     point_sigma = options.point_sigma_mm or pooled_point_sigma([o.sphere for o in observations], sphere)
     observations = with_table_sigmas(observations, sphere, options.point_sigma_mm)
-    data = _data(observations, sphere, point_sigma, tool, options)
+    data = table_data(observations, sphere, point_sigma, tool, options)
     flat = [o.placed for o in observations]
-    begin = _start_state(data, tool, start)
+    begin = start_state(data, tool, start)
     spheres, bent = unbent(flat, data, begin, tool.bend)
     judged, encoders, image = _judge(spheres, bent, begin, core_of(start.misfit_mm), options)
     if tool.bend is not None:  # where the balls are is known better now
@@ -278,7 +205,7 @@ def solve_turntable(
     tell(0.7, "Holding the tool")
     move = tool_move(judged)
     errors = table_errors_of(judged, len(observations))
-    state, covariance = _tool_held(judged, tool, move)
+    state, covariance = with_tool_held(judged, tool, move)
     covariance = _less_sure(covariance, errors.spread, None if tool.sought else data.walk.layout.of_mounts)
     spread = mirror_spread(bent, state, image)
     covariance = with_spread(covariance, spread)
@@ -344,135 +271,12 @@ def _by_paper(tool: KnownTool) -> Mounts:
     return tool.two_step if isinstance(tool.mounts, RigidTransform) else tool.mounts
 
 
-def _require_captures(observations: TableObservations) -> None:
-    if len(observations) < _LEAST_CAPTURES:
-        need = "at least {least_captures} captures of the sphere on the turntable (better 8 at each of 2 heights)"
-        to_do = "Turn the table by 45° and capture the sphere again, all around; then do so at a second height."
-        raise MotionError(need, str(len(observations)), to_do, least_captures=_LEAST_CAPTURES)
-
-
 def _with_still_robot(observations: TableObservations, options: TurntableOptions) -> TurntableOptions:
     """Return options in which a robot that stood still throughout has no orientation scatter to be estimated."""
     poses = np.array([o.sphere.base_from_tool0.matrix for o in observations])
     if options.orientation_sigma_rad is None and np.abs(poses - poses[0]).max() < _SAME_POSE_MM:
         return replace(options, orientation_sigma_rad=0.0)
     return options
-
-
-def _data(
-    observations: TableObservations,
-    sphere: SphereSize,
-    point_sigma: float | None,
-    tool: KnownTool,
-    options: TurntableOptions,
-) -> ChainData:
-    placed, known = [o.placed for o in observations], tool.held
-    layout = _layout(observations, tool, options)
-    data = chain_data(placed, sphere, point_sigma, options.priors if tool.sought else None, layout)
-    data = replace(data, distances=layout.apart(options.distances))
-    for axis in layout.carrying:
-        data = data.holding(layout.scale(axis), not options.scale_asked(axis))
-    if tool.sought:
-        return tool.sought.shifts.holding(data)
-    for n, axis in enumerate(layout.axes):
-        if axis.carries == "robot":  # known with the tool, or never moved
-            data = data.holding(layout.axis(n))
-    if known is None:
-        first = layout.mount(0)
-        return data.holding(np.arange(first.start, first.stop))
-    some = known.mounts_and_scanners
-    found = known.found
-    # Where points are corrected by what was found, its uncertainty is left.
-    values = np.where(known.data.of_files, 0.0, found.scanner) if known.applied else found.scanner
-    mounts = found.position.mount_rotations, found.position.mount_translations
-    prior = ToolPrior(*mounts, values, covariance_of(known.covariance[np.ix_(some, some)]))
-    sigmas = np.zeros(len(data.kinds))
-    sigmas[known.active] = 1.0  # the prior of the tool and the scanner together takes their place
-    return replace(data, tool_prior=prior, nuisance_sigmas=sigmas)
-
-
-def _layout(observations: TableObservations, tool: KnownTool, options: TurntableOptions) -> Layout:
-    layout = layout_of([o.placed for o in observations], options.axes)
-    return layout if tool.state is None else replace(layout, mounts=tool.state.walk.layout.mounts)
-
-
-def _start(
-    observations: TableObservations, sphere: SphereSize, tool: KnownTool, options: TurntableOptions
-) -> TableStart:
-    """Return where the fit starts: by circles about one axis, or by all axes' directions."""
-    if not options.axes:
-        return find_table_start(observations, sphere, tool.mounts)
-    data, centers = start_data(observations, sphere, tool, options)
-    position, misfit = axes_start(data.walk, centers, _mounts(tool), _known_axes(tool))
-    state = ChainState.at(data, position)
-    return TableStart(state.table, np.zeros(len(observations)), misfit, position)
-
-
-def balls_of_arcs(
-    observations: TableObservations, sphere: SphereSize, tool: KnownTool, options: TurntableOptions
-) -> np.ndarray | None:
-    """Return which ball of its mounting each arc is of, as `balls_on_axes` does."""
-    data, centers = start_data(observations, sphere, tool, options)
-    return balls_on_axes(data.walk, centers, axes_guesses(data.walk, centers, _mounts(tool), _known_axes(tool)))
-
-
-def start_data(
-    observations: TableObservations, sphere: SphereSize, tool: KnownTool, options: TurntableOptions
-) -> tuple[ChainData, FloatArray]:
-    """Return captures as arrays and their balls' possible centres in base."""
-    layout = _layout(observations, tool, options)
-    data = chain_data([o.placed for o in observations], sphere, None, layout=layout)
-    return data, both_centers_in_base(observations, sphere, tool.mounts)
-
-
-def _known_axes(tool: KnownTool) -> dict[str, AxisState]:
-    """Return the axes that were found with the tool."""
-    if (state := tool.state) is None:
-        return {}
-    return {axis.name: at for axis, at in zip(state.walk.layout.axes, state.position.axes, strict=True)}
-
-
-def _mounts(tool: KnownTool) -> tuple[FloatArray, FloatArray]:
-    if tool.state is None:
-        every = list(tool.late.values()) or [tool.mount_from_laser]
-        return np.array([one.rotation for one in every]), np.array([one.translation_mm for one in every])
-    answer = tool.state.position
-    return answer.mount_rotations, answer.mount_translations
-
-
-def table_with_effective_points(observations: TableObservations, sphere: SphereSize) -> list[TableObservation]:
-    """Return captures of the table that say how many of their points count as one independent one."""
-    spheres = with_effective_points([o.sphere for o in observations], sphere)
-    return [replace(o, sphere=s) for o, s in zip(observations, spheres, strict=True)]
-
-
-def with_table_sigmas(
-    observations: TableObservations, sphere: SphereSize, told_mm: float | None
-) -> list[TableObservation]:
-    """Return captures of the table by several scanners with the points' noise of each."""
-    spheres = with_own_sigmas([o.sphere for o in observations], sphere, told_mm)
-    return [replace(o, sphere=s) for o, s in zip(observations, spheres, strict=True)]
-
-
-def corrected_table(observations: TableObservations, held: Held) -> list[TableObservation]:
-    """Return captures of the table as a scanner without the errors that were found would have made them."""
-    widths = [np.abs(o.sphere.points_in_laser_mm[:, 0]).max(initial=1.0) for o in observations]
-    half_width = float(max(widths))
-    names = [name for name, _ in held.state.walk.layout.mounts]
-    values = [held.found.scanner[held.nuisance_row(names.index(o.sphere.scanner))] for o in observations]
-    return [
-        replace(o, sphere=corrected(o.sphere, own, half_width))
-        for o, own in zip(observations, values, strict=True)
-    ]
-
-
-def _start_state(data: ChainData, tool: KnownTool, start: TableStart) -> ChainState:
-    at = start.position or Position(*_mounts(tool), start.state.mounts, (start.state.axis,))
-    state = ChainState.at(data, at)
-    if data.tool_prior is not None:
-        known = data.tool_prior
-        state = replace(state.with_mounts_of(known.rotations, known.translations), scanner=known.scanner)
-    return state
 
 
 def _judge(
@@ -487,53 +291,3 @@ def _judge(
 
     judged, image = likelier_side(spheres, state, core, judge, told_directions(options.axes, options.direction))
     return *judged, image
-
-
-def _tool_held(judged: Judged, tool: KnownTool, move: ToolMove | None) -> tuple[ChainState, FloatArray]:
-    """Return the unknowns with tool and scanner held, and their covariance with those' carried over.
-
-    About the minimum the table follows tool and scanner by −H⁻¹ H_tool, with H of the other unknowns.
-    """
-    fitted = judged.fit
-    if tool.sought:
-        sought = hold_files(judged, False)
-        return sought.state, sought.covariance
-    if tool.held is None:
-        return fitted.state, fitted.covariance * judged.inflation
-    known, data = tool.held, judged.data
-    mounts = data.walk.layout.of_mounts
-    nothing = np.zeros(len(data.kinds))
-    exact = replace(data.holding(mounts), tool_prior=None, nuisance_sigmas=nothing)
-    answer = known.state.position
-    begin = replace(
-        fitted.state.with_mounts_of(answer.mount_rotations, answer.mount_translations),
-        scanner=np.where(data.of_files, 0.0, known.state.scanner),
-    )
-    found = fit(exact, begin, fitted.sigmas)
-    width = data.unknowns
-    inverse = covariance_of(found.at.hessian)
-    as_if_known = covariance_of(fitted.minimum.at.hessian)
-    # By how much estimated sigmas enlarged the covariance of the fit with the tool free, so they do here.
-    free = np.setdiff1d(np.arange(width), mounts)
-    grown = np.sqrt(np.maximum(np.diag(fitted.covariance)[free] / np.diag(as_if_known)[free], 1.0))
-    own = inverse[:width, :width].copy()
-    own[np.ix_(free, free)] *= np.outer(grown, grown) * judged.inflation
-    sigmas = nothing.copy()
-    sigmas[known.active] = 1.0
-    every = np.zeros(width, dtype=bool)
-    whole = linearised_at(
-        replace(data, held=every, tool_prior=None, nuisance_sigmas=sigmas), found.state, fitted.sigmas
-    )
-    # Errors that poses share are eliminated with the table's unknowns: they follow too.
-    count, size = len(known.active), len(whole.hessian)
-    by = np.concatenate([mounts, np.arange(width, width + count)])
-    rest = np.setdiff1d(np.arange(size), by)
-    rest = rest[~np.isin(rest, np.flatnonzero(exact.held))]
-    follows = np.zeros((size, len(by)))
-    follows[rest] = -covariance_of(whole.hessian[np.ix_(rest, rest)]) @ whole.hessian[np.ix_(rest, by)]
-    follows = follows[:width]
-    some = known.mounts_and_scanners
-    carried = known.covariance[np.ix_(some, some)]
-    if move is not None:
-        carried = carried + move.share * np.outer(move.off, move.off)
-    return found.state, own + follows @ carried @ follows.T

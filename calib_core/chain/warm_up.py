@@ -12,9 +12,9 @@ from typing import Final, Literal
 
 import numpy as np
 
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.incidents import by_mount, by_place
 from calib_core.chain.likelihood import ChainLinearisation, without_pose_errors
-from calib_core.chain.model import ChainData
 from calib_core.chain.observations import Observations
 from calib_core.chain.rejection import Judged
 from calib_core.estimation import covariance_of

@@ -16,6 +16,7 @@ from calib_core.chain.arm_errors import ArmErrors
 from calib_core.chain.arm_open import settled, with_open_arm
 from calib_core.chain.arrays import chain_data, layout_of, visits_of
 from calib_core.chain.bend import by_all, doubted, unbent
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.held import Held, hold_files
 from calib_core.chain.influence import influence_of
@@ -29,7 +30,7 @@ from calib_core.chain.mirrored import (
     told_directions,
     with_spread,
 )
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import (
     SphereObservation,
     SphereSize,
@@ -39,8 +40,10 @@ from calib_core.chain.observations import (
 )
 from calib_core.chain.reasons import rejection_reasons
 from calib_core.chain.rejection import Judged, with_more_spread
+from calib_core.chain.table_captures import corrected_table, table_with_effective_points, with_table_sigmas
 from calib_core.chain.table_errors import table_errors_of
 from calib_core.chain.table_frame import frame_by_rule, frame_covariance
+from calib_core.chain.table_given import KnownTool, TurntableOptions
 from calib_core.chain.table_judging import EncoderScales, judge_table
 from calib_core.chain.table_residuals import table_residuals
 from calib_core.chain.table_tool import ToolMove, with_tool_move
@@ -53,16 +56,7 @@ from calib_core.chain.tcp import (
     seen_point,
     sides_of,
 )
-from calib_core.chain.turntable import (
-    KnownTool,
-    TurntableOptions,
-    TurntableSolution,
-    corrected_table,
-    mirror_of,
-    paper_circles,
-    table_with_effective_points,
-    with_table_sigmas,
-)
+from calib_core.chain.turntable import TurntableSolution, mirror_of, paper_circles
 from calib_core.chain.undetermined import open_directions
 from calib_core.frames import FloatArray
 

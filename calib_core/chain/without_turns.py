@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.chain.model import ChainData
+from calib_core.chain.chain_data import ChainData
 from calib_core.chain.start import Start
 from calib_core.frames import FloatArray, rotation_from_vector, skew
 

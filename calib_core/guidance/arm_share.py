@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.arms.alike import REACH_MM, Poses, alike_correlation, alike_weights
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.frames import FloatArray, RigidTransform, skew
 from calib_core.records.results import ArmErrorsFound
 

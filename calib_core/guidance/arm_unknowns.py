@@ -11,7 +11,8 @@ from calib_core.arms.inverse import joints_of_poses
 from calib_core.arms.kinematics import arm_of
 from calib_core.captures.content import pose_of
 from calib_core.chain.arm_model import ArmInput, arm_columns
-from calib_core.chain.model import ChainData, ChainState
+from calib_core.chain.chain_data import ChainData
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations
 from calib_core.frames import FloatArray
 from calib_core.guidance.candidates import Candidates

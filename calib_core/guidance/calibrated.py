@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from calib_core.cell.found import as_used, on_flange, placed_table, scanner_frame
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.scanner import NAMES
 from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform, rotation_from_vector

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from calib_core.captures.content import sphere_of
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.errors import InputError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import RigidTransform, rotation_from_vector

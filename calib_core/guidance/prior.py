@@ -24,7 +24,7 @@ from calib_core.cell.found import (
     placed_scanner,
     scanner_frame,
 )
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.variance import GivenSigmas

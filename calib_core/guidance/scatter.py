@@ -11,8 +11,9 @@ import numpy as np
 
 from calib_core.arms.alike import visits
 from calib_core.chain.arrays import chain_data
+from calib_core.chain.chain_data import ChainData, Sigmas, ToolPrior
 from calib_core.chain.held import hold_files
-from calib_core.chain.model import ChainData, ChainState, Sigmas, ToolPrior
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.rejection import core_of, judge_from
 from calib_core.chain.scanner import COUNT, ScannerPriors

@@ -22,7 +22,7 @@ from calib_core.cell.found import as_used, mounts_of, placed_scanner, placed_tab
 from calib_core.cell.layout import AxisState, Layout, MovedAxis
 from calib_core.cell.walk import Carriers, Position, ways
 from calib_core.chain.arrays import layout_of
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.frames import FloatArray, RigidTransform, with_third
 from calib_core.guidance.field_of_view import Sight, sight_of

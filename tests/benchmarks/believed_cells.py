@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.arms.alike import REACH_MM, REACH_RAD
-from calib_core.chain.model import ARM_SCALE_SIGMA, DRIFT_SIGMA_MM
+from calib_core.chain.chain_data import ARM_SCALE_SIGMA, DRIFT_SIGMA_MM
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.frames import FloatArray
 from calib_core.guidance.budget import known_offset, stated, within_95

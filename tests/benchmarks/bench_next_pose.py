@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from harness import Row
 
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.candidates import Room, candidates

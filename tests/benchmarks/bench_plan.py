@@ -7,7 +7,7 @@ from cells import ESTIMATED, GIVEN
 from harness import Row
 
 from calib_core.captures.observe import observe_capture
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.chain.tcp import TcpOptions, solve_tcp
 from calib_core.frames import RigidTransform

@@ -8,7 +8,8 @@ from scipy.special import chdtri
 
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.centers import fit_centers
-from calib_core.chain.model import ChainState, Sigmas
+from calib_core.chain.chain_data import Sigmas
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.estimation import covariance_of
 from calib_core.frames import RigidTransform, rotation_from_vector, skew

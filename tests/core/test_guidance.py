@@ -8,7 +8,7 @@ import pytest
 from calib_core.captures.measure import measure_capture
 from calib_core.captures.observe import observe_capture
 from calib_core.cell.walk import Carriers
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.observations import SphereSize
 from calib_core.chain.tcp import TcpOptions, solve_tcp
 from calib_core.frames import RigidTransform, rotation_from_vector

@@ -5,7 +5,7 @@ import pytest
 from bench_guide import ratios, wrong_sessions
 
 from calib_core.captures.measure import measure_capture
-from calib_core.chain.model import Sigmas
+from calib_core.chain.chain_data import Sigmas
 from calib_core.guidance.design import SIGMAS
 from calib_core.guidance.prior import situation_of
 from calib_core.records import Measured, Robot, Session

@@ -11,8 +11,9 @@ from calib_core.captures.frame_uncertainty import MovedCalibration, moved_calibr
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.moved import shift_by, spread_of
 from calib_core.chain.observations import SphereObservation, SphereSize, TableObservation
+from calib_core.chain.table_given import KnownTool
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.turntable import KnownTool, solve_turntable
+from calib_core.chain.turntable import solve_turntable
 from calib_core.chain.whole import ChainSolution, solve_chain
 from calib_core.chain.with_optics import chain_with_optics
 from calib_core.frames import FloatArray, RigidTransform

@@ -8,8 +8,9 @@ import pytest
 from calib_core.chain import arrays
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.centers import fit_centers
+from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.likelihood import fit, linearise, pose_spread, retract
-from calib_core.chain.model import ChainData, ChainState, Sigmas
+from calib_core.chain.model import ChainState
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of

@@ -11,10 +11,11 @@ from calib_core.captures.content import sphere_of
 from calib_core.captures.observe import observe_capture
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.observations import TableObservation
+from calib_core.chain.table_given import KnownTool
 from calib_core.chain.table_judging import EncoderScale
 from calib_core.chain.table_tool import ToolMove
 from calib_core.chain.tcp import solve_tcp
-from calib_core.chain.turntable import KnownTool, TurntableSolution, solve_turntable
+from calib_core.chain.turntable import TurntableSolution, solve_turntable
 from calib_core.chain.whole import ChainSolution, solve_chain
 from calib_core.findings import Finding
 from calib_core.frames import FloatArray

@@ -8,8 +8,8 @@ import numpy as np
 
 from calib_core.arms.alike import REACH_MM, REACH_RAD
 from calib_core.chain.answer import Answer
+from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.held import Held
-from calib_core.chain.model import Sigmas
 from calib_core.chain.moved import OpticsError
 from calib_core.chain.scanner import NAMES
 from calib_core.chain.tcp import TcpSolution

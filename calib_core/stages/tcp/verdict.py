@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from calib_core.causes.incidents import incident_finding
+from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.held import ScannerError
 from calib_core.chain.incidents import Happened
-from calib_core.chain.model import Sigmas
 from calib_core.chain.observations import Observations, SphereSize, named
 from calib_core.chain.repeated import repeats
 from calib_core.chain.tcp import TcpSolution

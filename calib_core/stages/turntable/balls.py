@@ -5,7 +5,9 @@ from itertools import pairwise
 
 from calib_core.cell.carriers import told_balls, told_distances
 from calib_core.chain.observations import SphereSize, TableObservation, TableObservations
-from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution, balls_of_arcs
+from calib_core.chain.table_captures import balls_of_arcs
+from calib_core.chain.table_given import KnownTool, TurntableOptions
+from calib_core.chain.turntable import TurntableSolution
 from calib_core.records import Cell
 from calib_core.stages.tcp.balls import with_told_names
 

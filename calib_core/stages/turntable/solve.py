@@ -34,8 +34,9 @@ from calib_core.stages.turntable.record import TurntableResult
 
 if TYPE_CHECKING:
     from calib_core.chain.late_scanner import LateScanner
+    from calib_core.chain.table_given import KnownTool, TurntableOptions
     from calib_core.chain.tcp import TcpSolution
-    from calib_core.chain.turntable import KnownTool, TurntableOptions, TurntableSolution
+    from calib_core.chain.turntable import TurntableSolution
 
 _TCP_SHARE = 0.4
 
@@ -52,7 +53,7 @@ def solve(given: StageInput) -> TurntableResult:
     MotionError
         If the motions or the angles do not determine the answer.
     """
-    from calib_core.chain.turntable import KnownTool
+    from calib_core.chain.table_given import KnownTool
     from calib_core.stages.tcp.verdict import beyond_told_sigma
     from calib_core.stages.turntable.result import mounts_by_table, turntable_result
     from calib_core.stages.undetermined_places import without_base, without_open_places
@@ -138,7 +139,7 @@ def tcp_of(given: StageInput) -> SolvedTcp | None:
 
 def tool_of(solved: SolvedTcp) -> "KnownTool":
     """Return the tool as the table's solver takes it."""
-    from calib_core.chain.turntable import KnownTool
+    from calib_core.chain.table_given import KnownTool
 
     solution = solved.solution
     two_step = solution.two_step.mount_from_laser if solution.two_step else None
@@ -252,7 +253,7 @@ def _sought(
         If none is on the flange, or these captures do not tell it.
     """
     from calib_core.chain.riding import by_riding
-    from calib_core.chain.turntable import KnownTool
+    from calib_core.chain.table_given import KnownTool
 
     if alone:
         error = no_scanner("the scanner's pose on the flange before the turntable's")
@@ -339,7 +340,7 @@ def _require_angles(captures: Sequence[Capture]) -> None:
 def table_options(cell: Cell) -> "TurntableOptions":
     """Return what the cell says of the table, as its solver takes it."""
     from calib_core.chain.table_angles import UNKNOWN_ANGLE_SIGMA_RAD
-    from calib_core.chain.turntable import TurntableOptions
+    from calib_core.chain.table_given import TurntableOptions
 
     unknown = cell.turntable.angles == "unknown"
     encoder = "exact" if unknown else cell.turntable.encoder
