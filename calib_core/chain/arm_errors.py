@@ -108,12 +108,12 @@ class ArmShares:
             factor = alike_factor(*data.walk.poses, sigmas.reach)
         alike = lengths + drift + 6 * factor.shape[1]
         terms = self.terms
-        found = np.zeros((1 + 6 * many + terms, alike + 6 * data.stops + terms))
+        found = np.zeros((1 + 6 * many + terms, alike + data.of_stops + terms))
         if lengths:
             found[0, 0] = data.arm_scale_sigma
         sizes = np.diag([sigmas.alike_position_mm] * 3 + [sigmas.alike_orientation_rad] * 3)
         found[1 : 1 + 6 * many, lengths + drift : alike] = np.kron(factor[self.pivots], sizes)
-        found[1 + 6 * many :, alike + 6 * data.stops :] = np.eye(terms)
+        found[1 + 6 * many :, alike + data.of_stops :] = np.eye(terms)
         return found
 
     def errors(

@@ -18,8 +18,9 @@ import numpy as np
 from calib_core.arms.alike import alike_correlation
 from calib_core.arms.errors import MEMBERS, ArmTerm, Member
 from calib_core.chain.chain_data import ChainData, Sigmas
-from calib_core.chain.likelihood import NoiseShapes, linearised_at
+from calib_core.chain.likelihood import linearised_at
 from calib_core.chain.model import ChainState, prediction
+from calib_core.chain.noise import NoiseShapes
 from calib_core.chain.observations import Observations
 from calib_core.estimation import maximum
 from calib_core.frames import FloatArray
@@ -193,7 +194,7 @@ class _Problem:
         nuisances = -(noise @ at.information[:, :3, 3:]) * data.nuisance_sigmas[data.active]
         fixed = _blocks(noise) + _together(nuisances)
         for sigma, axis in zip(sigmas.axes, shapes.axes, strict=False):
-            fixed += _blocks(shapes.scale * sigma**2 * axis)
+            fixed += _blocks(shapes.scale * sigma**2 * axis[:, :, None] * axis[:, None, :])
         moves = shapes.moves * np.array([1.0, 1.0, 1.0, *[_TURN_A_MM] * 3])
         each = moves @ np.swapaxes(moves, 1, 2)
         correlation = alike_correlation(data.walk.poses, 1.0)

@@ -71,6 +71,7 @@ def chain_data(
         np.array(readings, dtype=float).reshape(count, len(layout.axes)),
     )
     rotations, translations = walk.across_robot()
+    stop = _stops(walk)
     nuisance_of, kinds, nuisance_sigmas = _nuisances(observations, sphere, of_scanner, len(layout.mounts), priors)
     return ChainData(
         rotations=rotations,
@@ -91,10 +92,10 @@ def chain_data(
         nuisance_of=nuisance_of,
         kinds=kinds,
         half_width_mm=half_width,
-        order=np.linspace(-1.0, 1.0, count),
+        order=_order(stop),
         pose_scale=np.ones(count),
         points_per_independent=alike,
-        stop=_stops(walk),
+        stop=stop,
         held=layout.fixed.copy(),
         arm_scale_sigma=ARM_SCALE_SIGMA if priors else 0.0,
         drift_sigma_mm=DRIFT_SIGMA_MM if priors else 0.0,
@@ -127,6 +128,15 @@ def _stops(walk: Walk) -> np.ndarray:
     some = several[stop] & (walk.over_robot != 0)
     numbers[some] = np.unique(stop[some], return_inverse=True)[1].ravel()
     return numbers
+
+
+def _order(stop: np.ndarray) -> FloatArray:
+    """Return when each capture was taken, −1 … 1; those at one stop at one time."""
+    order = np.linspace(-1.0, 1.0, len(stop))
+    together = stop >= 0
+    taken = np.bincount(stop[together], order[together]) / np.maximum(np.bincount(stop[together]), 1)
+    order[together] = taken[stop[together]]
+    return order
 
 
 def _point_sigma(observation: SphereObservation, profile_sigma_mm: float | None) -> float:

@@ -103,7 +103,8 @@ class ChainData:
     points_per_independent : (K,)
         How many of a capture's points say as much as one that errs by itself.
     stop : (K,) int
-        Captures of several scanners at one stop of the robot, whose error is common, have one number; −1: alone.
+        Captures at one stop of the robot, of several scanners or balls, whose errors are common, have one number;
+        −1: alone.
     held : (P,) bool
         Unknowns that keep their values, without the nuisances.
     distances : tuple
@@ -162,6 +163,11 @@ class ChainData:
     def stops(self) -> int:
         """The number of the robot's stops that several captures share."""
         return int(self.stop.max(initial=-1)) + 1
+
+    @property
+    def of_stops(self) -> int:
+        """The number of errors that captures share as they are of one stop: of its pose and of each axis."""
+        return self.stops * (6 + len(self.walk.layout.axes))
 
     @cached_property
     def active(self) -> np.ndarray:

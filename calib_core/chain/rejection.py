@@ -14,8 +14,9 @@ import numpy as np
 
 from calib_core.chain.chain_data import ChainData
 from calib_core.chain.leave_one_out import without_each
-from calib_core.chain.likelihood import noise_of, spheres_of
+from calib_core.chain.likelihood import spheres_of
 from calib_core.chain.model import ChainState
+from calib_core.chain.noise import noise_of
 from calib_core.chain.observations import Observations
 from calib_core.chain.scanner import spheres_seen
 from calib_core.chain.sides import with_better_sides

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib_core.cell.walk import Walk
 from calib_core.chain.chain_data import Sigmas
-from calib_core.chain.likelihood import pose_spread
+from calib_core.chain.noise import pose_spread
 from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.chain.two_step import both_steps, pure_translations

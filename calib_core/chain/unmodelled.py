@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from calib_core.chain.likelihood import NoiseShapes
+from calib_core.chain.noise import NoiseShapes
 from calib_core.chain.rejection import Judged
 from calib_core.chain.score import Scores, more_than_chance
 from calib_core.findings import Finding

@@ -15,8 +15,9 @@ from calib_core.arms.alike import alike_factor, alike_pivots, visits
 from calib_core.chain.arm_errors import ArmErrors, ArmShares
 from calib_core.chain.centers import centers_suffice, fit_centers
 from calib_core.chain.chain_data import ChainData, Sigmas
-from calib_core.chain.likelihood import ChainLinearisation, NoiseShapes, fit, normal_equations
+from calib_core.chain.likelihood import ChainLinearisation, fit, normal_equations
 from calib_core.chain.model import ChainState, prediction, prior
+from calib_core.chain.noise import NoiseShapes
 from calib_core.estimation import Minimum, Posterior, covariance_of, maximum, posterior_about
 from calib_core.frames import FloatArray
 

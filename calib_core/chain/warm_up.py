@@ -247,7 +247,7 @@ def _each_alone(data: ChainData, at: ChainLinearisation, shared: FloatArray | No
     from calib_core.kernels.chain import pose_error_gain
 
     last = len(shared) - (0 if data.arm_columns is None else data.arm_columns.shape[2])
-    found = shared[last - 6 * data.stops : last]
+    found = shared[last - data.of_stops : last]
     stops = slice(data.width + last - len(found), data.width + last)
     by_stop = at.jacobian[:, :, stops]
     spread = np.linalg.inv(at.precision) + by_stop @ np.swapaxes(by_stop, 1, 2)

@@ -17,7 +17,7 @@ import numpy as np
 
 from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.held import point_rows
-from calib_core.chain.likelihood import pose_spread
+from calib_core.chain.noise import pose_spread
 from calib_core.evidence.numbers import COVERAGE, plus_minus, quantity_text
 from calib_core.frames import FloatArray, rotation_from_vector, skew
 from calib_core.guidance.calibrated import Calibrated, View

@@ -15,8 +15,9 @@ from calib_core.cell.found import on_flange
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.held import point_rows
-from calib_core.chain.likelihood import NoiseShapes, linearise, linearised_at, without_pose_errors
+from calib_core.chain.likelihood import linearise, linearised_at, without_pose_errors
 from calib_core.chain.model import ChainState, prior
+from calib_core.chain.noise import NoiseShapes
 from calib_core.chain.observations import Observations, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of

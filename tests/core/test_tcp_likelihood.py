@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core.cell.layout import AxisState
+from calib_core.cell.walk import Position
 from calib_core.chain import arrays
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.centers import fit_centers
 from calib_core.chain.chain_data import ChainData, Sigmas
-from calib_core.chain.likelihood import fit, linearise, pose_spread, retract
+from calib_core.chain.likelihood import fit, linearise, retract
 from calib_core.chain.model import ChainState
+from calib_core.chain.noise import noise_of, pose_spread
 from calib_core.chain.observations import SphereObservation, SphereSize
 from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of
@@ -279,3 +282,29 @@ def test_pose_errors_spread_the_centre_as_drawn_ones_do() -> None:
     root = np.linalg.inv(np.linalg.cholesky(stated))
     # 3000 draws know a covariance to √(2/3000) = 2.6 %; five times that.
     np.testing.assert_allclose(root @ np.cov(drawn.T) @ root.T, np.eye(3), atol=0.13)
+
+
+def test_captures_of_two_scanners_at_one_stop_share_all_that_errs_there() -> None:
+    """Two scanners at the same place, of which nothing but noise of the points can tell one from the other."""
+    own = [replace(o, scanner=name) for o in observations("p" * 30, 5) for name in ("left", "right")]
+    turned = [
+        replace(o, carriers=replace(o.carriers, ball="table"), readings={"table": 0.1 * (k // 2)})
+        for k, o in enumerate(own)
+    ]
+    data = chain_data(turned, SphereSize(2 * RADIUS_MM), POINT_SIGMA_MM, ScannerPriors())
+    assert data.stops == 30
+    position = Position(
+        np.tile(TOOL.rotation, (2, 1, 1)),
+        np.tile(TOOL.translation_mm, (2, 1)),
+        CENTER_MM[None] - [900.0, 0.0, 0.0],
+        (AxisState(np.eye(3), np.array([900.0, 0.0, 0.0])),),
+    )
+    sigmas = Sigmas(0.05, 2e-4, (1e-3,), 0.04, 1e-4, 0.5)  # a short reach: most of it is each stop's own
+    noise = noise_of(data, ChainState.at(data, position), sigmas)
+    of_stop = noise.shared.reshape(30, 2, 3, -1)
+    assert np.abs(of_stop).max() > 0.05
+    np.testing.assert_allclose(of_stop[:, 0], of_stop[:, 1], atol=1e-12)
+    assert np.abs(noise.spread).max() < 1e-7
+    alone = noise_of(replace(data, stop=np.full(60, -1)), ChainState.at(data, position), sigmas)
+    whole, apart = (n.spread + n.shared @ np.swapaxes(n.shared, 1, 2) for n in (noise, alone))
+    np.testing.assert_allclose(whole, apart, atol=1e-7)
