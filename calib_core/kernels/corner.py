@@ -1,10 +1,10 @@
 """A chessboard's corner to a hundredth of a pixel: two blurred edges that cross, fitted to the grey values.
 
-The model is (m + h · erf(a / √2 w) · erf(b / √2 w)) (1 + gᵀp), with a and b the distances to the two edges, which
-cross in the corner, and w the blur.  Like any blur that is the same on all sides it is symmetric about it,
-so that neither blur nor angle between the edges draws the corner anywhere.  Light that falls off, as
-through any lens, changes the contrast too: were that held even, all corners of a board would be drawn to where it
-is brightest.
+The model is m + gᵀp + h (1 + cᵀp) · erf(a / √2 w) · erf(b / √2 w), with a and b the distances to the two edges,
+which cross in the corner, and w the blur.  Like any blur that is the same on all sides it is symmetric about it,
+so that neither blur nor angle between the edges draws the corner anywhere.  Light that falls off, as through any
+lens, changes the contrast too: were that held even, a board's corners would all be drawn to where it is brightest.
+How it changes, c, is told by the contrasts of all corners: what one window shows is mostly noise, dust and print.
 """
 
 import math
@@ -22,14 +22,13 @@ _SETTLED_PX = 1e-4
 _STRAY_SIGMAS = 4.5
 _LEAST_BLUR_PX = 0.3
 _MOST_BLUR_PX = 5.0
-_SHARP = 0.2  # of the window's radius
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fit_corners(
-    grey: FloatArray, starts: FloatArray, angles: FloatArray, radii_px: FloatArray, out: FloatArray
+def first_fits(
+    grey: FloatArray, starts: FloatArray, angles: FloatArray, radii_px: FloatArray, fits: FloatArray
 ) -> None:
-    """Fit every corner; corners do not know each other.
+    """Fit every corner by itself, as if the light were even.
 
     Parameters
     ----------
@@ -40,22 +39,50 @@ def fit_corners(
         Of the normals of the two edges, rad.
     radii_px : (N,)
         Pixels within this of a start are looked at.
+    fits : (N, 10)
+        Written: the parameters, the sixth of them h, and the residual from which a pixel belongs to no edge; the
+        first is NaN where the fit does not settle.
+    """
+    none = np.zeros(2)
+    for k in range(len(starts)):
+        window = (starts[k, 0], starts[k, 1], radii_px[k])
+        p = _start(grey, window, angles[k, 0], angles[k, 1])
+        settled, count, cost, _ = _descend(grey, window, math.inf, none, p)
+        fits[k, :_TERMS] = p
+        fits[k, _TERMS] = _STRAY_SIGMAS * math.sqrt(cost / max(count - _TERMS, 1))
+        if not settled:
+            fits[k, 0] = math.nan
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fit_corners(
+    grey: FloatArray,
+    starts: FloatArray,
+    radii_px: FloatArray,
+    fits: FloatArray,
+    falls: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Fit every corner once more, without what no edge explains (hot pixels, dust), in the light as it falls off.
+
+    Parameters
+    ----------
+    grey, starts, radii_px : see `first_fits`
+    fits : (N, 10)
+        As it wrote them.
+    falls : (N, 2)
+        How the contrast changes about each corner, by share of itself a pixel.
     out : (N, 5)
         Written: column, row, the standard deviation of a coordinate, that of the residuals as a share of the
         contrast between black and white, and the blur w, px; the column is NaN where the fit does not settle.
     """
     for k in range(len(starts)):
         out[k] = math.nan
-        window = (starts[k, 0], starts[k, 1], radii_px[k])
-        p = _start(grey, window, angles[k, 0], angles[k, 1])
-        settled, count, cost, hessian = _descend(grey, window, math.inf, 0.0, p)
-        if not settled:
+        if math.isnan(fits[k, 0]):
             continue
-        # Once more without what no edge explains: hot pixels, dust.
-        cut = _STRAY_SIGMAS * math.sqrt(cost / max(count - _TERMS, 1))
-        # Edges as wide as the window look like light that falls off: there the contrast counts as even.
-        share = 1.0 if p[4] < _SHARP * window[2] else 0.0
-        settled, count, cost, hessian = _descend(grey, window, cut, share, p)
+        p = fits[k, :_TERMS].copy()
+        window = (starts[k, 0], starts[k, 1], radii_px[k])
+        settled, count, cost, hessian = _descend(grey, window, fits[k, _TERMS], falls[k], p)
         if not settled:
             continue
         variance = cost / max(count - _TERMS, 1)
@@ -88,13 +115,13 @@ def _start(grey: FloatArray, window: Window, first: float, second: float) -> Flo
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _descend(
-    grey: FloatArray, window: Window, cut: float, share: float, p: FloatArray
+    grey: FloatArray, window: Window, cut: float, fall: FloatArray, p: FloatArray
 ) -> tuple[bool, int, float, FloatArray]:
     """Move parameters to the least sum of squares; return whether they settle, pixels, the sum, and JᵀJ."""
     hessian, gradient = np.empty((_TERMS, _TERMS)), np.empty(_TERMS)
     next_hessian, next_gradient = np.empty((_TERMS, _TERMS)), np.empty(_TERMS)
     trial = np.empty(_TERMS)
-    count, cost = _equations(grey, window, cut, share, p, hessian, gradient)
+    count, cost = _equations(grey, window, cut, fall, p, hessian, gradient)
     if count < 2 * _TERMS:
         return False, count, cost, hessian
     damping, small = 1e-3, False
@@ -106,7 +133,7 @@ def _descend(
         for j in range(_TERMS):
             trial[j] = p[j] + step[j]
         trial[4] = min(max(trial[4], _LEAST_BLUR_PX), _MOST_BLUR_PX)
-        next_count, next_cost = _equations(grey, window, cut, share, trial, next_hessian, next_gradient)
+        next_count, next_cost = _equations(grey, window, cut, fall, trial, next_hessian, next_gradient)
         small = abs(step[0]) + abs(step[1]) < _SETTLED_PX
         if next_cost < cost or small:
             for j in range(_TERMS):
@@ -141,7 +168,7 @@ def _equations(
     grey: FloatArray,
     window: Window,
     cut: float,
-    share: float,
+    fall: FloatArray,
     p: FloatArray,
     hessian: FloatArray,
     gradient: FloatArray,
@@ -161,9 +188,8 @@ def _equations(
             du, dv = u - p[0], v - p[1]
             a, b = du * ca + dv * sa, du * cb + dv * sb
             ea, eb = math.erf(a * scale), math.erf(b * scale)
-            slope = p[7] * s + p[8] * t
-            light, contrast = 1.0 + slope, 1.0 + share * slope
-            residual = grey[v, u] - (light * p[6] + contrast * p[5] * ea * eb)
+            contrast = 1.0 + fall[0] * s + fall[1] * t
+            residual = grey[v, u] - (p[6] + p[7] * s + p[8] * t + contrast * p[5] * ea * eb)
             if abs(residual) > cut:
                 continue
             slope_a = peak * math.exp(-((a * scale) ** 2)) * eb * p[5] * contrast
@@ -173,9 +199,7 @@ def _equations(
             jacobian[2] = slope_a * (dv * ca - du * sa)
             jacobian[3] = slope_b * (dv * cb - du * sb)
             jacobian[4] = -(slope_a * a + slope_b * b) / p[4]
-            even = p[6] + share * p[5] * ea * eb
-            jacobian[5], jacobian[6] = contrast * ea * eb, light
-            jacobian[7], jacobian[8] = s * even, t * even
+            jacobian[5], jacobian[6], jacobian[7], jacobian[8] = contrast * ea * eb, 1.0, s, t
             cost += residual * residual
             count += 1
             for i in range(_TERMS):

@@ -17,6 +17,8 @@ _UNDERSAMPLED_PX = 0.45  # no optic and pixel blur less (a pixel alone 0.29): th
 _FARTHEST_PX = 1.5
 _SPOILED_RATIO = 3.0
 _LEAST_SHARE = 0.5
+_LEAST_CONTRASTS = 12  # corners that tell how light falls off over a board
+_ROUNDS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +60,16 @@ def fitted_at(
     largest_radius_px: float = LARGEST_RADIUS_PX,
 ) -> FittedCorners | None:
     """Return corners as `fitted_corners` does, for points (N, 2) with the steps (N, 2) to their neighbours, px."""
-    from calib_core.kernels.corner import fit_corners
+    from calib_core.kernels.corner import first_fits, fit_corners
 
     area = np.abs(along_row[:, 0] * along_column[:, 1] - along_row[:, 1] * along_column[:, 0])
     across = area / np.maximum(np.hypot(*along_row.T), np.hypot(*along_column.T))
     radii = np.clip(across - CLEARANCE_PX, SMALLEST_RADIUS_PX, largest_radius_px)
     normals = [np.arctan2(step[:, 0], -step[:, 1]) for step in (along_row, along_column)]
-    found = np.empty((len(points), 5))
-    fit_corners(grey.astype(float), np.ascontiguousarray(points), np.stack(normals, axis=1), radii, found)
+    first, found = np.empty((len(points), 10)), np.empty((len(points), 5))
+    levels, starts = grey.astype(float), np.ascontiguousarray(points)
+    first_fits(levels, starts, np.stack(normals, axis=1), radii, first)
+    fit_corners(levels, starts, radii, first, _falls(points, first), found)
     settled = np.isfinite(found[:, 0]) & (np.hypot(*(found[:, :2] - points).T) < _FARTHEST_PX)
     if settled.mean() < _LEAST_SHARE:
         return None
@@ -74,6 +78,25 @@ def fitted_at(
         return None
     clean = settled & (noise < _SPOILED_RATIO * float(np.median(noise[settled])))
     return FittedCorners(np.where(clean[:, None], found[:, :2], points), clean)
+
+
+def _falls(points: FloatArray, fits: FloatArray) -> FloatArray:
+    """Return how the contrast changes about each corner (N, 2), by share of itself a px, smooth over the board."""
+    settled = np.isfinite(fits[:, 0])
+    if settled.sum() < _LEAST_CONTRASTS:
+        return np.zeros((len(points), 2))
+    middle, scale = points[settled].mean(axis=0), max(float(np.ptp(points[settled], axis=0).max()) / 2, 1.0)
+    x, y = ((points - middle) / scale).T
+    one, none = np.ones(len(points)), np.zeros(len(points))
+    basis = np.stack([one, x, y, x * x, x * y, y * y], axis=1)
+    logs = np.log(np.maximum(np.abs(fits[settled, 5]), 1e-9))
+    weights, terms = np.ones(len(logs)), np.zeros(basis.shape[1])
+    for _ in range(_ROUNDS):
+        terms = np.linalg.lstsq(basis[settled] * weights[:, None], logs * weights, rcond=None)[0]
+        off = np.abs(logs - basis[settled] @ terms)
+        weights = np.sqrt(np.minimum(1.0, 1.5 * float(np.median(off)) / np.maximum(off, 1e-9)))
+    slopes = np.stack([none, one, none, 2 * x, y, none, none, none, one, none, x, 2 * y], axis=1).reshape(-1, 2, 6)
+    return np.asarray(slopes @ terms / scale)
 
 
 def refined(grey: NDArray[np.uint8], points: FloatArray, spacing_px: float) -> FloatArray:

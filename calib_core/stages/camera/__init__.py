@@ -19,7 +19,7 @@ class Camera(Stage):
     """The camera, from frames of the calibration board."""
 
     name, title, place = "camera", "Camera", 10
-    method_revision = 10  # a slight bend of the board is allowed for
+    method_revision = 11  # the contrast about a corner falls off as over the whole board
     any_arrangement = True
     step = CaptureStep(
         "camera",

@@ -28,7 +28,7 @@ class BoardHandEye(Stage):
     any_arrangement = True
     optional = True
     is_second_opinion = True
-    method_revision = 4  # a line over corners makes no two boards of one
+    method_revision = 5  # the contrast about a corner falls off as over the whole board
     layers = ("scanner",)
 
     def is_wanted(self, session: "Session") -> bool:
