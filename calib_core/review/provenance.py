@@ -32,7 +32,8 @@ from calib_core.records.faults import OF_RESULTS
 from calib_core.records.findings import Finding
 from calib_core.review.answer import answer_record
 from calib_core.review.printed import misprinted
-from calib_core.review.replay import WORDS, StageReplay, replay
+from calib_core.review.replay import replay
+from calib_core.review.same_numbers import WORDS, StageReplay
 from calib_core.steps import table_stages, tool_stages
 
 _OF_MOMENT: Final = ("decided_before", "faults")  # by who was asked, and when

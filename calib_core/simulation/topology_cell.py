@@ -1,8 +1,8 @@
 """Captures of the balls of a simulated cell of any topology: poses that show them, what was recorded and seen."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,11 @@ from calib_core.simulation.topology import (
     AxisOptions,
     BallOptions,
     Readings,
-    ScannerOptions,
     TopologyWorld,
     build_topology,
 )
+from calib_core.simulation.topology_record import cell_record, names_axes
+from calib_core.simulation.topology_wanted import TopologyScenario
 from calib_core.simulation.writing import cloud_xyz, profile_csv
 
 _TRIES = 4000
@@ -26,47 +27,6 @@ _LOOKING_DOWN = turn([np.pi, 0.0, 0.0]) @ turn([0.0, 0.0, 0.4])
 _NOMINAL = turn([0.35, 0.0, 0.0]).T
 _TRAVEL = np.array([0.88, -0.47, 0.06]) / np.linalg.norm([0.88, -0.47, 0.06])
 _BEFORE_MM = 240.0
-
-
-@dataclass(frozen=True)
-class TopologyScenario:
-    """A session of a cell of any topology; noise, robot and sensor are those of `cell`.
-
-    Parameters
-    ----------
-    description : str
-    scanners, balls, axes : tuple
-    told : {"nothing", "names", "distances"}
-        What the session says of its balls.
-    distance_sigma_mm : float
-        Of the distances between balls that the session tells.
-    at_once : bool
-        Every scanner captures at each stop; otherwise one after the other.
-    machine : {"arm", "gantry", "scara", "linear"}
-        What moves the flange: six axes, three translations, those and a turn about base's z, or one translation.
-    on_axes : int
-        Captures of each mounting of balls on an axis.
-    scanner_scale : float
-        By which a scanner's files are too large.
-    scanners_err : float
-        How much of what scanners err by each one does, as a share of 0.5 % of scale in x and z, 1 % of shear.
-    side_told : bool
-        The session tells of one capture of each step on which side of the plane of light its ball is.
-    """
-
-    description: str
-    scanners: tuple[ScannerOptions, ...] = (ScannerOptions(),)
-    balls: tuple[BallOptions, ...] = (BallOptions(),)
-    axes: tuple[AxisOptions, ...] = ()
-    cell: TcpScenario = field(default_factory=TcpScenario)
-    told: Literal["nothing", "names", "distances"] = "nothing"
-    distance_sigma_mm: float = 0.01
-    at_once: bool = False
-    machine: Literal["arm", "gantry", "scara", "linear"] = "arm"
-    on_axes: int = 16
-    scanner_scale: float = 1.0
-    scanners_err: float = 0.0
-    side_told: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +89,7 @@ def simulate_topology(
     record = {
         "format": "scancell-session/1",
         "name": f"simulated {name}, seed {seed}",
-        "cell": _cell(world, options),
+        "cell": cell_record(world, options),
         "captures": captures,
     }
     return Session.model_validate(record), files, truth
@@ -334,70 +294,8 @@ def _written(
     for name, value in stop.read.items():
         kind_of, unit = units[name]
         told = round(value * unit, 6)
-        if name == "table" and not _names_axes(options):
+        if name == "table" and not names_axes(options):
             record |= {"table_deg": told} if on_axis else {}
         else:
             record.setdefault("axes_mm" if kind_of == "linear" else "axes_deg", {})[name] = told
     return record, {file: content}
-
-
-def _names_axes(options: TopologyScenario) -> bool:
-    """Return whether the cell needs `axes`: it has others than the one turntable."""
-    return [axis.name for axis in options.axes] != ["table"]
-
-
-def _cell(world: TopologyWorld, options: TopologyScenario) -> dict[str, Any]:
-    """Return the cell's record: the plain fields where they say all."""
-    cell = options.cell
-    told: dict[str, Any] = {"pose_convention": "abb", "sphere_diameter_mm": cell.sphere_diameter_mm}
-    noise: dict[str, Any] = {"kind": cell.kinds[0]}
-    if cell.sphere_diameter_sigma_mm:
-        told["sphere_diameter_sigma_mm"] = cell.sphere_diameter_sigma_mm
-    if cell.sigmas == "given":
-        noise["point_sigma_mm"] = cell.point_sigma_mm
-        told["robot"] = {
-            "position_sigma_mm": cell.position_sigma_mm,
-            "orientation_sigma_deg": float(np.rad2deg(cell.orientation_sigma_rad)),
-        }
-    if len(options.scanners) == 1 and not options.scanners[0].name:
-        told["scanner"] = noise
-        if options.scanners[0].on == "base":
-            told["arrangement"] = "sphere-on-robot"
-    else:
-        told["scanners"] = {one.name: {**noise, "on": one.on} for one in options.scanners}
-    if options.told != "nothing":
-        told["spheres"] = [
-            {"name": ball.name, "diameter_mm": ball.diameter_mm, "on": ball.on} for ball in options.balls
-        ]
-    if options.told == "distances":
-        told["sphere_distances"] = [*_distances(world, options)]
-    if _names_axes(options) and options.axes:
-        told["axes"] = [_axis_record(axis, cell.sigmas == "given") for axis in options.axes]
-    elif options.axes and cell.sigmas == "given":
-        told["turntable"] = {"angle_sigma_deg": float(np.rad2deg(options.axes[0].sigma))}
-    return told
-
-
-def _axis_record(axis: AxisOptions, sigmas: bool) -> dict[str, Any]:
-    record: dict[str, Any] = {"name": axis.name, "kind": axis.kind, "carries": axis.carries}
-    if axis.on is not None:
-        record["on"] = axis.on
-    if sigmas and axis.kind == "linear":
-        record["sigma_mm"] = axis.sigma
-    elif sigmas:
-        record["sigma_deg"] = float(np.rad2deg(axis.sigma))
-    return record
-
-
-def _distances(world: TopologyWorld, options: TopologyScenario) -> Iterator[dict[str, Any]]:
-    """Give the calibrated distances of balls that stand together, exact but for rounding."""
-    together: Sequence[BallOptions] = options.balls
-    for place, one in enumerate(together):
-        for other in together[place + 1 :]:
-            if (one.on, one.mount) == (other.on, other.mount):
-                apart = world.balls[one.name][1] - world.balls[other.name][1]
-                yield {
-                    "between": [one.name, other.name],
-                    "mm": round(float(np.sqrt(apart @ apart)), 4),
-                    "sigma_mm": options.distance_sigma_mm,
-                }

@@ -7,7 +7,7 @@ from typing import Final
 
 from calib_core.simulation.scenarios import TcpScenario
 from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
-from calib_core.simulation.topology_cell import TopologyScenario
+from calib_core.simulation.topology_wanted import TopologyScenario
 
 _FLOOR: Final = BallOptions()
 _ON_FLANGE: Final = BallOptions("sphere-on-flange", "tool0", (25.0, -40.0, 130.0))

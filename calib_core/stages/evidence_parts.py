@@ -1,18 +1,14 @@
-"""Blocks that several stages share: frames, residuals, what is left out, the workpiece, the noise."""
+"""Blocks that several stages share: residuals, what is left out, the workpiece, the noise."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
 
-from calib_core.cell.found import UpToShift
-from calib_core.evidence.numbers import decimals_of, fixed, number_text, plus_minus, quantity, rms, same_decimals
+from calib_core.evidence.numbers import decimals_of, number_text, plus_minus, quantity
 from calib_core.evidence.words import by_cause, captures_text
-from calib_core.exports.export import tool_number_sigmas, tool_numbers
 from calib_core.exports.workpiece import AtWorkpiece, at_workpiece
-from calib_core.frames import FloatArray, RigidTransform
 from calib_core.messages import message, templates
-from calib_core.poses.conventions import CONVENTIONS
 from calib_core.records import CaptureResidual, Result, Session, VarianceComponents
 from calib_core.records.evidence import (
     AnyBlock,
@@ -20,9 +16,6 @@ from calib_core.records.evidence import (
     Band,
     Column,
     Figure,
-    Frame,
-    FrameNumber,
-    Note,
     Plot,
     Quantity,
     Row,
@@ -50,80 +43,6 @@ def label_of(name: str) -> tuple[str, str]:
         if name.endswith(ending):
             return name.removesuffix(ending).replace("_", " ").capitalize(), unit
     return name.replace("_", " ").capitalize(), ""
-
-
-def frame_block(
-    convention_name: str, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None, **about: Any
-) -> Frame:
-    """Return a frame in a convention, each number with its uncertainty; of a matrix, the translation.
-
-    Parameters
-    ----------
-    convention_name : str
-    frame : RigidTransform
-    covariance : (6, 6), optional
-        Of rx ry rz tx ty tz, the rotation perturbing on the right.
-    about
-        The block's `title`, `id` and `detail`.
-    """
-    convention = CONVENTIONS[convention_name]
-    return Frame(
-        name=f"{frame.into}_from_{frame.outof}",
-        into=frame.into,
-        outof=frame.outof,
-        matrix=frame.to_rows(),
-        covariance=None if covariance is None else [list(row) for row in covariance],
-        convention=convention.name,
-        units=f"{convention.name}, {convention.units}",
-        formula=convention.formula,
-        numbers=list(_frame_numbers(convention.name, frame, covariance)),
-        **about,
-    )
-
-
-def open_frame(session: Session, frame: RigidTransform, title: str, shift: UpToShift) -> Note:
-    """Return how a frame is turned, in the session's convention, where its position is open."""
-    if shift.travel is not None:
-        return Note(title=title, text=message("Not determined by itself: all poses lie on one line."))
-    convention = CONVENTIONS[session.cell.pose_convention]
-    if convention.form == "matrix":
-        numbers = ", ".join(f"{value:.6f}" for value in frame.rotation.ravel())
-    else:
-        values = tool_numbers(convention.name, RigidTransform(frame.matrix, "tool0", "laser"))[3:]
-        labels = convention.numbers.split()[3:]
-        numbers = ", ".join(f"{label} = {value:.4f}" for label, value in zip(labels, values, strict=True))
-    text = message(
-        "Orientation ({convention}): {numbers}. Its position is not determined: no turn tells it.",
-        convention=convention.name,
-        numbers=numbers,
-    )
-    return Note(title=title, text=text)
-
-
-def _frame_numbers(
-    name: str, frame: RigidTransform, covariance: Sequence[Sequence[float]] | None
-) -> Iterator[FrameNumber]:
-    convention = CONVENTIONS[name]
-    if convention.form == "matrix":
-        sigmas = np.zeros(6) if covariance is None else np.sqrt(np.diag(np.array(covariance, dtype=float)[:6, :6]))
-        shown = same_decimals(
-            [quantity(v, "mm", s) for v, s in zip(frame.translation_mm, sigmas[3:], strict=True)]
-        )
-        yield from (FrameNumber(label=label, quantity=one) for label, one in zip("xyz", shown, strict=True))
-        return
-    as_tool = RigidTransform(frame.matrix, "tool0", "laser")  # numbers of a pose, whatever its frames are called
-    square = np.zeros((6, 6)) if covariance is None else np.array(covariance, dtype=float)[:6, :6]
-    sigmas = tool_number_sigmas(name, as_tool, square)
-    angle = {"quaternion": "", "rotation-vector": "rad"}.get(convention.form, "°")
-    lengths = "m" if convention.mm_per_unit == 1000 else "mm"
-    labels = convention.numbers.split()
-    values = zip(labels, tool_numbers(name, as_tool), sigmas, strict=True)
-    shown = [
-        quantity(value, lengths if k < 3 else angle, None if covariance is None else sigma)
-        for k, (_, value, sigma) in enumerate(values)
-    ]
-    for label, one in zip(labels, [*same_decimals(shown[:3]), *same_decimals(shown[3:])], strict=True):
-        yield FrameNumber(label=label, quantity=one)
 
 
 def captures_used(result: Result) -> Figure:
@@ -315,105 +234,6 @@ def noise_table(parts: VarianceComponents, more: Iterable[tuple[str, Quantity, s
     return Table(id="noise", title="Noise", columns=heads, rows=rows)
 
 
-def two_step_blocks(result: Any) -> list[AnyBlock]:
-    """Return the joint answer beside the paper's two steps, with their difference in its own sigmas.
-
-    Of an answer that failed no ± is believed: both are shown by themselves.
-    """
-    two = result.two_step
-    title = "Joint answer beside the paper's two steps"
-    other = two.placed_scanner
-    if other is None:
-        return [
-            Note(
-                title=title,
-                text=message("No two-step answer: {reason}.", reason=two.reason or "too few pure translations"),
-            )
-        ]
-    joint = result.mount_from_laser
-    believed = result.verdict != "fail"
-    ours = np.array(result.covariance, dtype=float)[:6, :6] if believed else np.full((6, 6), np.nan)
-    theirs = np.array(two.covariance, dtype=float)[:6, :6] if believed and two.covariance is not None else None
-    xi = joint.difference(other)
-    rows = [
-        _compared_axis(axis, joint, other, 3 + k, ours, theirs)
-        for k, axis in enumerate(("x", "y", "z"))
-    ]  # fmt: skip
-    angle = float(np.linalg.norm(xi[:3]))
-    along = np.concatenate([xi[:3] / angle if angle else np.zeros(3), np.zeros(3)])
-    rows.append(
-        Row(
-            cells=[
-                "Rotation",
-                plus_minus(pose_sigmas(result.covariance)[1], "°") if believed else None,
-                quantity(float(np.rad2deg(angle)), "°"),
-                _in_sigmas(angle, along, ours, theirs),
-            ]
-        )
-    )
-    rows += [
-        Row(cells=[label, rms(getattr(result, field), "mm"), rms(getattr(two, field), "mm"), None])
-        for field, label in (
-            ("center_scatter_rms_mm", "Scatter of the sphere's centres, RMS"),
-            ("surface_rms_mm", "Points off the sphere, RMS"),
-            ("leave_one_out_surface_rms_mm", "The same, each capture left out in turn"),
-        )
-    ]
-    heads = [Column(label="Figure", align="left"), Column(label="Joint"), Column(label="Two-step")]
-    caption = message("Of the rotation, the angle between the two answers.")
-    if believed:
-        caption = (
-            message(
-                "Differences are in units of their own standard deviation; of the rotation, the angle between the "
-                "two answers."
-            )
-            if theirs is not None
-            else message(
-                "Differences are in units of their own standard deviation as far as the joint answer's "
-                "uncertainty goes; of the rotation, the angle between the two answers."
-            )
-        )
-    columns = [*heads, Column(label="Difference", unit="σ", decimals=1)]
-    if not believed:
-        columns, rows = heads, [row.model_copy(update={"cells": row.cells[:3]}) for row in rows]
-    return [Table(id="two-step", title=title, caption=caption, columns=columns, rows=rows)]
-
-
-def _compared_axis(
-    axis: str, joint: RigidTransform, other: RigidTransform, k: int, ours: FloatArray, theirs: FloatArray | None
-) -> Row:
-    mine, its = float(joint.translation_mm[k - 3]), float(other.translation_mm[k - 3])
-    sigma = None if theirs is None else float(np.sqrt(theirs[k, k]))
-    shown = quantity(mine, "mm", float(np.sqrt(ours[k, k])))
-    beside = fixed(its, shown.decimals, "mm") if sigma is None else quantity(its, "mm", sigma)
-    return Row(
-        cells=[
-            message("Position {axis}", axis=axis),
-            shown,
-            beside,
-            _in_sigmas(its - mine, np.eye(6)[k], ours, theirs),
-        ]
-    )
-
-
-def _in_sigmas(difference: float, along: FloatArray, ours: FloatArray, theirs: FloatArray | None) -> float | None:
-    """Return a difference of the two answers in its own sigmas.
-
-    The joint answer has used all there is, so that the variance of the difference is the two steps' less its own.
-    """
-    better = float(along @ ours @ along)
-    variance = better if theirs is None else float(along @ theirs @ along)
-    variance = variance - better if variance > better and theirs is not None else max(variance, better)
-    return difference / float(np.sqrt(variance)) if variance > 0 else None
-
-
-def pose_sigmas(covariance: Sequence[Sequence[float]]) -> tuple[float, float]:
-    """Return the standard deviations of position (mm) and orientation (deg) in their worst directions."""
-    square = np.array(covariance, dtype=float)[:6, :6]
-    position = float(np.sqrt(max(np.linalg.eigvalsh(square[3:, 3:])[-1], 0.0)))
-    return position, float(np.rad2deg(np.sqrt(max(np.linalg.eigvalsh(square[:3, :3])[-1], 0.0))))
-
-
 def provenance(result: Result) -> list[AnyBlock]:
     """Return where the numbers come from."""
     return [
@@ -421,9 +241,3 @@ def provenance(result: Result) -> list[AnyBlock]:
         Figure(detail=True, label="Software", text=result.software),
         Figure(detail=True, label="SHA-256 of the inputs", text=result.inputs_sha256),
     ]
-
-
-def direction_text(direction: Sequence[float], sigma_rad: float) -> str:
-    """Return a unit vector with as many decimals as the standard deviation of its direction allows."""
-    decimals = quantity(1.0, "", sigma_rad).decimals if sigma_rad > 0 else 6
-    return f"({', '.join(number_text(value, decimals) for value in direction)})"

@@ -10,7 +10,7 @@ from calib_core.messages import Message, message, templates
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Row, Table
 from calib_core.records.results import FoundFrame
-from calib_core.stages.evidence_parts import direction_text, frame_block, open_frame
+from calib_core.stages.frame_blocks import direction_text, frame_block, open_frame
 
 _KINDS: Final = templates({"rotary": "rotary", "linear": "linear"})
 _PLACES: Final = templates({"tool0": "Scanner {scanner} on the flange", "base": "Scanner {scanner} in base"})

@@ -57,7 +57,7 @@ def _text(answer: "SessionAnswer", said: "Catalogue") -> str:
     from calib_core.records.decided_before import DECISIONS
     from calib_core.records.evidence import AnyBlock, Figure, Note
     from calib_core.stages.evidence import title_of
-    from calib_core.stages.evidence_parts import frame_block
+    from calib_core.stages.frame_blocks import frame_block
 
     seen = answer.laser_from_turntable
     known = (
@@ -105,7 +105,7 @@ def _scanners(answer: "SessionAnswer", *, believed: bool) -> "list[AnyBlock]":
     import numpy as np
 
     from calib_core.frames import RigidTransform
-    from calib_core.stages.evidence_parts import frame_block
+    from calib_core.stages.frame_blocks import frame_block
     from calib_core.stages.topology_found import scanner_title
 
     found: list[AnyBlock] = []

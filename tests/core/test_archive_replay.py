@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 from calib_core.archive.folder import load_session, result_data, to_json_bytes
 from calib_core.archive.stored_results import stored_results
 from calib_core.findings.reading import as_read
-from calib_core.review.replay import MAX_LISTED, TOLERANCE, compare, replay
+from calib_core.review.replay import replay
+from calib_core.review.same_numbers import MAX_LISTED, TOLERANCE, compare
 from calib_core.stages.pipeline import solve_stage
 from server.cli import main
 

@@ -37,7 +37,7 @@ from calib_core.records.evidence import (
     Series,
     Table,
 )
-from calib_core.review.replay import compare
+from calib_core.review.same_numbers import compare
 from calib_core.stages.evidence import stored_evidence, title_of
 from calib_core.stages.evidence_parts import BAND, residual_plot
 from calib_core.stages.tcp.record import TcpResidual

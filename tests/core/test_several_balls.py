@@ -15,8 +15,9 @@ from calib_core.chain.balls import by_distances, wrong_distance
 from calib_core.library.opened import in_memory
 from calib_core.records.results import FoundFrame, ScannerFound
 from calib_core.simulation.topology import BallOptions
-from calib_core.simulation.topology_cell import TopologyScenario, simulate_topology
+from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
+from calib_core.simulation.topology_wanted import TopologyScenario
 from calib_core.stages.tcp.record import TcpResult
 from tests.plates import reflected
 from tests.topology_errors import distances

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from calib_core.review.replay import TOLERANCE
+from calib_core.review.same_numbers import TOLERANCE
 from server.cli import main
 
 

@@ -9,7 +9,6 @@ from calib_core.stages.evidence_parts import (
     provenance,
     residual_plot,
     residual_table,
-    two_step_blocks,
     workpiece_headline,
     workpiece_places,
     workpiece_table,
@@ -31,6 +30,7 @@ from calib_core.stages.turntable.evidence import (
     table_rows,
     wobble,
 )
+from calib_core.stages.two_step_blocks import two_step_blocks
 
 
 def evidence(session: Session, result: ChainResult) -> list[AnyBlock]:

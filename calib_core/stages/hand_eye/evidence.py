@@ -7,7 +7,8 @@ from calib_core.evidence.numbers import fixed, plus_minus, quantity
 from calib_core.messages import message
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Column, Figure, Row, Table
-from calib_core.stages.evidence_parts import captures_used, frame_block, pose_sigmas, provenance, residual_table
+from calib_core.stages.evidence_parts import captures_used, provenance, residual_table
+from calib_core.stages.frame_blocks import frame_block, pose_sigmas
 from calib_core.stages.frames_left_out import frames_left_out
 from calib_core.stages.hand_eye.record import HandEyeResult
 

@@ -8,14 +8,8 @@ from calib_core.frames import RigidTransform
 from calib_core.records import Session
 from calib_core.records.evidence import AnyBlock, Axis, Figure, Plot
 from calib_core.records.laser_plane_result import LaserPlaneResidual, LaserPlaneResult
-from calib_core.stages.evidence_parts import (
-    capture_series,
-    captures_used,
-    direction_text,
-    frame_block,
-    provenance,
-    residual_table,
-)
+from calib_core.stages.evidence_parts import capture_series, captures_used, provenance, residual_table
+from calib_core.stages.frame_blocks import direction_text, frame_block
 from calib_core.stages.frames_left_out import frames_left_out
 
 _COLUMNS: Final = (

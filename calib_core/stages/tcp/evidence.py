@@ -14,25 +14,23 @@ from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.evidence_parts import (
     capture_series,
     captures_used,
-    frame_block,
     label_of,
     left_out,
     noise_table,
-    open_frame,
-    pose_sigmas,
     provenance,
     residual_plot,
     residual_table,
-    two_step_blocks,
     workpiece_headline,
     workpiece_places,
     workpiece_table,
 )
+from calib_core.stages.frame_blocks import frame_block, open_frame, pose_sigmas
 from calib_core.stages.tcp.arm_found import arm_table
 from calib_core.stages.tcp.pose_repeatability import repeatability_table
 from calib_core.stages.tcp.record import TcpResult
 from calib_core.stages.tcp.warm_up import drift_blocks
 from calib_core.stages.topology_found import axes_table, scanner_frames
+from calib_core.stages.two_step_blocks import two_step_blocks
 
 _SCANNER_LABELS: Final = {
     "radius_mm": ("Sphere's radius", "mm"),

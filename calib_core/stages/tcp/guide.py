@@ -13,37 +13,30 @@ from calib_core.errors import InputError
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.advice import Advice, amount, tcp_advice
 from calib_core.guidance.sphere_guess import SeenCenter, probable_place
-from calib_core.messages import Message, Names, message, plural, sentences
+from calib_core.messages import Message, message, sentences
 from calib_core.records import Capture, Cell, GuideNow, Measured
 from calib_core.stages.guide import GuideView
 from calib_core.stages.reviewed import as_sentence, review, suggested
+from calib_core.stages.tcp.instructions import (
+    SOLVE,
+    contradicted,
+    first,
+    mend_pose,
+    shift,
+    solve,
+    solve_of_few_axes,
+    turn,
+)
 from calib_core.stages.tcp.motion import (
     GOOD_TURNS,
     LEAST_SHIFTS,
-    LEAST_TURNS,
     WANTED_SHIFTS,
     WANTED_TURNS,
     Motion,
     motion_of,
-    next_shift,
-    next_turn,
-    turn_between_deg,
 )
 from calib_core.stages.turntable.guide import wants_turntable
 
-_SHIFTS = {
-    (False, False): message("Shift the scanner 30–80 mm in a new direction. Keep its orientation."),
-    (False, True): message(
-        "Shift the scanner 30–80 mm in another direction: all shifts so far are parallel. Keep its orientation."
-    ),
-    (True, False): message("Shift the ball with the flange 30–80 mm in a new direction. Keep its orientation."),
-    (True, True): message(
-        "Shift the ball with the flange 30–80 mm in another direction: all shifts so far are parallel. "
-        "Keep its orientation."
-    ),
-}
-"""What is asked for, by whether the flange carries the ball, and whether the shifts so far are parallel."""
-_SOLVE = message("Solve the TCP.")
 _OF_BALL = {
     "tcp-first": "ball-first",
     "tcp-shift": "ball-shift",
@@ -62,7 +55,7 @@ def guide(view: GuideView) -> GuideNow | None:
     if now is None or not ball_on_flange(view.session.cell):
         return now
     drawing = _OF_BALL.get(now.drawing, now.drawing)
-    words = "Solve where the scanner stands." if now.instruction == _SOLVE else now.instruction
+    words = "Solve where the scanner stands." if now.instruction == SOLVE else now.instruction
     return now.model_copy(update={"drawing": drawing, "instruction": words})
 
 
@@ -73,14 +66,14 @@ def _guide(view: GuideView) -> GuideNow | None:
     result = view.results.get("tcp") or view.results.get("chain")
     captures = view.captures("tcp")
     if not captures:
-        return _first(session.cell)
+        return first(session.cell)
     poses, unread = _poses(session.cell, captures)
     if unread:
-        return _mend_pose(unread)
+        return mend_pose(unread)
     verdicts = {m.capture: m.verdict for m in measured}
     usable = [pose for capture, pose in poses.items() if verdicts.get(capture) != "fail"]
     if not usable:
-        return _first(session.cell)
+        return first(session.cell)
     fresh = None if result is None or result.get("stale") else result
     if fresh and fresh.get("up_to_shift") and wants_turntable(session):
         return None  # what the machine's motions leave open does not matter for a part on the table
@@ -90,10 +83,10 @@ def _guide(view: GuideView) -> GuideNow | None:
     if fresh is not None:
         return _reviewed(session.cell, review(fresh), advice)
     if advice is not None and (advice.contradicted or advice.apart):
-        return _contradicted(advice)
+        return contradicted(advice)
     motion = motion_of(usable)
     if len(usable) >= _MANY and len(motion.shifts_mm) >= LEAST_SHIFTS and not motion.turns_differ:
-        return _solve_of_few_axes(again=result is not None)
+        return solve_of_few_axes(again=result is not None)
     if advice is not None:
         return _by_worth(session.cell, advice, again=result is not None)
     home = usable[motion.reference]
@@ -101,11 +94,11 @@ def _guide(view: GuideView) -> GuideNow | None:
     turned = turns >= WANTED_TURNS and motion.turns_differ
     shifted = shifts >= WANTED_SHIFTS and motion.shifts_differ
     if turned and (shifted or len(usable) >= _MANY):
-        return _solve(turns, again=result is not None)
+        return solve(turns, again=result is not None)
     if not shifted:
-        return _shift(session.cell, motion, home)
+        return shift(session.cell, motion, home)
     names = [name for name in poses if verdicts.get(name) != "fail"]
-    return _turn(session.cell, motion, home, _sphere(session.cell, names, poses, measured, motion, result))
+    return turn(session.cell, motion, home, _sphere(session.cell, names, poses, measured, motion, result))
 
 
 def _reviewed_of_few_axes(result: Mapping[str, Any]) -> GuideNow:
@@ -119,15 +112,6 @@ def _reviewed_of_few_axes(result: Mapping[str, Any]) -> GuideNow:
     )
     count = len(result.get("undetermined", []))
     return now.model_copy(update={"why": why, "progress": message("solved; {count} left open", count=count)})
-
-
-def _solve_of_few_axes(*, again: bool) -> GuideNow:
-    """Return the solve of many captures that are not turned about two axes, as of a machine that cannot tilt."""
-    why = message(
-        "No captures differ by turns about two axes. If the machine can tilt the flange, capture such poses "
-        "first; if it cannot, all else is solved."
-    )
-    return _solve(GOOD_TURNS, again=again).model_copy(update={"why": why})
 
 
 def _reviewed(cell: Cell, now: GuideNow, advice: Advice | None) -> GuideNow:
@@ -157,9 +141,9 @@ def _by_worth(cell: Cell, advice: Advice, *, again: bool) -> GuideNow:
             if meter.enough
             else message("no pose is left that the limits allow: {advice}", advice=advice.words())
         )
-        solve = _solve(GOOD_TURNS, again=again)
+        enough = solve(GOOD_TURNS, again=again)
         why = message("At the workpiece {advice}, by the poses and arcs so far.", advice=advice.words())
-        return solve.model_copy(update={"why": why, "progress": progress, "meter": meter})
+        return enough.model_copy(update={"why": why, "progress": progress, "meter": meter})
     more = meter.still_needed
     progress = advice.words()
     if more is not None and meter.wanted_mm is not None:
@@ -221,37 +205,6 @@ def _why_for_arm(advice: Advice) -> list[Message]:
     if count is not None:
         told.append(message("These are worth solving from about {count} captures on.", count=count))
     return told
-
-
-def _contradicted(advice: Advice) -> GuideNow:
-    """Return the solve of captures that do not agree with each other: it says why, and what mends it."""
-    if advice.contradicted:
-        instruction = message("The captures contradict each other. Solve the TCP: the result says what is wrong.")
-        progress = message("the captures contradict each other")
-    else:
-        instruction = plural(
-            "{apart} contradicts the other captures. Solve the TCP: the result says what is wrong.",
-            "{apart} contradict the other captures. Solve the TCP: the result says what is wrong.",
-            by="apart",
-            apart=Names(advice.apart),
-        )
-        progress = plural(
-            "{count} capture contradicts the others",
-            "{count} captures contradict the others",
-            by="count",
-            count=len(advice.apart),
-        )
-    return GuideNow(
-        step="tcp",
-        stage="tcp",
-        action="solve",
-        instruction=instruction,
-        why="No place of scanner and sphere explains all captures: poses in another order, another convention or "
-        "unit, or a sphere that was moved. More captures do not help before that is mended.",
-        exit="Every capture fits the sphere within its noise, and no direction is left open.",
-        drawing="tcp-solve",
-        progress=progress,
-    )
 
 
 def _sphere(
@@ -321,123 +274,3 @@ def _poses(cell: Cell, captures: Sequence[Capture]) -> tuple[dict[str, RigidTran
         except InputError as error:
             return poses, (capture.id, error.lack)
     return poses, None
-
-
-def _mend_pose(unread: tuple[str, str]) -> GuideNow:
-    capture, reason = unread
-    return GuideNow(
-        step="tcp",
-        stage="tcp",
-        action="capture",
-        instruction=message("Give the robot's pose of {capture}.", capture=capture),
-        why=message(
-            "{reason} A capture says something about the TCP only together with the flange's pose.", reason=reason
-        ),
-        exit="Every capture has a pose that can be read.",
-        drawing="tcp-first",
-        still_needed=1,
-    )
-
-
-def _first(cell: Cell) -> GuideNow:
-    seen = {
-        "cloud": "Bring the whole near side of the sphere into view",
-        "center": "Bring the sphere into view",
-    }.get(str(cell.scanner.kind), "Lay the stripe over the sphere, a little beside its middle")
-    return GuideNow(
-        step="tcp",
-        stage="tcp",
-        action="capture",
-        instruction=message("{seen}, and take the first capture.", seen=seen),
-        why="The sphere stands still from now on: every capture sees the same point from another pose."
-        if not ball_on_flange(cell)
-        else "The scanner stands still, and the ball keeps its place on the flange: each pose shows it anew.",
-        exit="The sphere is found. For a stripe: r/R between 0.45 and 0.95, 70° of arc or more.",
-        drawing="tcp-first",
-        progress=message("0 of {wanted_shifts} captures", wanted_shifts=1 + WANTED_SHIFTS + WANTED_TURNS),
-        still_needed=1 + WANTED_SHIFTS + WANTED_TURNS,
-    )
-
-
-def _shift(cell: Cell, motion: Motion, home: RigidTransform) -> GuideNow:
-    count = len(motion.shifts_mm)
-    length_mm = float(np.clip((cell.sphere_diameter_mm or 60.0) / 2, 30.0, 60.0))
-    pose = next_shift(motion, home, length_mm)
-    parallel = count >= LEAST_SHIFTS and not motion.shifts_differ
-    on_flange = ball_on_flange(cell)
-    return GuideNow(
-        step="tcp",
-        stage="tcp",
-        action="capture",
-        instruction=_SHIFTS[on_flange, parallel],
-        why="Two shifts that are not parallel fix the scanner's rotation in base; a third makes it sure."
-        if on_flange
-        else "Two shifts that are not parallel fix the scanner's rotation on the flange; a third makes it sure.",
-        exit=message(
-            "{wanted_shifts} shifts with one orientation, not all parallel; {least_shifts} are the least.",
-            wanted_shifts=WANTED_SHIFTS,
-            least_shifts=LEAST_SHIFTS,
-        ),
-        drawing="tcp-shift",
-        progress=message("{count} of {wanted_shifts} shifts", count=count, wanted_shifts=WANTED_SHIFTS),
-        still_needed=max(WANTED_SHIFTS - count, 1),
-        **suggested(
-            cell, pose, "If the sphere leaves the view here, go less far, or the same way in the other direction."
-        ),
-    )
-
-
-def _turn(cell: Cell, motion: Motion, home: RigidTransform, sphere: tuple[FloatArray | None, str]) -> GuideNow:
-    count = len(motion.turns_rad)
-    center_in_base_mm, note = sphere
-    pose = next_turn(motion, home, center_in_base_mm)
-    angle_deg, axis = turn_between_deg(home, pose)
-    parallel = count >= LEAST_TURNS and not motion.turns_differ
-    return GuideNow(
-        step="tcp",
-        stage="tcp",
-        action="capture",
-        instruction=(
-            message(
-                "All turns so far are about one axis: turn the flange by about {angle_deg:.0f}°, mostly about "
-                "its {axis} axis, and bring the sphere back into view.",
-                angle_deg=angle_deg,
-                axis=axis,
-            )
-            if parallel
-            else message(
-                "Turn the flange by about {angle_deg:.0f}°, mostly about its {axis} axis, and bring the sphere "
-                "back into view.",
-                angle_deg=angle_deg,
-                axis=axis,
-            )
-        ),
-        why="Turns about different axes fix where the ball sits on the flange."
-        if ball_on_flange(cell)
-        else "Turns about different axes fix where the scanner sits on the flange.",
-        exit=message(
-            "{wanted_turns} orientations that differ by 5° or more, about axes that are not "
-            "parallel; {least_turns} are the least, {good_turns} are good.",
-            wanted_turns=WANTED_TURNS,
-            least_turns=LEAST_TURNS,
-            good_turns=GOOD_TURNS,
-        ),
-        drawing="tcp-turn",
-        progress=message("{count} of {wanted_turns} turns", count=count, wanted_turns=WANTED_TURNS),
-        still_needed=max(WANTED_TURNS - count, 1),
-        **suggested(cell, pose, note),
-    )
-
-
-def _solve(turns: int, *, again: bool) -> GuideNow:
-    more = message("{count} more turns would narrow the answer.", count=GOOD_TURNS - turns)
-    return GuideNow(
-        step="tcp",
-        stage="tcp",
-        action="solve",
-        instruction="Solve again: the captures have changed." if again else _SOLVE,
-        why=sentences(["The shifts and turns determine all of it.", more if turns < GOOD_TURNS else ""]),
-        exit="Every capture fits the sphere within its noise, and no direction is left open.",
-        drawing="tcp-solve",
-        progress="enough captures",
-    )

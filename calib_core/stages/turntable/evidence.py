@@ -14,11 +14,8 @@ from calib_core.stages.chain.record import ChainResult
 from calib_core.stages.evidence_parts import (
     capture_series,
     captures_used,
-    direction_text,
-    frame_block,
     left_out,
     noise_table,
-    open_frame,
     provenance,
     residual_plot,
     residual_table,
@@ -26,6 +23,7 @@ from calib_core.stages.evidence_parts import (
     workpiece_places,
     workpiece_table,
 )
+from calib_core.stages.frame_blocks import direction_text, frame_block, open_frame
 from calib_core.stages.topology_found import axes_table, scanner_frames
 from calib_core.stages.turntable.record import TurntableResidual, TurntableResult
 

@@ -21,8 +21,9 @@ from calib_core.records.callbacks import ReadFile
 from calib_core.review.answer import answer_of_folder
 from calib_core.review.decided_before import decided_before_in
 from calib_core.review.provenance import verify as verify_archive
-from calib_core.review.replay import Replay, StageReplay
+from calib_core.review.replay import Replay
 from calib_core.review.replay import replay as replay_session
+from calib_core.review.same_numbers import StageReplay
 from server.console.command import NOT_ACCEPTED, OK
 from server.console.language import spoken
 from server.console.output import input_name, is_stream, print_result, remark, write_out
