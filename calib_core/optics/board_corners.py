@@ -31,10 +31,13 @@ class FittedCorners:
         All corners, row by row.
     clean : (N,)
         Whether a corner's surroundings look like one: no stripe, glare or dirt on it.
+    contrasts : (N,)
+        Between black and white about each, grey values.
     """
 
     points_px: FloatArray
     clean: NDArray[np.bool_]
+    contrasts: FloatArray
 
 
 def fitted_corners(grey: NDArray[np.uint8], grid: FloatArray) -> FittedCorners | None:
@@ -77,7 +80,7 @@ def fitted_at(
     if float(np.median(blur[settled])) < _UNDERSAMPLED_PX:
         return None
     clean = settled & (noise < _SPOILED_RATIO * float(np.median(noise[settled])))
-    return FittedCorners(np.where(clean[:, None], found[:, :2], points), clean)
+    return FittedCorners(np.where(clean[:, None], found[:, :2], points), clean, 2.0 * np.abs(first[:, 5]))
 
 
 def _falls(points: FloatArray, fits: FloatArray) -> FloatArray:

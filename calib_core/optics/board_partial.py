@@ -28,6 +28,7 @@ _BORDER_PX = 3.0
 _NEAR, _BEYOND, _MARGIN = 0.88, 1.12, 1.45  # pitches beyond the outer corners; the squares end at one
 _LIKE, _UNLIKE = 0.3, 0.6  # of the contrast between the squares
 _FEWEST_SQUARES = 3
+_LEAST_CONTRAST = 0.7  # of the corner beside it, farther in
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +143,9 @@ def _grown(grey: Grey, grid: FloatArray, most: int) -> FloatArray:
     if fitted is None:  # the frame's edges are too sharp to judge further ones
         return _trimmed(grid)
     grid[known] = np.where(fitted.clean[:, None], fitted.points_px, np.nan)
-    grid, in_vain = _trimmed(grid), 0
+    contrasts = np.full(known.shape, np.nan)
+    contrasts[known] = fitted.contrasts
+    grid, in_vain = _trimmed(_without_ends_of_squares(grid, contrasts)), 0
     while in_vain < 4 and min(grid.shape[:2]) >= 3 and max(grid.shape[:2]) <= most:
         grid, has_more = _grown_above(grey, grid)
         in_vain, grid = 0 if has_more else in_vain + 1, np.rot90(grid)
@@ -163,10 +166,26 @@ def _grown_above(grey: Grey, grid: FloatArray) -> tuple[FloatArray, bool]:
     fitted = _fitted(grey, tried, beside)
     if fitted is None:
         return grid, False
-    found = np.full(wider.shape, np.nan)
+    found, contrasts = np.full(wider.shape, np.nan), np.full(wider.shape[:2], np.nan)
     found[beside] = np.where(fitted.clean[:, None], fitted.points_px, np.nan)
+    contrasts[beside] = fitted.contrasts
     new &= np.isfinite(found[..., 0])
+    new[:-1] &= contrasts[:-1] > _LEAST_CONTRAST * contrasts[1:]
     return (_trimmed(np.where(new[..., None], found, wider)), True) if new.any() else (grid, False)
+
+
+def _without_ends_of_squares(grid: FloatArray, contrasts: FloatArray) -> FloatArray:
+    """Return a grid without points on its sides where the outermost squares end on the margin.
+
+    Only half of a corner's contrast is there; in noise that alone tells them from corners.
+    """
+    known = np.isfinite(grid[..., 0])
+    for turns in range(4):
+        seen, contrast = np.rot90(known, turns), np.rot90(contrasts, turns)
+        above = np.pad(seen, ((1, 0), (0, 0)))[:-1]
+        ends = seen[:-1] & ~above[:-1] & seen[1:] & (contrast[:-1] < _LEAST_CONTRAST * contrast[1:])
+        known[np.rot90(np.pad(ends, ((0, 1), (0, 0))), -turns)] = False
+    return np.where(known[..., None], grid, np.nan)
 
 
 def _ahead(grid: FloatArray) -> FloatArray:
@@ -281,6 +300,7 @@ def _refuse_another(seen: FloatArray, board: Board, rows_counted: bool, columns_
         columns, rows = sorted((columns, rows), reverse=board.columns >= board.rows)
         got = message("a board of {columns} × {rows} inner corners from edge to edge", columns=columns, rows=rows)
         raise MeasurementError(need, got, to_do, CELL_BOARD)
-    if rows_counted or columns_counted:
-        got = message("{count} inner corners from edge to edge", count=rows if rows_counted else columns)
+    count = rows if rows_counted else columns
+    if (rows_counted or columns_counted) and count not in (board.rows, board.columns):
+        got = message("{count} inner corners from edge to edge", count=count)
         raise MeasurementError(need, got, to_do, CELL_BOARD)

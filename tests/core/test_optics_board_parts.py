@@ -8,6 +8,10 @@ from calib_core.optics.board import BoardView, find_board
 from calib_core.optics.board_partial import PartOfBoard
 from calib_core.optics.camera import calibrate_camera
 from calib_core.records import Board
+from calib_core.simulation.frame_camera import SimulatedCamera
+from calib_core.simulation.frame_surfaces import BoardSurface
+from calib_core.simulation.frames import Exposure, light, sense
+from calib_core.simulation.motion import pose, turn
 from tests.boards_in_part import CAMERA, PITCH_MM, SHAPE, cut_off_views
 
 BOARD = Board(kind="chessboard", columns=SHAPE[0], rows=SHAPE[1], pitch_mm=PITCH_MM)
@@ -51,3 +55,17 @@ def test_a_board_is_covered_where_all_of_it_would_be_in_the_frame(width: int, co
     grid = np.stack([40 + 20 * columns, 40 + 20 * rows], axis=-1)  # its last corner is at column 200
     grid[2:, 6:] = np.nan
     assert PartOfBoard(grid, is_numbered=True).is_covered(np.zeros((200, width), dtype=np.uint8)) == covered
+
+
+@pytest.mark.parametrize("seed", [0, 3, 4])
+def test_ends_of_squares_in_a_dim_noisy_frame_are_no_corners(seed: int) -> None:
+    """They were, and the board was then said to have other corners than those told."""
+    rng = np.random.default_rng([seed])
+    rotation = turn(rng.uniform(-1, 1, 3) * [0.4, 0.4, 0.5])
+    board = BoardSurface(pose(rotation, np.array([0, 0, 260.0]) - rotation @ [36.0, 22.5, 0]), pitch_mm=9.0)
+    dim = Exposure(ambient=60.0, read_noise=4.0, blur_per_mm=0.0)
+    camera = SimulatedCamera()
+    room = light(camera, [board], None, dim, rng) * np.linspace(1.0, 0.3, camera.width)
+    view = find_board(sense(room, dim, rng), Board(kind="chessboard", columns=9, rows=6, pitch_mm=9.0))
+    assert len(view.ids) == 54
+    assert view.is_numbered
