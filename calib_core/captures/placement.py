@@ -57,6 +57,8 @@ class Placement:
         Where it has several scanners or axes.
     sheet_per_mm : float
         How far profiles' light lies off its plane along y, over the square of x.
+    sheets_per_mm : mapping
+        The same of several scanners, by their names.
     origin_mm : tuple of 3
         Without a table, where in base the scans' frame has its zero: near the part, for single precision.
     """
@@ -70,6 +72,7 @@ class Placement:
     carrier: str = "base"
     cell: Cell | None = None
     sheet_per_mm: float = 0.0
+    sheets_per_mm: Mapping[str, float] = field(default_factory=dict[str, float])
     origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
@@ -89,13 +92,27 @@ class Placement:
             raise InputError(need, "only {known}", to_do, capture.id, scanner=name, known=", ".join(self.mounts))
         return self.mounts[name]
 
+    def sheet(self, capture: Capture) -> float:
+        """Return how the sheet of light of a capture's scanner is bent, as `sheet_per_mm` is."""
+        if not self.sheets_per_mm or self.cell is None:
+            return self.sheet_per_mm
+        return self.sheets_per_mm.get(scanner_name(self.cell, capture), 0.0)
+
     @property
     def told(self) -> tuple[object, ...]:
         """All that it says, to be compared."""
         frames = [self.mount_from_laser, self.base_from_turntable, *self.mounts.values()]
         axes = [(axis.base_from_axis.to_rows(), axis.turns) for axis in self.axes]
         rows = [None if frame is None else frame.to_rows() for frame in frames]
-        return rows, axes, self.direction, self.scale, self.carrier, self.sheet_per_mm
+        return (
+            rows,
+            axes,
+            self.direction,
+            self.scale,
+            self.carrier,
+            self.sheet_per_mm,
+            [*self.sheets_per_mm.items()],
+        )
 
     def way(self, capture: Capture, base_from_carrier: RigidTransform) -> RigidTransform:
         """Return the way from a capture's scanner into the frame of all, by where what carries it is.
@@ -194,12 +211,22 @@ def placement_of(cell: Cell, captures: Sequence[Capture], solved: Sequence[Mappi
         _carrier(cell, captures),
         cell,
         next(filter(None, map(sheet_per_mm_of, used)), 0.0),
+        next(filter(None, map(sheets_per_mm_of, used)), {}),
     )
 
 
 def sheet_per_mm_of(result: Mapping[str, Any]) -> float:
     """Return by how much a result tells that the scanner's sheet of light is bent, as `Placement` has it."""
-    told = result.get("scanner")
+    return _sheet_per_mm(result.get("scanner"))
+
+
+def sheets_per_mm_of(result: Mapping[str, Any]) -> dict[str, float]:
+    """Return the same of several scanners by their names, those that are bent."""
+    each = {name: _sheet_per_mm(one) for name, one in (result.get("scanner_errors") or {}).items()}
+    return {name: bent for name, bent in each.items() if bent}
+
+
+def _sheet_per_mm(told: Any) -> float:
     found: Mapping[str, Any] = told if isinstance(told, dict) else {}
     return found["sheet_bend_mm"] / found["half_width_mm"] ** 2 if found.get("sheet_bend_mm") else 0.0
 

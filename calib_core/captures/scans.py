@@ -117,7 +117,7 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
         poses, captures = [poses_of(session, group)[0][1]], [first]
     else:
         poses, captures, points, intensity = _profiles(session, group, read)
-        points[..., 1] = placement.sheet_per_mm * points[..., 0] ** 2
+        points[..., 1] = placement.sheet(first) * points[..., 0] ** 2
         near, organised = RigidTransform.identity("laser", "laser"), len(points) >= 3
     ways = [placement.way(capture, pose) @ near for capture, pose in zip(captures, poses, strict=True)]
     scanner = scanner_told(session.cell, first)

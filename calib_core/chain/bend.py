@@ -31,7 +31,7 @@ _SETTLED: Final = 0.1  # of its standard deviation
 
 @dataclass(frozen=True, eq=False)
 class Bend:
-    """How far the light lies off its plane along y at the stripe's ends, mm, and what that does to the unknowns.
+    """How far a scanner's light lies off its plane along y at the stripe's ends, mm, and what that does.
 
     `by_one` (P,) is how the unknowns move with one standard deviation of it; `chance` how rare so much is.
     """
@@ -41,6 +41,7 @@ class Bend:
     half_width_mm: float
     chance: float
     by_one: FloatArray
+    scanner: str = ""
 
     @property
     def solved(self) -> bool:
@@ -52,29 +53,48 @@ class Bend:
         return self.size_mm * (x_mm / self.half_width_mm) ** 2
 
 
+Bends = tuple[Bend, ...]
+"""Of the scanners whose light is bent."""
+
+
 def straightened(
     observations: Observations, data: ChainData, judged: Judged, given: GivenSigmas
-) -> tuple[list[SphereObservation], ChainData, Judged, Bend | None]:
-    """Return captures and arrays with their points where a bent sheet of light was, the answer, and the bend.
+) -> tuple[list[SphereObservation], ChainData, Judged, Bends]:
+    """Return captures and arrays with their points where bent sheets of light were, the answer, and the bends.
 
     Where the captures show no bend, or poses that lag explain them better, all is as it was.  One that something
     else might feign is not taken out of the points.
     """
-    found = _bend_at(judged, 0.0) if can_show(judged) and len(data.points) else None
-    as_it_was = list(observations), data, judged, None
-    if found is None or found.chance >= RARE or abs(found.size_mm) <= LEAST_MM:
-        return as_it_was
+    seen, bends = list(observations), list[Bend]()
     lag = unmodelled_of(judged)
-    if lag is not None and lag.said and lag.chance < found.chance:
+    lags = lag.chance if lag is not None and lag.said else RARE
+    for which in range(len(data.walk.layout.mounts)) if len(data.points) else ():
+        seen, data, judged, bend = _straightened(seen, data, judged, given, which, lags)
+        bends += [bend] if bend is not None else []
+    return seen, data, judged, tuple(bends)
+
+
+def _straightened(
+    observations: list[SphereObservation],
+    data: ChainData,
+    judged: Judged,
+    given: GivenSigmas,
+    which: int,
+    rare: float,
+) -> tuple[list[SphereObservation], ChainData, Judged, Bend | None]:
+    """Return the same for one of the scanners, whose bend is one where chance is below `rare`."""
+    found = _bend_at(judged, which, 0.0) if can_show(judged, which) else None
+    as_it_was = observations, data, judged, None
+    if found is None or found.chance >= rare or abs(found.size_mm) <= LEAST_MM:
         return as_it_was
     if not found.solved:
-        return list(observations), data, judged, found
-    chance, seen, bent = found.chance, list(observations), data
+        return observations, data, judged, found
+    chance, seen, bent = found.chance, observations, data
     for _ in range(_ROUNDS):
         state = judged.fit.state
-        seen, bent = unbent(observations, data, state, found)
+        seen, bent = unbent(observations, data, state, (found,))
         judged = judge_from(seen, bent, state, judged.used, given)
-        after = _bend_at(judged, found.size_mm)
+        after = _bend_at(judged, which, found.size_mm)
         if after is None:
             return as_it_was
         settled = abs(after.size_mm - found.size_mm) < _SETTLED * after.sigma_mm
@@ -84,25 +104,31 @@ def straightened(
     return seen, bent, judged, replace(found, chance=chance)
 
 
-def by_all(judged: Judged, bend: Bend | None) -> Bend | None:
-    """Return a bend that some of the captures show, None where chance explains what all of them show of it."""
-    here = _bend_at(judged, 0.0) if bend is not None and not bend.solved else None
-    return None if here is not None and here.chance >= RARE else bend
+def by_all(judged: Judged, bends: Bends) -> Bends:
+    """Return bends that some of the captures show without those that chance explains in what all show of them."""
+    here = [None if bend.solved else _bend_at(judged, _number(judged, bend), 0.0) for bend in bends]
+    return tuple(bend for bend, one in zip(bends, here, strict=True) if one is None or one.chance < RARE)
 
 
-def doubted(judged: Judged, bend: Bend | None) -> Judged:
-    """Return captures judged, less sure by what is unknown of a bend that was found of them or of others."""
-    here = bend and _bend_at(judged, bend.size_mm if bend.solved else 0.0)
-    if bend is None or here is None:
-        return judged
-    step = here.by_one if bend.solved else here.by_one * bend.size_mm / here.sigma_mm
-    return with_more_spread(judged, np.outer(step, step))
+def doubted(judged: Judged, bends: Bends) -> Judged:
+    """Return captures judged, less sure by what is unknown of bends that were found of them or of others."""
+    spread = np.zeros((judged.data.width,) * 2)
+    for bend in bends:
+        here = _bend_at(judged, _number(judged, bend), bend.size_mm if bend.solved else 0.0)
+        if here is not None:
+            step = here.by_one if bend.solved else here.by_one * bend.size_mm / here.sigma_mm
+            spread += np.outer(step, step)
+    return with_more_spread(judged, spread) if bends else judged
+
+
+def _number(judged: Judged, bend: Bend) -> int:
+    return [name for name, _ in judged.data.walk.layout.mounts].index(bend.scanner)
 
 
 def unbent(
-    observations: Observations, data: ChainData, state: ChainState, bend: Bend | None
+    observations: Observations, data: ChainData, state: ChainState, bends: Bends
 ) -> tuple[list[SphereObservation], ChainData]:
-    """Return captures and arrays with their points where a bent sheet of light was that is solved.
+    """Return captures and arrays with their points where bent sheets of light were that are solved.
 
     Parameters
     ----------
@@ -110,13 +136,25 @@ def unbent(
         Captures, and the same as arrays, their points in one plane.
     state : ChainState
         Where it expects the balls, profiles are looked at from the plane that the light is in there.
-    bend : Bend or None
+    bends : tuple of Bend
     """
-    if bend is None or not bend.solved:
+    solved = {bend.scanner: bend for bend in bends if bend.solved}
+    if not solved:
         return list(observations), data
     balls = zip(observations, data.walk.seen(state.position), radii_of(data, state), strict=True)
-    seen = [_flattened(o, bend, center, radius_mm, bend.at_mm(center[0])) for o, center, radius_mm in balls]
-    return seen, replace(data, points=_off_the_plane(data.points, bend))
+    seen = [
+        _flattened(o, bend, center, radius_mm, bend.at_mm(center[0])) if (bend := solved.get(o.scanner)) else o
+        for o, center, radius_mm in balls
+    ]
+    points, names = data.points, [name for name, _ in data.walk.layout.mounts]
+    for name in solved.keys() & {*names}:
+        points = _off_the_plane(points, solved[name], _of_scanner(data, names.index(name)))
+    return seen, replace(data, points=points)
+
+
+def _of_scanner(data: ChainData, which: int) -> np.ndarray:
+    """Return which points are of one of the scanners, (M,)."""
+    return np.repeat(data.walk.scanner == which, np.diff(data.offsets))
 
 
 def in_one_plane(
@@ -137,12 +175,12 @@ def in_one_plane(
     return [_flattened(o, bend, c, radius_mm, 0.0) for o, c in zip(observations, centers, strict=True)]
 
 
-def _bend_at(judged: Judged, size_mm: float) -> Bend | None:
-    """Return the likeliest bend by the slope of the likelihood at the one that points have, if it peaks."""
+def _bend_at(judged: Judged, which: int, size_mm: float) -> Bend | None:
+    """Return a scanner's likeliest bend by the likelihood's slope at the one that points have, if it peaks."""
     data, state, sigmas = judged.data, judged.fit.state, judged.fit.sigmas
-    here = linearised_at(data, state, sigmas)
+    here, own = linearised_at(data, state, sigmas), _of_scanner(data, which)
     one, other = (
-        linearised_at(replace(data, points=_off_the_plane(data.points, more)), state, sigmas)
+        linearised_at(replace(data, points=_off_the_plane(data.points, more, own)), state, sigmas)
         for more in (_of_one(_TRIED_MM, data.half_width_mm), _of_one(-_TRIED_MM, data.half_width_mm))
     )
     slope = (one.cost - other.cost) / (2 * _TRIED_MM) + size_mm / _BELIEVED_MM**2
@@ -161,6 +199,7 @@ def _bend_at(judged: Judged, size_mm: float) -> Bend | None:
         half_width_mm=data.half_width_mm,
         chance=Scores.of(judged).chance(slope**2 / information, 1),
         by_one=-sigma_mm * step[: data.width],
+        scanner=data.walk.layout.mounts[which][0],
     )
 
 
@@ -168,9 +207,9 @@ def _of_one(size_mm: float, half_width_mm: float) -> Bend:
     return Bend(size_mm, 0.0, half_width_mm, 1.0, np.empty(0))
 
 
-def _off_the_plane(points: FloatArray, bend: Bend) -> FloatArray:
+def _off_the_plane(points: FloatArray, bend: Bend, some: np.ndarray | slice = slice(None)) -> FloatArray:
     moved = points.copy()
-    moved[:, 1] += bend.size_mm * (points[:, 0] / bend.half_width_mm) ** 2
+    moved[some, 1] += bend.size_mm * (points[some, 0] / bend.half_width_mm) ** 2
     return moved
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from calib_core.cell.layout import KnownDistance, MovedAxis
 from calib_core.chain.arm_model import ArmModel
-from calib_core.chain.bend import Bend
+from calib_core.chain.bend import Bends
 from calib_core.chain.held import Held
 from calib_core.chain.model import ChainState
 from calib_core.chain.scanner import ScannerPriors
@@ -19,7 +19,7 @@ from calib_core.frames import RigidTransform
 class KnownTool:
     """The tool of the stage before, what was found of the scanner with it (None: both exact), and the two steps'.
 
-    `mount_from_laser` is the answer of that stage, `arm` what its poses were corrected by, `bend` its points.
+    `mount_from_laser` is the answer of that stage, `arm` what its poses were corrected by, `bends` its points.
     Beside an exact one `late` has by name where others are about, whose places are sought with the table.  Where
     nothing places any, all of it is sought, beginning with what balls on axes say of themselves.
     """
@@ -28,7 +28,7 @@ class KnownTool:
     held: Held | None = None
     two_step: RigidTransform | None = None
     arm: ArmModel | None = None
-    bend: Bend | None = None
+    bends: Bends = ()
     late: Mapping[str, RigidTransform] = field(default_factory=dict[str, RigidTransform])
     sought: TcpSolution | None = None
 

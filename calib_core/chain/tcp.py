@@ -15,7 +15,7 @@ from calib_core.chain.answer import Answer, answer_of
 from calib_core.chain.arm_model import ArmModel, arm_input, arm_model_of
 from calib_core.chain.arm_open import corrected, settled, with_open_arm, with_poses_of
 from calib_core.chain.arrays import chain_data, layout_of, visits_of
-from calib_core.chain.bend import Bend, doubted, straightened
+from calib_core.chain.bend import Bends, doubted, straightened
 from calib_core.chain.chain_data import ChainData, Sigmas
 from calib_core.chain.effective import with_effective_points
 from calib_core.chain.foot_start import on_foot
@@ -130,8 +130,8 @@ class TcpSolution:
         What happened to the captures, where one cause explains several.
     warm_up : WarmUp or None
         How far scanner or sphere drifted meanwhile.
-    bend : Bend or None
-        Of the sheet of light, where the captures show it.
+    bends : tuple of Bend
+        Of sheets of light, where the captures show it.
     unmodelled : Unmodelled or None
         What the answer has no room for, beyond chance.
     sphere : SphereSize
@@ -177,7 +177,7 @@ class TcpSolution:
     points_per_independent: float
     causes: list[Happened]
     warm_up: WarmUp | None
-    bend: Bend | None
+    bends: Bends
     unmodelled: Unmodelled | None
     sphere: SphereSize
     seen_in_laser_mm: FloatArray
@@ -247,8 +247,8 @@ def solve_tcp(
     state, core, spread = together(data, mains, every, axes)
     state, core = with_other_balls(data, centers_of(on_foot(observations, layout, axes), sphere), state, core)
     judged = judge_from(observations, data, state, core, given)
-    observations, data, judged, bend = straightened(observations, data, judged, given)
-    judged, lag = _less_sure(judged, bend, spread)
+    observations, data, judged, bends = straightened(observations, data, judged, given)
+    judged, lag = _less_sure(judged, bends, spread)
     held = hold_files(judged, options.apply_scanner)
     arm = None
     as_told: Held | None = None
@@ -260,7 +260,7 @@ def solve_tcp(
             observations = corrected(observations, arm)
             moved = with_open_arm(with_poses_of(judged.data, observations), held.state, observations, arm)
             again = judge_from(observations, moved, judged.fit.state, judged.used, given)
-            judged, lag = _less_sure(again, bend, spread)
+            judged, lag = _less_sure(again, bends, spread)
             held = hold_files(judged, options.apply_scanner)
             arm, observations, judged, held = settled(arm, observations, judged, held)
             data = with_poses_of(data, observations)
@@ -312,7 +312,7 @@ def solve_tcp(
         points_per_independent=float(np.median([o.points_per_independent for o in observations])),
         causes=causes,
         warm_up=warm_up,
-        bend=bend,
+        bends=bends,
         unmodelled=lag,
         sphere=sphere,
         seen_in_laser_mm=point,
@@ -324,10 +324,10 @@ def solve_tcp(
     )
 
 
-def _less_sure(judged: Judged, bend: Bend | None, spread: FloatArray) -> tuple[Judged, Unmodelled | None]:
+def _less_sure(judged: Judged, bends: Bends, spread: FloatArray) -> tuple[Judged, Unmodelled | None]:
     """Return captures judged with what is doubted of the answer in its covariance, and how poses lag."""
     lag = unmodelled_of(judged)
-    judged = doubted(with_more_spread(with_doubted_priors(judged), spread), bend)
+    judged = doubted(with_more_spread(with_doubted_priors(judged), spread), bends)
     return (with_more_spread(judged, lag.spread), lag if lag.said else None) if lag else (judged, None)
 
 

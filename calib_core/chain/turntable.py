@@ -195,10 +195,10 @@ def solve_turntable(
     data = table_data(observations, sphere, point_sigma, tool, options)
     flat = [o.placed for o in observations]
     begin = start_state(data, tool, start)
-    spheres, bent = unbent(flat, data, begin, tool.bend)
+    spheres, bent = unbent(flat, data, begin, tool.bends)
     judged, encoders, image = _judge(spheres, bent, begin, core_of(start.misfit_mm), options)
-    if tool.bend is not None:  # where the balls are is known better now
-        spheres, bent = unbent(flat, data, judged.fit.state, tool.bend)
+    if tool.bends:  # where the balls are is known better now
+        spheres, bent = unbent(flat, data, judged.fit.state, tool.bends)
         judged, encoders, image = _judge(spheres, bent, judged.fit.state, judged.used, options)
     observations = [o.seen_as(sphere) for o, sphere in zip(observations, spheres, strict=True)]
 

@@ -66,9 +66,10 @@ def unmodelled_of(judged: Judged) -> Unmodelled | None:
     return min(found, key=lambda one: (not one.said, one.chance), default=None)
 
 
-def can_show(judged: Judged) -> bool:
-    """Return whether captures are enough, and of one scanner, to show one unknown more."""
-    return int(judged.used.sum()) >= _LEAST_CAPTURES and len(judged.data.walk.layout.mounts) == 1
+def can_show(judged: Judged, scanner: int | None = None) -> bool:
+    """Return whether captures, all or those of one scanner, are enough to show one unknown more."""
+    own = judged.used if scanner is None else judged.used & (judged.data.walk.scanner == scanner)
+    return int(own.sum()) >= _LEAST_CAPTURES
 
 
 def _lags(judged: Judged, scores: Scores) -> Iterator[Unmodelled]:
@@ -88,6 +89,8 @@ def _lags(judged: Judged, scores: Scores) -> Iterator[Unmodelled]:
     turn = np.zeros_like(way)
     for k in range(1, len(way)):
         turn[k] = vector_from_rotation(rotations[k] @ rotations[k - 1].T)
+    for k in np.flatnonzero((np.diff(data.stop, prepend=-1) == 0) & (data.stop >= 0)):
+        way[k], turn[k] = way[k - 1], turn[k - 1]  # the robot came to a stop but once
     length = np.linalg.norm(way, axis=1)
     unit = way / np.maximum(length, _LEAST_WAY_MM)[:, None]
     usual_mm = float(np.median(length[1:]))

@@ -138,9 +138,9 @@ def solve_chain(
     spheres, (judged, encoders), image, point_sigma = _judge(
         tcp_observations, table_observations, sphere, tcp, turntable, options, late
     )
-    tcp = replace(tcp, bend=by_all(judged, tcp.bend))
+    tcp = replace(tcp, bends=by_all(judged, tcp.bends))
     errors = table_errors_of(judged, len(table_observations), turntable.pattern)
-    judged = with_more_spread(doubted(judged, tcp.bend), errors.spread)
+    judged = with_more_spread(doubted(judged, tcp.bends), errors.spread)
 
     tell(0.8, "Comparing with the stages' own answers")
     unmoved = hold_files(judged, tcp.options.apply_scanner)
@@ -233,7 +233,7 @@ def _judge(
     if tcp.arm is not None and tcp.arm.applied:
         data = with_open_arm(data, start, spheres, tcp.arm)
     core = np.concatenate([of_tcp[1], turntable.used, *(own.core for own in late)])
-    spheres, data = unbent(spheres, data, start, tcp.bend)
+    spheres, data = unbent(spheres, data, start, tcp.bends)
 
     def judge(there: ChainState, core: np.ndarray) -> JudgedTable:
         return judge_table(spheres, data, there, core, options.sigmas, options.scale_asked)

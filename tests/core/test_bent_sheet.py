@@ -36,6 +36,17 @@ def test_it_is_solved_with_the_tool() -> None:
 
 
 @pytest.mark.thorough
+def test_of_two_scanners_each_bend_is_solved_and_named() -> None:
+    """Each passed with the workpiece up to 3.4 times its ± off while only one scanner's light was looked at."""
+    found = outcome(BENT, 1, scanners="two")
+    assert found.verdict == "warn"
+    assert len(found.warnings) == 2
+    for name, warning in zip(("left", "right"), found.warnings, strict=True):
+        assert warning.startswith(f"The sheet of light of the scanner '{name}' is bent: by 0.")
+    assert found.worst < 1.3
+
+
+@pytest.mark.thorough
 def test_a_merged_ball_is_where_it_stands() -> None:
     cell = troubled(BENT, 0)
     solved = solve_stage(cell.session, "tcp", cell.files.__getitem__)

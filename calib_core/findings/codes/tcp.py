@@ -295,6 +295,10 @@ SHEET_BENT = Code(
         "It is solved with the tool; table and merged scans count with it.",
         "allowed": "The scanner's sheet of light may be bent: by {bend_mm:.2f} mm at {half_width_mm:.0f} mm from its "
         "middle. Something else might look so; the tool's uncertainty allows for it.",
+        "solved-of-one": "The sheet of light of the scanner '{scanner}' is bent: by {bend_mm:.2f} mm at "
+        "{half_width_mm:.0f} mm from its middle. It is solved with the tool; table and merged scans count with it.",
+        "allowed-of-one": "The sheet of light of the scanner '{scanner}' may be bent: by {bend_mm:.2f} mm at "
+        "{half_width_mm:.0f} mm from its middle. Something else might look so; the tool's uncertainty allows for it.",
     },
     by="handled",
     to_do="Calibrate the scanner's plane of light again, or scan with the stripe's middle alone.",

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.arms.alike import REACH_MM, REACH_RAD
 from calib_core.chain.answer import Answer
+from calib_core.chain.bend import Bend
 from calib_core.chain.chain_data import Sigmas
 from calib_core.chain.held import Held
 from calib_core.chain.moved import OpticsError
@@ -77,13 +78,18 @@ def solution_findings(
     solution: TcpSolution, captures: Sequence[Capture] = (), with_table: bool = False
 ) -> list[Finding]:
     """Return what a solution shows, its drift and what it has no room for too."""
-    bend = solution.bend
-    more = []
-    if bend is not None:
-        handled = "solved" if bend.solved else "allowed"
-        more = [codes.SHEET_BENT(bend_mm=abs(bend.size_mm), half_width_mm=bend.half_width_mm, handled=handled)]
+    more = [_bent(bend) for bend in solution.bends]
     more += [solution.unmodelled.finding] if solution.unmodelled else []
     return [*tcp_findings(solution, captures, with_table), *drift_findings(solution), *more]
+
+
+def _bent(bend: Bend) -> Finding:
+    handled = "solved" if bend.solved else "allowed"
+    size, width = abs(bend.size_mm), bend.half_width_mm
+    if not bend.scanner:
+        return codes.SHEET_BENT(bend_mm=size, half_width_mm=width, handled=handled)
+    handled += "-of-one"
+    return codes.SHEET_BENT(bend_mm=size, half_width_mm=width, handled=handled, scanner=bend.scanner)
 
 
 def placed(answer: Answer) -> dict[str, Any]:
@@ -147,6 +153,8 @@ def scanner_found(solution: TcpSolution, which: int = 0) -> ScannerFound:
     held = solution.held
     some, active = held.columns_of(which), held.active[held.nuisances_of(which)]
     covariance = held.covariance[some][:, some]
+    name = held.state.walk.layout.mounts[which][0]
+    bends = [bend for bend in solution.bends if bend.solved and bend.scanner == name]
     return ScannerFound(
         names=[NAMES[held.data.kinds[k]] for k in active],
         values=held.found.scanner[active].tolist(),
@@ -158,7 +166,7 @@ def scanner_found(solution: TcpSolution, which: int = 0) -> ScannerFound:
         half_width_mm=held.half_width_mm,
         facing=held.facing,
         left_in_files=_left_in_files(held, which),
-        sheet_bend_mm=solution.bend.at_mm(held.half_width_mm) if solution.bend and solution.bend.solved else None,
+        sheet_bend_mm=next((bend.at_mm(held.half_width_mm) for bend in bends), None),
     )
 
 

@@ -144,8 +144,8 @@ def tool_of(solved: SolvedTcp) -> "KnownTool":
     solution = solved.solution
     two_step = solution.two_step.mount_from_laser if solution.two_step else None
     arm = solution.arm if solution.arm is not None and solution.arm.applied else None
-    bend = solution.bend if solution.bend is not None and solution.bend.solved else None
-    return KnownTool(solution.joint.mount_from_laser, solution.held, two_step, arm, bend)
+    bends = tuple(bend for bend in solution.bends if bend.solved)
+    return KnownTool(solution.joint.mount_from_laser, solution.held, two_step, arm, bends)
 
 
 def about_tool(tool: "TcpSolution", captures: Sequence[Capture]) -> list[Finding]:

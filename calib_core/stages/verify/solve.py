@@ -102,7 +102,10 @@ def solve(given: StageInput) -> VerifyResult:
     findings, found, doubtful, moved = [*same], None, list[Finding](), list[Finding]()
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     if count >= LEAST_CAPTURES:
-        groups = {key: in_one_plane(seen, seen[0].size(sphere), tool) for key, seen in groups.items()}
+        groups = {
+            (mount, by): in_one_plane(seen, seen[0].size(sphere), tool.of_scanner(by))
+            for (mount, by), seen in groups.items()
+        }
         observed = replace(observed, observations=[o for seen in groups.values() for o in seen])
         parts = [
             held_out(seen, seen[0].size(sphere), tool.of_scanner(scanner)) for (_, scanner), seen in groups.items()

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.captures.placement import sheet_per_mm_of
+from calib_core.captures.placement import sheet_per_mm_of, sheets_per_mm_of
 from calib_core.cell.found import as_used, mounts_of
 from calib_core.chain.bend import in_one_plane
 from calib_core.chain.observations import Observations, SphereObservation
@@ -33,6 +33,8 @@ class Tool:
         Of several scanners, the pose of each on what carries it by its name, and its covariance.
     sheet_per_mm : float
         How far the light lies off its plane along y, over the square of x.
+    sheets_per_mm : mapping
+        The same of several scanners by their names.
     arm : ArmScatter or None
         What the arm's errors put into captures together.
     scatter_freedom : float
@@ -52,6 +54,7 @@ class Tool:
         default_factory=dict[str, tuple[RigidTransform, FloatArray]]
     )
     sheet_per_mm: float = 0.0
+    sheets_per_mm: Mapping[str, float] = field(default_factory=dict[str, float])
     arm: ArmScatter | None = None
     scatter_freedom: float = np.inf
     scanner: ScannerScatter | None = None
@@ -68,6 +71,7 @@ class Tool:
             parts.orientation_sigma_rad,
             others=mounts_of(answer.frames),
             sheet_per_mm=sheet_per_mm_of(used),
+            sheets_per_mm=sheets_per_mm_of(used),
             arm=ArmScatter.of(answer),
             scanner=None if isinstance(answer.scanner, str | None) else ScannerScatter.of(answer.scanner),
             others_scatter={name: ScannerScatter.of(one) for name, one in (answer.scanner_errors or {}).items()},
@@ -78,12 +82,12 @@ class Tool:
         self, observations: Observations, center_mm: FloatArray, radius_mm: float
     ) -> list[SphereObservation]:
         """Return profiles in one plane where the sheet of light is bent, of a ball (3,) on what carries it."""
-        if not self.sheet_per_mm:
-            return list(observations)
-        seen = np.array([
-            (o.ball_from_scanner @ self.mount_from_laser).inverse().apply(center_mm) for o in observations
-        ])  # fmt: skip
-        return in_one_plane(observations, self.sheet_per_mm, seen, radius_mm)
+        found: list[SphereObservation] = []
+        for o in observations:
+            own = self.of_scanner(o.scanner)
+            seen = (o.ball_from_scanner @ own.mount_from_laser).inverse().apply(center_mm)
+            found += in_one_plane([o], own.sheet_per_mm, seen[None], radius_mm) if own.sheet_per_mm else [o]
+        return found
 
     @property
     def exact(self) -> "Tool":
@@ -99,6 +103,7 @@ class Tool:
             self,
             mount_from_laser=mount,
             covariance=covariance,
+            sheet_per_mm=self.sheets_per_mm.get(name, 0.0),
             scanner=self.others_scatter.get(name),
             arm=self.arm and self.arm.of_other(),
         )
