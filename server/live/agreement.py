@@ -1,6 +1,7 @@
 """Whether poses and stripe tell of one world, without any clock: what moves must move for both."""
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,17 +11,21 @@ from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.records import Cell
 from calib_core.sphere.arc import ArcFit
+from calib_core.sphere.standstill import standstill
 from server.live.departures import STRIPE_MOVED_MM, Departures
 from server.live.exposures import Exposure
 from server.live.late_angle import STRIPE_STOOD_MM, LateAngle
 from server.live.standstill import Rest, Rules, is_new_place
-from server.sources.device import Sample
+from server.sources.device import Sample, host_now_s
 
 _ROBOT_MOVED_MM, _JOINT_TURNED_DEG = 3.0, 0.5
 _BALL_MOVED_MM = 8.0  # more than a tool is off by that was solved, less than a ball moves by with its table
 _MOST_ARCS = 2000
 _LATEST_S = 1.5  # a stripe without a clock that arrives later than so is not waited for
 _ARRIVES_S = 0.2  # poses may arrive so much later than what the scanner saw, beside the time between two of them
+_NOISE_MM = 0.1  # at most between two arcs of a stripe that stood
+_WHILE_S = 0.35  # so long something else was in the light than the sphere
+_FEWEST_POINTS = 20  # of something: a laser that was switched off shows none
 
 
 class Agreement:
@@ -30,21 +35,31 @@ class Agreement:
     ----------
     rules : Rules
         What counts as one pose, and how long before its arrival an exposure may have been made.
+    unwatched_s : callable, optional
+        For how long at a stretch nobody looked within an interval, or what arrived in it was stamped too late.
     """
 
-    def __init__(self, rules: Rules) -> None:
-        self._rules = rules
+    def __init__(self, rules: Rules, unwatched_s: Callable[[float, float], float] = lambda _, __: 0.0) -> None:
+        self._rules, self._unwatched_s = rules, unwatched_s
         self.late_angle = LateAngle(rules.latency_s)
         self.departures = Departures(rules.latency_s)
         self.forget(is_remounted=True)
 
     def forget(self, *, is_remounted: bool) -> None:
         """Begin anew: a device was lost, or the sphere may have been moved by hand."""
+        if is_remounted:
+            self.doubted_since_s: float | None = None  # a stand whose pose was not where the robot stood
+            self.moved_after_s = np.inf  # the stripe did in that stand
+            self.nobody_looked_s = 0.0  # as the robot left that stand
+            self._on_table: Rest | None = None
+        else:
+            self._look_back(host_now_s())
         self._stands: Sample | None = None
         self._table_deg: float | None = None
         self.stands_since_s = self._told_s = -np.inf
-        self.doubted_since_s: float | None = None  # a stand whose pose was not where the robot stood
-        self.moved_after_s = np.inf  # the stripe did in that stand
+        self._else_s: float | None = None  # since when something else is in the light than the sphere
+        self._leaving: tuple[float, float] | None = None  # since when stood what moves now, and since when it does
+        self._came_s = np.inf  # when the stand began, where it began with a move
         self._doubted = -np.inf, ""  # when last, and why
         self._arcs: deque[tuple[float, ArcFit]] = deque(maxlen=_MOST_ARCS)
         self._before: Rest | None = None
@@ -54,8 +69,6 @@ class Agreement:
         )
         self.late_angle.forget()
         self.departures.forget()
-        if is_remounted:
-            self._on_table: Rest | None = None
 
     def tell(self, sample: Sample) -> None:
         """Take where the robot or the table stands."""
@@ -64,10 +77,12 @@ class Agreement:
             last = self._stands.base_from_tool0 if self._stands else None
             if last is None or not is_resting([last, pose], rules.position_mm, rules.orientation_rad):
                 self._moved(sample)
+                self._came_s = np.inf if last is None else sample.host_time_s
                 self._stands = sample
         if sample.table_deg is not None:
             if self._table_deg is None or abs(sample.table_deg - self._table_deg) > rules.table_deg:
                 self._moved(sample)
+                self._came_s = np.inf if self._table_deg is None else sample.host_time_s
             self._table_deg = sample.table_deg
             self.late_angle.tell(sample.table_deg, sample.host_time_s)
         self._told_s = sample.host_time_s
@@ -81,12 +96,18 @@ class Agreement:
         if is_on_table and exposure.arc is not None and self.late_angle.see(exposure.arc, seen_s, self._table_deg):
             self.doubted_since_s, self.moved_after_s = self._left_since_s, np.inf
         self.departures.see(exposure.arc, seen_s)
+        self._see_leaving(seen_s)
         late = seen_s <= self.stands_since_s + self._rules.latency_s
-        if exposure.arc is None or not exposure.frame.fresh or late:
+        if not exposure.frame.fresh or late or self._unwatched_s(seen_s - self._rules.untimed_latency_s, seen_s):
             return
+        if exposure.arc is None:
+            if self._else_s is None and len(exposure.points) >= _FEWEST_POINTS:
+                self._else_s = seen_s
+            return
+        self._else_s = None
         self._arcs.append((seen_s, exposure.arc))
         former, self._former = self._former, None
-        if former is None or self._stands is None or former[2].apart_mm(exposure.arc) > STRIPE_STOOD_MM:
+        if former is None or self._stands is None or not _stood(former[2], exposure.arc):
             return
         poses = [one.base_from_tool0 for one in (former[1], self._stands) if one.base_from_tool0 is not None]
         # The pose moved alone: the robot had been here long before.
@@ -182,7 +203,7 @@ class Agreement:
     def _doubt(self, why: str) -> str:
         """Remember a stand in which pose and stripe told of two places, and when the stripe left the first."""
         self._doubted = self._told_s, why
-        self.doubted_since_s = self.stands_since_s
+        self.doubted_since_s, self.nobody_looked_s = self.stands_since_s, 0.0
         left_s = (seen_s for seen_s, arc in self._arcs if self._arcs[0][1].apart_mm(arc) > STRIPE_MOVED_MM)
         self.moved_after_s = next(left_s, np.inf) - self.stands_since_s
         return why
@@ -193,9 +214,7 @@ class Agreement:
 
     def _moved(self, sample: Sample) -> None:
         """Begin a new stand; one in which the stripe went elsewhere long before was none."""
-        before_s = self._told_s - _ARRIVES_S
-        if self._arcs and self._arcs[0][0] < before_s:
-            self._stripe_moved(self._arcs[0][1], before_s)
+        self._look_back(sample.host_time_s)
         if self._arcs and self._stands is not None:
             self._former = self.stands_since_s, self._stands, self._arcs[-1][1]
         if self._arcs:
@@ -203,8 +222,36 @@ class Agreement:
             if self._arcs[0][1].apart_mm(self._arcs[-1][1]) <= STRIPE_MOVED_MM:
                 self.departures.leave(sample, *self._arcs[-1])
             self._left_since_s = self.stands_since_s
+            self._leaving = self.stands_since_s, sample.host_time_s
         self.stands_since_s = sample.host_time_s
         self._arcs.clear()
+        self._else_s = None
+
+    def _look_back(self, left_s: float) -> None:
+        """Doubt a stand that ends, where the stripe left it before the pose did or nobody saw that it did not."""
+        if not self._arcs:
+            return
+        before_s, seen_s = self._told_s - _ARRIVES_S, self._arcs[-1][0]
+        if self._arcs[0][0] < before_s and self._stripe_moved(self._arcs[0][1], before_s):
+            return
+        nobody_s = self._unwatched_s(seen_s, left_s)
+        if nobody_s or (self._else_s is not None and self._else_s + _WHILE_S < before_s):
+            self._doubt_stand(self.stands_since_s, nobody_s)
+
+    def _see_leaving(self, seen_s: float) -> None:
+        """Doubt a stand that ended, where nobody saw that the stripe moved as soon as the pose did."""
+        if self._leaving is None or seen_s <= self._leaving[1] + self._rules.latency_s:
+            return
+        (since_s, left_s), self._leaving = self._leaving, None
+        if nobody_s := self._unwatched_s(left_s, seen_s):
+            self._doubt_stand(since_s, nobody_s)
+
+    def _doubt_stand(self, since_s: float, nobody_looked_s: float) -> None:
+        self.doubted_since_s, self.moved_after_s, self.nobody_looked_s = since_s, np.inf, nobody_looked_s
+
+    def unwatched_since_s(self) -> float:
+        """Return for how long nobody looked since the stand began with a move, before its first exposure."""
+        return self._unwatched_s(self._came_s, self._arcs[0][0]) if self._arcs else 0.0
 
     def _is_straight(self, before: Rest, now: Rest) -> bool:
         """Return whether the robot alone moved, without a turn, far enough to be seen."""
@@ -216,6 +263,13 @@ class Agreement:
             and is_resting(told, np.inf, self._rules.orientation_rad)
             and _way_mm(before, now) > _ROBOT_MOVED_MM
         )
+
+
+def _stood(one: ArcFit, other: ArcFit) -> bool:
+    """Return whether noise explains what lies between two arcs, where that is little."""
+    apart_mm = one.apart_mm(other)
+    found = standstill([[one, other]]) if STRIPE_STOOD_MM < apart_mm <= _NOISE_MM else None
+    return apart_mm <= STRIPE_STOOD_MM or (found is not None and found.stands_still)
 
 
 def _way_mm(before: Rest, now: Rest) -> float:

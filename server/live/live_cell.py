@@ -19,15 +19,19 @@ from calib_core.steps import steps_that_show
 from server.live.agreement import Agreement
 from server.live.clock_watch import MeasuredClocks
 from server.live.exposures import Exposure, Optics, exposure_of
+from server.live.held_up import Pulse
 from server.live.link import Link
 from server.live.live_captures import CaptureSettings, Shot, Taken, capture_of_rest, capture_of_sweep
 from server.live.recording import Recording, newest_way, on_one_clock, sweep_fields, table_fields
 from server.live.shots import (
+    held_up,
+    left_out,
     no_scanner,
     no_standstill,
     require_agreement,
     require_good,
     require_undisturbed,
+    stood_unseen,
     told_standing,
 )
 from server.live.standstill import Rest, Rules, is_new_place, stood_still
@@ -45,6 +49,8 @@ LeaveOut = Callable[[str, str], object]
 SHOT_WAITS_S = 8.0
 _SAMPLES, _EXPOSURES, _SEEN = 4000, 12, 1200
 _IDLE_S = 0.1
+_BEHIND_S = 1.0
+"""Exposures that arrived so long after the last that was looked at show what nobody saw."""
 
 
 class LiveCell:
@@ -84,7 +90,8 @@ class LiveCell:
         self._arrived = threading.Condition()
         self._stopped = False
         self._taken_at: tuple[Sample | None, float | None] | None = None
-        self._agreement = Agreement(self.rules)
+        self._pulse, self._newest_s = Pulse(), -np.inf
+        self._agreement = Agreement(self.rules, self._unwatched_s)
         self._believed: set[object] = set()  # clocks of devices that were seen to leave a place with the others
         self._taken_here: tuple[str, float] | None = None  # the last capture, and since when the pose had stood
         self.last: Taken | None = None
@@ -132,6 +139,7 @@ class LiveCell:
         for name in list(self.links):
             self.remove(name)
         self._thread.join(timeout=10)
+        self._pulse.stop()
 
     def arrived(self, name: str, reading: Reading) -> None:
         """Take a reading; called by links' threads.  Of frames the newest is kept: previews may be dropped."""
@@ -141,7 +149,7 @@ class LiveCell:
                 self.clock_watch.scanner.take(reading)
                 if recording is not None:
                     recording.expose(reading)
-                self._frame = reading
+                self._frame, self._newest_s = reading, reading.host_time_s
                 self._arrived.notify_all()
                 return
             link = self.links.get(name)
@@ -358,8 +366,15 @@ class LiveCell:
         """
         if (late := self._agreement.late_angle.why) or isinstance(rest, str):
             return late or rest
-        if self.turned_s >= rest.exposures[0].frame.host_time_s - self.rules.latency_s:
+        began_s = rest.exposures[0].frame.host_time_s
+        if self.turned_s >= began_s - self.rules.latency_s:
             return "the table turns"
+        if held_s := self._pulse.held_s(began_s - self.rules.untimed_latency_s, host_now_s()):
+            return held_up(held_s)
+        with self._arrived:
+            nobody_s = 0.0 if self._is_timed("robot", "table") else self._agreement.unwatched_since_s()
+        if nobody_s:
+            return stood_unseen(nobody_s)
         if rest.table_deg is None and self._is_on_table:
             return "the table has told nothing yet" if self._with_angle else rest
         with self._arrived:
@@ -370,6 +385,7 @@ class LiveCell:
         """Leave out the last capture where a pose without a time stood before the robot did."""
         with self._arrived:
             doubted_s, self._agreement.doubted_since_s = self._agreement.doubted_since_s, None
+            nobody_s = self._agreement.nobody_looked_s
         if doubted_s is None or self._taken_here is None or self._taken_here[1] != doubted_s:
             return
         name, self._taken_here = self._taken_here[0], None
@@ -377,14 +393,13 @@ class LiveCell:
         timed = ("robot", "table", "scanner") if self._agreement.is_late() else ("robot", "table")
         if by_hand or self._is_timed(*timed):
             return
-        self._leave_out(
-            name,
-            message(
-                "The stripe moved on while the pose stood: one of them perhaps was not sent any more by then, or "
-                "late. If scanner or sphere were moved by hand, take it in again."
-            ),
-        )
+        self._leave_out(name, left_out(nobody_s))
         self.version += 1
+
+    def _unwatched_s(self, since_s: float, until_s: float) -> float:
+        """Return for how long nobody looked at a stretch; 0 where somebody did."""
+        behind_s = min(self._newest_s, until_s) - since_s
+        return max(self._pulse.held_s(since_s, until_s), behind_s if behind_s > _BEHIND_S else 0.0)
 
     @property
     def _is_on_table(self) -> bool:

@@ -1,4 +1,4 @@
-"""What a capture that was asked for must agree with."""
+"""What a capture must agree with, and why there is none or it is left out again."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from calib_core.captures.standstill import is_resting
 from calib_core.errors import ConflictError
+from calib_core.messages import message
 from server.live.exposures import in_short
 from server.live.live_captures import Shot
 from server.live.standstill import Rest
@@ -57,3 +58,30 @@ def no_standstill(shot: Shot) -> ConflictError:
     """Return what is said where none came in time."""
     need, why_not = "a standstill that robot, table and stripe prove", shot.why_not or "no exposure since"
     return ConflictError(need, why_not, "Let the arm settle, then ask again.")
+
+
+def held_up(held_s: float) -> str:
+    """Return what a capture waits for where this computer let nothing run."""
+    return message("this computer, which was held up for {held_s:.1f} s", held_s=held_s)
+
+
+def stood_unseen(nobody_s: float) -> str:
+    """Return what a capture waits for where the robot may have gone on unseen, its pose not being sent."""
+    return message(
+        "the robot or the table to go elsewhere: this computer was held up for {nobody_s:.1f} s as it came here",
+        nobody_s=nobody_s,
+    )
+
+
+def left_out(nobody_s: float) -> str:
+    """Return why a capture is left out once the robot went on; `nobody_s` is for how long nobody looked then."""
+    if nobody_s:
+        return message(
+            "This computer was held up for {nobody_s:.1f} s as the robot went on: nobody saw whether its pose was "
+            "still being sent by then. If it was, take it in again.",
+            nobody_s=nobody_s,
+        )
+    return message(
+        "The stripe moved on while the pose stood: one of them perhaps was not sent any more by then, or "
+        "late. If scanner or sphere were moved by hand, take it in again."
+    )

@@ -11,6 +11,7 @@ each in a process of its own.
 
 import os
 import re
+import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -204,8 +205,11 @@ def _told_at_the_end(clock: Clock, moves: int, number: int) -> dict[str, Any]:
     return {"taken": found.taken, "wrong": found.wrong, "left": len(found.said)}
 
 
-def frozen_at_the_end(clock: Clock, moves: int, seed: int = 3) -> Trial:
-    """Return how captures went where a robot's stream freezes 0.3 s or less before each second move ends."""
+def frozen_at_the_end(clock: Clock, moves: int, seed: int = 3, held_up: bool = False) -> Trial:
+    """Return how captures went where a robot's stream freezes 0.3 s or less before each second move ends.
+
+    `held_up` stops this process (not on Windows) while the robot stands there or goes on, in turns.
+    """
     wire, found, random = Wire(), Trial(), np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
         rig = Rig(Path(folder) / "scanner")
@@ -224,15 +228,23 @@ def frozen_at_the_end(clock: Clock, moves: int, seed: int = 3) -> Trial:
                 rig.go(rig.good[(2 * number + 1) % len(rig.good)])
                 time.sleep(_TRAVEL_S - random.uniform(0.02, 0.3))
                 wire.fault = "freeze"
-                time.sleep(_STAY_S)
+                (_hold_up if held_up and number % 2 else time.sleep)(_STAY_S)
                 rig.go(rig.good[(2 * number + 2) % len(rig.good)])
-                time.sleep(_TRAVEL_S + _STAY_S)  # seen there, then it is heard again
+                (_hold_up if held_up and not number % 2 else time.sleep)(_TRAVEL_S + _STAY_S)
+                # It was seen there, if nobody was held up; then it is heard again.
                 wire.fault = None
                 time.sleep(_STAY_S)
         finally:
             live.stop()
             rig.stop()
     return found
+
+
+def _hold_up(seconds: float) -> None:
+    """Let none of this process's threads run for a while, from now on."""
+    script = 'kill -STOP "$1"; sleep "$2"; kill -CONT "$1"'
+    with subprocess.Popen(["sh", "-c", script, "", str(os.getpid()), str(seconds)]):
+        pass
 
 
 def _told_late(which: Literal["robot", "scanner"], moves: int) -> dict[str, Any]:

@@ -1,0 +1,49 @@
+"""When this computer did not let the workbench run: nobody looked, and what came meanwhile is stamped too late."""
+
+import threading
+from collections import deque
+
+from server.sources.device import host_now_s
+
+HELD_UP_S = 0.35
+"""A beat that comes later by more leaves open what was before it, as a gap between poses does (`Rules.gap_s`)."""
+_EVERY_S = 0.05
+_MOST_GAPS = 200
+
+
+class Pulse:
+    """Beats by a thread of its own, as all threads of a process wait for one interpreter, and keeps its gaps."""
+
+    def __init__(self) -> None:
+        self._gaps: deque[tuple[float, float]] = deque(maxlen=_MOST_GAPS)
+        self._beat_s = host_now_s()
+        self._lock = threading.Lock()
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="pulse", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Beat no longer."""
+        self._stopped.set()
+        self._thread.join()
+
+    def held_s(self, since_s: float, until_s: float) -> float:
+        """Return the longest gap that reaches into an interval, one that lasts included; 0 where there is none."""
+        with self._lock:
+            gaps = [*self._gaps, (self._beat_s, host_now_s())]
+        return max(
+            (
+                ended_s - began_s
+                for began_s, ended_s in gaps
+                if ended_s - began_s > HELD_UP_S and began_s < until_s and ended_s > since_s
+            ),
+            default=0.0,
+        )
+
+    def _run(self) -> None:
+        while not self._stopped.wait(_EVERY_S):
+            now_s = host_now_s()
+            with self._lock:
+                if now_s - self._beat_s > HELD_UP_S:
+                    self._gaps.append((self._beat_s, now_s))
+                self._beat_s = now_s
