@@ -332,6 +332,22 @@ def _modbus(told: Told):
 TABLES = {"modbus": _modbus}
 
 
+_ASKED_TWICE = ("kukavarproxy", "modbus")
+"""They are asked for where they are and for whether they move: a fault changes both answers alike."""
+
+
+def _for_both(told: Told) -> Told:
+    kept: list[Sample] = []
+
+    def next_one() -> Sample:
+        if kept:
+            return kept.pop()
+        kept.append(told())
+        return kept[0]
+
+    return next_one
+
+
 @contextmanager
 def device(name: str, rig: Rig, wire: Wire) -> Generator[Settings]:
     """Serve a device behind a faulty wire; give the settings with which its source reads it."""
@@ -340,6 +356,6 @@ def device(name: str, rig: Rig, wire: Wire) -> Generator[Settings]:
             yield settings
         return
 
-    told = samples(lambda: rig.cell.at(time.monotonic()), "every-reading")
-    with {**ROBOTS, **TABLES}[name](FaultyStream(told, wire)) as settings:
+    told = FaultyStream(samples(lambda: rig.cell.at(time.monotonic()), "every-reading"), wire)
+    with {**ROBOTS, **TABLES}[name](_for_both(told) if name in _ASKED_TWICE else told) as settings:
         yield settings
