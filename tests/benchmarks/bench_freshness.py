@@ -53,6 +53,7 @@ LATE: tuple[Literal["robot", "scanner"], ...] = ("robot", "scanner")
 _ALONE = "genicam"  # the loopback network has one place for a camera
 _WRONG_MM, _WRONG_DEG = 0.5, 0.05
 _STAY_S, _TRAVEL_S = 2.0, 0.4
+_WAY_S = {"duplicated": 1.5, "reordered": 1.5}  # in which an order shows: twenty readings of a slow source
 _FAULTY_STAY_S = 1.2, 2.4  # as soon as a healthy one is captured, and longer
 _WANTED_S = 0.5
 _PATIENCE_S = 60.0
@@ -309,9 +310,10 @@ def named(found: Trial) -> str:
 def trial(way: str, fault: Fault | None, moves: int, seed: int = 0) -> Trial:
     """Return how captures went on a cell whose robot goes from place to place, with a fault from the second on."""
     wire, found, random = Wire(), Trial(), np.random.default_rng(seed)
+    travel_s = _WAY_S.get(fault or "", _TRAVEL_S)
     with tempfile.TemporaryDirectory() as folder:
         step = "turntable" if way in TABLES else "tcp"
-        rig = Rig(Path(folder) / "scanner", step)
+        rig = Rig(Path(folder) / "scanner", step, travel_s=travel_s)
         places = [k for k in rig.good if rig.simulated.session.captures[k].step == step]
         cell, rig_optics = _cell(rig, way)
         rig.go(places[0])
@@ -331,10 +333,10 @@ def trial(way: str, fault: Fault | None, moves: int, seed: int = 0) -> Trial:
                 began_s = time.monotonic()
                 for number in range(1, moves + 1):
                     rig.go(places[number % len(places)])
-                    _stay(live, found, began_s, random if fault else None)
+                    _stay(live, found, began_s, travel_s, random if fault else None)
                 counted = set(found.names)
                 rig.go(places[(moves + 1) % len(places)])  # what was wrong comes out when the robot goes on
-                time.sleep(_TRAVEL_S + _STAY_S)
+                time.sleep(travel_s + _STAY_S)
                 live.stop()
         finally:
             live.stop()
@@ -344,10 +346,12 @@ def trial(way: str, fault: Fault | None, moves: int, seed: int = 0) -> Trial:
     return found
 
 
-def _stay(live: LiveCell, found: Trial, began_s: float, faulty: np.random.Generator | None) -> None:
+def _stay(
+    live: LiveCell, found: Trial, began_s: float, travel_s: float, faulty: np.random.Generator | None
+) -> None:
     """Stay at a place until it is captured, or with a fault for a while, and hear what is said meanwhile."""
     before, waited_s = found.taken, _waited_s()
-    ends_s = time.monotonic() + _TRAVEL_S + (faulty.uniform(*_FAULTY_STAY_S) if faulty else _STAY_S)
+    ends_s = time.monotonic() + travel_s + (faulty.uniform(*_FAULTY_STAY_S) if faulty else _STAY_S)
     while time.monotonic() < ends_s and (faulty or found.taken == before):
         time.sleep(0.05)
         told = [why for link in live.links.values() if (why := link.state().why)]
