@@ -1,24 +1,27 @@
-"""Whether two series of boards were seen with one focal length: a lens that is focused anew has another."""
+"""Whether boards were seen with the focal length of others or a told camera: a lens focused anew has another."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.frames import FloatArray
-from calib_core.optics.adjust import Adjustment, Corners, State, plane_start, shared_vector
+from calib_core.kernels.bundle import SHAPE_TERMS
+from calib_core.optics.adjust import Adjustment, Corners, State, plane_start, shape_start, shared_vector
 from calib_core.optics.camera_model import CameraModel
 
 _LEAST_VIEWS = 4  # in each series: fewer do not tell how they scatter
+_LEAST_BESIDE_TOLD = 6  # their boards' shape is found with them
 _HUBER = 3.0
 _SIGMAS, _LEAST_CHANGE = 4.0, 0.005  # less is chance, or no harm
 
 
 @dataclass(frozen=True)
 class FocusChange:
-    """By what factor the focal length of the first series differs from that of the other, and its σ."""
+    """By what factor the focal length of boards differs from that of others, or from the told one, and its σ."""
 
     factor: float
     sigma: float
+    is_of_told: bool = False
 
 
 def is_changed(focus: FocusChange) -> bool:
@@ -80,6 +83,39 @@ def focus_change(
     freedom = corners.views / (corners.views - 1)
     by_scatter = float(np.sqrt(freedom * (left**2).sum())) / known
     return FocusChange(1.0 + change, max(by_scatter, 1.0 / float(np.sqrt(known))))
+
+
+def beside_told(camera: CameraModel, corners: Corners, start: State) -> FocusChange | None:
+    """Return how the focal length of boards differs from a told camera's; None where few tell.
+
+    The principal point may have moved with it, and the boards may be bent: a bend looks like another focal length.
+
+    Parameters
+    ----------
+    camera : CameraModel
+    corners : Corners
+        Weighed by their noise, each known to be that of its place.
+    start : State
+    """
+    bands, near, far = camera.bands
+    if corners.views < _LEAST_BESIDE_TOLD:
+        return None
+    shape = shape_start(len(bands))
+    free = np.array([0, 1, 2, 3, *range(shape, shape + SHAPE_TERMS)], dtype=np.int64)
+    problem = Adjustment(corners, near, far, free, _HUBER)
+    try:
+        end = problem.solve(start)
+        focal = np.diag(camera.camera_matrix)[:2]
+        weights = np.linalg.solve(end.covariance[:2, :2] / np.outer(focal, focal), np.ones(2))
+    except np.linalg.LinAlgError:
+        return None
+    told = np.zeros(len(free))
+    told[:2] = weights / weights.sum() / focal
+    _, gradients = _of_each(problem, end.state)
+    freedom = corners.views / (corners.views - 1)
+    by_scatter = float(np.sqrt(freedom * ((gradients @ end.covariance @ told) ** 2).sum()))
+    stated = float(np.sqrt(told @ end.covariance @ told))
+    return FocusChange(float(told[:2] @ end.state.shared[:2]), max(by_scatter, stated), is_of_told=True)
 
 
 def _of_each(problem: Adjustment, state: State) -> tuple[FloatArray, FloatArray]:

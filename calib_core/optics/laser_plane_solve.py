@@ -21,7 +21,7 @@ from calib_core.optics.board_lines import OnBoard, Trace, find_traces, least_poi
 from calib_core.optics.board_shape import BoardShape
 from calib_core.optics.camera_model import CameraModel
 from calib_core.optics.camera_start import homographies, poses_from_homographies
-from calib_core.optics.focus_change import FocusChange, focus_change
+from calib_core.optics.focus_change import FocusChange, beside_told, focus_change
 from calib_core.optics.laser_plane import (
     BoardLine,
     PlaneFit,
@@ -110,7 +110,7 @@ class PlaneSolution:
     shape : BoardShape or None
         How the board is bent, where that was solved.
     focus : FocusChange or None
-        Of the boards with the stripe beside those without, where enough tell.
+        Of the boards with the stripe beside those without or the told camera, where enough tell.
     camera_held : Finding or None
         That the camera stays as its boards gave it although the stripes were there to refine it.
     """
@@ -215,23 +215,24 @@ def solve_plane(
     for i, line, pose in zip(used, final, ended, strict=True):
         lines[i], poses[i] = line, pose
     figures = _figures(camera, views, lines, poses, corner_sigma[: len(views)], reasons, normal, distance)
+    rms = float(np.sqrt(np.mean((everywhere @ normal - distance) ** 2)))
+    focus = _focus(camera, weighted, posed, known, views)
     return PlaneSolution(
-        camera,
-        normal,
-        distance,
-        covariance,
-        joint.covariance,
-        float(np.sqrt(np.mean((everywhere @ normal - distance) ** 2))),
-        ended,
-        tuple(final),
-        fit,
-        figures,
-        joint.noise_factor,
-        joint.excess_px,
-        shape,
-        None if known is None else focus_change(camera, weighted, posed, known.free, len(views)),
-        held,
-    )
+        camera, normal, distance, covariance, joint.covariance, rms, ended, tuple(final), fit, figures,
+        joint.noise_factor, joint.excess_px, shape, focus, held,
+    )  # fmt: skip
+
+
+def _focus(
+    camera: CameraModel,
+    corners: Corners,
+    posed: State,
+    known: CameraUncertainty | None,
+    views: Sequence[PlaneView],
+) -> FocusChange | None:
+    if known is not None and known.boards != ():
+        return focus_change(camera, corners, posed, known.free, len(views))
+    return beside_told(camera, corners, posed) if all(view.board.is_numbered for view in views) else None
 
 
 def why_held(joint: Joint) -> Finding | None:

@@ -48,3 +48,30 @@ def test_one_focal_length_is_told_as_one(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_few_boards_tell_no_change(monkeypatch: pytest.MonkeyPatch) -> None:
     assert solved(1.02, 1, monkeypatch, lit=3).focus is None
+
+
+def beside_told(factor: float, seed: int, count: int = 8) -> PlaneSolution:
+    """Return the plane by a told camera whose focal length was another when it was calibrated."""
+    other = MATRIX * [[factor], [factor], [1.0]]
+    other[:2, 2] = MATRIX[:2, 2]
+    return solve_plane(replace(CAMERA, camera_matrix=other), views(seed, count))
+
+
+@pytest.mark.parametrize("factor", [0.98, 1.02])
+def test_a_told_camera_that_was_focused_anew_is_told(factor: float) -> None:
+    focus = beside_told(factor, 3).focus
+    assert focus is not None
+    assert is_changed(focus)
+    assert focus.is_of_told
+    assert abs(focus.factor - 1 / factor) < 3 * focus.sigma
+
+
+def test_a_told_camera_that_is_right_is_accused_of_nothing() -> None:
+    found = [beside_told(1.0, seed).focus for seed in range(12)]
+    assert not any(one is None or is_changed(one) for one in found)
+    pulls = [(one.factor - 1.0) / one.sigma for one in found if one is not None]
+    assert 0.3 < np.mean(np.square(pulls)) < 2.4  # χ² of 12 degrees over 12: beyond in one of 200 at each end
+
+
+def test_five_boards_tell_nothing_of_a_told_camera() -> None:
+    assert beside_told(1.02, 3, 5).focus is None

@@ -136,12 +136,16 @@ FOCUS_CHANGED = Code(
         "{uncertainty:.1%}, k = 2) than that of the other boards: focus or zoom was changed between them.",
         "shorter": "The boards with the stripe were seen with a focal length that is {change:.1%} shorter (± "
         "{uncertainty:.1%}, k = 2) than that of the other boards: focus or zoom was changed between them.",
+        "longer-than-told": "The boards with the stripe were seen with a focal length that is {change:.1%} longer (± "
+        "{uncertainty:.1%}, k = 2) than that of the told camera: it was focused or zoomed since.",
+        "shorter-than-told": "The boards with the stripe were seen with a focal length that is {change:.1%} shorter (± "
+        "{uncertainty:.1%}, k = 2) than that of the told camera: it was focused or zoomed since.",
     },
     by="how",
-    to_do="Lock focus and zoom, and take all frames of boards again.",
+    to_do="Lock focus and zoom, and take all frames of boards again, also those of a camera that is told.",
     meaning="Camera and plane of light are of two lenses: the plane is farther off than its ± says.",
     decided="By their corners alone the focal lengths differ by more than four standard deviations and 0.5 %; four boards "
-    "or more of each are needed.",
+    "or more of each are needed, six beside a told camera.",
     usual_causes="Autofocus, a ring that was turned, images that were cropped or scaled.",
 )
 

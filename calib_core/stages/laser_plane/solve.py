@@ -189,6 +189,7 @@ def noticed(solution: PlaneSolution, normal_sigma_deg: float) -> list[Finding]:
         )
     if (focus := solution.focus) is not None and is_changed(focus):
         how, change = "longer" if focus.factor > 1 else "shorter", abs(focus.factor - 1)
+        how = f"{how}-than-told" if focus.is_of_told else how
         found.append(codes.FOCUS_CHANGED(how=how, change=change, uncertainty=2 * focus.sigma))
     length_mm = 4 * solution.fit.length_mm  # two standard deviations to either side
     if not _SMALLEST_MM < length_mm < _LARGEST_MM:
