@@ -50,7 +50,7 @@ def rows(columns: Sequence[Floats], separator: str, form: str = ".4f") -> str:
 
 def forms() -> tuple[Form, ...]:
     """All of them."""
-    return (*named_by_unit(), *without_names(), *to_be_asked(), *clouds_with_a_unit())
+    return (*named_by_unit(), *without_names(), *to_be_asked(), *clouds_with_a_unit(), *of_old_programs())
 
 
 def named_by_unit() -> Iterator[Form]:
@@ -129,6 +129,8 @@ def to_be_asked() -> Iterator[Form]:
     for separator, end in ((",", "csv"), ("\t", "txt")):
         yield Form("time x z", f"h.{end}", rows([time_s, PROFILE], separator).encode(), PROFILE, True)
         yield Form("x z quality", f"h.{end}", rows([PROFILE, time_s], separator).encode(), PROFILE, True)
+        yield Form("z x", f"i.{end}", rows([PROFILE[:, ::-1]], separator).encode(), PROFILE, True)
+        yield Form("z index", f"i.{end}", rows([PROFILE[:, 1], n], separator).encode(), PROFILE, True)
         yield Form("index z", f"i.{end}", rows([steps], separator).encode(), PROFILE, True)
         yield Form("time x y z", f"k.{end}", rows([odd, CLOUD], separator).encode(), CLOUD, True)
         yield Form("x y z range", f"k.{end}", rows([CLOUD, odd], separator).encode(), CLOUD, True)
@@ -167,6 +169,19 @@ def clouds_with_a_unit() -> Iterator[Form]:
         ply = f"ply\nformat ascii 1.0\nelement vertex {len(CLOUD)}\n"
         ply += "".join(f"property float {axis}\n" for axis in ("XYZ" if upper else "xyz")) + "end_header\n"
         yield Form(f"PLY, {names[:5]}", "r.ply", (ply + rows([CLOUD], " ")).encode(), CLOUD)
+
+
+def of_old_programs() -> Iterator[Form]:
+    """Texts whose bytes are odd and whose numbers are plain."""
+    body, half = rows([CLOUD], ","), len(CLOUD) // 2
+    yield Form("Ctrl-Z behind", "s.csv", body.encode() + b"\x1a", CLOUD)
+    yield Form("zero bytes behind", "s.csv", body.encode() + bytes(512), CLOUD)
+    yield Form("printed minus", "s.csv", body.replace("-", "\u2212").encode(), CLOUD)
+    yield Form("Japanese", "s.csv", ("X座標(mm),Z高さ(mm)\n" + rows([PROFILE], ",")).encode("cp932"), PROFILE)
+    timed = "".join(f"2024-05-01T10:00:{k:02d},{line}\n" for k, line in enumerate(rows([PROFILE], ",").split()))
+    yield Form("moments", "s.csv", f"Timestamp,X,Z\n{timed}".encode(), PROFILE)
+    scans = "".join(f"{len(part)}\n{rows([part], ' ')}" for part in (CLOUD[:half], CLOUD[half:]))
+    yield Form("two scans", "s.pts", scans.encode(), CLOUD)
 
 
 def geo_keys(values: dict[int, int]) -> bytes:

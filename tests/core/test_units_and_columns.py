@@ -80,6 +80,16 @@ def test_a_projected_system_of_metres_is_known_by_its_code_and_another_is_asked_
     assert bool(reading.doubts) is not is_known
 
 
+@pytest.mark.parametrize(("separator", "form"), [(",", ".4f"), (" ", ".6e")])
+def test_a_last_number_that_was_cut_off_is_refused(separator: str, form: str) -> None:
+    """A copy that ended early ends within a number as often as not: it was read, some millimetres off."""
+    whole = rows([CLOUD], separator, form).encode()
+    assert len(read_file(whole[:-1], "a.xyz", "cloud").points) == len(CLOUD)  # no end of line alone
+    for left_out in (2, 3, 4):
+        with pytest.raises(InputError, match="as whole as those before"):
+            read_file(whole[:-left_out], "a.xyz", "cloud")
+
+
 def test_a_cloud_in_degrees_is_refused() -> None:
     with pytest.raises(InputError, match="in degrees"):
         read_file(las(CLOUD, [(34735, geo_keys({1024: 2}))]), "a.las", "cloud")

@@ -29,6 +29,7 @@ _ALIASES = {f"{before}{axis}{after}": axis for axis in "xyz" for before, after i
 _LABELS = {
     "id", "point", "points", "pointid", "pointno", "pointname", "pointnumber", "name", "label", "code", "nr", "no",
     "punkt", "punktid", "punktnr", "punktnummer", "punktname", "pt", "ptid", "description", "remark", "station",
+    "timestamp", "time", "date", "datetime", "zeit", "zeitstempel", "datum",
 }  # fmt: skip
 _HEIGHTS = {"height", "höhe", "hoehe", "elevation"}
 _BRIGHTNESS = {"intensity", "intensities", "intensität", "intensitaet", "reflectance", "reflectivity"}
@@ -68,7 +69,7 @@ def axis_of(name: str) -> tuple[str | None, Unit | None]:
 
 
 def is_label(name: str) -> bool:
-    """Return whether a column's name says that it has words: ``Point ID``, ``Name``."""
+    """Return whether a column's name says that it has words: ``Point ID``, ``Name``, ``Timestamp``."""
     return re.sub(r"[^a-zäöüß]+", "", name.lower()) in _LABELS
 
 

@@ -39,7 +39,7 @@ def _with_point(field: str) -> str:
 
 
 def decode_text(data: bytes, where: str, example: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 or Windows' Latin; raises InputError where it is none."""
+    """Return a text in UTF-8, UTF-16, Windows' Latin or Japanese; raises InputError where it is none."""
     if not data.strip():
         to_do = "Copy or export it again."
         raise InputError("lines of numbers ({example})", "an empty file", to_do, where, example=example)
@@ -47,6 +47,7 @@ def decode_text(data: bytes, where: str, example: str) -> str:
     if text is None:
         need = "lines of numbers as text ({example})"
         raise InputError(need, "bytes that are no text", "Export it as text.", where, example=example)
+    text = text if text.isascii() else text.replace("\u2212", "-")  # a minus as it is printed
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
@@ -56,7 +57,7 @@ def looks_like_text(data: bytes) -> bool:
 
 
 def _decoded(data: bytes, cut: bool = False) -> str | None:
-    ways = ["utf-8-sig", "cp1252"]
+    ways = ["utf-8-sig", "cp1252", "cp932"]
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         ways = ["utf-16"]
     elif data[1:40:2].count(0) > 15:
@@ -65,10 +66,11 @@ def _decoded(data: bytes, cut: bool = False) -> str | None:
         ways = ["utf-16-be"]
     for way in ways:
         try:
-            text = data.decode(way, errors="ignore" if cut and way != "cp1252" else "strict")
+            text = data.decode(way, errors="ignore" if cut and way.startswith("utf") else "strict")
         except UnicodeDecodeError:
             continue
-        return None if "\0" in text or (way == "cp1252" and _is_binary(text)) else text
+        text = text.rstrip("\0\x1a")  # a file's end as old programs write it
+        return None if "\0" in text or (way.startswith("cp") and _is_binary(text)) else text
     return None
 
 

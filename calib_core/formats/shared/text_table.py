@@ -14,6 +14,7 @@ from calib_core.formats.shared.text_style import BLANK_WORDS, NUMBER, decode_tex
 from calib_core.frames import FloatArray
 
 _BLOCK_BYTES = 4_000_000
+_END_CHARACTERS, _RUN = 4000, 8
 _C_NAN = re.compile(r"[+-]?(1[.,]#(IND|QNAN|SNAN|INF)0*|nan\((ind|snan)\))", re.IGNORECASE)
 
 
@@ -90,6 +91,7 @@ def parse_table(text: str, where: str, example: str, first_line: int = 1) -> Tex
     body = text[offset:]
     if head.style.comma:
         _require_one_decimal_mark(body, where, first_line + head.start)
+    _require_whole_end(body, head, where, first_line + head.start)
     labels = frozenset(column for column, name in enumerate(header.names) if is_label(name))
     before = head.start + first_line - 1
     blocks: list[FloatArray] = [np.empty((0, head.width))]  # a header alone: nothing came back
@@ -116,6 +118,25 @@ def _require_empty_end(values: FloatArray, where: str, line: int) -> None:
             width_other=values.shape[1] - 1,
             line=line,
         )
+
+
+def _require_whole_end(body: str, head: Head, where: str, first_line: int) -> None:
+    """Refuse a last line without an end whose last number has fewer decimals than all before: it was cut off."""
+    *before, last = body[-_END_CHARACTERS:].split("\n")
+    decimals = [_decimals(line, head) for line in before[1:] if line.strip()]
+    if last.strip() and len(decimals) > _RUN and len(set(decimals)) == 1 and _decimals(last, head) < decimals[0]:
+        raise InputError(
+            "a last line as whole as those before",
+            "{line} in line {number}",
+            "If the file was cut off, copy it again; otherwise correct this line.",
+            where,
+            line=shown_line(last),
+            number=first_line + body.count("\n"),
+        )
+
+
+def _decimals(line: str, head: Head) -> int:
+    return len(head.style.fields(line)[-1].strip().partition(".")[2])
 
 
 def _require_one_decimal_mark(body: str, where: str, first_line: int) -> None:

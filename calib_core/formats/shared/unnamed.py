@@ -87,6 +87,14 @@ def by_place(
         for one in columns
         if not (counts and one.place == 0) and _may_be_index(values, one.place, columns)
     ]
+    if len(axes) == 2 and _rises(taken[:, 1]) and not _rises(taken[:, 0]):
+        doubts.append(
+            message(
+                "{z} rises or falls from row to row as x does, and {x} does not: they may be z and x.",
+                z=columns[1].name,
+                x=columns[0].name,
+            )
+        )
     if left.shape[1] and not _says_no_place(left, taken):
         doubts.append(_taken(width, columns))
     return Unnamed(columns, tuple(notes), tuple(doubts))
@@ -127,6 +135,12 @@ def _stands(column: FloatArray) -> bool:
     return len(finite) > 2 and np.ptp(finite) == 0
 
 
+def _rises(column: FloatArray) -> bool:
+    """Return whether a column's numbers rise, or fall, from row to row."""
+    steps = np.diff(column[np.isfinite(column)])
+    return len(steps) >= _COUNTED and bool((steps > 0).all() or (steps < 0).all())
+
+
 def _counts_up(column: FloatArray) -> bool:
     """Return whether a column is 0, 1, 2 … or 1, 2, 3 … from its first row to its last."""
     return len(column) >= _COUNTED and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
@@ -137,11 +151,12 @@ def _may_be_index(values: FloatArray, place: int, columns: list[Column]) -> bool
 
     Of a profile's two columns x rises too: whole numbers there are an index where some are left out.
     """
+    is_x = len(columns) == 2 and place == columns[0].place
     column, others = values[:, place], [values[:, one.place] for one in columns if one.place != place]
     steps = np.diff(column)
     if len(column) < _RISES or not _is_whole(column) or not (column >= 0).all() or not (steps > 0).all():
         return False
-    return not any(map(_is_whole, others)) and (len(columns) > 2 or bool(np.ptp(steps) > 0))
+    return not any(map(_is_whole, others)) and (not is_x or bool(np.ptp(steps) > 0))
 
 
 def _is_whole(values: FloatArray) -> bool:
