@@ -16,7 +16,7 @@ from calib_core.errors import MeasurementError
 from calib_core.frames import FloatArray
 from calib_core.messages import message
 from calib_core.optics.board_corners import FittedCorners, fitted_at, refined, spacing
-from calib_core.optics.board_refusal import CELL_BOARD, ends_in_frame
+from calib_core.optics.board_refusal import CELL_BOARD, board_words, ends_in_frame
 from calib_core.records import Board
 
 Grey = NDArray[np.uint8]
@@ -295,7 +295,7 @@ def _refuse_another(seen: FloatArray, board: Board, rows_counted: bool, columns_
     """Raise MeasurementError where a board's rows or columns are seen from edge to edge: they are not as told."""
     rows, columns = seen.shape[:2]
     to_do = message("Correct columns and rows in cell.board to the inner corners of the board, not its squares.")
-    need = message("the chessboard that cell.board tells")
+    need = board_words(board.kind, board.columns, board.rows)
     if rows_counted and columns_counted:
         columns, rows = sorted((columns, rows), reverse=board.columns >= board.rows)
         got = message("a board of {columns} × {rows} inner corners from edge to edge", columns=columns, rows=rows)

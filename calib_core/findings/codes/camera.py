@@ -305,8 +305,8 @@ FRAMES_IN_COLOUR = Code(
 BOARD_MAY_BE_MIRRORED = Code(
     "board-mirroring-not-seen",
     "note",
-    text="A mirrored {kind} board looks like one that is not.",
+    text="A mirrored frame of this board looks like one that is not mirrored.",
     to_do="If the driver mirrors frames, turn it off.",
-    meaning="Only a board with marks tells a mirrored frame.",
-    decided="The board is not ChArUco.",
+    meaning="Only ChArUco boards, and shifted circles in an even number of rows, tell a mirrored frame.",
+    decided="The kind and the rows of the board.",
 )

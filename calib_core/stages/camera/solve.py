@@ -240,8 +240,8 @@ def unverifiable(board: Board, views: dict[str, BoardView], told: RobotLengths |
     in_colour = [name for name, view in views.items() if view.in_colour]
     if in_colour:
         found.append(codes.FRAMES_IN_COLOUR(in_colour))
-    if board.kind != "charuco":
-        found.append(codes.BOARD_MAY_BE_MIRRORED(kind=board.kind))
+    if board.kind != "charuco" and (board.kind != "asymmetric-circles" or board.rows % 2):
+        found.append(codes.BOARD_MAY_BE_MIRRORED())
     return found
 
 
