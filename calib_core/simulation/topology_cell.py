@@ -49,7 +49,7 @@ def simulate_topology(
     world = build_topology(
         options.scanners, options.balls, options.axes, options.cell.sphere_diameter_sigma_mm, rng
     )
-    in_files = {scanner: _in_files(options, seed, n) for n, scanner in enumerate(world.scanners)}
+    err = {scanner: _ScannerErrors.drawn(options, seed, n) for n, scanner in enumerate(world.scanners)}
     captures: list[dict[str, Any]] = []
     files: dict[str, bytes] = {}
     seen: dict[str, list[str]] = {}
@@ -58,10 +58,10 @@ def simulate_topology(
         here = world.scanners if options.at_once else [stop.aimed]
         for scanner in here:
             capture = f"p{len(captures) + 1:02d}"
-            points, balls = _points(world, options, stop, scanner, rng)
+            points, balls = _points(world, options, stop, scanner, err[scanner].by_incidence_mm, rng)
             if not balls:
                 continue
-            record, content = _written(options, stop, scanner, capture, points, in_files[scanner])
+            record, content = _written(options, stop, scanner, capture, points, err[scanner])
             if options.side_told and not any("side" in one and one["step"] == record["step"] for one in captures):
                 record |= _side(world, stop, scanner, balls)
             captures.append(record)
@@ -81,7 +81,7 @@ def simulate_topology(
             "orientation_sigma_deg": float(np.rad2deg(cell.orientation_sigma_rad)),
         },
         "scanner_scale": options.scanner_scale,
-        "in_files": {scanner: matrix.tolist() for scanner, matrix in in_files.items()},
+        "in_files": {scanner: one.in_files.tolist() for scanner, one in err.items()},
         "spoiled": [],
         "seed": seed,
         "scenario": name,
@@ -231,7 +231,12 @@ def _center(world: TopologyWorld, stop: _Stop, scanner: str, ball: str) -> Float
 
 
 def _points(
-    world: TopologyWorld, options: TopologyScenario, stop: _Stop, scanner: str, rng: np.random.Generator
+    world: TopologyWorld,
+    options: TopologyScenario,
+    stop: _Stop,
+    scanner: str,
+    by_incidence: FloatArray,
+    rng: np.random.Generator,
 ) -> tuple[FloatArray, list[str]]:
     """Return what a scanner measures of all balls that stand there, (N, 3), and which of them it sees."""
     found: list[FloatArray] = []
@@ -242,18 +247,45 @@ def _points(
         points = _arc(world, options, stop, scanner, name)
         if len(points) <= 30:
             continue
+        center, radius_mm = _center(world, stop, scanner, name), world.radii_mm[name]
         errors = rng.standard_normal(len(points)) * options.cell.point_sigma_mm
-        found.append(noisy(points, _center(world, stop, scanner, name), world.radii_mm[name], errors))
+        errors = errors + _by_incidence(points, center, radius_mm) @ by_incidence
+        found.append(noisy(points, center, radius_mm, errors))
         seen.append(name)
     return np.concatenate([*found, np.zeros((0, 3))]), seen
 
 
-def _in_files(options: TopologyScenario, seed: int, number: int) -> FloatArray:
-    """Return where a scanner's files say that points are, (3, 3): its errors of scale and shear."""
-    drawn = np.random.default_rng([seed, 20_269, number]).standard_normal(3) * options.scanners_err
-    matrix = np.diag([1 + 0.005 * drawn[0], 1.0, 1 + 0.005 * drawn[1]])
-    matrix[0, 2] = 0.01 * drawn[2]
-    return matrix * options.scanner_scale
+def _by_incidence(points: FloatArray, center: FloatArray, radius_mm: float) -> FloatArray:
+    """Return sin², sin⁴ and sin⁸ of the angle between light and a ball's surface at points (N, 3), less a mean."""
+    square = 1 - ((points[:, 2] - center[2]) / radius_mm) ** 2
+    return np.column_stack([square - 0.3, square**2 - 0.15, square**4 - 0.05])
+
+
+@dataclass(frozen=True, eq=False)
+class _ScannerErrors:
+    """Where a scanner's files say that points are: matrix (3, 3), bow, 1/mm, and errors by incidence (3,)."""
+
+    in_files: FloatArray
+    bow_per_mm: float
+    by_incidence_mm: FloatArray
+
+    @classmethod
+    def drawn(cls, options: TopologyScenario, seed: int, number: int) -> "_ScannerErrors":
+        drawn = np.random.default_rng([seed, 20_269, number]).standard_normal(7) * options.scanners_err
+        matrix = np.diag([1 + 0.005 * drawn[0], 1.0, 1 + 0.005 * drawn[1]])
+        matrix[0, 2] = 0.01 * drawn[2]
+        return cls(matrix * options.scanner_scale, 0.001 * drawn[3] / options.cell.window_x_mm, 0.02 * drawn[4:])
+
+    @property
+    def none(self) -> bool:
+        """Whether files have columns' own x."""
+        return bool((self.in_files == np.eye(3)).all())
+
+    def told(self, seen: FloatArray) -> FloatArray:
+        """Return what files say of points (N, 3); NaN where nothing was seen."""
+        told = np.where(np.isnan(seen), np.nan, np.nan_to_num(seen) @ self.in_files.T)
+        told[:, 2] += self.bow_per_mm * seen[:, 0] ** 2
+        return told
 
 
 def _side(world: TopologyWorld, stop: _Stop, scanner: str, balls: Sequence[str]) -> dict[str, int]:
@@ -274,17 +306,17 @@ def _nearest(points: FloatArray, options: TcpScenario) -> FloatArray:
 
 
 def _written(
-    options: TopologyScenario, stop: _Stop, scanner: str, capture: str, points: FloatArray, in_files: FloatArray
+    options: TopologyScenario, stop: _Stop, scanner: str, capture: str, points: FloatArray, err: _ScannerErrors
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return a capture's record and its file, which says of points (N, 3) that they are at `in_files @ point`."""
+    """Return a capture's record and its file, in which points (N, 3) are off by the scanner's errors."""
     kind = options.cell.kinds[0]
     on_axis = any(ball.on not in ("base", "tool0") for ball in options.balls if ball.mount == stop.mount)
     record: dict[str, Any] = {"id": capture, "step": "turntable" if on_axis else "tcp", "kind": kind}
     file = f"captures/{capture}.{'csv' if kind == 'profile' else 'xyz'}"
     record["files"] = [file]
     seen = _nearest(points, options.cell) if kind == "profile" else points
-    told = np.where(np.isnan(seen), np.nan, np.nan_to_num(seen) @ in_files.T)
-    content = profile_csv(told, 1.0) if kind == "profile" else cloud_xyz(told, 1.0)
+    told = err.told(seen)
+    content = profile_csv(told, 1.0, on_columns=err.none) if kind == "profile" else cloud_xyz(told, 1.0)
     record["pose"] = pose_numbers(stop.commanded)
     if scanner:
         record["scanner"] = scanner

@@ -47,7 +47,8 @@ TOPOLOGY_SCENARIOS: Mapping[str, TopologyScenario] = MappingProxyType({
     ),
     "two-scanners": TopologyScenario("two scanners on the flange see one ball at once", _PAIR, at_once=True),
     "two-scanners-that-err": TopologyScenario(
-        "the same; each errs in scale and shear, as scanners do", _PAIR, at_once=True, scanners_err=1.0
+        "the same; each errs in scale, shear and bow, and by the angle of light",
+        _PAIR, at_once=True, scanners_err=1.0,
     ),
     "two-scanners-in-turn": TopologyScenario("two scanners on the flange, one after the other", _PAIR),
     "scanners-on-flange-and-base": TopologyScenario(

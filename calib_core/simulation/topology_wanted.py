@@ -32,7 +32,8 @@ class TopologyScenario:
     scanner_scale : float
         By which a scanner's files are too large.
     scanners_err : float
-        How much of what scanners err by each one does, as a share of 0.5 % of scale in x and z, 1 % of shear.
+        How much of what scanners err by each one does, as a share of 0.5 % of scale in x and z, 1 % of
+        shear, 0.1 % of bow, 0.02 mm of each of three shapes by the angle of incidence.
     side_told : bool
         The session tells of one capture of each step on which side of the plane of light its ball is.
     """

@@ -64,12 +64,12 @@ def shot_record(shot: Shot, world: World) -> dict[str, object]:
     return data | {"pose": pose_numbers(shot.reported)}
 
 
-def profile_csv(points_mm: FloatArray, scale: float) -> bytes:
-    """Return a profile (N, 3) in L as CSV, its lengths multiplied by `scale`."""
+def profile_csv(points_mm: FloatArray, scale: float, on_columns: bool = True) -> bytes:
+    """Return a profile (N, 3) in L as CSV, its lengths multiplied by `scale`; of columns x has one decimal."""
     digits = 4 if scale == 1.0 else 7
     z = points_mm[:, 2] * scale
     hit = np.flatnonzero(np.isfinite(z))
-    lines = list(_blank_rows(tuple((points_mm[:, 0] * scale).tolist()), digits - 3))
+    lines = list(_blank_rows(tuple((points_mm[:, 0] * scale).tolist()), digits - 3 if on_columns else digits))
     for k, value in zip(hit.tolist(), z[hit].tolist(), strict=True):
         lines[k] += f"{value:.{digits}f}"
     return ("x_mm,z_mm\n" + "\n".join(lines) + "\n").encode()

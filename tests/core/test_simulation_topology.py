@@ -1,5 +1,6 @@
 """Simulated cells of every topology: what their scanners saw lies where the cell's edges say, by the truth."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -84,6 +85,14 @@ def test_a_drawn_topology_is_listed_as_it_was_built(scenario: TopologyScenario, 
     assert [edge.name for edge in edges.of("place")] == [ball.name for ball in scenario.balls]
     assert {capture.scanner for capture in simulated.session.captures} == {s.name for s in scenario.scanners}
     assert worst_mm(simulated) < 0.3
+
+
+def test_files_of_a_scanner_whose_scale_is_off_are_not_rounded_to_columns() -> None:
+    scenario = replace(TOPOLOGY_SCENARIOS["plate"], scanner_scale=1.003)
+    _, files, _ = simulate_topology(scenario, "", 1)
+    rows = next(iter(files.values())).decode().splitlines()[1:]
+    x = np.array([float(row.split(",")[0]) for row in rows]) / 1.003
+    np.testing.assert_allclose(x, np.round(x, 1), atol=1e-4)
 
 
 def test_a_true_tables_frame_stands_where_results_put_it() -> None:

@@ -7,13 +7,18 @@ import numpy as np
 import pytest
 
 import calib_core as cc
+from calib_core.captures.content import sphere_of
+from calib_core.captures.observe import observe_capture
+from calib_core.chain.tcp import solve_tcp
 from calib_core.exports.workpiece import at_workpiece
+from calib_core.frames import RigidTransform
 from calib_core.library.opened import in_memory
 from calib_core.records import Session
 from calib_core.simulation import TOPOLOGY_SCENARIOS, TcpScenario, TopologyScenario
 from calib_core.simulation.topology import AxisOptions, BallOptions, ScannerOptions
 from calib_core.simulation.topology_cell import simulate_topology
 from calib_core.stages.evidence import text_of
+from calib_core.stages.tcp.result import mounts_found
 from tests.core.test_verify_on_axes import shifted
 from tests.topology_errors import distances
 
@@ -137,6 +142,30 @@ def test_two_scanners_at_one_stop_are_known_to_each_other_better_than_on_the_fla
             assert squared < CHI2[freedom]
             errors.setdefault(name, []).append(error_mm)
     assert sum(errors["laser:left_from_laser:right"]) < 0.4 * sum(errors["tool0_from_laser"]) / 2
+
+
+@pytest.mark.thorough
+def test_what_errors_in_the_files_do_to_a_relative_pose_is_known_beyond_their_slope() -> None:
+    """They turn both scanners by 30 mrad: by their slope alone the relative pose was many of its sigmas off."""
+    simulated, _ = cc.simulate("two-scanners", 1)
+    session = simulated.record
+    seen = [observe_capture(session, capture, simulated.read) for capture in session.captures]
+    held = solve_tcp(seen, sphere_of(session.cell, session.captures)).held
+    layout, left = held.state.walk.layout, np.zeros(len(held.covariance))
+    left[layout.mount(0)], left[layout.mount(1)] = (
+        [0.0, 0.03, 0.0, -5.0, 0.0, 1.0],
+        [0.0, 0.03, 0.0, -6.0, 0.0, 1.0],
+    )
+    covariance = held.covariance - np.outer(held.known_off, held.known_off) + np.outer(left, left)
+    found = mounts_found(replace(held, left=left, covariance=covariance))[-1]
+    right = held.state.position.moved(layout, -left)
+    one, other = (
+        RigidTransform.of(r, t, "tool0", "laser")
+        for r, t in zip(right.mount_rotations, right.mount_translations, strict=True)
+    )
+    off = (one.inverse() @ other).difference(RigidTransform.from_rounded(found.matrix, "laser", "laser"))
+    assert np.linalg.norm(off[3:]) > 1.0
+    assert off @ np.linalg.solve(np.array(found.covariance), off) < 1.0
 
 
 def chain_of(scenario: str) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The TCP's solution as the record that is stored, sent and archived."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -132,19 +133,25 @@ def mounts_found(held: Held) -> list[FoundFrame]:
 
 
 def _between(held: Held, one: int, other: int) -> FoundFrame:
-    """Return a scanner's pose in another's frame, with what both share of their errors."""
+    """Return a scanner's pose in another's frame, with what both share of their errors.
+
+    It is known far better than what errors that stay in the files turn both by: these count by what they do,
+    and what is open beside them as it is without them.
+    """
     layout, state = held.state.walk.layout, held.state
-    apart = state.mount(one).inverse() @ state.mount(other)
-    back = apart.rotation.T
+    known = held.known_off
+    right = replace(state, position=state.position.moved(layout, -known))
+    apart, as_right = (at.mount(one).inverse() @ at.mount(other) for at in (state, right))
+    first, back = right.mount(one).rotation.T, as_right.rotation.T
     # x = X₁⁻¹ X₂: an error of X₂ on its right stays, that of X₁ is seen from there.
     by_one, by_other = np.zeros((6, 6)), np.eye(6)
-    by_one[:3, :3], by_one[3:, :3] = -back, skew(apart.translation_mm)
-    by_one[3:, 3:] = -state.mount(one).rotation.T
-    by_other[3:, 3:] = state.mount(one).rotation.T
+    by_one[:3, :3], by_one[3:, :3] = -back, skew(as_right.translation_mm)
+    by_one[3:, 3:], by_other[3:, 3:] = -first, first
     rows = np.zeros((6, len(held.covariance)))
     rows[:, layout.mount(one)], rows[:, layout.mount(other)] = by_one, by_other
     names = [f"laser:{layout.mounts[n][0]}" for n in (one, other)]
-    covariance = rows @ held.covariance @ rows.T
+    off = as_right.difference(apart)
+    covariance = rows @ (held.covariance - np.outer(known, known)) @ rows.T + np.outer(off, off)
     return FoundFrame(into=names[0], outof=names[1], matrix=apart.to_rows(), covariance=covariance.tolist())
 
 
