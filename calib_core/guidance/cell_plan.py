@@ -8,18 +8,23 @@ import numpy as np
 from pydantic import Field
 
 from calib_core.captures.content import sphere_of
+from calib_core.cell.axes import moved_axes
+from calib_core.cell.layout import MovedAxis
 from calib_core.chain.chain_data import Sigmas
 from calib_core.errors import InputError
 from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.arm_plan import ArmWorth, arm_worth
 from calib_core.guidance.candidates import Room
+from calib_core.guidance.described import CellThoughtOf, cell_of, thought_of
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
+from calib_core.guidance.edges_plan import EdgesPlan, plan_edges
 from calib_core.guidance.field_of_view import Sight
 from calib_core.guidance.planner import Situation, greedy
 from calib_core.guidance.table_plan import TablePlan, TableToPlan, plan_table
 from calib_core.messages import message, templates
 from calib_core.records import Cell, NotNegative, Positive, Record
+from calib_core.records.described import DescribedEdges
 from calib_core.records.planning import FieldOfView, Limits
 from calib_core.records.session import SphereClass
 
@@ -39,11 +44,14 @@ _GRID: Final = 160
 _LEAST_BESIDE: Final = 8  # captures beside the table, before those on it
 _TILT_DEG: Final = 30.0  # where the limits tell none
 _HOME: Final = rotation_from_vector(np.array([np.pi, 0.0, 0.0]))
+_READ_MM: Final = 0.03  # of a linear axis's reading
 _SAME: Final = 1.02  # nearer to each other than this two spheres are alike, and the smaller one is proposed
 
 
-class CellToPlan(Record):
+class CellToPlan(DescribedEdges):
     """A cell that does not stand yet; lengths in mm. What is left out is an ordinary one's.
+
+    `scanners`, `spheres`, `axes`, `arrangement` and `machine` are the edges of another cell than the plain one.
 
     `arm_name` is that of a known arm: the plan then says what its own errors, solved with joints, are worth.
     `mounting_mm` is about how far the scanner sits from the flange; without `sphere_diameter_mm` the usual ones
@@ -84,7 +92,8 @@ class CellPlan(Record):
 
     `spheres` are those that fit into the field, as they were tried. `sphere` is the one to take. `distance_mm` and
     `offset_mm` say how the scanner should see it: that far along z, the stripe that far beside its middle.
-    `limited_by` says what more captures would not help; `table` where to put the sphere on the turntable.
+    `limited_by` says what more captures would not help; `table` where to put the sphere on the turntable; `edges`
+    which captures tell the edges of another cell than the plain one.
     """
 
     reachable: bool | None
@@ -97,6 +106,7 @@ class CellPlan(Record):
     limited_by: str
     sentence: str
     table: TablePlan | None = None
+    edges: EdgesPlan | None = None
     arm_errors: list[ArmWorth] = Field(default_factory=list[ArmWorth])
     arm_sentence: str = ""
 
@@ -109,6 +119,7 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
     InputError
         If no sphere fits into the field of view.
     """
+    told = cell_of(cell, pose_convention="matrix", limits=cell.limits) if cell.has_edges else None
     diameters = _DIAMETERS_MM if cell.sphere_diameter_mm is None else (cell.sphere_diameter_mm,)
     tried = [found for diameter in diameters if (found := _with_sphere(cell, diameter)) is not None]
     if not tried:
@@ -134,6 +145,10 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
             to_do = message("Widen `limits`: the scanner must see the sphere all around the table.")
             raise InputError("poses all around the table", "none that the limits allow", to_do, "limits")
         reached = None if reached is None else reached and bool(table.reachable)
+    edges = None
+    if told is not None:
+        edges = plan_edges(_thought_of(cell, told, situation), cell.wanted_mm, cell.most_captures)
+        reached = edges.reachable
     worth = _arm_errors(cell)
     return CellPlan(
         arm_errors=worth,
@@ -149,8 +164,21 @@ def plan_cell(cell: CellToPlan) -> CellPlan:
         "and at its highest, eight angles each.",
         limited_by=_limited_by(situation),
         table=table,
+        edges=edges,
         sentence=_sentence(cell, plan),
     )
+
+
+def _thought_of(cell: CellToPlan, told: Cell, situation: Situation) -> CellThoughtOf:
+    """Return the described cell with the sphere that was chosen."""
+    given = situation.assumed
+    axes = [_reading_sigma(axis, given.sigmas.angle_rad) for axis in moved_axes(told)]
+    sigmas = replace(given.sigmas, axes=tuple(axes))
+    return thought_of(cell, told, situation.room.sight, given.sphere, sigmas)
+
+
+def _reading_sigma(axis: MovedAxis, angle_rad: float) -> float:
+    return angle_rad if axis.kind == "rotary" else _READ_MM
 
 
 def _arm_errors(cell: CellToPlan) -> list[ArmWorth]:

@@ -24,7 +24,7 @@ from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.arm_unknowns import ArmUnknowns
 
-TURN_RAD, MOUNTED_MM, _SPHERE_MM = 1.0, 300.0, 3000.0
+TURN_RAD, MOUNTED_MM, SPHERE_MM = 1.0, 300.0, 3000.0
 """What is known of the tool's rotation and place and of the sphere's place before any capture."""
 
 SIGMAS = Sigmas(0.055, 1.8e-4, (1e-4,), 0.033, 8e-5, 1.0)
@@ -206,7 +206,7 @@ class Design:
 def with_tool(hessian: FloatArray, turn_rad: float = TURN_RAD, shift_mm: float = MOUNTED_MM) -> FloatArray:
     """Return a Hessian with what is known of the tool beforehand, and of the sphere's place."""
     known = hessian.copy()
-    sigmas = np.array([turn_rad] * 3 + [shift_mm] * 3 + [_SPHERE_MM] * 3)
+    sigmas = np.array([turn_rad] * 3 + [shift_mm] * 3 + [SPHERE_MM] * 3)
     known[np.arange(9), np.arange(9)] += 1 / sigmas**2
     return known
 

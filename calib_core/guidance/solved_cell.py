@@ -118,17 +118,18 @@ class SolvedCell:
             else:
                 unit = np.where(edge, np.round(unit), unit)
             stays = float(np.median([one.readings.get(axis.name, 0.0) for one in own]))
-            found[:, a] = low + (high - low) * unit if self._moves(place, a) else stays
+            found[:, a] = low + (high - low) * unit if self.moves(place, a) else stays
         return found
 
-    def _moves(self, place: int, axis: int) -> bool:
+    def moves(self, place: int, axis: int) -> bool:
+        """Return whether an axis moves a place, or the robot."""
         return bool(self.layout.rides[place, axis]) or self.layout.axes[axis].carries == "robot"
 
     def readings_asked(self, place: int, readings: FloatArray) -> dict[str, float]:
         """Return by name where axes are to stand for a ball; one that is not named, only where it carries it."""
         named = names_axes(self.cell)
         each = enumerate(zip(self.layout.axes, readings.tolist(), strict=True))
-        return {axis.name: value for a, (axis, value) in each if named or self._moves(place, a)}
+        return {axis.name: value for a, (axis, value) in each if named or self.moves(place, a)}
 
     def observation(
         self, pair: tuple[int, int], pose: RigidTransform, at: FloatArray, readings: FloatArray, name: str

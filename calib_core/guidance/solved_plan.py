@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.cell.layout import Layout
 from calib_core.cell.walk import Walk, foot_moves, ways
 from calib_core.chain.arrays import chain_data
 from calib_core.chain.likelihood import linearised_at
@@ -20,7 +21,7 @@ from calib_core.chain.scanner import ScannerPriors
 from calib_core.estimation import covariance_of
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.guidance.candidates import AWAY_MM, Room, keep_free, places_in_view
-from calib_core.guidance.design import with_tool, worst_sigma_mm
+from calib_core.guidance.design import MOUNTED_MM, SPHERE_MM, TURN_RAD, worst_sigma_mm
 from calib_core.guidance.solved_cell import SolvedCell
 
 _CANDIDATES, _ROUNDS = 240, 6
@@ -45,7 +46,8 @@ class Shot:
         Whether the robot's pose matters.
     readings : mapping
         Where the axes are to stand, by their names, rad and mm.
-    mount, scanner : str
+    mount, scanner, sphere : str
+        How the ball is mounted, whose capture it is, and the ball's name.
     after_mm : float
         With it, the standard deviation of where a ball is seen, at worst.
     """
@@ -56,6 +58,7 @@ class Shot:
     readings: Mapping[str, float]
     mount: str
     scanner: str
+    sphere: str
     after_mm: float
 
 
@@ -74,10 +77,26 @@ def planned_captures(known: SolvedCell, count: int, *, on_axes: bool, verifying:
 
     Those that verify are of every ball and scanner in turn, and as far from poses of before as the machine goes.
     """
+    return planned_with_covariance(known, count, on_axes=on_axes, verifying=verifying)[0]
+
+
+def planned_with_covariance(
+    known: SolvedCell,
+    count: int,
+    *,
+    on_axes: bool | None = None,
+    verifying: bool = False,
+    until_mm: float = 0.0,
+    least_each: int = 0,
+) -> tuple[list[Shot], FloatArray]:
+    """Return the same, of all balls where `on_axes` is None, and the covariance of the edges' unknowns with them.
+
+    No more than it takes for `after_mm` to come down to `until_mm`, but `least_each` of each ball by each scanner.
+    """
     rng = np.random.default_rng([_SEED, len(known.taken)])
     thought = _thought_of(known, on_axes, rng)
     if not thought.observations:
-        return []
+        return [], np.zeros((0, 0))
     data = chain_data([*known.taken, *thought.observations], known.sphere, None, ScannerPriors(), known.layout)
     moves, taken = _moves(known, thought.walk), len(known.taken)
     every = moves.reshape(-1, moves.shape[2])
@@ -86,17 +105,21 @@ def planned_captures(known: SolvedCell, count: int, *, on_axes: bool, verifying:
 
     def covariance(chosen: Sequence[int]) -> FloatArray:
         """Return that of the edges' unknowns, with the chosen ones taken."""
+        if not taken and not chosen:
+            return covariance_of(_with_edges(np.zeros((known.layout.unknowns,) * 2), known.layout))
         some = data.chosen(np.isin(np.arange(data.count), [*range(taken), *(taken + k for k in chosen)]))
-        hessian = with_tool(linearised_at(some, ChainState.at(some, known.position), known.sigmas).hessian)
-        return covariance_of(hessian)[: known.layout.unknowns, : known.layout.unknowns]
+        hessian = linearised_at(some, ChainState.at(some, known.position), known.sigmas).hessian
+        return covariance_of(_with_edges(hessian, known.layout))[: known.layout.unknowns, : known.layout.unknowns]
 
     chosen, shots, now = list[int](), list[Shot](), covariance([])
     far = _far(known, thought, count) if verifying else np.ones(len(thought.observations), dtype=bool)
     pairs = [known.pair_of(one) for one in thought.observations]
     for _ in range(min(count, int(far.sum()))):
         left = far & ~np.isin(np.arange(len(far)), chosen)
+        often = Counter(pairs[k] for k in chosen)
+        if few := [pair for pair in {*pairs} if often[pair] < least_each]:
+            left &= np.array([pair in few for pair in pairs])
         if verifying:
-            often = Counter(pairs[k] for k in chosen)
             least = min(often[pairs[k]] for k in np.flatnonzero(left))
             left &= np.array([often[pair] == least for pair in pairs])
         reach = moves @ now
@@ -107,7 +130,21 @@ def planned_captures(known: SolvedCell, count: int, *, on_axes: bool, verifying:
         now = covariance(chosen)
         after = worst_sigma_mm(moves @ now @ np.swapaxes(moves, 1, 2))
         shots.append(_shot(known, thought, chosen[-1], float(after.max())))
-    return shots
+        if shots[-1].after_mm <= until_mm and len(few) < 2 and (not few or often[few[0]] + 1 == least_each):
+            break
+    return shots, now
+
+
+def _with_edges(hessian: FloatArray, layout: Layout) -> FloatArray:
+    """Return a Hessian with what is known of all edges beforehand: where they are, to some metres."""
+    sigmas = np.full(layout.unknowns, SPHERE_MM)
+    for n in range(len(layout.mounts)):
+        sigmas[layout.mount(n)] = [TURN_RAD] * 3 + [MOUNTED_MM] * 3
+    for a in range(len(layout.axes)):
+        sigmas[layout.axis(a)] = [TURN_RAD] * 2 + [SPHERE_MM] * 2 + [1.0]
+    known, every = hessian.copy(), np.arange(layout.unknowns)
+    known[every, every] += 1 / sigmas**2
+    return known
 
 
 def _far(known: SolvedCell, thought: _Thought, count: int) -> np.ndarray:
@@ -128,13 +165,14 @@ def _shot(known: SolvedCell, thought: _Thought, k: int, after_mm: float) -> Shot
         known.readings_asked(int(walk.place[k]), walk.readings[k]),
         known.mounts[int(walk.place[k])],
         seen.scanner,
+        seen.ball,
         after_mm,
     )
 
 
-def _thought_of(known: SolvedCell, on_axes: bool, rng: np.random.Generator) -> _Thought:
+def _thought_of(known: SolvedCell, on_axes: bool | None, rng: np.random.Generator) -> _Thought:
     """Return captures that the cell could take: in view, on ways that the machine went, within the limits."""
-    pairs = [pair for pair in known.pairs if known.rides(pair[1]) == on_axes]
+    pairs = [pair for pair in known.pairs if on_axes in (None, known.rides(pair[1]))]
     parts = [part for pair in pairs for part in _of_pair(known, pair, _CANDIDATES // len(pairs), rng)]
     observations = [one for part in parts for one in part.observations]
     which = [known.pair_of(one) for one in observations]

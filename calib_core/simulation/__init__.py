@@ -10,6 +10,8 @@ import numpy as np
 
 from calib_core.errors import InputError
 from calib_core.records import Session
+from calib_core.records.described import DescribedCell
+from calib_core.simulation.described import scenario_of
 from calib_core.simulation.frame_cell import FRAME_SCENARIOS, simulate_frames
 from calib_core.simulation.part_cell import PART_SCENARIOS, simulate_part
 from calib_core.simulation.profile_cell import Shot, World, build_world
@@ -18,7 +20,7 @@ from calib_core.simulation.scenarios import SCENARIOS, TcpScenario
 from calib_core.simulation.session import SimulatedSession
 from calib_core.simulation.sweep_cell import SWEEP_SCENARIOS, SweepScenario, simulate_sweeps
 from calib_core.simulation.table_cell import TABLE_SCENARIOS, TableScenario, build_table_world
-from calib_core.simulation.topology_cell import simulate_topology
+from calib_core.simulation.topology_scans import simulate_with_scans
 from calib_core.simulation.topology_scenarios import TOPOLOGY_SCENARIOS
 from calib_core.simulation.topology_wanted import TopologyScenario
 from calib_core.simulation.verify_cell import VERIFY_SCENARIOS, VerifyScenario, verify_options, with_verification
@@ -29,11 +31,11 @@ __all__ = [
     "FRAME_SCENARIOS", "PART_SCENARIOS", "SCENARIOS", "SWEEP_SCENARIOS", "TABLE_SCENARIOS",
     "TOPOLOGY_SCENARIOS", "VERIFY_SCENARIOS", "WHOLE_SCENARIOS", "Shot", "SimulatedSession", "SweepScenario",
     "TableScenario", "TcpScenario", "TopologyScenario", "VerifyScenario", "WholeScenario", "World", "another",
-    "retake", "simulate", "simulate_table", "simulate_tcp", "simulate_verify"
+    "retake", "simulate", "simulate_described", "simulate_table", "simulate_tcp", "simulate_verify"
 ]  # fmt: skip
 
 _WITHOUT_WORLD: tuple[tuple[Mapping[str, Any], Callable[[Any, str, int], tuple[Session, Any, Any]]], ...] = (
-    (TOPOLOGY_SCENARIOS, simulate_topology),
+    (TOPOLOGY_SCENARIOS, simulate_with_scans),
     (SWEEP_SCENARIOS, simulate_sweeps),
     (PART_SCENARIOS, simulate_part),
     (FRAME_SCENARIOS, simulate_frames),
@@ -69,6 +71,18 @@ def require_scenario(scenario: str) -> None:
     names = [name for scenarios in _ALL for name in scenarios]
     if scenario not in names:
         raise InputError.unknown(scenario, names, "scenario")
+
+
+def simulate_described(told: DescribedCell, name: str, seed: int) -> SimulatedSession:
+    """Return the session of a cell that is described by its edges.
+
+    Raises
+    ------
+    InputError
+        If a scanner sees no ball that anything moves before it, or the seed is negative.
+    """
+    _require_seed(seed)
+    return SimulatedSession(*simulate_with_scans(scenario_of(told), name, seed), None)
 
 
 def simulate_tcp(seed: int, options: TcpScenario, name: str = "tcp") -> SimulatedSession:

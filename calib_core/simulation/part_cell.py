@@ -9,7 +9,7 @@ import numpy as np
 from calib_core.records import Session
 from calib_core.simulation.motion import ON_FLANGE, FloatArray, back, pose, turn
 from calib_core.simulation.part import PartMesh, build_part
-from calib_core.simulation.part_scan import PartScanner, PartScanOptions, view_poses
+from calib_core.simulation.part_scan import PartScan, PartScanner, PartScanOptions, view_poses
 from calib_core.simulation.profile_cell import pose_numbers, rounded_pose
 
 
@@ -89,10 +89,8 @@ def take_scans(
         angle = np.deg2rad(degrees) + rng.standard_normal() * options.angle_sigma_rad
         turntable_from_base = pose(turn([0, 0, -angle]), [0, 0, 0]) @ back(cell.base_from_turntable)
         scan = scanner.scan(turntable_from_base @ actual @ cell.mount_from_laser, rng)
-        in_one_frame = scan.points_in_laser_mm.copy()
-        in_one_frame[..., 1] += _along(len(in_one_frame), options.scanner.pitch_mm)[:, None]
         file = f"captures/v{k + 1:02d}.pcd"
-        files[file] = _organised_pcd(in_one_frame)
+        files[file] = organised_pcd(in_one_frame(scan, options.scanner))
         captures.append(
             {"id": f"v{k + 1:02d}", "step": "scan", "kind": "cloud", "files": [file]}
             | {"pose": pose_numbers(commanded), "table_deg": degrees}
@@ -105,12 +103,14 @@ def _error(options: PartScenario, rng: np.random.Generator) -> FloatArray:
     return pose(turned, rng.standard_normal(3) * options.position_sigma_mm)
 
 
-def _along(count: int, pitch_mm: float) -> FloatArray:
-    """Return where each row of the scan stands along y of L."""
-    return (np.arange(count, dtype=float) - (count - 1) / 2) * pitch_mm
+def in_one_frame(scan: PartScan, options: PartScanOptions) -> FloatArray:
+    """Return a scan's points (P, C, 3) in L of its middle profile: each row stands farther along y."""
+    points = scan.points_in_laser_mm.copy()
+    points[..., 1] += ((np.arange(len(points)) - (len(points) - 1) / 2) * options.pitch_mm)[:, None]
+    return points
 
 
-def _organised_pcd(points_mm: FloatArray) -> bytes:
+def organised_pcd(points_mm: FloatArray) -> bytes:
     """Return a binary PCD whose width and height are the scan's columns and rows, blanks as NaN."""
     rows, columns, _ = points_mm.shape
     blank = np.isnan(points_mm).any(axis=2, keepdims=True)

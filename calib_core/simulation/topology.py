@@ -170,6 +170,12 @@ class TopologyWorld:
         options, mounted = self.scanners[scanner]
         return back(base_from_tool0 @ mounted if options.on == "tool0" else mounted)
 
+    def sees_move(self, scanner: str, carrier: str) -> bool:
+        """Return whether anything moves between a scanner and what carries a ball."""
+        on = self.scanners[scanner][0].on
+        feet = any(axis.options.carries == "robot" for axis in self.axes.values())
+        return carrier != on and (on == "base" or carrier != "tool0" or feet)
+
     def truth(self) -> dict[str, Any]:
         """Return the truth as JSON data."""
         frames: list[dict[str, Any]] = []

@@ -100,23 +100,16 @@ def _stops(world: TopologyWorld, options: TopologyScenario, rng: np.random.Gener
     aimed = [next(iter(world.scanners))] if options.at_once else [*world.scanners]
     for scanner in aimed:
         for mount in dict.fromkeys(ball.mount for ball in options.balls):
-            balls = [ball for ball in options.balls if ball.mount == mount and _can_see(world, scanner, ball.on)]
+            balls = [ball for ball in options.balls if ball.mount == mount and world.sees_move(scanner, ball.on)]
             on_axis = any(ball.on in world.axes for ball in balls)
             orientations = options.on_axes if on_axis else options.cell.orientations
             first = 0 if on_axis else options.cell.translations
             for number in range((first + orientations) if balls else 0):
                 ball = balls[number % len(balls)]
-                yield _stop(world, options, scanner, ball, number < first, rng)
+                yield stop_at(world, options, scanner, ball, number < first, rng)
 
 
-def _can_see(world: TopologyWorld, scanner: str, carrier: str) -> bool:
-    """Return whether anything moves between a scanner and what carries a ball."""
-    on = world.scanners[scanner][0].on
-    feet = any(axis.options.carries == "robot" for axis in world.axes.values())
-    return carrier != on and (on == "base" or carrier != "tool0" or feet)
-
-
-def _stop(
+def stop_at(
     world: TopologyWorld,
     options: TopologyScenario,
     scanner: str,
@@ -242,7 +235,7 @@ def _points(
     found: list[FloatArray] = []
     seen: list[str] = []
     for name, (ball, _) in world.balls.items():
-        if ball.mount != stop.mount or not _can_see(world, scanner, ball.on):
+        if ball.mount != stop.mount or not world.sees_move(scanner, ball.on):
             continue
         points = _arc(world, options, stop, scanner, name)
         if len(points) <= 30:
@@ -311,9 +304,9 @@ def _written(
     """Return a capture's record and its file, in which points (N, 3) are off by the scanner's errors."""
     kind = options.cell.kinds[0]
     on_axis = any(ball.on not in ("base", "tool0") for ball in options.balls if ball.mount == stop.mount)
-    record: dict[str, Any] = {"id": capture, "step": "turntable" if on_axis else "tcp", "kind": kind}
     file = f"captures/{capture}.{'csv' if kind == 'profile' else 'xyz'}"
-    record["files"] = [file]
+    step = "turntable" if on_axis else "tcp"
+    record: dict[str, Any] = {"id": capture, "step": step, "kind": kind, "files": [file]}
     seen = _nearest(points, options.cell) if kind == "profile" else points
     told = err.told(seen)
     content = profile_csv(told, 1.0, on_columns=err.none) if kind == "profile" else cloud_xyz(told, 1.0)
@@ -322,12 +315,16 @@ def _written(
         record["scanner"] = scanner
     if on_axis and stop.mount is not None:
         record["mount"] = stop.mount
-    units = {axis.name: (axis.kind, axis.unit) for axis in options.axes}
-    for name, value in stop.read.items():
-        kind_of, unit = units[name]
-        told = round(value * unit, 6)
-        if name == "table" and not names_axes(options):
-            record |= {"table_deg": told} if on_axis else {}
-        else:
-            record.setdefault("axes_mm" if kind_of == "linear" else "axes_deg", {})[name] = told
-    return record, {file: content}
+    return record | axes_read(options, stop.read, on_axis), {file: content}
+
+
+def axes_read(options: TopologyScenario, read: Readings, on_axis: bool) -> dict[str, Any]:
+    """Return a capture's fields that say where axes stood; the one table's only where it carries the object."""
+    record: dict[str, Any] = {}
+    for axis in options.axes:
+        told = round(read[axis.name] * axis.unit, 6)
+        if names_axes(options):
+            record.setdefault("axes_mm" if axis.kind == "linear" else "axes_deg", {})[axis.name] = told
+        elif on_axis:
+            record["table_deg"] = told
+    return record

@@ -36,6 +36,8 @@ class TopologyScenario:
         shear, 0.1 % of bow, 0.02 mm of each of three shapes by the angle of incidence.
     side_told : bool
         The session tells of one capture of each step on which side of the plane of light its ball is.
+    scans : int
+        Of the part, by each scanner before which anything moves it.
     """
 
     description: str
@@ -51,3 +53,4 @@ class TopologyScenario:
     scanner_scale: float = 1.0
     scanners_err: float = 0.0
     side_told: bool = False
+    scans: int = 0

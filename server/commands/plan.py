@@ -4,16 +4,24 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calib_core.errors import InputError
 from calib_core.messages import message
 from server.console.command import NOT_ACCEPTED, OK, Command
-from server.console.output import print_result
+from server.console.output import print_result, read_object
 
 if TYPE_CHECKING:
     from calib_core.guidance.cell_plan import CellPlan
+    from calib_core.guidance.edges_plan import PlannedCapture, PlannedEdge
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the cell as JSON; options win")
+    parser.add_argument(
+        "file",
+        nargs="?",
+        type=Path,
+        metavar="FILE",
+        help="the cell as JSON, its edges too; options win",
+    )
     for name, what in (
         ("near-mm", "where the scanner's field of view begins"),
         ("far-mm", "where it ends"),
@@ -52,7 +60,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _cell(options: argparse.Namespace) -> dict[str, Any]:
     """Return the cell of the file with what the options say."""
-    data: dict[str, Any] = {} if options.file is None else _read(options.file)
+    data: dict[str, Any] = {} if options.file is None else read_object(options.file)
     data |= _given(
         point_sigma_mm=options.noise_mm,
         pitch_mm=options.pitch_mm,
@@ -65,8 +73,6 @@ def _cell(options: argparse.Namespace) -> dict[str, Any]:
     names = ("near_mm", "far_mm", "near_width_mm", "far_width_mm")
     _add(data, "scanner", _given(**{name: getattr(options, name) for name in names}))
     if "scanner" not in data:
-        from calib_core.errors import InputError
-
         to_do = message(
             "Give --near-mm, --far-mm and --near-width-mm, or a cell as a JSON file; see docs/guidance.md."
         )
@@ -88,20 +94,6 @@ def _add(data: dict[str, Any], name: str, told: dict[str, Any]) -> None:
     given = data.get(name)
     if told and (given is None or isinstance(given, dict)):
         data[name] = {**(given or {}), **told}
-
-
-def _read(file: Path) -> dict[str, Any]:
-    import json
-
-    from calib_core.errors import InputError
-
-    try:
-        data = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError("a cell as JSON", str(error), "Give another file, or options alone.", str(file)) from None
-    if not isinstance(data, dict):
-        raise InputError("a JSON object", type(data).__name__, "See docs/guidance.md.", str(file))
-    return data
 
 
 def _text(plan: "CellPlan") -> str:
@@ -126,7 +118,30 @@ def _text(plan: "CellPlan") -> str:
             heights = f"{len(layout.heights_mm)}"
             leaves = f"± {layout.uncertainty_mm:.3f} mm"
             lines.append(f"  {layout.radius_mm:6g} mm {heights:>8} {layout.angles:>7} {leaves:>10}")
+    if plan.edges is not None:
+        lines += ["", plan.edges.sentence, *(f"  {one}" for one in plan.edges.unseen)]
+        lines += [line for edge in plan.edges.edges for line in _edge(edge)]
+        lines += [f"  {number:>3}  {_capture(one)}" for number, one in enumerate(plan.edges.captures, start=1)]
     return "\n".join(lines)
+
+
+def _edge(edge: "PlannedEdge") -> list[str]:
+    known = [
+        f"± {value:.3g} {unit}" for value, unit in ((edge.position_mm, "mm"), (edge.orientation_deg, "°")) if value
+    ]
+    return [f"  {edge.name}: {', '.join(known)}".rstrip(": "), *(f"    {one}" for one in edge.open)]
+
+
+def _capture(one: "PlannedCapture") -> str:
+    """Return a capture's line: of which sphere by which scanner, where the axes stand, ± after it."""
+    from calib_core.messages import message
+
+    after = message("not determined yet") if one.uncertainty_mm is None else f"± {one.uncertainty_mm:.3f} mm"
+    axes = [f"{name} {value:g}°" for name, value in (one.axes_deg or {}).items()]
+    axes += [f"{name} {value:g} mm" for name, value in (one.axes_mm or {}).items()]
+    at = " ".join(f"{row[3]:.0f}" for row in one.base_from_tool0[:3]) if one.by_robot else ""
+    flange = message("flange at {at}", at=at) if at else message("axes alone")
+    return "  ".join([one.scanner or "", one.sphere, *axes, flange, after]).strip()
 
 
 COMMAND = Command("plan", "what a cell will reach, before anything is bought", "files", _arguments, _run)

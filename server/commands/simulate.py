@@ -4,16 +4,20 @@ import argparse
 import json
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from calib_core.errors import InputError
 from server.console.command import OK, Command
 from server.console.output import print_result
 
+if TYPE_CHECKING:
+    from calib_core.records.described import DescribedCell
+
 _LIVE = "live"
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
-    help_ = "tcp, or one of its variants; live serves the cell's devices by their protocols"
+    help_ = "tcp, one of its variants, or a cell as JSON, as plan takes it; live serves a cell's devices"
     parser.add_argument("scenario", metavar="SCENARIO", help=help_)
     parser.add_argument("--seed", type=int, metavar="N", help="the same seed gives the same files")
     parser.add_argument("--out", type=Path, metavar="DIR", help="the folder to write; not for live")
@@ -38,16 +42,21 @@ def _run(options: argparse.Namespace) -> int:
     if options.scenario == _LIVE:
         return _serve(options)
     from calib_core.messages import message
-    from calib_core.simulation import require_scenario, simulate
+    from calib_core.simulation import require_scenario, simulate, simulate_described
 
-    require_scenario(options.scenario)
+    described = Path(options.scenario) if options.scenario.endswith(".json") else None
+    if described is None:
+        require_scenario(options.scenario)
     for name, value in (("--seed", options.seed), ("--out", options.out)):
         if value is None:
             need = "{name} for the session folder"
             raise InputError(need, "none", "Add {name}.", f"simulate {options.scenario}", name=name)
     from calib_core.archive.folder import save_session, to_json_bytes
 
-    simulated = simulate(options.scenario, options.seed)
+    if described is None:
+        simulated = simulate(options.scenario, options.seed)
+    else:
+        simulated = simulate_described(_described(described), described.stem, options.seed)
     truth = {"truth.json": to_json_bytes(simulated.truth)}
     save_session(options.out, simulated.session, {**simulated.files, **truth})
     captures = len(simulated.session.captures)
@@ -61,6 +70,18 @@ def _run(options: argparse.Namespace) -> int:
     data = {"folder": str(options.out), "captures": captures, "scenario": options.scenario, "seed": options.seed}
     print_result(options, text, data)
     return OK
+
+
+def _described(file: Path) -> "DescribedCell":
+    """Return the cell of a file, as `plan` takes it; raises InputError where it is none."""
+    from calib_core.guidance.described import cell_of
+    from calib_core.records.described import DescribedCell
+    from calib_core.records.parsing import parsed_record
+    from server.console.output import read_object
+
+    told = parsed_record(DescribedCell, read_object(file), str(file))
+    cell_of(told, pose_convention="matrix")  # edges that form no tree
+    return told
 
 
 def _serve(options: argparse.Namespace) -> int:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from calib_core.disk import WINDOWS, extended, temporary_folder
+from calib_core.errors import InputError
 from calib_core.messages import message
 from server.console.language import lines_said
 
@@ -67,6 +68,17 @@ def print_result(options: argparse.Namespace, text: str, data: Any) -> None:
         print(lines_said(options, text), flush=True)
 
 
+def read_object(file: Path) -> dict[str, Any]:
+    """Return a cell that is described in a file; raises InputError where it is no JSON object."""
+    try:
+        data = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError("a cell as JSON", str(error), "Give another file, or options alone.", str(file)) from None
+    if not isinstance(data, dict):
+        raise InputError("a JSON object", type(data).__name__, "See docs/guidance.md.", str(file))
+    return data
+
+
 def remark(options: argparse.Namespace, sentence: str) -> None:
     """Say something on standard error, unless --quiet."""
     if not options.quiet:
@@ -81,7 +93,6 @@ def write_out(options: argparse.Namespace, out: Path, pieces: Iterable[bytes | m
     InputError
         If it cannot be written there; or `-` is a terminal that cannot show it, or wanted for JSON.
     """
-    from calib_core.errors import InputError
     from calib_core.formats.shared.writing import write_pieces
 
     if out == STANDARD_OUTPUT:
