@@ -9,6 +9,7 @@ from pydantic import Field
 
 from calib_core.captures.content import sphere_of
 from calib_core.cell.axes import moved_axes
+from calib_core.cell.described import cell_of
 from calib_core.cell.layout import MovedAxis
 from calib_core.chain.chain_data import Sigmas
 from calib_core.errors import InputError
@@ -16,7 +17,7 @@ from calib_core.evidence.numbers import COVERAGE
 from calib_core.frames import RigidTransform, rotation_from_vector
 from calib_core.guidance.arm_plan import ArmWorth, arm_worth
 from calib_core.guidance.candidates import Room
-from calib_core.guidance.described import CellThoughtOf, cell_of, thought_of
+from calib_core.guidance.described import CellThoughtOf, thought_of
 from calib_core.guidance.design import Assumed, Design, worst_sigma_mm
 from calib_core.guidance.edges_plan import EdgesPlan, plan_edges
 from calib_core.guidance.field_of_view import Sight

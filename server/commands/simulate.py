@@ -74,7 +74,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _described(file: Path) -> "DescribedCell":
     """Return the cell of a file, as `plan` takes it; raises InputError where it is none."""
-    from calib_core.guidance.described import cell_of
+    from calib_core.cell.described import cell_of
     from calib_core.records.described import DescribedCell
     from calib_core.records.parsing import parsed_record
     from server.console.output import read_object
