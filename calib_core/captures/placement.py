@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.cell.axes import axis_of_mounts, moved_axes, read_axes
-from calib_core.cell.carriers import scanner_mount, scanner_name, scanner_names
+from calib_core.cell.axes import axis_of_mounts, moved_axes, part_on_flange, read_axes
+from calib_core.cell.carriers import other_end, rides_with_robot, scanner_mount, scanner_name, scanner_names
 from calib_core.cell.found import as_used, known_scanner, on_flange, placed_scanner
 from calib_core.cell.layout import MovedAxis
 from calib_core.errors import InputError
@@ -52,7 +52,7 @@ class Placement:
     axes : tuple of PlacedAxis
         Where the cell names its axes.
     carrier : str
-        Which of them carries the object.
+        What carries the object: one of them, base, or the flange before scanners that stand still.
     cell : Cell, optional
         Where it has several scanners or axes.
     sheet_per_mm : float
@@ -114,18 +114,28 @@ class Placement:
             [*self.sheets_per_mm.items()],
         )
 
+    @property
+    def held(self) -> bool:
+        """Whether the flange carries the object: what robots' poses move is then the object."""
+        return rides_with_robot(self.carrier)
+
     def way(self, capture: Capture, base_from_carrier: RigidTransform) -> RigidTransform:
         """Return the way from a capture's scanner into the frame of all, by where what carries it is.
+
+        Of an object that the flange carries, by where the flange is.
 
         Raises
         ------
         InputError
             Where the table turns and its angle is not told.
         """
-        return self.turntable_from_base(capture) @ self.carried(capture, base_from_carrier) @ self.mount(capture)
+        into = self.turntable_from_base(capture, base_from_carrier)
+        return into @ self.carried(capture, base_from_carrier) @ self.mount(capture)
 
     def carried(self, capture: Capture, base_from_carrier: RigidTransform) -> RigidTransform:
         """Return where what carries a capture's scanner is, the axes that carry the robot moved."""
+        if self.held:
+            return RigidTransform.identity("base", "base")
         return self.foot(capture) @ base_from_carrier if on_flange(self.mount(capture)) else base_from_carrier
 
     def foot(self, capture: Capture, ball: str = "base", off: Mapping[str, float] | None = None) -> RigidTransform:
@@ -142,8 +152,15 @@ class Placement:
         """The same for an object that stands in base."""
         return replace(self, base_from_turntable=None, carrier="base")
 
-    def turntable_from_base(self, capture: Capture) -> RigidTransform:
-        """Return the way from base into T as the axes stand, the identity without any; raises InputError."""
+    def turntable_from_base(
+        self, capture: Capture, base_from_tool0: RigidTransform | None = None
+    ) -> RigidTransform:
+        """Return the way from base into T as axes, or the flange that holds the object, stand; raises InputError.
+
+        The identity without any.
+        """
+        if self.held and base_from_tool0 is not None:
+            return (self.foot(capture) @ base_from_tool0).inverse()
         stands = self.base_from_turntable or RigidTransform.of(
             [0.0, 0.0, 0.0], self.origin_mm, "base", "turntable"
         )
@@ -232,7 +249,9 @@ def _sheet_per_mm(told: Any) -> float:
 
 
 def _carrier(cell: Cell, captures: Sequence[Capture]) -> str:
-    """Return which axis carries the object, base where none does."""
+    """Return which axis carries the object, or the flange, base where none does."""
+    if part_on_flange(cell, captures):
+        return other_end("base")
     of_one_object = [capture.model_copy(update={"mount": None}) for capture in captures]
     return next(iter(axis_of_mounts(cell, of_one_object).values()), "base")
 

@@ -114,9 +114,9 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
         raise InputError("points of the object", "a capture of kind 'center'", "Give it another step.", first.id)
     if first.kind == "cloud":
         points, intensity, near, organised = _cloud(first, read)
-        poses, captures = [poses_of(session, group)[0][1]], [first]
+        poses, captures = [poses_of(session, group, placement)[0][1]], [first]
     else:
-        poses, captures, points, intensity = _profiles(session, group, read)
+        poses, captures, points, intensity = _profiles(session, group, read, placement)
         points[..., 1] = placement.sheet(first) * points[..., 0] ** 2
         near, organised = RigidTransform.identity("laser", "laser"), len(points) >= 3
     ways = [placement.way(capture, pose) @ near for capture, pose in zip(captures, poses, strict=True)]
@@ -127,11 +127,14 @@ def read_scan(session: Session, group: ScanGroup, placement: Placement, read: Re
     return Scan(group.name, points, way, sigma_mm, organised=organised, looks_along_z=looks, intensity=intensity)
 
 
-def poses_of(session: Session, group: ScanGroup) -> list[tuple[Capture, RigidTransform]]:
-    """Return each profile's capture and where what carries the scanner is in base, one for a cloud."""
+def poses_of(session: Session, group: ScanGroup, placement: Placement) -> list[tuple[Capture, RigidTransform]]:
+    """Return each profile's capture and where what carries the scanner is in base, one for a cloud.
+
+    Of an object that the flange carries, where the flange is.
+    """
     pairs: list[tuple[Capture, RigidTransform]] = []
     for capture in group.captures:
-        if stands_still(session.cell, capture):
+        if stands_still(session.cell, capture) and not placement.held:
             count = len(capture.files) if capture.kind == "sweep" else 1
             pairs += [(capture, RigidTransform.identity("base", "base"))] * count
         elif capture.kind == "sweep":
@@ -166,10 +169,10 @@ def _cloud(capture: Capture, read: ReadFile) -> tuple[SingleArray, SingleArray |
 
 
 def _profiles(
-    session: Session, group: ScanGroup, read: ReadFile
+    session: Session, group: ScanGroup, read: ReadFile, placement: Placement
 ) -> tuple[list[RigidTransform], list[Capture], SingleArray, SingleArray | None]:
     """Return each profile's pose and capture, the points (P, C, 3), and intensities (P, C) where all have some."""
-    pairs = poses_of(session, group)
+    pairs = poses_of(session, group, placement)
     profiles: list[FloatArray] = []
     bright: list[SingleArray] = []
     names: list[str] = []

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
+from calib_core.cell.carriers import stands_still
 from calib_core.cell.layout import MovedAxis
 from calib_core.records import Capture, Cell, CellAxis
 from calib_core.steps import steps_that_show
@@ -138,6 +139,23 @@ def axis_that_moved(cell: Cell, captures: Sequence[Capture]) -> str | None:
         ),
         None,
     )
+
+
+def part_on_flange(cell: Cell, scans: Sequence[Capture]) -> bool:
+    """Return whether the flange carries what is scanned.
+
+    So it is where scanners that stand still alone scan it, one of them from several poses of the robot, while no
+    axis moves: a still part would be scanned again for nothing.
+    """
+    some = [one for one in scans if not one.excluded]
+    if not all(stands_still(cell, one) for one in some) or axis_that_moved(cell, some):
+        return False
+    if len({one.table_deg for one in some}) > 1 or not all(
+        one.pose or one.poses or one.pose_track for one in some
+    ):
+        return False
+    poses = {(one.scanner, repr(one.pose or one.poses or one.pose_track)) for one in some}
+    return len(poses) > len({one.scanner for one in some})
 
 
 def axes_needed(cell: Cell) -> set[str]:

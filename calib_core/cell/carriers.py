@@ -116,6 +116,11 @@ def rides_on_axis(carrier: str) -> bool:
     return carrier not in ("base", "tool0")
 
 
+def rides_with_robot(carrier: str) -> bool:
+    """Return whether what carries something is the flange."""
+    return carrier == "tool0"
+
+
 def carrier_of_all(mounts: Iterable[str]) -> str:
     """Return `base` where all of some scanners stand still, `tool0` where the flange carries one."""
     return "base" if {*mounts} == {"base"} else "tool0"

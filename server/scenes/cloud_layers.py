@@ -60,7 +60,9 @@ def shown_cloud(facts: SceneFacts, look: Look) -> MergedScans | None:
 
 
 def cloud_place(facts: SceneFacts, look: Look) -> RigidTransform | None:
-    """Return where the cloud's frame stands, None while the table is not known."""
+    """Return where the cloud's frame stands, None while the table is not known; a held part's with one capture."""
+    if facts.merged is not None and facts.merged.on_flange:
+        return next((one.base_from_tool0 for one in look.shown(facts)), RigidTransform.identity("base", "tool0"))
     if facts.merged is None or not facts.merged.on_table:
         return RigidTransform.identity("base", "base")
     return None if facts.table is None else facts.table.turned(look.table_deg(facts))

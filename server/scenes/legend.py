@@ -161,7 +161,7 @@ def _of_optics(optics: OpticsFacts) -> list[str]:
 
 def _of_cloud(merged: MergedScans, look: Look) -> list[str]:
     parts = [_head(message("Merged cloud") if merged.fused else message("Scans"))]
-    frame = "T" if merged.frame == "turntable" else "base"
+    frame = "T" if merged.frame == "turntable" else merged.frame
     if look.cloud.colors == "by deviation":
         parts += _of_deviation(look.deviation)
     elif look.cloud.colors == "by intensity" and merged.every_intensity is not None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.cell.carriers import rides_with_robot
 from calib_core.cell.found import ScannerPlaced, known_scanner, on_flange
 from calib_core.errors import CalibrationError
 from calib_core.frames import FloatArray, RigidTransform
@@ -86,6 +87,11 @@ class MergedScans:
         """Whether its points stand in the turntable's frame."""
         return self.frame == "turntable"
 
+    @property
+    def on_flange(self) -> bool:
+        """Whether the flange holds what was scanned."""
+        return rides_with_robot(self.frame)
+
 
 def merged_cloud(results: Mapping[str, Result], read: ReadOutput) -> MergedScans | None:
     """Return the cloud that the merge stored, evenly thinned; None where there is none."""
@@ -156,6 +162,7 @@ def merged_scans(
         return None
     numbers = np.repeat(np.arange(len(placed)), [len(cloud) for cloud in placed.values()])
     frame = "base" if placement.base_from_turntable is None else "turntable"
+    frame = placement.carrier if placement.held else frame
     points = np.concatenate(list(placed.values()))
     return MergedScans(points, numbers, tuple(placed), frame, measured, waiting=waiting)
 

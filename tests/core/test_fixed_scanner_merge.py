@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from calib_core.library.opened import in_memory
 from calib_core.records import Session
+from calib_core.records.described import DescribedCell
+from calib_core.simulation import simulate_described
 from calib_core.simulation.motion import pose, turn
 from calib_core.simulation.part import build_part
 from calib_core.simulation.part_cell import PartScenario, ScanCell, simulate_part, take_scans
@@ -34,3 +37,21 @@ def test_a_fixed_scanners_scans_fit_and_need_no_pose() -> None:
     assert result.tool0_from_laser is None
     assert [row.used for row in result.residuals] == [True] * 6
     assert result.overlap_rms_mm < 0.2
+
+
+@pytest.mark.thorough
+def test_a_part_that_the_robot_holds_is_merged_in_the_flanges_frame() -> None:
+    gates = {"left": {"on": "base"}, "right": {"on": "base"}}
+    rail = {"name": "rail", "kind": "linear", "carries": "robot"}
+    told = DescribedCell.model_validate({"scanners": gates, "axes": [rail], "scans": 5})
+    simulated = simulate_described(told, "held", 3)
+    results = in_memory(simulated.session, simulated.files).run()
+    merged = results["merge"]
+    assert merged.verdict != "fail", merged.warnings
+    assert merged.frame == "tool0"
+    assert all(row.used for row in merged.residuals)
+    assert merged.overlap_rms_mm < 2 * merged.expected_overlap_rms_mm
+    low, high = np.array(merged.low_mm), np.array(merged.high_mm)
+    center, radius = np.array(simulated.truth["part_center_mm"]), simulated.truth["part_diameter_mm"] / 2
+    assert np.all(low > center - radius - 1.0)
+    assert np.all(high < center + radius + 1.0)

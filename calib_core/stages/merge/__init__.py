@@ -15,7 +15,7 @@ class Merge(Stage):
     """All scans in one frame."""
 
     name, title, place = "merge", "Merged cloud", 70
-    method_revision = 11  # what is open of the arm that is corrected counts
+    method_revision = 12  # a part that the flange holds before scanners that stand still
     step = CaptureStep(
         "scan",
         "Scan",

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from calib_core.captures.arm_joints import applied_moves
 from calib_core.captures.placement import Placement, placement_of
@@ -134,9 +135,9 @@ def pose_errors(given: StageInput, groups: Sequence[ScanGroup], calibration: Cal
     common: list[FloatArray] = []
     own: list[FloatArray] = []
     for group in groups:
-        pairs = poses_of(given.session, group)
+        pairs = poses_of(given.session, group, calibration.placement)
         capture, pose = pairs[len(pairs) // 2]
-        turntable_from_base = calibration.placement.turntable_from_base(capture)
+        turntable_from_base = calibration.placement.turntable_from_base(capture, pose)
         by_arm = applied_moves(given.session.cell, capture, calibration.arm)
         moves, mine = moves_of_scan(calibration, capture, turntable_from_base, pose, by_arm)
         common.append(moves @ root)
@@ -192,9 +193,11 @@ def moves_of_scan(
             twist = [*vector_from_rotation(moved.rotation), *moved.translation_mm]
             moves[:, others + 6 * a + n] = np.divide(twist, _STEPS[n])
     own = np.zeros((6, 6))
-    if on_flange(mount):
+    if on_flange(mount) or placement.held:
         sigmas = np.repeat([calibration.orientation_sigma_rad, calibration.position_sigma_mm], 3)
         robot = _by_pose(turntable_from_carrier.rotation @ base_from_carrier.rotation.T, turntable_from_carrier)
+        if placement.held:  # the object moves with the flange, in whose frame all is: the other way round
+            robot = -block_diag(np.eye(3), base_from_carrier.rotation.T)
         own = (robot * sigmas) @ (robot * sigmas).T
         if by_arm is not None:
             turned = base_from_carrier.rotation.T @ by_arm[3:]

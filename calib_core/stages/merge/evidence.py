@@ -98,11 +98,10 @@ def _apart(result: MergeResult) -> list[AnyBlock]:
 def _cloud(result: MergeResult) -> list[AnyBlock]:
     sides = zip(result.low_mm, result.high_mm, strict=True)
     size = " × ".join(number_text(high - low, 1) for low, high in sides)
-    where = "turntable's frame" if result.frame == "turntable" else "robot's base"
     figures: list[AnyBlock] = [
         Figure(title="Merged cloud", label="Points scanned", quantity=fixed(result.scanned_points, 0)),
         Figure(label="Voxel size", quantity=fixed(result.voxel_mm, 2, "mm")),
-        Figure(label="Size, x × y × z", text=f"{size}\u202fmm", remark=message("in the {place}", place=where)),
+        Figure(label="Size, x × y × z", text=f"{size}\u202fmm", remark=_WHERE[result.frame]),
     ]
     if result.mesh or result.triangles:
         figures.append(Figure(label="Triangles of the mesh", quantity=fixed(result.triangles, 0)))
@@ -113,6 +112,12 @@ def _cloud(result: MergeResult) -> list[AnyBlock]:
         figures.append(Figure(label="Scanner and table from", text=source_text(result.calibrated_by)))
     return figures
 
+
+_WHERE: Final = {
+    "turntable": message("in the turntable's frame"),
+    "base": message("in the robot's base"),
+    "tool0": message("in the flange's frame"),
+}
 
 _METHODS: Final = {
     "none": message("taken as it lies"),

@@ -86,7 +86,7 @@ def _views(session: Session, groups: Sequence[ScanGroup], placement: Placement) 
     toward: list[FloatArray] = []
     read_deg: list[float] = []
     for group in groups:
-        pairs = poses_of(session, group)
+        pairs = poses_of(session, group, placement)
         capture, pose = pairs[len(pairs) // 2]
         way = placement.way(capture, pose)
         out = 1.0 if scanner_told(session.cell, capture).z_axis == "toward" else -1.0

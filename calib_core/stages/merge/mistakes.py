@@ -140,7 +140,7 @@ class Mistakes:
         return self._placement.way(capture, pose).matrix
 
     def _middle(self, name: str) -> tuple[Capture, RigidTransform]:
-        pairs = poses_of(self._session, self._groups[name])
+        pairs = poses_of(self._session, self._groups[name], self._placement)
         return pairs[len(pairs) // 2]
 
     def _degrees(self, looked: Looked) -> FloatArray | None:
@@ -205,7 +205,8 @@ class Mistakes:
 
     def _of_poses(self, looked: Looked, seen: Patches, where: list[FloatArray]) -> Iterator[Tried]:
         captures = [self._groups[name].captures[0] for name in looked.used]
-        if any(one.pose is None or stands_still(self._session.cell, one) for one in captures):
+        still = [stands_still(self._session.cell, one) and not self._placement.held for one in captures]
+        if any(still) or any(one.pose is None for one in captures):
             return
         rows = [capture.pose or [] for capture in captures]
         told = Reading.told(CONVENTIONS[self._session.cell.pose_convention])

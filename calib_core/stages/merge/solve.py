@@ -87,7 +87,7 @@ def solve(given: StageInput) -> MergeResult:
         solution = solve_merge(plan.scans, plan.errors, plan.options, tell, crew, plan.ball, fits)
         placement = plan.calibration.placement
         table, origin_mm = placement.base_from_turntable, np.array(placement.origin_mm)
-        base_from_cloud = np.eye(4) if table is None else table.matrix
+        base_from_cloud = np.eye(4) if table is None or placement.held else table.matrix
         against = Compared()
         if not has_error(mistakes):
             against = compared(given, solution, plan.options.voxel_mm, base_from_cloud, origin_mm)
@@ -249,13 +249,14 @@ def _result(
         *_about_scatter(solution.looked.scatter),
         *against.findings,
     ]
-    registered, table = solution.registration, calibration.placement.base_from_turntable
+    held = calibration.placement.held
+    registered, table = solution.registration, None if held else calibration.placement.base_from_turntable
     return MergeResult(
         method=_METHODS["registered" if registered else "moved" if solution.self_calibration else "plain"],
         software=SOFTWARE,
         inputs_sha256=given.inputs_sha256,
         **judgement(findings),
-        frame="base" if table is None else "turntable",
+        frame="tool0" if held else "base" if table is None else "turntable",
         cloud=CLOUD_FILE,
         with_intensity=plan.options.intensity,
         points=solution.extent.points,
@@ -345,7 +346,8 @@ def _rows(given: StageInput, plan: MergePlan, solution: MergeSolution) -> list[M
 
 def _place(given: StageInput, plan: MergePlan, solution: MergeSolution, group: ScanGroup) -> list[list[float]]:
     """Return where the scanner stood in the middle of a scan, as rows of a 4×4 into the stored cloud's frame."""
-    placement, pairs = plan.calibration.placement, poses_of(given.session, group)
+    placement = plan.calibration.placement
+    pairs = poses_of(given.session, group, placement)
     capture, pose = pairs[len(pairs) // 2]
     place = placement.way(capture, pose).matrix.copy()
     moved = solution.registration or solution.self_calibration

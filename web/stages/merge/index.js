@@ -34,5 +34,5 @@ function files(result, sessionId) {
     h("h2", { id: "merge-files" }, t("merge.files")),
     result.cloud ? row(t("merge.cloud"), "merged", "cloud") : h("p", {}, t("merge.no_cloud")),
     result.mesh && row(t("merge.mesh_file"), "mesh", "mesh"),
-    h("p", { class: "soft small" }, t(result.frame === "turntable" ? "merge.in_table" : "merge.in_base"), " ", t("merge.units")));
+    h("p", { class: "soft small" }, t({ turntable: "merge.in_table", base: "merge.in_base", tool0: "merge.in_flange" }[result.frame]), " ", t("merge.units")));
 }
