@@ -157,8 +157,8 @@ class MergeResult(Result, ScannerPlaced):
     turntable, without one in the robot's base, or on the flange that holds the part.  `expected_overlap_rms_mm`
     follows from noise and from what the calibration leaves uncertain; `registered_overlap_rms_mm` is that after a
     registration, and `registration_shift_rms_mm` how far it moved the scans.  `surface_sigma_mm` is the standard
-    deviation of the merged surface's place along its normal.  `spills` counts how often memory was emptied to disk;
-    `calibrated_by` says where tool and table come from: the stage, or "known".  `normals_outward` is how
+    deviation of the merged surface's place along its normal.  `spills` counts how often memory was emptied to
+    disk; `calibrated_by` says where tool and table come from: the stage, or "known".  `normals_outward` is how
     it was decided which way is out: "told" by `scanner.z_axis`, by captures of the "ball", by "visibility" (who
     sees whom), by a scanner's "rays" that run apart, by the surface's "volume", by the "distance" to the scanner's
     own zero, or "assumed"; `facing` has the figures.  `pose_scatter` is what the overlap says of poses where no
