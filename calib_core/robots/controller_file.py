@@ -131,6 +131,8 @@ class Found:
     """The named positions that moves go to: as written and the first line, by the name in lower case."""
     unread: set[str] = field(default_factory=set)
     """Named positions that stand in the file and could not be taken, in lower case: they are in `skipped`."""
+    changed: dict[tuple[str, str], int] = field(default_factory=dict)
+    """Lines in which a program changes a `tool` or `frame`, by its number, or a `point` of a file beside it."""
     active_tool: Reference | None = None
     active_frame: Reference | None = None
     """What the controller had active when the file was saved, where the file says so."""
@@ -142,6 +144,10 @@ class Found:
         self.skipped.append(Skipped(line, reason, self.file))
         if name:
             self.unread.add(name.lower())
+
+    def change(self, what: str, number: str, line: int) -> None:
+        """Note that a program changes a tool, a frame or a point."""
+        self.changed.setdefault((what, number.lower()), line)
 
     def want(self, name: str, line: int) -> None:
         """Note that a move goes to a named position."""

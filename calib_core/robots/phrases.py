@@ -21,6 +21,13 @@ def changed(line: int) -> str:
     return message("The program changes it (line {line}): the value here may be another.", line=line)
 
 
+def shifted(line: int) -> str:
+    """Return the doubt about a position to which a move in a line adds something."""
+    return message(
+        "A move adds an offset to it (line {shifted}): make sure that the robot stood here.", shifted=line
+    )
+
+
 def require_count(values: Sized, least: int, most: int | None = None) -> None:
     """Raise ValueError with a phrase unless there are `least` values, or from `least` to `most`."""
     if not least <= len(values) <= (least if most is None else most):

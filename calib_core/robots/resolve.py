@@ -11,6 +11,7 @@ from calib_core.messages import explained, message, sentences, templates
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.brand import Brand
 from calib_core.robots.controller_file import ControllerFile, FilePose, Found, Frame, Reference, Skipped, Taught
+from calib_core.robots.phrases import changed
 
 
 def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> ControllerFile:
@@ -27,6 +28,8 @@ def resolved(brand: Brand, found: Sequence[Found], as_written: bool = False) -> 
     skipped = [row for part in found for row in part.skipped]
     tools = _unequivocal("tool", [tool for part in found for tool in part.tools], skipped)
     frames = _unequivocal("frame", [frame for part in found for frame in part.frames], skipped)
+    for what, kept in (("tool", tools), ("frame", frames)):
+        _doubt_changed(what, kept, found)
     poses: list[FilePose] = []
     for taught in _without_doubles(_settled(found), skipped):
         try:
@@ -64,6 +67,10 @@ _ACTIVE = templates({
     "tool": "No program says with which tool it was taught: the one active in the backup, {active}, is taken.",
     "frame": "No program says with which frame it was taught: the one active in the backup, {active}, is taken.",
 })  # fmt: skip
+_CHANGED = templates({
+    "tool": "A program changes tool {number} in line {line}: here it may be another.",
+    "frame": "A program changes frame {number} in line {line}: here it may be another.",
+})  # fmt: skip
 _NAMED = templates({"tool": "tool {number}", "frame": "frame {number}"})
 _TAKEN = templates({
     "tool": "Taken as written, with tool {number}, which the file does not define.",
@@ -97,8 +104,12 @@ def _settled(found: Sequence[Found]) -> Iterable[Taught]:
         for name, pairs in part.moves.items():
             moves.setdefault(name, set()).update(pairs)
     tool, frame = (_only({getattr(part, f"active_{what}") for part in found}) for what in ("tool", "frame"))
+    points = {(_beside(part.file), name): line for part in found for (what, name), line in part.changed.items()
+              if what == "point"}  # fmt: skip
     for part in found:
         for taught in part.poses:
+            if line := points.get((_beside(part.file), taught.name.lower())):
+                taught = replace(taught, doubt=sentences([taught.doubt or "", changed(line)]))
             pairs = moves.get(taught.name.lower())
             if taught.tool is not None:
                 yield taught
@@ -107,6 +118,21 @@ def _settled(found: Sequence[Found]) -> Iterable[Taught]:
                     yield replace(taught, tool=own_tool, frame=taught.frame if own_frame is None else own_frame)
             else:
                 yield _as_saved(_as_saved(taught, "tool", tool), "frame", frame)
+
+
+def _beside(file: str) -> str:
+    """Return what a program and its list of points have in common: their name without the ending."""
+    return file.rpartition(".")[0].lower()
+
+
+def _doubt_changed(what: str, kept: dict[str, Frame], found: Sequence[Found]) -> None:
+    """Say of tools or frames that a program changes them: with which numbers, no file says."""
+    for part in found:
+        for (kind, number), line in part.changed.items():
+            entry = kept.get(_key(number))
+            if kind == what and entry is not None and not entry.doubt:
+                doubt = message(_CHANGED[what], number=entry.number, line=f"{line} ({part.file})")
+                kept[_key(number)] = replace(entry, doubt=doubt)
 
 
 def _only(saved: set[Reference | None]) -> Reference | None:

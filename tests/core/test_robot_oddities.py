@@ -175,3 +175,80 @@ P[1]{
     found = read_controller_files({"a.ls": text.encode()}, "fanuc")
     assert found.poses == ()
     assert [(row.line, "remote TCP" in row.reason) for row in found.skipped] == [(3, True)]
+
+
+_POINT = b"DEFDAT a\nDECL E6POS XP1={X 1,Y 2,Z 3,A 10,B 20,C 30}\nDECL FDAT FP1={TOOL_NO 1,BASE_NO 1}\nENDDAT\n"
+_CONFIG = b"TOOL_DATA[1]={X 0,Y 0,Z 100,A 0,B 0,C 0}\nBASE_DATA[1]={X 9,Y 0,Z 0,A 0,B 0,C 0}\n"
+_FANUC_FRAME = b"""[*SYSTEM*]$MNUFRAME  Storage: CMOS
+      [1,1] =
+  Group: 1   Config: N D B, 0, 0, 0
+  X:  1000.000   Y:      .000   Z:      .000
+  W:      .000   P:      .000   R:      .000
+
+"""
+
+FANUC_POINT = """P[1]{
+ GP1:
+ UF : 0, UT : 0, CONFIG : 'N U T, 0, 0, 0',
+X = 1 mm, Y = 2 mm, Z = 3 mm, W = 10 deg, P = 20 deg, R = 30 deg
+};"""
+_SETS_FRAME = b"/PROG B\n/MN\n 1: UFRAME[1]=PR[5] ;\n/POS\n/END\n"
+_TEACHES_FRAME = b"/PROG B\n/MN\n 1: UFRAME[1]=LPOS ;\n/POS\n/END\n"
+
+
+def _ls(program: str, frame: int = 0) -> bytes:
+    point = FANUC_POINT.replace("UF : 0", f"UF : {frame}")
+    return f"/PROG A\n/MN\n{program}\n/POS\n{point}\n/END\n".encode()
+
+
+def _jbi(program: str) -> bytes:
+    return f"""/JOB
+//POS
+///TOOL 0
+///POSTYPE BASE
+P00001=1.000,2.000,3.000,10.0000,20.0000,30.0000
+//INST
+NOP
+{program}
+END
+""".encode()
+
+
+def _displaced(program: str) -> bytes:
+    point = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+    move = "MoveL p1,v5,fine,tool0;"
+    return f"MODULE a\nCONST robtarget p1:={point};\nPROC m()\n{program}\n{move}\nENDPROC\nENDMODULE\n".encode()
+
+
+@pytest.mark.parametrize(
+    ("files", "doubt"),
+    [
+        ({"$config.dat": _CONFIG, "a.dat": _POINT, "a.src": b"BASE_DATA[1].X=500\nLIN XP1\n"}, "changes frame 1"),
+        ({"$config.dat": _CONFIG, "a.dat": _POINT, "b.src": b"TOOL_DATA[1] = TNEW\n"}, "changes tool 1"),
+        ({"$config.dat": _CONFIG, "a.dat": _POINT, "a.src": b"XP1.Z = XP1.Z+10\nLIN XP1\n"}, "changes it"),
+        ({"$config.dat": _CONFIG, "a.dat": _POINT, "a.src": b"XP1={X 5,Y 2,Z 3,A 0,B 0,C 0}\n"}, "changes it"),
+        ({"$config.dat": _CONFIG, "a.dat": _POINT, "b.src": b"XP1.Z = 5\n"}, ""),  # a point of its own
+        ({"a.ls": _ls("   1:  P[1,3]=R[1]    ;\n   2:L P[1] 100mm/sec FINE    ;")}, "changes it"),
+        ({"a.ls": _ls("   1:L P[1] 100mm/sec FINE COORD    ;")}, "another group"),
+        ({"a.ls": _ls("   1:L P[1] 100mm/sec FINE RTCP    ;")}, "refused"),
+        ({"a.ls": _ls(""), "b.ls": _SETS_FRAME, "SYSFRAME.VA": _FANUC_FRAME}, ""),
+        ({"a.ls": _ls("", 1), "b.ls": _SETS_FRAME, "SYSFRAME.VA": _FANUC_FRAME}, "changes frame 1"),
+        ({"a.ls": _ls("", 1), "b.ls": _TEACHES_FRAME, "SYSFRAME.VA": _FANUC_FRAME}, "changes frame 1"),
+        ({"A.JBI": _jbi("SFTON P002\nMOVL P001\nSFTOF")}, "adds an offset"),
+        ({"A.JBI": _jbi("SFTON P002\nSFTOF\nMOVL P001")}, ""),
+        ({"A.JBI": _jbi("IMOV P001 V=10.0 BF")}, "refused"),
+        ({"A.JBI": _jbi("SETE P001 (3) 5000\nMOVL P001")}, "changes it"),
+        ({"a.mod": _displaced("PDispSet peShift;")}, "adds an offset"),
+        ({"a.mod": _displaced("PDispSet peShift;\nPDispOff;")}, ""),
+    ],
+)
+def test_what_programs_change_while_they_run_is_doubted(files: dict[str, bytes], doubt: str) -> None:
+    """A point, its tool or its frame that a program sets has other numbers than the file: it was taken so."""
+    found = read_controller_files(files)
+    poses = [pose for pose in found.poses if pose.pose is not None and pose.as_written[0] == 1.0]
+    if doubt == "refused":
+        assert poses == []
+        return
+    (pose,) = poses
+    assert doubt in pose.doubt
+    assert doubt or not any(word in pose.doubt for word in ("changes", "offset", "group"))

@@ -12,11 +12,11 @@ from calib_core.arms.configuration import ANYWHERE, Configuration
 from calib_core.errors import InputError
 from calib_core.formats.shared.number import number
 from calib_core.frames import RigidTransform
-from calib_core.messages import explained, message, templates
+from calib_core.messages import explained, message, sentences, templates
 from calib_core.poses.numbers import parse_pose, to_pose
 from calib_core.robots.abb.literal import Value, literal
 from calib_core.robots.controller_file import Found, Frame, Reference, Taught
-from calib_core.robots.phrases import CALCULATED, CUT, changed
+from calib_core.robots.phrases import CALCULATED, CUT, changed, shifted
 from calib_core.robots.text import Source, source_of, split_top, unquoted, without_comments
 
 _DECLARED = re.compile(
@@ -28,6 +28,9 @@ _MOVE = re.compile(
 )
 _NO_MOVES = ("triggio", "triggequip", "triggint", "triggstopproc", "triggspeed", "triggcheckio", "triggrampao")
 _ASSIGNED = re.compile(r"(?:^|;)[ \t]*(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.MULTILINE)
+_DISPLACES = re.compile(
+    r"(?:^|;)[ \t]*(?:(PDispOn|PDispSet)\b|PDispOff\b|(?:LOCAL[ \t]+)?PROC\b)", re.IGNORECASE | re.MULTILINE
+)
 _WORK_OBJECT = re.compile(r"\\WObj\s*:=\s*([\w{}.,]+)", re.IGNORECASE)
 _KINDS = ("robtarget", "jointtarget", "tooldata", "wobjdata")
 _PARTS = ("pos", "orient", "pose", "confdata", "extjoint", "robjoint", "loaddata", "num")
@@ -46,6 +49,7 @@ class _Module:
         self._text = without_comments(source.text, "!")
         self._found = Found(source.name)
         self._parts: dict[str, Value] = {}
+        self._displaced: dict[str, int] = {}
 
     def found(self) -> Found:
         """Return all that the module holds."""
@@ -60,6 +64,7 @@ class _Module:
         for found in _MOVE.finditer(self._text):
             self._move(found)
         self._mark_assigned()
+        self._mark_displaced()
         return self._found
 
     def _declarations(self) -> Iterator[tuple[int, str, str, Value]]:
@@ -221,6 +226,19 @@ class _Module:
                 line = assigned.get(str(entry.number).partition("{")[0].lower())
                 if line is not None:
                     entries[i] = replace(entry, doubt=message(said, number=entry.number, line=line))
+
+    def _mark_displaced(self) -> None:
+        """Say of positions that a program displaces (PDispSet, PDispOn) when it goes to them."""
+        begun = [(found.start(), found[1] is not None) for found in _DISPLACES.finditer(self._text)]
+        for found in _MOVE.finditer(self._text):
+            before = [is_on for position, is_on in begun if position < found.start(1)]
+            named = re.match(r"\s*(\w+)", self._text[found.end() :])
+            if before and before[-1] and named:
+                self._displaced.setdefault(named[1].lower(), self._source.line(found.start(1)))
+        for i, taught in enumerate(self._found.poses):
+            line = self._displaced.get(taught.name.partition("{")[0].lower())
+            if line is not None:
+                self._found.poses[i] = replace(taught, doubt=sentences([taught.doubt, shifted(line)]))
 
 
 _CHANGED = templates((

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 from calib_core.arms.configuration import ANYWHERE, Configuration
 from calib_core.formats.shared.number import NUMBER, number
-from calib_core.messages import explained, message
+from calib_core.messages import explained, message, sentences
 from calib_core.robots.controller_file import Found, Frame, Taught
 from calib_core.robots.phrases import CUT, CUT_LINE, TWICE
+from calib_core.robots.phrases import shifted as move_adds
 from calib_core.robots.text import Source, source_of
 
 _POSITION = re.compile(r'^[ \t]*P\[\s*(\d+)\s*(?::\s*"?([^"\]]*)"?)?\s*\]\s*\{', re.MULTILINE)
@@ -20,9 +21,10 @@ _COMPONENT = re.compile(r"\b(J\d|[XYZWPRE]\d?)\s*[:=]\s*([^\s,]+)(?:\s*(mm|[cmu]
 _SETS = re.compile(
     r"^[ \t]*\d+:\s*(?:PR\[(\d+)[^\],]*\]\s*=\s*[LJ]POS|PR\[(\d+)[^\],]*,\s*([1-6])\]\s*=\s*(\(?"
     + NUMBER
-    + r"\)?)\s*;|(UTOOL|UFRAME)\[(\d+)[^\]]*\]\s*=\s*PR\[(\d+)[^\],]*\]\s*;)",
+    + r"\)?)\s*;|(UTOOL|UFRAME)\[(\d+)[^\]]*\]\s*=\s*(?:PR\[(\d+)[^\],]*\]\s*;)?)",
     re.MULTILINE,
 )
+_CHANGED = re.compile(r"^[ \t]*\d*[ \t]*:[ \t]*(P\[\d+)[^\]]*\]\s*=", re.MULTILINE)
 _MOVE = re.compile(r"^[ \t]*\d*[ \t]*:[ \t]*[JLCA][ \t]+(PR?\[[^\n]*)", re.MULTILINE)
 _OFFSET = re.compile(r"\b(?:[A-Z]+_)?V?(?:OFFSET|VERSATZ)\b", re.IGNORECASE)
 _NAMES = ("X", "Y", "Z", "W", "P", "R")
@@ -42,8 +44,12 @@ def _program(source: Source, found: Found) -> None:
     section = re.search(r"^[ \t]*/POS\b", source.text, re.MULTILINE)
     begin = section.end() if section else 0
     _assigned(source, begin if section else len(source.text), found)
+    for change in _CHANGED.finditer(source.text, 0, begin):
+        found.change("point", f"{change[1]}]", source.line(change.start(1)))
     incremental = _incremental(source.text[:begin])
-    shifted = _moves(source, begin if section else 0, found)
+    end = begin if section else 0
+    shifted = _moves(source, end, found)
+    remote, together = (_with(word, source, end) for word in ("RTCP", "COORD"))
     positions = list(_POSITION.finditer(source.text, begin))
     for i, position in enumerate(positions):
         line = source.line(position.start(1))
@@ -57,12 +63,20 @@ def _program(source: Source, found: Found) -> None:
             taught = _position(name, body, line, source.name, found)
             if int(position[1]) in incremental:
                 raise ValueError(message("an incremental move (INC) uses it: it is no place"))
-            if name in shifted:
+            if name in remote:
+                raise ValueError(
+                    message(
+                        "a move with a remote TCP uses it (line {line}): the tool stands still", line=remote[name]
+                    )
+                )
+            if name in together:
                 doubt = message(
-                    "A move adds an offset to it (line {shifted}): make sure that the robot stood here.",
-                    shifted=shifted[name],
+                    "It moves with another group (COORD, line {line}): make sure that it is in the base.",
+                    line=together[name],
                 )
                 taught = replace(taught, doubt=doubt)
+            if name in shifted:
+                taught = replace(taught, doubt=sentences([taught.doubt, move_adds(shifted[name])]))
             found.poses.append(taught)
         except ValueError as error:
             found.skip(line, explained(f"{name}", error), name)
@@ -77,7 +91,10 @@ def _assigned(source: Source, end: int, found: Found) -> None:
         elif step[2]:
             registers.setdefault(step[2], {})[int(step[3])] = float(step[4].strip("()"))
         else:
-            line, values = source.line(step.start(5)), registers.get(step[7], {})
+            line, values = source.line(step.start(5)), registers.get(step[7] or "", {})
+            if step[7] is None:
+                found.change("tool" if step[5].upper() == "UTOOL" else "frame", step[6], line)
+                continue
             if set(values) != set(range(1, 7)):
                 found.skip(
                     line,
@@ -88,6 +105,7 @@ def _assigned(source: Source, end: int, found: Found) -> None:
                         step_2=step[7],
                     ),
                 )
+                found.change("tool" if step[5].upper() == "UTOOL" else "frame", step[6], line)
                 continue
             pose = tuple(values[i] for i in range(1, 7))
             frame = Frame(int(step[6]), None, pose, "fanuc", line, source.name, by_program=True)
@@ -104,6 +122,16 @@ def _moves(source: Source, end: int, found: Found) -> dict[str, int]:
             if _OFFSET.search(move[1]):
                 shifted.setdefault(f"{kind}[{index}]", line)
     return shifted
+
+
+def _with(word: str, source: Source, end: int) -> dict[str, int]:
+    """Return the positions of moves that a word stands behind, with its line."""
+    return {
+        f"{kind}[{index}]": source.line(move.start(1))
+        for move in _MOVE.finditer(source.text, 0, end)
+        if re.search(rf"\b{word}\b", move[1])
+        for kind, index in re.findall(r"\b(PR?)\[\s*(\d+)[^\]]*\]", move[1])
+    }
 
 
 def _incremental(program: str) -> set[int]:

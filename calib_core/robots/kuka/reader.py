@@ -26,10 +26,11 @@ _SYSTEM = re.compile(r"^[ \t]*(?:DECL\s+)?(?:FRAME\s+)?\$?(TOOL|BASE)_DATA\[\s*(
 _ACTIVE = re.compile(r"^[ \t]*\$(TOOL|BASE)\s*=\s*(.+?)\s*$", re.IGNORECASE)
 _BASIS = re.compile(r"\bBAS\s*\(\s*#(TOOL|BASE)\s*,\s*(\d+)\s*\)", re.IGNORECASE)
 _MOVE = re.compile(r"^[ \t]*(S?PTP|S?LIN|S?CIRC|SPL)(_REL)?\b\s*(.*)$", re.IGNORECASE)
+_CHANGED = re.compile(r"^[ \t]*\$?(\w+)(?:\[([\d\s]+)\])?\s*(?:\.\s*\w+\s*)?=(?!=)")
 _TARGET = re.compile(r"(\w+(?:\[[\d\s,]+\])?)\s*(.?)")
 _CALCULATES = (":", "[", "(", ".")
 _BEGIN = re.compile(r"^[ \t]*(?:GLOBAL\s+)?(?:DEF|DEFFCT)\b", re.IGNORECASE)
-_SYSTEM_LIST = re.compile(r"^[ \t]*DEFDAT\s+\$", re.IGNORECASE)
+_LIST = re.compile(r"^[ \t]*DEFDAT\s+(\$?)", re.IGNORECASE)
 _POSE, _AXES = ("X", "Y", "Z", "A", "B", "C"), ("A1", "A2", "A3", "A4", "A5", "A6")
 _EXTERNAL = ("E1", "E2", "E3", "E4", "E5", "E6")
 
@@ -47,7 +48,7 @@ class _Program:
         self._two_ways: dict[str, str] = {}
         self._names: dict[tuple[str, int], str] = {}
         self._types: dict[tuple[str, int], str] = {}
-        self._system = False
+        self._system = self._is_list = False
         self._active: dict[str, Reference] = {}
 
     def found(self) -> Found:
@@ -64,8 +65,8 @@ class _Program:
     def _line(self, line: int, content: str) -> None:
         if _BEGIN.match(content):
             self._active = {}
-        elif _SYSTEM_LIST.match(content):
-            self._system = True
+        elif listed := _LIST.match(content):
+            self._is_list, self._system = True, bool(listed[1])
         elif named := _NAMED.match(content):
             self._names[named[1].upper(), int(named[2])] = named[3].strip()
         elif typed := _TYPED.match(content):
@@ -78,6 +79,8 @@ class _Program:
             self._assigned(assigned, content, line)
         elif move := _MOVE.match(content):
             self._move(move, line)
+        elif change := _CHANGED.match(content):
+            self._change(change, line)
         elif re.match(rf"\s*(?:DECL\s+)?(?:GLOBAL\s+)?(?:{_TYPES})\s+X?\w+.*=", content, re.IGNORECASE):
             self._found.skip(line, message("'{content}' has no list in braces", content=content.strip()[:60]))
 
@@ -87,6 +90,8 @@ class _Program:
         end = closing(content, assigned.end())
         wanted = system or kind in {*_TYPES.split("|"), "FDAT"} or (not kind and "[" in name)
         if not wanted:
+            if not kind and not self._is_list:
+                self._found.change("point", name, line)
             return
         try:
             if end < 0:
@@ -105,6 +110,16 @@ class _Program:
                 self._found.poses.append(self._position(name, fields, line))
         except ValueError as error:
             self._found.skip(line, explained(f"{name}", error), name.replace(" ", ""))
+
+    def _change(self, change: re.Match[str], line: int) -> None:
+        """Note what a program changes: a point of the list beside it, or a tool or base."""
+        name, index = change[1].upper(), (change[2] or "").strip()
+        if name in ("TOOL_DATA", "BASE_DATA") and index:
+            self._found.change("tool" if name == "TOOL_DATA" else "frame", index, line)
+        elif name in ("TOOL", "BASE"):
+            self._active[name] = f"${name} (line {line})"
+        else:
+            self._found.change("point", f"{name}[{index}]" if index else name, line)
 
     def _frame(self, system: re.Match[str], fields: dict[str, str], line: int) -> None:
         what, index = system[1].upper(), int(system[2])

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from calib_core.arms.configuration import ANYWHERE, Configuration, Range
 from calib_core.messages import explained, message
 from calib_core.robots.controller_file import Found, Frame, Taught
-from calib_core.robots.phrases import CUT, TWICE, changed, require_count
+from calib_core.robots.phrases import CUT, TWICE, changed, require_count, shifted
 from calib_core.robots.text import Source, numbers, source_of
 from calib_core.robots.yaskawa.pulses import Pulses, per_degree_of
 
@@ -83,7 +83,7 @@ def _frames(source: Source, found: Found) -> None:
 
 _STEP = re.compile(r"(?:COMM\s+)?([A-Z]+)\b(.*)")
 _NAMED = re.compile(r"(?<![A-Z0-9])([PC])(\d{3,5})\b")
-_CHANGES = ("ADD", "SUB", "SET", "GETS", "GETPOS", "MULMAT", "INVMAT", "CNVRT", "MFRAME")
+_CHANGES = ("ADD", "SUB", "SET", "SETE", "GETS", "GETPOS", "MULMAT", "INVMAT", "CNVRT", "MFRAME")
 
 
 class _Uses(NamedTuple):
@@ -92,6 +92,8 @@ class _Uses(NamedTuple):
     moved: dict[str, int]
     changed: dict[str, int]
     shifts: dict[str, int]
+    shifted: dict[str, int]
+    under_shift: list[int]
 
     def note(self, text: str, line: int) -> None:
         """Note what one instruction says."""
@@ -102,8 +104,14 @@ class _Uses(NamedTuple):
         if step[1].startswith(("MOV", "SMOV")):
             for name in names:
                 self.moved.setdefault(name, line)
-        elif step[1] in ("SFTON", "MSHIFT"):
+                if self.under_shift:
+                    self.shifted.setdefault(name, line)
+        elif step[1] in ("SFTON", "MSHIFT", "IMOV", "EIMOV"):
             self.shifts.update(dict.fromkeys(names, line))
+            if step[1] == "SFTON":
+                self.under_shift.append(line)
+        elif step[1] == "SFTOF":
+            self.under_shift.clear()
         elif step[1] in _CHANGES and names:
             self.changed.setdefault(names[0], line)
             if step[1] in ("ADD", "SUB"):
@@ -153,7 +161,7 @@ def _job(source: Source, found: Pulses) -> None:
     external: dict[str, dict[str, float]] = {}
     heads: dict[str, int] = {}
     rows: list[tuple[int, str, str, str, int | None, int | None, Configuration | None]] = []
-    uses = _Uses({}, {}, {})
+    uses = _Uses({}, {}, {}, {}, [])
     in_program = False
     for line, content in source.lines():
         text = content.strip()
@@ -193,6 +201,8 @@ def _job(source: Source, found: Pulses) -> None:
         doubts = ["The robot stands on a rail: make sure that its base did not move."] if rail else []
         if line_of := uses.changed.get(_key(name)):
             doubts.append(changed(line_of))
+        if line_of := uses.shifted.get(_key(name)):
+            doubts.append(shifted(line_of))
         taught = replace(taught, external=axes, doubt=" ".join(doubts), configuration=stands)
         (found.pulses if kind == "PULSE" else found.poses).append(taught)
     for number in external.keys() - {row[1][1:] for row in rows}:
