@@ -63,15 +63,18 @@ def choose_traces(views: Sequence[Sequence[PlacedTrace]]) -> tuple[list[Trace | 
     every, own = _apart_from_own_lines(views)
     views = [[placed for number, placed in every if number == view] for view in range(len(views))]
     agrees = _in_one_plane(every, len(views))
-    best: dict[int, PlacedTrace] = {}
+    offered: dict[int, list[PlacedTrace]] = {}
     for (number, placed), fits in zip(every, agrees, strict=True):
-        if fits and (number not in best or placed.trace.rank > best[number].trace.rank):
-            best[number] = placed
+        if fits:
+            offered.setdefault(number, []).append(placed)
+    best = {number: max(here, key=_rank) for number, here in offered.items()}
     best |= _in_the_plane(own, best)
     chosen: list[Trace | None] = [None] * len(views)
-    for number in best:
-        if not _strays(best, number):
-            chosen[number] = best[number].trace
+    for number, first in best.items():
+        # A line is seen in several ways: one that is far too wide, as along the other axis, spoils no other.
+        fine = [placed for placed in offered.get(number, [first]) if not _strays(best, number, placed)]
+        if fine:
+            chosen[number] = max(fine, key=_rank).trace
     found = [one for one in chosen if one is not None]
     sure = sum(one.is_sure for one in found)
     # Patterns of many boards lie in some plane by chance: lines that are not sure count where chance does not
@@ -145,9 +148,12 @@ def _lie_in_a_plane(placed: Sequence[PlacedTrace]) -> bool:
     return float(np.abs(ends @ normals[0] - distances[0]).max()) <= max(one.off_mm for one in placed)
 
 
-def _strays(best: Mapping[int, PlacedTrace], number: int) -> bool:
-    """Return whether a line that is not sure is far wider than the others or lies off their plane as none does."""
-    here = best[number]
+def _rank(placed: PlacedTrace) -> tuple[bool, float]:
+    return placed.trace.rank
+
+
+def _strays(best: Mapping[int, PlacedTrace], number: int, here: PlacedTrace) -> bool:
+    """Return whether a view's line that is not sure is far wider than the others or off their plane as none is."""
     others = [placed for view, placed in best.items() if view != number]
     sure = [placed for placed in others if placed.trace.is_sure]
     others = sure if len(sure) >= _LEAST_VIEWS else others

@@ -224,6 +224,10 @@ def test_a_line_that_is_not_sure_must_lie_as_near_to_the_plane_as_the_others_do(
     assert choose_traces([*lit, placed(0.02, sure=False)])[1] == every
     # a row of squares that lies in the light's plane by chance
     assert choose_traces([*lit, placed(0.02, sure=False, width_px=10.0)])[1] == every[:4]
+    (good,), (wide,) = placed(0.01, sure=False), placed(0.0, sure=False, width_px=10.0)
+    better = replace(wide, trace=replace(wide.trace, scatter_mm=0.5 * good.trace.scatter_mm))
+    assert better.trace.rank > good.trace.rank
+    assert choose_traces([*lit, [good, better]])[0][4] is good.trace, "seen well in one way, too wide in another"
     reflection = placed(25.0, sure=True)
     chosen, agreeing = choose_traces([*lit, reflection])
     assert agreeing == every[:4], "a sure line off the plane is told, but lays no plane"
