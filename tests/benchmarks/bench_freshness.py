@@ -390,7 +390,18 @@ def _connect(live: LiveCell, rig: Rig, way: str, settings: Mapping[str, object],
 
 
 def _taken(rig: Rig, found: Trial, wire: Wire) -> Callable[[Capture, Mapping[str, bytes]], Measured]:
-    """Return what takes captures, and counts those whose pose is not where the robot stood when it was exposed."""
+    """Return what takes captures, and counts those whose pose is not where the robot stood when it was exposed.
+
+    When that was, the rig says: a writer that waits for a processor stamps its file later.
+    """
+    profile = rig.cell.profile
+
+    def exposed(now_s: float, rng: np.random.Generator) -> bytes:
+        content = profile(now_s, rng)
+        wire.exposed_s[content] = now_s
+        return content
+
+    rig.cell.profile = exposed
 
     def take(capture: Capture, files: Mapping[str, bytes]) -> Measured:
         assert capture.pose is not None
