@@ -9,6 +9,7 @@ A part of it mostly waits: with SCANCELL_BENCH_KEPT, SCANCELL_BENCH_AT_ONCE part
 each in a process of its own.
 """
 
+import gc
 import os
 import re
 import subprocess
@@ -208,7 +209,9 @@ def _name(way: str, fault: Fault | None, number: int) -> str:
 
 
 def _told(way: str, fault: Fault | None, number: int, moves: int) -> dict[str, Any]:
-    return {**trial(way, fault, moves, number).told(), "places": moves}
+    found = {**trial(way, fault, moves, number).told(), "places": moves}
+    gc.collect()  # a hundred images a part, in cycles of threads and streams
+    return found
 
 
 def steps_at_the_end(clock: Clock, parts: tuple[int, ...]) -> dict[str, Callable[[], dict[str, Any]]]:
