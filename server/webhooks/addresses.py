@@ -11,7 +11,7 @@ from server.settings import Settings
 Address = IPv4Address | IPv6Address
 
 _NAT64: Final = IPv6Network("64:ff9b::/96")
-_OF_CLOUDS: Final = (ip_address("fd00:ec2::254"), ip_address("100.100.100.200"))
+_OF_CLOUDS: Final = tuple(map(ip_address, ("fd00:ec2::254", "100.100.100.200", "168.63.129.16", "192.0.0.192")))
 """Where clouds keep secrets beside the link-local address."""
 
 

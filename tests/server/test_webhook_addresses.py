@@ -29,6 +29,8 @@ def post(settings: Settings, url: str) -> httpx.Response:
         "http://[2002:a9fe:a9fe::]/",
         "http://[::169.254.169.254]/",
         "http://[fd00:ec2::254]/",
+        "http://168.63.129.16/",
+        "http://192.0.0.192/",
         "http://2852039166/",
     ],
 )
