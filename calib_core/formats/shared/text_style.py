@@ -69,7 +69,8 @@ def _decoded(data: bytes, cut: bool = False) -> str | None:
             text = data.decode(way, errors="ignore" if cut and way.startswith("utf") else "strict")
         except UnicodeDecodeError:
             continue
-        text = text.rstrip("\0\x1a")  # a file's end as old programs write it
+        ended = text.rstrip("\0\x1a")  # as old programs end a file
+        text = ended if "\n" in ended or "\r" in ended else text
         return None if "\0" in text or (way.startswith("cp") and _is_binary(text)) else text
     return None
 
