@@ -1,20 +1,22 @@
 """The frames of a session: which transforms its captures measure, which are known, solved or still sought."""
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
+from pydantic import Field
 
 from calib_core.captures.content import pose_of
+from calib_core.cell.axes import axes_of, carrier_of_axis, names_axes
 from calib_core.cell.carriers import other_end, scanner_mount, scanner_names
 from calib_core.cell.found import answering, as_used, scanner_answered, table_seen
 from calib_core.errors import ConflictError, InputError, NotFoundError
 from calib_core.frame_graph import EdgeState, FoundTransform, FrameEdge, FrameGraph
 from calib_core.frames import FloatArray, Frame, RigidTransform, skew
 from calib_core.graph.registry import STAGES, stages
-from calib_core.records import Capture, Matrix4, Record, Session
+from calib_core.records import Capture, FoundAxis, Matrix4, Record, Session
 from calib_core.records.base import Rows
 from calib_core.steps import optics_stages, steps_that_show, table_stages, tool_stages
 
@@ -35,6 +37,22 @@ class ListedFrame(Record):
     covariance: Rows | None = None
 
 
+class ListedAxis(Record):
+    """An axis that the cell names: as a result has it (`axes` there), null while it is sought.
+
+    `on` is what it stands on; `state`, `source` and `stale` are as of an edge.
+    """
+
+    name: str
+    kind: Literal["rotary", "linear"]
+    carries: Literal["object", "robot"]
+    on: str
+    state: EdgeState
+    source: str
+    stale: bool = False
+    found: FoundAxis | None = None
+
+
 class AskedFrame(Record):
     """A transform between two frames, along the edges `through`; its covariance holds theirs, where stated."""
 
@@ -53,6 +71,7 @@ class SessionFrames(Record):
     capture: str | None = None
     scanner: str | None = None
     edges: list[ListedFrame]
+    axes: list[ListedAxis] = Field(default_factory=list[ListedAxis])
     asked: AskedFrame | None = None
 
 
@@ -87,6 +106,7 @@ def session_frames(
         capture=capture,
         scanner=_scanner(session, _named(session, capture)),
         edges=[_listed(edge, results) for edge in graph.edges],
+        axes=[*_axes(session, _Solved(results, stale))],
         asked=told,
     )
 
@@ -279,6 +299,30 @@ def _table(session: Session, solved: _Solved) -> list[FrameEdge]:
     there = RigidTransform.from_rounded(seen.matrix, "laser", "turntable")
     covariance, scanner = np.array(seen.covariance, dtype=float), seen.into.partition(":")[2] or None
     return [FrameEdge("laser", "turntable", "solved", stage, there, covariance, scanner, stage in solved.stale)]
+
+
+def _axes(session: Session, solved: _Solved) -> Iterator[ListedAxis]:
+    """Give the axes that a cell names, as the best of its results has them."""
+    named = axes_of(session.cell) if names_axes(session.cell) else ()
+    stages = [stage for stage in (*tool_stages(), *table_stages()) if stage in solved.results]
+    for axis in named:
+        found = {
+            stage: one
+            for stage in stages
+            for one in solved.results[stage].get("axes") or ()
+            if one["name"] == axis.name
+        }
+        stage = next(iter(found), None)
+        yield ListedAxis(
+            name=axis.name,
+            kind=axis.kind,
+            carries=axis.carries,
+            on=carrier_of_axis(axis, named),
+            state="sought" if stage is None else "solved",
+            source=stage or table_stages()[-1],
+            stale=stage in solved.stale,
+            found=None if stage is None else FoundAxis.model_validate(found[stage]),
+        )
 
 
 def _fits(session: Session, name: str) -> bool:

@@ -29,8 +29,11 @@ def run(
     stage: str = "all",
     progress: Progress | None = None,
     store: StoreFile | None = None,
+    results: dict[str, Result] | None = None,
 ) -> dict[str, Result]:
     """Return the results of a stage, or of all that the session has captures for, by stage.
+
+    Those of all are put into `results` one by one: what is solved is there though a later stage is refused.
 
     Raises
     ------
@@ -43,7 +46,7 @@ def run(
         if stage not in STAGES.names():
             raise InputError.unknown(stage, ("all", *(one.name for one in stages())), "stage")
         return {stage: solve_stage(session, stage, read, progress, store)}
-    results: dict[str, Result] = {}
+    results = {} if results is None else results
     kept = Kept(results=results)
     for name in stages_to_solve(session):
         try:

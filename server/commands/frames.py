@@ -9,7 +9,7 @@ from server.console.output import print_result
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from calib_core.review.cell_frames import ListedFrame, SessionFrames
+    from calib_core.review.cell_frames import ListedAxis, ListedFrame, SessionFrames
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +45,9 @@ def _text(frames: "SessionFrames", solved: "Collection[str]") -> str:
     from calib_core.messages import message
 
     if frames.asked is None:
-        return "\n".join(_edge(edge, edge.source in solved) for edge in frames.edges)
+        return "\n".join(
+            [*(_edge(edge, edge.source in solved) for edge in frames.edges), *map(_axis, frames.axes)]
+        )
     asked = frames.asked
     name, through = asked.name, " · ".join(asked.through)
     lines: list[str] = [message("{name}, through {through}", name=name, through=through) if through else name]
@@ -75,11 +77,54 @@ def _edge(edge: "ListedFrame", solved: bool) -> str:
             told = message("{name}: known, {source}", name=name, source=edge.source)
         case "solved":
             told = message("{name}: solved by {stage}", name=name, stage=edge.source)
+            told = _known(told, _worst(edge.covariance, 3), _worst(edge.covariance, 0))
         case "sought" if solved:
             told = message("{name}: left open by the motions in {stage}", name=name, stage=edge.source)
         case "sought":
             told = message("{name}: not solved yet, {stage} will", name=name, stage=edge.source)
     return message("{said}; out of date: its inputs have changed since", said=told) if edge.stale else told
+
+
+def _axis(axis: "ListedAxis") -> str:
+    """Return an axis's line: what it moves, where it lies in base as all axes read zero, and its ±."""
+    from calib_core.messages import message
+
+    carries = message("moves the robot") if axis.carries == "robot" else message("moves the part")
+    kind = message("rotary axis") if axis.kind == "rotary" else message("linear axis")
+    name = message("{name} ({told:,})", name=axis.name, told=[kind, carries])
+    if axis.found is None:
+        told = message("{name}: not solved yet, {stage} will", name=name, stage=axis.source)
+    else:
+        way = " ".join(f"{value:.4f}" for value in axis.found.axis_direction)
+        told = message("{name}: solved by {stage}, along {way} in base", name=name, stage=axis.source, way=way)
+        if axis.found.axis_point_mm is not None:
+            point = " ".join(f"{value:.2f}" for value in axis.found.axis_point_mm)
+            told = message("{said}, through {point}", said=told, point=point)
+        told = _known(told, _worst(axis.found.covariance, 3), _worst(axis.found.covariance, 0))
+    return message("{said}; out of date: its inputs have changed since", said=told) if axis.stale else told
+
+
+def _known(said: str, sigma_mm: float | None, sigma_rad: float | None) -> str:
+    """Return what is said with its ± (k = 2) in the worst direction, where it is stated."""
+    from math import degrees
+
+    from calib_core.evidence.numbers import plus_minus, quantity_text
+    from calib_core.evidence.text import plain
+    from calib_core.messages import message
+
+    told = [quantity_text(plus_minus(sigma_mm, "mm"))] if sigma_mm else []
+    told += [quantity_text(plus_minus(degrees(sigma_rad), "°"))] if sigma_rad else []
+    return message("{said}, {known:,}", said=said, known=[plain(one) for one in told]) if told else said
+
+
+def _worst(covariance: "Sequence[Sequence[float]] | None", first: int) -> float | None:
+    """Return the standard deviation in the worst direction of three members of a covariance (6, 6)."""
+    import numpy as np
+
+    if covariance is None:
+        return None
+    own = np.array(covariance, dtype=float)[first : first + 3, first : first + 3]
+    return float(np.sqrt(max(np.linalg.eigvalsh(own)[-1], 0.0))) if np.isfinite(own).all() else None
 
 
 def _uncertainty(covariance: "Sequence[Sequence[float]]") -> list[str]:

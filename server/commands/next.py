@@ -103,7 +103,7 @@ def _listed(plan: "PoseList") -> str:
     from calib_core.messages import message
 
     head = message(
-        "Poses of the flange in base ({convention}), then ± at the workpiece:", convention=plan.pose_convention
+        "Poses of the flange in base ({convention}), then the ± after each:", convention=plan.pose_convention
     )
     lines = [plan.note, f"  {head}"]
     for number, pose in enumerate(plan.poses, start=1):

@@ -65,9 +65,12 @@ def _run(options: argparse.Namespace) -> int:
         with progress_bar(options) as progress:
             if options.apply or options.undo:
                 session = _remedied(options, folder, session, read, in_place=target == folder)
+            found: dict[str, Any] = {}
             try:
-                results = run(session, read, options.stage, progress, store)
+                results = run(session, read, options.stage, progress, store, found)
             except CalibrationError as error:
+                if target is not None and found:  # what was solved before is not lost
+                    _store(options, found, target, session)
                 raise _with_remedy(error) from None
         truth = truth_of(folder)
     said = spoken(options)

@@ -21,6 +21,8 @@ AXIS_MIRRORED = Code(
     to_do={
         "base": "Tell of one capture on the table on which side of the plane of light the sphere's centre is (side: 1 "
         "or −1 along the scanner's y), or in which sense the table's angles count (turntable.direction).",
+        "axis": "Tell of one capture on the axis on which side of the plane of light the sphere's centre is (side: 1 "
+        "or −1 along the scanner's y), or in which sense the axis's readings count (direction in axes).",
         "scanner": "Tell of one capture on the table on which side of the plane of light the sphere's centre is "
         "(side: 1 or −1 along the scanner's y).",
     },
@@ -65,11 +67,13 @@ SCANNER_NOT_PLACED = Code(
         "one-height": "Not determined: where the scanner '{scanner}' is. All spheres that it shares with others move in one plane: "
         "it may be mirrored at it.",
         "no-agreement": "Its captures bring the scanner '{scanner}' to no one place.",
+        "not-in-answer": "The answer does not say where the scanner '{scanner}' is: it verifies nothing.",
     },
     to_do={
         "nothing-common": "Capture one mounting of the sphere with both scanners, at four angles or more.",
         "one-height": "Capture with it a second mounting, 20 mm higher or lower, that the other scanner sees too.",
         "no-agreement": "Check its captures' table angles, mountings and scanner.",
+        "not-in-answer": "Calibrate with this scanner, too.",
     },
     reason="by '{scanner}', whose place is not determined",
     by="why",

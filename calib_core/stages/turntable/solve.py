@@ -110,7 +110,7 @@ def findings_of_table(given: StageInput, table: SolvedTable, sphere: SphereSize)
     from calib_core.stages.turntable.verdict import angles_that_do_not_fit, table_findings
 
     alone = own_base(given.session.cell, given.session.captures) is not None
-    known_in = "scanner" if alone else "base"
+    known_in = "scanner" if alone else "axis" if names_axes(given.session.cell) else "base"
     found = table_findings(table.solution, table.observations, given.session.cell, known_in)
     if (
         verdict_of(found) == "pass"

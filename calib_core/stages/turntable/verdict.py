@@ -33,7 +33,7 @@ def table_findings(
 ) -> list[Finding]:
     """Return what is noticed of a turntable: root causes first, and not what follows from them.
 
-    `known_in`: "base", or "scanner" where nothing ties it to base.
+    `known_in`: "base", "axis" where the cell names its axes, or "scanner" where nothing ties it to base.
     """
     failures = [*_undetermined(table, known_in), *_failures(table, observations)]
     found = [*failures, *_doubts_about_captures(table, observations), *direction_findings(cell, table.frame)]
@@ -94,8 +94,8 @@ def undetermined_of_table(table: TurntableSolution) -> list[Undetermined]:
     if table.mirror is not None and _mirrored_rad(table) > _UNDETERMINED_RAD:
         lean = np.linalg.eigh(table.mirror.axis_direction)[1][:, -1]
         said = message(
-            "the axis may be its mirror image at the plane of light: tell turntable.direction, or the side of one "
-            "capture"
+            "the axis may be its mirror image at the plane of light: tell in which sense its readings count, or "
+            "the side of one capture"
         )
         found.append(Undetermined(direction=lean.tolist(), description=str(said)))
     for value, axis in _open_tilts(covariance):

@@ -1,6 +1,6 @@
 """The verify stage: the answer's tool taken as it is, the sphere seen with it by captures of their own."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from calib_core.chain.observations import Observations, SphereSize
 from calib_core.errors import MotionError
 from calib_core.findings import judgement, reasons_of
 from calib_core.findings.codes import verify as codes
+from calib_core.findings.codes.turntable import SCANNER_NOT_PLACED
 from calib_core.graph.stage import SOFTWARE
 from calib_core.graph.stage_input import Observed, StageInput
 from calib_core.messages import message
@@ -74,6 +75,7 @@ def solve(given: StageInput) -> VerifyResult:
     observed = observe_stage(replace(given, captures=of_sphere))  # which asks for names where sizes are open
     sphere = sphere_of(given.session.cell, [capture for capture in of_sphere if not capture.excluded])
     observed = replace(observed, observations=on_axes(observed.observations, of_sphere, axes))
+    observed = _without(observed, [*_not_placed(observed.observations, tool)])
     tool = replace(tool, axis_moves=axis_moves(of_sphere, axes))
     same = [] if verified == "known" else _that_calibrated(given, of_sphere, observed.observations, axes)
     observed = _without(observed, same)
@@ -99,7 +101,8 @@ def solve(given: StageInput) -> VerifyResult:
     flat = _plate(given, tool, axes)
     late = limit_findings(limits)
     checks = _flatness(limits, flat)
-    findings, found, doubtful, moved = [*same], None, list[Finding](), list[Finding]()
+    left_out = [one for one in observed.unused if one.code == SCANNER_NOT_PLACED.name]
+    findings, found, doubtful, moved = [*left_out, *same], None, list[Finding](), list[Finding]()
     knows_uncertainty = bool(tool.covariance.any() or tool.position_sigma_mm or tool.orientation_sigma_rad)
     if count >= LEAST_CAPTURES:
         groups = {
@@ -201,6 +204,16 @@ def _without(observed: Observed, same: Sequence[Finding]) -> Observed:
     out = {name for finding in same for name in finding.captures}
     kept = [o for o in observed.observations if o.capture not in out]
     return replace(observed, observations=kept, unused=[*observed.unused, *same])
+
+
+def _not_placed(observations: Observations, tool: Tool) -> Iterator[Finding]:
+    """Give a finding for each scanner of which the answer does not say where it is: it verifies nothing."""
+    others: dict[str, list[str]] = {}
+    for one in observations:
+        if not tool.places(one):
+            others.setdefault(one.scanner, []).append(one.capture)
+    for scanner, names in others.items():
+        yield SCANNER_NOT_PLACED([*dict.fromkeys(names)], scanner=scanner, why="not-in-answer")
 
 
 def _disagreeing(observations: Observations, sphere: SphereSize, found: HeldOut) -> list[Finding]:

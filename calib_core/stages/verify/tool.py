@@ -94,6 +94,12 @@ class Tool:
         """The same taken as exact: nothing of the arm's errors cancels with its own."""
         return replace(self, covariance=np.zeros((6, 6)), scanner=None, arm=self.arm and self.arm.of_other())
 
+    def places(self, seen: SphereObservation) -> bool:
+        """Return whether it says where the scanner of an observation is."""
+        return self.of_scanner(seen.scanner).mount_from_laser.into == seen.carriers.scanner and (
+            not self.others or not seen.scanner or seen.scanner in self.others
+        )
+
     def of_scanner(self, name: str) -> "Tool":
         """Return the same for another scanner's own mount; the first one's where that is not known."""
         if name not in self.others:
