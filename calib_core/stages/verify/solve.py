@@ -50,6 +50,7 @@ from calib_core.steps import steps_that_show
 
 _ANSWER_SHARE = 0.6
 _LEAST_PROBED = 4
+_NOT_PLACED = "not-in-answer"
 
 
 def solve(given: StageInput) -> VerifyResult:
@@ -213,7 +214,7 @@ def _not_placed(observations: Observations, tool: Tool) -> Iterator[Finding]:
         if not tool.places(one):
             others.setdefault(one.scanner, []).append(one.capture)
     for scanner, names in others.items():
-        yield SCANNER_NOT_PLACED([*dict.fromkeys(names)], scanner=scanner, why="not-in-answer")
+        yield SCANNER_NOT_PLACED([*dict.fromkeys(names)], scanner=scanner, why=_NOT_PLACED)
 
 
 def _disagreeing(observations: Observations, sphere: SphereSize, found: HeldOut) -> list[Finding]:
