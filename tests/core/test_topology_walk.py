@@ -11,6 +11,8 @@ import calib_core as cc
 from calib_core.cell.walk import Carriers
 from calib_core.chain.observations import SphereObservation
 from calib_core.frames import RigidTransform
+from calib_core.library.opened import in_memory
+from calib_core.records import Session
 from calib_core.review.cell_frames import session_frames
 from calib_core.stages.verify.tool import Tool
 from server.cli import main
@@ -64,3 +66,14 @@ def test_an_answer_places_the_scanners_that_it_names_and_no_other() -> None:
     assert not still.places(seen["tool0"])
     named = Tool(still.mount_from_laser, np.eye(6), others={"y": (still.mount_from_laser, np.eye(6))})
     assert not named.places(seen["base"])
+
+
+def test_a_verification_tells_the_balls_of_a_plate_apart() -> None:
+    simulated = cc.simulate("plate", 1)[0]
+    record = simulated.record.to_json()
+    for capture in record["captures"][::3]:
+        capture["step"] = "verify"
+    files = {name: simulated.read(name) for capture in simulated.captures for name in capture.files}
+    verified = in_memory(Session.model_validate(record), files).run("verify")["verify"]
+    assert verified.verdict != "fail", verified.warnings
+    assert verified.held_out_scatter_rms_mm < 2 * verified.expected_scatter_rms_mm

@@ -15,7 +15,7 @@ class Verify(Stage):
     """The answer verified by captures of the sphere that were not used for it."""
 
     name, title, place = "verify", "Verification", 60
-    method_revision = 13  # what the tool has swallowed of scanner and arm cancels; a tool that moved is told
+    method_revision = 14  # balls that the answer tells apart are judged each by itself
     step = CaptureStep(
         "verify",
         "Verification",

@@ -86,11 +86,11 @@ def solve(given: StageInput) -> VerifyResult:
         need = "{least_captures} captures with step 'verify' that show the sphere, ten are good"
         to_do = "Capture the sphere, standing still, from poses that were not used for the TCP."
         raise MotionError(need, f"{count}", to_do, "captures", least_captures=LEAST_CAPTURES)
-    groups = by_sphere(observed.observations, of_sphere)
+    groups = by_sphere(observed.observations, of_sphere, tool, sphere)
     alone = seen_once(groups)
     if alone and count >= LEAST_CAPTURES:
         observed, same = _without(observed, alone), [*same, *alone]
-        groups = by_sphere(observed.observations, of_sphere)
+        groups = by_sphere(observed.observations, of_sphere, tool, sphere)
         count = len({o.capture for o in observed.observations})
     if not groups and alone:
         names = [str(one.values["sphere"]) for one in alone]

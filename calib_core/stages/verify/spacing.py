@@ -18,13 +18,17 @@ _FREEDOM = 3
 
 
 def by_sphere(
-    observations: Observations, captures: Sequence[Capture]
+    observations: Observations, captures: Sequence[Capture], tool: Tool, sphere: SphereSize
 ) -> dict[tuple[str, str], list[SphereObservation]]:
-    """Return the observations by their capture's `mount` and their scanner, those of most captures first."""
+    """Return the observations by their capture's `mount` and their scanner, those of most captures first.
+
+    Without a mount, by which of several balls of the answer they show.
+    """
     mounts = {capture.id: capture.mount or "" for capture in captures}
     found: dict[tuple[str, str], list[SphereObservation]] = {}
     for observation in observations:
-        found.setdefault((mounts[observation.capture], observation.scanner), []).append(observation)
+        ball = mounts[observation.capture] or tool.ball_of(observation, sphere)
+        found.setdefault((ball, observation.scanner), []).append(observation)
     return dict(sorted(found.items(), key=lambda one: -len(one[1])))
 
 

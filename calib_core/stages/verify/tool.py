@@ -1,6 +1,6 @@
 """The tool that is verified."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from calib_core.captures.placement import sheet_per_mm_of, sheets_per_mm_of
 from calib_core.cell.found import as_used, mounts_of
 from calib_core.chain.bend import in_one_plane
-from calib_core.chain.observations import Observations, SphereObservation
+from calib_core.chain.observations import Observations, SphereObservation, SphereSize
 from calib_core.frames import FloatArray, RigidTransform
 from calib_core.stages.tcp.record import ToolResult
 from calib_core.stages.verify.arm_scatter import ArmScatter
@@ -43,6 +43,8 @@ class Tool:
         What the scanner's own errors put into captures together.
     others_scatter : mapping
         The same of several scanners by their names.
+    spheres : sequence of (str, str, (3,))
+        The balls that the answer has, by name: what carries each, and where its centre is there.
     """
 
     mount_from_laser: RigidTransform
@@ -59,6 +61,7 @@ class Tool:
     scatter_freedom: float = np.inf
     scanner: ScannerScatter | None = None
     others_scatter: Mapping[str, ScannerScatter] = field(default_factory=dict[str, ScannerScatter])
+    spheres: Sequence[tuple[str, str, FloatArray]] = ()
 
     @classmethod
     def of(cls, answer: ToolResult) -> "Tool":
@@ -75,6 +78,7 @@ class Tool:
             arm=ArmScatter.of(answer),
             scanner=None if isinstance(answer.scanner, str | None) else ScannerScatter.of(answer.scanner),
             others_scatter={name: ScannerScatter.of(one) for name, one in (answer.scanner_errors or {}).items()},
+            spheres=[(one.name, one.carrier, np.array(one.center_mm)) for one in answer.spheres],
             scatter_freedom=np.inf if parts.degrees_of_freedom is None else parts.degrees_of_freedom,
         )
 
@@ -99,6 +103,18 @@ class Tool:
         return self.of_scanner(seen.scanner).mount_from_laser.into == seen.carriers.scanner and (
             not self.others or not seen.scanner or seen.scanner in self.others
         )
+
+    def ball_of(self, seen: SphereObservation, sphere: SphereSize) -> str:
+        """Return which of several balls of the answer an observation shows where it stood; empty where none."""
+        there = [(name, at) for name, carrier, at in self.spheres if carrier == seen.carriers.ball]
+        if len(there) < 2:
+            return ""
+        way = seen.ball_from_scanner @ self.of_scanner(seen.scanner).mount_from_laser
+        sides = (seen.side,) if seen.side else (1, -1)
+        centers = [way.apply(seen.sphere_center_in_laser_mm(sphere, side)) for side in sides]
+        away = {name: min(float(np.linalg.norm(one - at)) for one in centers) for name, at in there}
+        nearest = min(away, key=away.__getitem__)
+        return nearest if away[nearest] < seen.size(sphere).radius_mm else ""
 
     def of_scanner(self, name: str) -> "Tool":
         """Return the same for another scanner's own mount; the first one's where that is not known."""
