@@ -11,8 +11,9 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from calib_core.frames import vector_from_rotation
+from calib_core.records.described import DescribedCell
 from calib_core.robots import parse_pose
-from calib_core.simulation import simulate
+from calib_core.simulation import simulate, simulate_described
 from tests.server.live_server import make_session, simulated_session, upload
 
 pytestmark = pytest.mark.browser
@@ -197,4 +198,25 @@ def test_two_captures_side_by_side_with_the_motion_between_them(
     turn_deg = np.rad2deg(np.linalg.norm(vector_from_rotation(a.rotation.T @ b.rotation)))
     expect(both).to_contain_text(f"moves {distance_mm:.1f}")
     expect(both).to_contain_text(f"turns {turn_deg:.2f}°")
+    assert watched.complaints == []
+
+
+def test_captures_of_several_scanners_and_axes_have_columns_of_their_own(
+    open_page: Callable[..., Any], api: httpx.Client
+) -> None:
+    rail = {"name": "rail", "kind": "linear", "carries": "robot"}
+    told = {"scanners": {"arm": {}, "gate": {"on": "base"}}, "axes": [rail]}
+    simulated = simulate_described(DescribedCell.model_validate(told), "columns", 1)
+    record = simulated.session.to_json()
+    session = make_session(api, cell=record["cell"])
+    for name in ("arm", "gate"):
+        capture = next(one for one in record["captures"] if one["scanner"] == name)
+        upload(api, session, capture, simulated.files[capture["files"][0]])
+    page, watched = open_page(f"/sessions/{session}")
+    expect(rows(page)).to_have_count(2)
+    heads = [head.strip() for head in page.locator(".captures thead th").all_inner_texts()]
+    cells = [row.locator("th, td").all_inner_texts() for row in rows(page).all()]
+    scanner, axes = (heads.index(name) for name in ("Scanner", "Axes"))
+    assert sorted(row[scanner] for row in cells) == ["arm", "gate"]
+    assert all(row[axes].startswith("rail ") and row[axes].endswith("mm") for row in cells)
     assert watched.complaints == []
